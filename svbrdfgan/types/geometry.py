@@ -1,0 +1,127 @@
+"""Meshes as users bring them, and surfaces as embeddings return them. NumPy, float64 and int64."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from svbrdfgan.errors import AssetError
+
+
+@dataclass(frozen=True)
+class Part:
+    """A group of faces that share one material.
+
+    Attributes:
+        name: the material's name in the file, unique within its mesh.
+        base_color: linear RGB reflectance in [0, 1]; multiplies `texture` where there is one.
+        texture: linear RGB reflectance (rows, cols, 3) over the mesh's own `uv`, row 0 at v = 0; None if constant.
+        hidden: the faces lie beneath others at the same UV; they keep their base material and are never learned.
+    """
+
+    name: str
+    base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)
+    texture: Float[ndarray, "rows cols 3"] | None = None
+    hidden: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles in metres, right-handed, Y up, with welded vertices; closed or not, manifold or not.
+
+    Attributes:
+        positions: vertex positions.
+        faces: vertex indices, counter-clockwise seen from outside.
+        face_part: index into `parts` of each face.
+        parts: at least one.
+        uv: the mesh's own texture coordinates per face corner, origin lower left; None where the file has none.
+
+    Raises:
+        AssetError: no faces, indices out of range, positions not finite, or shapes that do not fit together.
+    """
+
+    positions: Float[ndarray, "vertices 3"]
+    faces: Int[ndarray, "faces 3"]
+    face_part: Int[ndarray, " faces"]
+    parts: tuple[Part, ...]
+    uv: Float[ndarray, "faces 3 2"] | None = None
+
+    def __post_init__(self) -> None:
+        _check_triangles("mesh", self.positions, self.faces, self.face_part, self.parts)
+        if self.uv is not None:
+            _check_array("mesh uv", self.uv, (len(self.faces), 3, 2))
+
+    @property
+    def bounds(self) -> Float[ndarray, "2 3"]:
+        """Lower and upper corner of the axis-aligned box around the faces (unused vertices do not count)."""
+        used = self.positions[np.unique(self.faces)]
+        return np.stack([used.min(axis=0), used.max(axis=0)])
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A mesh spread over the unit UV square: what an embedding returns and a renderer prepares.
+
+    Vertices are already split wherever uv, normal or part differ, so every attribute is per vertex, as in a GPU buffer.
+    An embedding may have cut and subdivided faces; `source_face` and `source_barycentric` lead back to the user's mesh.
+
+    Attributes:
+        positions: vertex positions in metres, the mesh's own coordinates.
+        normals: unit shading normals, made by `svbrdfgan.geometry.normals` and by nobody else.
+        uv: texture coordinates in [0, 1], origin lower left.
+        faces: vertex indices, wound as in the mesh.
+        face_part: index into `parts` of each face.
+        parts: the mesh's parts, followed by the hidden halves of those that have hidden faces.
+        elevation: any measure of "further out" along the embedding's projection; where several points share a texel,
+            the greatest is outermost. All zero for an embedding that is one-to-one.
+        source_face: face of the mesh that each face lies in.
+        source_barycentric: barycentric coordinates, in that face, of each of the three corners.
+        repeat: whether textures repeat beyond the unit square in u and in v, instead of clamping.
+
+    Raises:
+        AssetError: shapes that do not fit together, or values that are not finite.
+    """
+
+    positions: Float[ndarray, "vertices 3"]
+    normals: Float[ndarray, "vertices 3"]
+    uv: Float[ndarray, "vertices 2"]
+    faces: Int[ndarray, "faces 3"]
+    face_part: Int[ndarray, " faces"]
+    parts: tuple[Part, ...]
+    elevation: Float[ndarray, " vertices"]
+    source_face: Int[ndarray, " faces"]
+    source_barycentric: Float[ndarray, "faces 3 3"]
+    repeat: tuple[bool, bool] = (False, False)
+
+    def __post_init__(self) -> None:
+        _check_triangles("surface", self.positions, self.faces, self.face_part, self.parts)
+        vertices, faces = len(self.positions), len(self.faces)
+        _check_array("surface normals", self.normals, (vertices, 3))
+        _check_array("surface uv", self.uv, (vertices, 2))
+        _check_array("surface elevation", self.elevation, (vertices,))
+        _check_array("surface source_face", self.source_face, (faces,))
+        _check_array("surface source_barycentric", self.source_barycentric, (faces, 3, 3))
+
+
+def _check_array(what: str, array: ndarray, shape: tuple[int, ...]) -> None:
+    if array.shape != shape:
+        raise AssetError(f"{what} has shape {array.shape}; wanted {shape}.")
+    if not np.isfinite(array).all():
+        raise AssetError(f"{what} holds values that are not finite; repair or re-export the mesh.")
+
+
+def _check_triangles(what: str, positions: ndarray, faces: ndarray, face_part: ndarray, parts: tuple[Part, ...]) -> None:
+    if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
+        raise AssetError(f"{what} has faces of shape {faces.shape}; wanted at least one triangle, (faces, 3).")
+    _check_array(f"{what} positions", positions, (len(positions), 3))
+    _check_array(f"{what} face_part", face_part, (len(faces),))
+    if faces.min() < 0 or faces.max() >= len(positions):
+        raise AssetError(f"{what} has faces that name vertices outside 0..{len(positions) - 1}.")
+    if not parts or face_part.min() < 0 or face_part.max() >= len(parts):
+        raise AssetError(f"{what} has faces that name parts outside its {len(parts)} parts.")
+    names = [part.name for part in parts]
+    if len(set(names)) != len(names):
+        raise AssetError(f"{what} has parts that share a name: {sorted({n for n in names if names.count(n) > 1})}.")
