@@ -88,7 +88,7 @@ class TransportRenderer(Renderer[Prepared], Protocol[Prepared]):
     """A renderer that can also say how the picture depends on the textures: an optional power, for direct light."""
 
     def transport(self, prepared: Prepared, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
-        """The samples of the picture that `render` makes of the same view, `spp` and `seed`, before materials, in chunks."""
+        """The samples of the picture that `render` makes with the same view, `spp` and `seed`, in chunks."""
         ...
 
 

@@ -1,1 +1,5 @@
-"""placeholder"""
+"""The reference renderer: a path tracer in NumPy, float64, written to be read."""
+
+from svbrdfgan_numpy.renderer import NumpyRenderer
+
+__all__ = ["NumpyRenderer"]

@@ -1,0 +1,52 @@
+# Each target sets up what it needs in .venv, once, on a machine with Python >= 3.11 and make. constraints.txt pins it.
+#   make demo                  the whole loop, with a report in out/demo
+#   make test PYTEST="-m slow" other arguments for pytest
+#   make PYTHON=python3.12 ... another Python
+VENV ?= .venv
+JOBS ?= 2
+OUT ?= out/demo
+PYTEST ?= -n $(JOBS)
+
+RUN := $(VENV)/bin
+INSTALL := $(RUN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
+SUITABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
+PYTHON ?= $(firstword $(foreach name,python3 python3.13 python3.12 python3.11 python3.14 python,\
+	$(shell $(name) -c '$(SUITABLE)' 2>/dev/null && echo $(name))))
+
+.PHONY: demo test lint types docs bench clean
+.DELETE_ON_ERROR:
+
+demo: $(VENV)/.demo
+	$(RUN)/svbrdfgan demo --out $(OUT)
+
+test: $(VENV)/.dev
+	$(RUN)/python -m pytest $(PYTEST)
+
+lint: $(VENV)/.dev
+	$(RUN)/ruff check .
+	$(RUN)/ruff format --check .
+
+types: $(VENV)/.dev
+	$(RUN)/mypy
+
+docs: $(VENV)/.dev
+	$(RUN)/python -m pytest -q tests/docs
+
+bench: $(VENV)/.dev
+	$(RUN)/python -m benchmarks
+
+clean:
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache
+
+$(VENV)/bin/python:
+	@test -n "$(PYTHON)" || { echo "no Python of at least 3.11 with venv was found; install one, or say make PYTHON=/path/to/python3" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+# The demo's packages come first, so that `make demo` waits for nothing else.
+$(VENV)/.demo: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(INSTALL) '.[warp]'
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/.demo
+	$(INSTALL) '.[dev]'
+	@touch $@

@@ -1,0 +1,128 @@
+"""A bounding volume hierarchy over triangles, and the rays that search it, many at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from svbrdfgan_numpy.triangles import Hits, intersect
+
+LEAF_FACES = 2
+"""Leaves hold this many faces, up to twice as many."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bvh:
+    """A complete binary tree: node 1 is the root, the children of node k are 2k and 2k + 1, all leaves equally deep.
+
+    Attributes:
+        corners: of each triangle, in the order of the user's faces.
+        order: faces in the order of the leaves; leaf k of n holds `order[k * faces // n : (k + 1) * faces // n]`.
+        bounds: lower and upper corner of each node's box. Node 0 is unused.
+        axis: along which each inner node was split; its first child is the one with the lower coordinates.
+    """
+
+    corners: Float[ndarray, "faces 3 3"]
+    order: Int[ndarray, " faces"]
+    bounds: Float[ndarray, "nodes 2 3"]
+    axis: Int[ndarray, " inner"]
+
+    @property
+    def leaves(self) -> int:
+        return len(self.axis)
+
+
+def build(corners: Float[ndarray, "faces 3 3"]) -> Bvh:
+    """The tree that splits each node's faces in two equal halves along the longest axis of their centres."""
+    depth = int(np.log2(max(1, len(corners) // LEAF_FACES)))
+    centres = corners.mean(axis=1)
+    order = np.arange(len(corners))
+    bounds, axes = [np.zeros((1, 2, 3))], [np.zeros(1, dtype=np.int64)]
+    for level in range(depth + 1):
+        starts = np.arange(2**level) * len(corners) // 2**level
+        bounds.append(_boxes(corners[order].min(axis=1), corners[order].max(axis=1), starts))
+        if level < depth:
+            spread = _boxes(centres[order], centres[order], starts)
+            axes.append((spread[:, 1] - spread[:, 0]).argmax(axis=1))
+            node = np.repeat(np.arange(2**level), np.diff(starts, append=len(corners)))
+            order = order[np.lexsort((centres[order, axes[-1][node]], node))]
+    return Bvh(corners, order, np.concatenate(bounds), np.concatenate(axes))
+
+
+def search(
+    bvh: Bvh, origin: Float[ndarray, "rays 3"], direction: Float[ndarray, "rays 3"], *, any_hit: bool = False
+) -> Hits:
+    """The first triangle that each ray meets; with `any_hit` only some triangle, which is found sooner.
+
+    Depth first, near child first: at each step every ray that is not done takes one node from its own stack.
+    """
+    hits = Hits.none(len(origin))
+    inverse = 1.0 / np.where(direction == 0.0, 1e-300, direction)
+    stack = np.ones((len(origin), bvh.leaves.bit_length() + 1), dtype=np.int64)
+    height = np.ones(len(origin), dtype=np.int64)
+    active = np.arange(len(origin))
+    while len(active):
+        height[active] -= 1
+        node = stack[active, height[active]]
+        enters = _enters(bvh.bounds[node], origin[active], inverse[active], hits.distance[active])
+        ray, node = active[enters], node[enters]
+        leaf = node >= bvh.leaves
+        _visit_leaves(bvh, hits, ray[leaf], node[leaf], origin, direction)
+        _push_children(bvh, stack, height, ray[~leaf], node[~leaf], direction)
+        done = (height[active] == 0) | (any_hit & (hits.face[active] >= 0))
+        active = active[~done]
+    return hits
+
+
+def _boxes(
+    lower: Float[ndarray, "faces 3"], upper: Float[ndarray, "faces 3"], starts: Int[ndarray, " nodes"]
+) -> Float[ndarray, "nodes 2 3"]:
+    return np.stack([np.minimum.reduceat(lower, starts), np.maximum.reduceat(upper, starts)], axis=1)
+
+
+def _enters(
+    bounds: Float[ndarray, "rays 2 3"],
+    origin: Float[ndarray, "rays 3"],
+    inverse: Float[ndarray, "rays 3"],
+    limit: Float[ndarray, " rays"],
+) -> Bool[ndarray, " rays"]:
+    """Whether each ray meets its box before `limit`; the box is a hair larger, to be safe from rounding."""
+    slabs = (bounds - origin[:, None]) * inverse[:, None]
+    near, far = np.minimum(slabs[:, 0], slabs[:, 1]), np.maximum(slabs[:, 0], slabs[:, 1])
+    enter = np.maximum(np.maximum(near[:, 0], near[:, 1]), near[:, 2])
+    leave = np.minimum(np.minimum(far[:, 0], far[:, 1]), far[:, 2]) * (1.0 + 1e-12)
+    return (enter <= leave) & (leave >= 0.0) & (enter <= limit)
+
+
+def _visit_leaves(
+    bvh: Bvh,
+    hits: Hits,
+    ray: Int[ndarray, " visits"],
+    node: Int[ndarray, " visits"],
+    origin: Float[ndarray, "rays 3"],
+    direction: Float[ndarray, "rays 3"],
+) -> None:
+    """Let each ray try every face of its leaf, and note what is nearer than what it had."""
+    faces = len(bvh.order)
+    start, stop = ((node - bvh.leaves + k) * faces // bvh.leaves for k in (0, 1))
+    for step in range(-(-faces // bvh.leaves)):
+        face = bvh.order[np.minimum(start + step, stop - 1)]
+        hits.keep_nearer(ray, face, *intersect(bvh.corners[face], origin[ray], direction[ray]))
+
+
+def _push_children(
+    bvh: Bvh,
+    stack: Int[ndarray, "rays depth"],
+    height: Int[ndarray, " rays"],
+    ray: Int[ndarray, " visits"],
+    node: Int[ndarray, " visits"],
+    direction: Float[ndarray, "rays 3"],
+) -> None:
+    """Put both children on each ray's stack, the one it is likely to meet first on top."""
+    backward = direction[ray, bvh.axis[node]] < 0.0
+    stack[ray, height[ray]] = 2 * node + ~backward
+    stack[ray, height[ray] + 1] = 2 * node + backward
+    height[ray] += 2

@@ -1,0 +1,78 @@
+"""What the path tracer knows about geometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from svbrdfgan.types import Surface
+from svbrdfgan_numpy.bvh import Bvh, build
+from svbrdfgan_numpy.triangles import Hits
+from svbrdfgan_numpy.vectors import cross, dot, normalize
+
+OFFSET = 1e-9
+"""How far rays start from the surface that they leave, in sizes of the scene."""
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedSurface:
+    """A surface with its search tree.
+
+    Attributes:
+        offset: how far rays start from the surface that they leave, metres.
+    """
+
+    surface: Surface
+    bvh: Bvh
+    offset: float
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Points where rays met the surface.
+
+    Attributes:
+        position: in metres.
+        normal: unit shading normal, turned to the side that the ray came from.
+        geometric: unit normal of the face, on either side.
+        part: index into the surface's parts.
+        uv: texture coordinates.
+    """
+
+    position: Float[ndarray, "points 3"]
+    normal: Float[ndarray, "points 3"]
+    geometric: Float[ndarray, "points 3"]
+    part: Int[ndarray, " points"]
+    uv: Float[ndarray, "points 2"]
+
+    def leave(self, direction: Float[ndarray, "points 3"], offset: float) -> Float[ndarray, "points 3"]:
+        """Origins of rays that leave the points, moved along the geometric normal to the side they go to."""
+        side = np.where(dot(self.geometric, direction) < 0.0, -offset, offset)
+        return self.position + side[:, None] * self.geometric
+
+
+def prepare(surface: Surface) -> PreparedSurface:
+    """The surface with its search tree."""
+    corners = surface.positions[surface.faces]
+    size = np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0))
+    return PreparedSurface(surface, build(corners), OFFSET * float(size))
+
+
+def points_at(prepared: PreparedSurface, hits: Hits, direction: Float[ndarray, "rays 3"]) -> Points:
+    """Where those rays that met the surface did so."""
+    surface, found = prepared.surface, hits.found
+    vertices, direction = surface.faces[hits.face[found]], direction[found]
+    second, third = hits.barycentric[found].T
+    barycentric = np.stack([1.0 - second - third, second, third], axis=-1)
+    position, normal, uv = (
+        np.einsum("pk,pkc->pc", barycentric, values[vertices])
+        for values in (surface.positions, surface.normals, surface.uv)
+    )
+    first, second, third = np.moveaxis(surface.positions[vertices], 1, 0)
+    geometric = normalize(cross(second - first, third - first), fallback=normal)
+    normal = normalize(normal, fallback=geometric)
+    normal = np.where(dot(normal, direction)[:, None] > 0.0, -normal, normal)
+    return Points(position, normal, geometric, surface.face_part[hits.face[found]], uv)

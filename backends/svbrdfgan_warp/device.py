@@ -1,0 +1,79 @@
+"""Which device to work on, and how to work there without disturbing the caller's Warp or torch."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+import torch
+import warp as wp
+
+from svbrdfgan.errors import ConfigError
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keeps Warp's banner and compiler messages off the terminal; warnings still show."""
+    level = wp.config.log_level
+    wp.config.log_level = max(level, wp.LOG_WARNING)
+    try:
+        yield
+    finally:
+        wp.config.log_level = level
+
+
+def choose(name: str) -> torch.device:
+    """The torch device that `name` means: "auto", "cpu", "cuda" or "cuda:N"; "auto" prefers CUDA.
+
+    Raises:
+        ConfigError: another name, or a CUDA device that this machine, this torch or this Warp does not have.
+    """
+    if not re.fullmatch(r"auto|cpu|cuda(:\d+)?", name):
+        raise ConfigError(f"warp renderer: device is {name!r}; wanted 'auto', 'cpu', 'cuda' or 'cuda:N'.")
+    with quiet():
+        wp.init()
+        count = min(torch.cuda.device_count(), wp.get_cuda_device_count())
+    if name == "cpu" or (name == "auto" and count == 0):
+        return torch.device("cpu")
+    index = int(name[5:]) if ":" in name else torch.cuda.current_device() if count else 0
+    if index >= count:
+        raise ConfigError(
+            f"warp renderer: device is {name!r}, but torch and Warp find {count} CUDA devices; choose 'cpu' or 'auto'."
+        )
+    return torch.device("cuda", index)
+
+
+def stream(device: torch.device) -> wp.Stream | None:
+    """The CUDA stream on which torch works at this moment; None on the CPU."""
+    return wp.stream_from_torch(torch.cuda.current_stream(device)) if device.type == "cuda" else None
+
+
+def launch(kernel: wp.Kernel, threads: int, arguments: Sequence[Any], device: torch.device) -> None:
+    """Runs a kernel in torch's own stream, unseen by any tape that the caller may be recording."""
+    where = wp.device_from_torch(device)
+    wp.launch(kernel, threads, list(arguments), device=where, stream=stream(device), record_tape=False)
+
+
+def in_order(job: Callable[[Item], Result], items: Sequence[Item], device: torch.device) -> Iterator[Result]:
+    """The results of `job`, in the order of `items`.
+
+    A CPU launch occupies one thread, so there several run at once, as many as torch uses, a few ahead of the caller.
+    """
+    workers = min(torch.get_num_threads(), len(items)) if device.type == "cpu" else 1
+    if workers <= 1:
+        yield from map(job, items)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        ahead: list[Future[Result]] = []
+        for item in items:
+            ahead.append(pool.submit(job, item))
+            if len(ahead) > 2 * workers:
+                yield ahead.pop(0).result()
+        while ahead:
+            yield ahead.pop(0).result()

@@ -1,0 +1,93 @@
+"""The command line. Each command lives in a module of its own, imported when the command is run and not before."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import click
+
+from svbrdfgan import __version__
+from svbrdfgan.errors import SvbrdfganError
+
+COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "demo": ("svbrdfgan.cli.demo:command", "The whole loop on procedural vehicles, with a report, in minutes."),
+        "backends": (
+            "svbrdfgan.cli.backends:backends",
+            "The installed renderers: whether they work, what they can do.",
+        ),
+        "embeddings": ("svbrdfgan.cli.backends:embeddings", "The installed UV embeddings, likewise."),
+        "bake": ("svbrdfgan.cli.bake:command", "Unwrap a mesh and write its geometry buffer."),
+        "weather": ("svbrdfgan.cli.weather:command", "Weather a mesh by a procedural recipe."),
+        "dataset": ("svbrdfgan.cli.dataset:command", "Make exemplar images with their scenes."),
+        "train": ("svbrdfgan.cli.train:command", "Train a generator on a data set; resume with --resume."),
+        "evaluate": ("svbrdfgan.cli.evaluate:command", "Score a trained generator on vehicles it never saw."),
+        "texture": ("svbrdfgan.cli.texture:command", "Weather a mesh with a trained generator."),
+        "render": ("svbrdfgan.cli.render:command", "Render a stored scene to PNG or EXR."),
+    }
+)
+"""Where each command is, and what `--help` says of it."""
+
+
+class LazyGroup(click.Group):
+    """A group that lists its commands from `COMMANDS`, imports one to run it, and tells errors in one sentence."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        module, _, attribute = COMMANDS[cmd_name][0].partition(":")
+        command: click.Command = getattr(importlib.import_module(module), attribute)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            from svbrdfgan.faults import did_you_mean
+
+            known = did_you_mean(args[0], COMMANDS) or f"; known are {', '.join(COMMANDS)}."
+            ctx.fail(f"unknown command {args[0]!r}{known}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise click.exceptions.Exit(130) from None
+        except SvbrdfganError as error:
+            if ctx.params["debug"]:
+                raise
+            raise click.ClickException(str(error)) from error
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("-v", "--verbose", count=True, help="Say what is being done; twice for more.")
+@click.option("--debug", is_flag=True, envvar="SVBRDFGAN_DEBUG", help="Show the traceback of an error.")
+@click.version_option(__version__, prog_name="svbrdfgan")
+def main(verbose: int, debug: bool) -> None:
+    """Learn how surfaces weather, from pictures, through a differentiable renderer.
+
+    `svbrdfgan demo` shows all of it; `svbrdfgan COMMAND --help` tells more of each command.
+    """
+    if verbose or debug:
+        log_to_terminal(logging.DEBUG if verbose > 1 else logging.INFO, show_path=debug)
+
+
+def log_to_terminal(level: int, show_path: bool) -> None:
+    """Sends what the program logs to stderr, in colour where that is a terminal."""
+    from rich.console import Console
+    from rich.logging import RichHandler
+
+    handler = RichHandler(console=Console(stderr=True), show_path=show_path)
+    logging.basicConfig(level=level, format="%(message)s", datefmt="[%X]", handlers=[handler])

@@ -1,0 +1,35 @@
+"""`svbrdfgan bake`: a mesh's UV embedding and geometry buffer (thesis A.3)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from svbrdfgan.cli.options import key_values
+
+
+@click.command("bake")
+@click.argument("mesh", type=click.Path(path_type=Path))
+@click.option("--embedding", default="hemispherical", show_default=True, help="See `svbrdfgan embeddings`.")
+@click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the embedding; repeatable.")
+@click.option(
+    "--resolution", default=256, show_default=True, type=click.IntRange(16, 8192), help="Texels along a side."
+)
+@click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder to write.")
+def command(mesh: Path, embedding: str, options: tuple[str, ...], resolution: int, out: Path) -> None:
+    """Unwrap MESH and write its geometry buffer: EXR, PNG previews, the mesh with its UVs as GLB, and metrics.json."""
+    from svbrdfgan.bake import bake, write_bake
+    from svbrdfgan.geometry.layers import hide_inner_layers
+    from svbrdfgan.io import load_mesh
+    from svbrdfgan.plugins import load_embedding
+
+    loaded = load_mesh(mesh)
+    chosen = load_embedding(embedding, key_values(options))
+    surface = chosen.embed(loaded)
+    if not chosen.capabilities.injective:
+        surface = hide_inner_layers(surface, resolution)
+    written = write_bake(out, loaded, surface, bake(surface, resolution, resolution))
+    for name, value in written.items():
+        click.echo(f"{name}: {value:.4g}" if isinstance(value, float) else f"{name}: {value}")
+    click.echo(f"written to {out}")

@@ -1,0 +1,71 @@
+"""`svbrdfgan dataset`: exemplars from declared distributions (thesis 4.2, A.2)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from svbrdfgan.data.config import DatasetConfig
+
+
+@click.command("dataset")
+@click.argument("config", type=click.Path(path_type=Path, dir_okay=False))
+@click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
+@click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder to write.")
+@click.option("--devices", default=1, show_default=True, type=click.IntRange(1), help="Processes, one for each GPU.")
+@click.option("--dry-run", is_flag=True, help="Make a few exemplars elsewhere and say what all would take.")
+@click.option(
+    "--preview", is_flag=True, help="Write one exemplar beside its unweathered twin as preview.png, and stop."
+)
+def command(config: Path, overrides: tuple[str, ...], out: Path, devices: int, dry_run: bool, preview: bool) -> None:
+    """Make the data set that CONFIG declares. Run again, it makes what is missing.
+
+    KEY=VALUE replaces a value of CONFIG, such as `spp=16` or `splits.train.views=4`.
+    """
+    from svbrdfgan.data.config import DatasetConfig
+    from svbrdfgan.options import validate
+    from svbrdfgan.yaml_files import apply_overrides, load_yaml
+
+    declared = validate(DatasetConfig, apply_overrides(load_yaml(config), overrides), str(config))
+    if dry_run:
+        _dry_run(declared, config.parent)
+    elif preview:
+        _preview(declared, config.parent, out)
+    else:
+        _generate(declared, config.parent, out, devices)
+
+
+def _generate(declared: DatasetConfig, base: Path, out: Path, devices: int) -> None:
+    from rich.console import Console
+
+    from svbrdfgan.cli.display import terminal_display
+    from svbrdfgan.data.generate import generate
+
+    with terminal_display(Console(stderr=True)) as display:
+        plan = generate(declared, out, base=base, devices=devices, display=display)
+    for split in declared.splits:
+        click.echo(f"{split}: {len(plan.sampler(split))} exemplars of {len(plan.meshes[split])} meshes")
+
+
+def _dry_run(declared: DatasetConfig, base: Path) -> None:
+    from svbrdfgan.data.estimate import estimate
+
+    needs = estimate(declared, base)
+    click.echo(f"exemplars: {needs.exemplars} of {needs.meshes} meshes")
+    click.echo(f"time:      about {needs.seconds / 60:.1f} minutes on one process")
+    click.echo(
+        f"disk:      about {needs.disk / 2**20:.0f} MiB, and {needs.transport / 2**20:.0f} MiB of transports to train"
+    )
+    click.echo(f"memory:    about {needs.memory / 2**20:.0f} MiB to train on it, beside the networks")
+
+
+def _preview(declared: DatasetConfig, base: Path, out: Path) -> None:
+    from svbrdfgan.data.estimate import preview
+    from svbrdfgan.io import save_image
+
+    path = out / "preview.png"
+    save_image(path, preview(declared, base))
+    click.echo(str(path))

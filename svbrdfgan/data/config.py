@@ -1,0 +1,147 @@
+"""What a data set is made of, as written in its YAML file. `docs/quickstart.md` shows one with every key."""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from svbrdfgan.data.distributions import Choice, Fixed, Integer, Number, Paint, Uniform
+from svbrdfgan.options import StrictModel
+from svbrdfgan.types import Part
+
+Split = Literal["train", "validation", "test"]
+Fraction = Annotated[float, Field(ge=0, le=1)]
+
+
+class PluginChoice(StrictModel):
+    """A renderer or embedding by name, with its own options. `warp` is short for `{name: warp}`."""
+
+    name: str
+    options: dict[str, Any] = {}
+
+
+def _named(value: Any) -> Any:
+    """`warp` and `{name: warp, device: cpu}` as users write them; `{name, options}` as files keep them."""
+    if isinstance(value, str):
+        return {"name": value}
+    if isinstance(value, dict) and "options" not in value:
+        return {"name": value.get("name", ""), "options": {k: v for k, v in value.items() if k != "name"}}
+    return value
+
+
+Plugin = Annotated[PluginChoice, BeforeValidator(_named)]
+
+
+class PartSelection(StrictModel):
+    """Which parts of a mesh carry the layer (thesis 4.2: "learnable"): shell patterns over part names, case ignored."""
+
+    include: tuple[str, ...] = ("*",)
+    exclude: tuple[str, ...] = (
+        *("*glass*", "*window*", "*windscreen*", "*wheel*", "*tire*", "*tyre*", "*rim*", "*rubber*"),
+        *("*light*", "*lamp*", "*interior*", "*seat*", "*plate*", "*mirror*"),
+    )
+
+    def selects(self, part: Part) -> bool:
+        """Whether the part is learnable. Hidden ones never are."""
+        name = part.name.lower()
+        wanted = any(fnmatchcase(name, pattern.lower()) for pattern in self.include)
+        return wanted and not part.hidden and not any(fnmatchcase(name, p.lower()) for p in self.exclude)
+
+
+class ProceduralMeshes(StrictModel):
+    """Vehicles made by `svbrdfgan.procedural`. Each seed gives other vehicles; splits need different seeds."""
+
+    count: int = Field(ge=1)
+    kinds: tuple[str, ...] = ("sedan", "hatchback", "van", "pickup")
+    seed: int = 0
+
+
+class ProceduralSkies(StrictModel):
+    """Skies made by `svbrdfgan.procedural`."""
+
+    count: int = Field(ge=1)
+    seed: int = 0
+
+
+class MeshSource(StrictModel):
+    """Meshes of a split: files (shell patterns, relative to the configuration file), procedural ones, or both."""
+
+    files: tuple[str, ...] = ()
+    procedural: ProceduralMeshes | None = None
+
+
+class EnvironmentSource(StrictModel):
+    """Environment maps of a split: files (shell patterns), procedural ones, or both."""
+
+    files: tuple[str, ...] = ()
+    procedural: ProceduralSkies | None = None
+
+
+class SplitConfig(StrictModel):
+    """One of train, validation and test."""
+
+    meshes: MeshSource
+    environments: EnvironmentSource | None = None
+    views: int = Field(default=8, ge=1, description="pictures of each mesh")
+
+    @model_validator(mode="after")
+    def _has_meshes(self) -> SplitConfig:
+        if not self.meshes.files and self.meshes.procedural is None:
+            raise ValueError("meshes needs 'files', 'procedural' or both")
+        return self
+
+
+class CameraDistribution(StrictModel):
+    """Cameras on a sphere about the middle of the mesh's bounding box.
+
+    `distance` counts in units of the distance from which the bounding sphere just fits the picture.
+    """
+
+    azimuth_degrees: Number = Uniform(uniform=(0.0, 360.0))
+    elevation_degrees: Number = Uniform(uniform=(5.0, 35.0))
+    distance: Number = Fixed(fixed=0.9)
+    vertical_fov_degrees: Number = Fixed(fixed=35.0)
+
+
+class WeatheringDistribution(StrictModel):
+    """The ground-truth generator G0 (thesis 4.2). A fixed seed makes the layer a function of the geometry."""
+
+    recipe: str = "road-dirt"
+    amount: Number = Fixed(fixed=1.0)
+    seed: Integer = Fixed(fixed=0)
+    options: dict[str, Any] = {}
+
+
+PAINTS = (
+    *((0.45, 0.02, 0.02), (0.02, 0.06, 0.30), (0.70, 0.70, 0.70), (0.03, 0.16, 0.06)),
+    *((0.60, 0.38, 0.03), (0.08, 0.08, 0.09), (0.20, 0.32, 0.45), (0.42, 0.13, 0.03)),
+)
+"""Linear reflectances of common car paints."""
+
+
+class DatasetConfig(StrictModel):
+    """A whole data set."""
+
+    seed: int = 0
+    image: tuple[Annotated[int, Field(ge=8, le=8192)], Annotated[int, Field(ge=8, le=8192)]] = (256, 256)
+    texture: int = Field(default=256, ge=16, le=4096, multiple_of=4)
+    spp: int = Field(default=64, ge=1)
+    renderer: Plugin = PluginChoice(name="auto")
+    embedding: Plugin = PluginChoice(name="hemispherical")
+    learnable: PartSelection = PartSelection()
+    paint: Paint | None = Choice(choice=PAINTS)
+    environments: EnvironmentSource = EnvironmentSource(procedural=ProceduralSkies(count=8))
+    environment_rotation_degrees: Number = Uniform(uniform=(0.0, 360.0))
+    environment_rows: int = Field(default=256, ge=8, description="larger maps are shrunk, keeping their energy")
+    environment_brightness: Number = Fixed(fixed=1.0)
+    camera: CameraDistribution = CameraDistribution()
+    weathering: WeatheringDistribution = WeatheringDistribution()
+    splits: dict[Split, SplitConfig]
+
+    @model_validator(mode="after")
+    def _trains(self) -> DatasetConfig:
+        if "train" not in self.splits:
+            raise ValueError("splits needs 'train'")
+        return self

@@ -1,0 +1,94 @@
+"""Makes the exemplars of a data set, by one process or several; stopped at any moment, it goes on where it was."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from lightning_fabric import Fabric
+
+from svbrdfgan.data.config import DatasetConfig, Split
+from svbrdfgan.data.plan import DatasetPlan, make_plan
+from svbrdfgan.data.scene import Scene
+from svbrdfgan.data.studio import Studio, resolve_renderer
+from svbrdfgan.display import Display, Silent
+from svbrdfgan.io.exr import save_exr
+from svbrdfgan.protocols import Renderer
+from svbrdfgan.types import Rendering
+
+log = logging.getLogger(__name__)
+
+
+def generate(
+    config: DatasetConfig, folder: Path, *, base: Path, devices: int = 1, display: Display | None = None
+) -> DatasetPlan:
+    """Writes the data set's exemplars that are not there yet.
+
+    Args:
+        base: the folder that file patterns of the configuration are relative to.
+        devices: processes, one for each GPU where there are any. They share the work by mesh.
+        display: shows progress; with several devices, in the first process, of its share.
+
+    Raises:
+        ConfigError: the folder holds another data set, or a pattern matches nothing.
+        AssetError: an asset cannot be read, or the disk cannot be written.
+    """
+    plan = make_plan(config, folder, base)
+    fabric = Fabric(accelerator="auto", devices=devices, strategy="ddp_spawn" if devices > 1 else "auto")
+    if devices > 1:
+        fabric.launch(_work, plan, folder, Silent())
+    else:
+        _work(fabric, plan, folder, display or Silent())
+    return plan
+
+
+def exemplar_paths(folder: Path, split: Split, index: int) -> tuple[Path, Path]:
+    """The picture of an exemplar, and its scene. The scene is written last: where it is, the picture is whole."""
+    stem = folder / split / f"{index:06d}"
+    return stem.with_suffix(".exr"), stem.with_suffix(".json")
+
+
+def missing(plan: DatasetPlan, folder: Path) -> Iterator[tuple[Split, int]]:
+    """Exemplars that are still to be made, those of a mesh in a row."""
+    for split in plan.config.splits:
+        for index in range(len(plan.sampler(split))):
+            if not exemplar_paths(folder, split, index)[1].is_file():
+                yield split, index
+
+
+def render_scene(studio: Studio, renderer: Renderer[Any], scene: Scene, prepared: Any | None = None) -> Rendering:
+    """The picture of a scene, its weathering included."""
+    subject = studio.subject(scene)
+    surface = renderer.prepare(subject.surface) if prepared is None else prepared
+    materials = subject.materials(scene.materials, studio.layer(scene))
+    return renderer.render(surface, materials, studio.view(scene), spp=scene.spp, seed=scene.seed)
+
+
+def save_exemplar(path: Path, rendering: Rendering) -> None:
+    """Writes premultiplied linear radiance and coverage as a half-float RGBA picture."""
+    red, green, blue = rendering.image.clamp(max=60000).unbind(-1)
+    save_exr(path, {"R": red, "G": green, "B": blue, "A": rendering.coverage}, half=True)
+
+
+def _work(fabric: Fabric, plan: DatasetPlan, folder: Path, display: Display) -> None:
+    renderer = resolve_renderer(plan.config.renderer, fabric.device.type)
+    studio = Studio(folder)
+    by_mesh: dict[str, list[tuple[Split, int]]] = {}
+    for split, index in missing(plan, folder):
+        by_mesh.setdefault(plan.sampler(split).mesh(index).name, []).append((split, index))
+    display.begin("exemplars", sum(map(len, by_mesh.values())))
+    for number, todo in enumerate(by_mesh.values()):
+        if number % fabric.world_size != fabric.global_rank:
+            continue
+        samplers = {split: plan.sampler(split) for split, _ in todo}
+        prepared = renderer.prepare(studio.subject(samplers[todo[0][0]].scene(todo[0][1])).surface)
+        for split, index in todo:
+            scene = samplers[split].scene(index)
+            picture, record = exemplar_paths(folder, split, index)
+            save_exemplar(picture, render_scene(studio, renderer, scene, prepared))
+            scene.save(record)
+            display.advance()
+        studio.forget()
+    fabric.barrier()

@@ -1,0 +1,165 @@
+"""What a data set will hold: its configuration and its assets, gathered into its folder before a picture is made."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, MeshSource, Split
+from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset, MeshAsset
+from svbrdfgan.data.scene import AssetRef, load_json
+from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.io import load_environment, load_mesh, save_environment, save_mesh_glb
+from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.options import StrictModel, validate
+from svbrdfgan.procedural import build_sky, build_vehicle, sample_sky, sample_vehicle
+from svbrdfgan.types import Mesh
+
+PLAN = "dataset.json"
+FORMAT = "svbrdfgan data set 1"
+_LUMINANCE = (0.2126, 0.7152, 0.0722)
+
+log = logging.getLogger(__name__)
+
+
+class DatasetPlan(StrictModel):
+    """The contents of `dataset.json`."""
+
+    format: str = FORMAT
+    config: DatasetConfig
+    meshes: dict[Split, tuple[MeshAsset, ...]]
+    environments: dict[Split, tuple[EnvironmentAsset, ...]]
+
+    def sampler(self, split: Split) -> ConfigSampler:
+        return ConfigSampler(self.config, split, self.meshes[split], self.environments[split])
+
+    @classmethod
+    def load(cls, folder: Path) -> DatasetPlan:
+        """Reads a data set's plan.
+
+        Raises:
+            AssetError: the folder is no data set, or one of another version.
+        """
+        path = folder / PLAN
+        if not path.is_file():
+            raise AssetError(f"{folder} is not a data set: it has no {PLAN}; make one with `svbrdfgan dataset`.")
+        data = load_json(path)
+        if not isinstance(data, dict) or data.get("format") != FORMAT:
+            raise AssetError(f"{path} is not of this version ({FORMAT!r}); make the data set anew.")
+        return validate(cls, data, str(path))
+
+
+def make_plan(config: DatasetConfig, folder: Path, base: Path) -> DatasetPlan:
+    """Gathers the assets of all splits into the folder and writes its plan; or finds the plan of an earlier run.
+
+    Args:
+        base: the folder that file patterns are relative to.
+
+    Raises:
+        ConfigError: the folder holds a data set of another configuration, or a pattern matches nothing.
+        AssetError: an asset cannot be read.
+    """
+    if (folder / PLAN).is_file():
+        plan = DatasetPlan.load(folder)
+        if plan.config != config:
+            raise ConfigError(
+                f"{folder} holds a data set of another configuration; choose another folder or delete it."
+            )
+        return plan
+    meshes = {split: _meshes(source.meshes, config, folder, base) for split, source in config.splits.items()}
+    lights = {
+        split: gather_environments(source.environments or config.environments, config.environment_rows, folder, base)
+        for split, source in config.splits.items()
+    }
+    plan = DatasetPlan(config=config, meshes=meshes, environments=lights)
+    with atomic_path(folder / PLAN) as temporary:
+        temporary.write_text(plan.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    return plan
+
+
+def _meshes(source: MeshSource, config: DatasetConfig, folder: Path, base: Path) -> tuple[MeshAsset, ...]:
+    made: dict[str, Callable[[], Mesh]] = {}
+    for path in _matches(source.files, base):
+        made[path.stem] = lambda path=path: load_mesh(path)  # type: ignore[misc]
+    if source.procedural is not None:
+        kinds, first = source.procedural.kinds, source.procedural.seed * 100_003
+        for number in range(source.procedural.count):
+            kind, seed = kinds[number % len(kinds)], first + number
+            made[f"{kind}_{seed}"] = lambda kind=kind, seed=seed: build_vehicle(sample_vehicle(kind, seed))  # type: ignore[misc]
+    return tuple(_mesh_asset(name, make(), config, folder) for name, make in made.items())
+
+
+def _mesh_asset(name: str, mesh: Mesh, config: DatasetConfig, folder: Path) -> MeshAsset:
+    path = folder / "assets" / "meshes" / f"{name}.glb"
+    save_mesh_glb(path, mesh)
+    (x0, y0, z0), (x1, y1, z1) = mesh.bounds.tolist()
+    painted = tuple(part.name for part in mesh.parts if config.learnable.selects(part))
+    return MeshAsset(name=name, asset=_reference(path, folder), bounds=((x0, y0, z0), (x1, y1, z1)), painted=painted)
+
+
+def gather_environments(source: EnvironmentSource, rows: int, folder: Path, base: Path) -> tuple[EnvironmentAsset, ...]:
+    """The environment maps of a source, shrunk to so many rows and stored among the folder's assets."""
+    made: dict[str, Callable[[], Tensor]] = {}
+    for path in _matches(source.files, base):
+        made[path.stem] = lambda path=path: load_environment(path)  # type: ignore[misc]
+    if source.procedural is not None:
+        for number in range(source.procedural.count):
+            seed = source.procedural.seed * 100_003 + number
+            made[f"sky_{seed}"] = lambda seed=seed: build_sky(sample_sky(seed))  # type: ignore[misc]
+    if not made:
+        raise ConfigError("environments needs 'files', 'procedural' or both.")
+    return tuple(_environment_asset(name, _shrink(make(), rows), folder) for name, make in made.items())
+
+
+def _environment_asset(name: str, radiance: Float[Tensor, "rows cols 3"], folder: Path) -> EnvironmentAsset:
+    path = folder / "assets" / "environments" / f"{name}.exr"
+    save_environment(path, radiance)
+    mean = _mean_luminance(radiance)
+    if not mean > 0:
+        raise AssetError(f"environment {name} is black; choose another.")
+    return EnvironmentAsset(name=name, asset=_reference(path, folder), normalisation=1.0 / mean)
+
+
+def _mean_luminance(radiance: Float[Tensor, "rows cols 3"]) -> float:
+    """Over the sphere."""
+    rows = radiance.shape[0]
+    solid_angle = torch.sin((torch.arange(rows) + 0.5) * torch.pi / rows)
+    by_row = (radiance @ torch.tensor(_LUMINANCE)).mean(dim=1)
+    return float((by_row * solid_angle).sum() / solid_angle.sum())
+
+
+def _shrink(radiance: Float[Tensor, "rows cols 3"], rows: int) -> Float[Tensor, "rows cols 3"]:
+    """At most so many rows, by averaging whole blocks of pixels."""
+    factor = -(-radiance.shape[0] // rows)
+    if factor == 1:
+        return radiance
+    size = (radiance.shape[0] // factor, radiance.shape[1] // factor)
+    return F.adaptive_avg_pool2d(radiance.permute(2, 0, 1), size).permute(1, 2, 0).contiguous()
+
+
+def _matches(patterns: tuple[str, ...], base: Path) -> list[Path]:
+    found: list[Path] = []
+    for pattern in patterns:
+        absolute = Path(pattern).expanduser()
+        root = Path(absolute.anchor) if absolute.is_absolute() else base
+        matches = sorted(root.glob(str(absolute.relative_to(root) if absolute.is_absolute() else absolute)))
+        if not matches:
+            raise ConfigError(f"no file matches {pattern!r} in {base}; correct the pattern or the folder.")
+        found += [match for match in matches if match not in found]
+    stems = [path.stem for path in found]
+    doubled = sorted({stem for stem in stems if stems.count(stem) > 1})
+    if doubled:
+        raise ConfigError(f"files share the names {doubled}; rename them, since a data set keeps assets by name.")
+    return found
+
+
+def _reference(path: Path, folder: Path) -> AssetRef:
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return AssetRef(path=path.relative_to(folder).as_posix(), sha256=digest)

@@ -1,0 +1,118 @@
+"""`ConfigSampler` (thesis A.2): draws scene descriptions from a data set's declared distributions."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from svbrdfgan.data.config import CameraDistribution, DatasetConfig, Split
+from svbrdfgan.data.scene import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
+from svbrdfgan.options import StrictModel
+
+
+class MeshAsset(StrictModel):
+    """A mesh of the pool: its file, its box, and the names of the parts that will be painted."""
+
+    name: str
+    asset: AssetRef
+    bounds: tuple[tuple[float, float, float], tuple[float, float, float]]
+    painted: tuple[str, ...]
+
+
+class EnvironmentAsset(StrictModel):
+    """An environment of the pool, and the factor that brings its mean radiance to one."""
+
+    name: str
+    asset: AssetRef
+    normalisation: float
+
+
+@dataclass(frozen=True)
+class ConfigSampler:
+    """Scenes of one split. Scene `index` depends on seed, split and index alone, in whatever order drawn."""
+
+    config: DatasetConfig
+    split: Split
+    meshes: tuple[MeshAsset, ...]
+    environments: tuple[EnvironmentAsset, ...]
+
+    def __len__(self) -> int:
+        return len(self.meshes) * self.config.splits[self.split].views
+
+    def mesh(self, index: int) -> MeshAsset:
+        """The mesh of scene `index`: views of one mesh follow each other."""
+        return self.meshes[index // self.config.splits[self.split].views]
+
+    def scene(self, index: int) -> Scene:
+        """The scene of the exemplar of that index."""
+        rng = np.random.default_rng([self.config.seed, zlib.crc32(self.split.encode()), index])
+        return self.draw(self.mesh(index), rng)
+
+    def draw(self, mesh: MeshAsset, rng: np.random.Generator) -> Scene:
+        """Any scene of this mesh."""
+        config = self.config
+        width, height = config.image
+        paint = None if config.paint is None else config.paint.sample(rng)
+        return Scene(
+            mesh=mesh.asset,
+            environment=self.draw_environment(rng),
+            camera=self.draw_camera(mesh, rng),
+            width=width,
+            height=height,
+            spp=config.spp,
+            seed=int(rng.integers(2**31)),
+            texture=config.texture,
+            renderer=config.renderer,
+            embedding=config.embedding,
+            learnable=config.learnable,
+            materials={} if paint is None else dict.fromkeys(mesh.painted, paint),
+            weathering=self._weathering(rng),
+        )
+
+    def draw_environment(
+        self, rng: np.random.Generator, pool: tuple[EnvironmentAsset, ...] | None = None
+    ) -> SceneEnvironment:
+        """A light: map, rotation and brightness, from the split's pool or another."""
+        pool = pool or self.environments
+        environment = pool[int(rng.integers(len(pool)))]
+        brightness = self.config.environment_brightness.sample(rng)
+        return SceneEnvironment(
+            asset=environment.asset,
+            rotation_degrees=self.config.environment_rotation_degrees.sample(rng),
+            scale=max(brightness, 1e-6) * environment.normalisation,
+        )
+
+    def draw_camera(
+        self, mesh: MeshAsset, rng: np.random.Generator, declared: CameraDistribution | None = None
+    ) -> OrbitCamera:
+        """A camera about the middle of the mesh's box, from the data set's distribution or another."""
+        declared, (width, height) = declared or self.config.camera, self.config.image
+        lower, upper = np.asarray(mesh.bounds)
+        fov = min(max(declared.vertical_fov_degrees.sample(rng), 1.0), 170.0)
+        x, y, z = ((lower + upper) / 2).tolist()
+        fit = _fit_distance(float(np.linalg.norm(upper - lower)) / 2, math.radians(fov), width / height)
+        return OrbitCamera(
+            azimuth_degrees=declared.azimuth_degrees.sample(rng) % 360.0,
+            elevation_degrees=min(max(declared.elevation_degrees.sample(rng), -89.0), 89.0),
+            distance=max(declared.distance.sample(rng), 0.05) * fit,
+            target=(x, y, z),
+            vertical_fov_degrees=fov,
+        )
+
+    def _weathering(self, rng: np.random.Generator) -> SceneWeathering:
+        declared = self.config.weathering
+        return SceneWeathering(
+            recipe=declared.recipe,
+            amount=min(max(declared.amount.sample(rng), 0.0), 1.0),
+            seed=declared.seed.sample(rng),
+            options=declared.options,
+        )
+
+
+def _fit_distance(radius: float, vertical_fov: float, aspect: float) -> float:
+    """From where a sphere just fits the narrower side of the picture."""
+    narrow = min(math.tan(vertical_fov / 2), aspect * math.tan(vertical_fov / 2))
+    return radius / math.sin(math.atan(narrow))

@@ -1,0 +1,105 @@
+"""A scene as stored beside each exemplar: everything that made the picture (thesis A.2), as readable JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from svbrdfgan.data.config import PartSelection, Plugin, PluginChoice
+from svbrdfgan.data.distributions import Color
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.options import StrictModel, validate
+from svbrdfgan.types import Camera
+
+
+class AssetRef(StrictModel):
+    """A file, relative to the folder of the scene or data set, and what must be in it."""
+
+    path: str
+    sha256: str | None = None
+
+
+class OrbitCamera(StrictModel):
+    """A camera on a sphere about `target`; azimuth 0 looks at the nose (from +Z), 90 from +X."""
+
+    azimuth_degrees: float
+    elevation_degrees: Annotated[float, Field(ge=-89.9, le=89.9)]
+    distance: float = Field(gt=0)
+    target: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    vertical_fov_degrees: float = Field(default=35.0, gt=0, lt=180)
+
+    def camera(self) -> Camera:
+        return Camera.orbit(
+            math.radians(self.azimuth_degrees),
+            math.radians(self.elevation_degrees),
+            self.distance,
+            self.target,
+            math.radians(self.vertical_fov_degrees),
+        )
+
+
+class SceneEnvironment(StrictModel):
+    """An environment map, turned and made brighter or darker."""
+
+    asset: AssetRef
+    rotation_degrees: float = 0.0
+    scale: float = Field(default=1.0, gt=0, description="multiplies the file's radiance")
+
+
+class SceneWeathering(StrictModel):
+    """The recipe of the layer that the learnable parts carry."""
+
+    recipe: str
+    amount: float = Field(default=1.0, ge=0, le=1)
+    seed: int = 0
+    options: dict[str, Any] = {}
+
+
+class Scene(StrictModel):
+    """The thesis's scene description Phi: what `svbrdfgan render` reads and every exemplar keeps.
+
+    `materials` overrides the base colours of the named parts; parts not named keep the mesh's own.
+    """
+
+    mesh: AssetRef
+    environment: SceneEnvironment
+    camera: OrbitCamera
+    width: int = Field(ge=1)
+    height: int = Field(ge=1)
+    spp: int = Field(default=64, ge=1)
+    seed: int = 0
+    texture: int = Field(default=256, ge=16, multiple_of=4)
+    renderer: Plugin = PluginChoice(name="auto")
+    embedding: Plugin = PluginChoice(name="hemispherical")
+    learnable: PartSelection = PartSelection()
+    materials: dict[str, Color] = {}
+    weathering: SceneWeathering | None = None
+
+    def save(self, path: Path) -> None:
+        with atomic_path(path) as temporary:
+            temporary.write_text(self.model_dump_json(indent=1) + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: Path) -> Scene:
+        """Reads a scene file.
+
+        Raises:
+            AssetError: missing, or not JSON.
+            ConfigError: a key is unknown or a value wrong.
+        """
+        return validate(cls, load_json(path), str(path))
+
+
+def load_json(path: Path) -> Any:
+    """The contents of a JSON file, or one sentence about why not."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise AssetError(f"{path} cannot be read: {error.strerror or error}.") from error
+    except ValueError as error:
+        raise AssetError(f"{path} is not valid JSON: {error}.") from error

@@ -1,0 +1,96 @@
+"""Subjects and layers on disk: safetensors with JSON beside the numbers, safe to open from a stranger."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from svbrdfgan.bake import GeometryBuffer
+from svbrdfgan.data.subject import Subject
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.types import Part, Surface
+
+_SUBJECT, _LAYER = "svbrdfgan subject 1", "svbrdfgan layer 1"
+
+
+def save_subject(path: Path, subject: Subject) -> None:
+    """Writes a subject, so that its mesh need not be embedded and baked again."""
+    surface, buffer = _tensors(subject.surface), _tensors(subject.buffer)
+    tensors = {f"surface.{k}": v for k, v in surface.items()} | {f"buffer.{k}": v for k, v in buffer.items()}
+    tensors |= {f"base.{part}": base for part, base in enumerate(subject.base)}
+    parts = [{"name": p.name, "base_color": p.base_color, "hidden": p.hidden} for p in subject.surface.parts]
+    header = {"learnable": subject.learnable, "parts": parts, "repeat": subject.surface.repeat}
+    _save(path, tensors, {"format": _SUBJECT, "header": json.dumps(header)})
+
+
+def load_subject(path: Path) -> Subject:
+    """Reads what `save_subject` wrote; the parts' own textures live on in `base` alone.
+
+    Raises:
+        AssetError: missing, damaged, or of another version.
+    """
+    tensors, meta = _load(path, _SUBJECT)
+    header = json.loads(meta["header"])
+    parts = tuple(Part(p["name"], tuple(p["base_color"]), hidden=p["hidden"]) for p in header["parts"])
+    arrays = {k: v.numpy() for k, v in _under("surface.", tensors).items()}
+    surface = Surface(**arrays, parts=parts, repeat=tuple(header["repeat"]))
+    buffer = GeometryBuffer(**_like(GeometryBuffer, _under("buffer.", tensors)))
+    base = tuple(tensors[f"base.{part}"] for part in range(len(parts)))
+    return Subject(surface, buffer, tuple(header["learnable"]), base)
+
+
+def save_layer(path: Path, layer: Float[Tensor, "rows cols 4"]) -> None:
+    """Writes an RGBA layer in single precision."""
+    _save(path, {"layer": layer.float()}, {"format": _LAYER})
+
+
+def load_layer(path: Path) -> Float[Tensor, "rows cols 4"]:
+    """Reads what `save_layer` wrote.
+
+    Raises:
+        AssetError: missing, damaged, or of another version.
+    """
+    return _load(path, _LAYER)[0]["layer"]
+
+
+def _save(path: Path, tensors: Mapping[str, Tensor], meta: dict[str, str]) -> None:
+    with atomic_path(path) as temporary:
+        save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, temporary, meta)
+
+
+def _load(path: Path, wanted: str) -> tuple[dict[str, Tensor], dict[str, str]]:
+    try:
+        with safe_open(path, framework="pt") as file:
+            meta = file.metadata() or {}
+            if meta.get("format") != wanted:
+                raise AssetError(f"{path} is not a {wanted!r} file; delete it to have it made anew.")
+            return {name: file.get_tensor(name) for name in file.keys()}, meta  # noqa: SIM118
+    except (OSError, SafetensorError) as error:
+        raise AssetError(f"{path} cannot be read ({error}); delete it to have it made anew.") from error
+
+
+def _tensors(record: Any) -> dict[str, Tensor]:
+    """The arrays and tensors of a record, by field name."""
+    values = {field.name: getattr(record, field.name) for field in fields(record)}
+    return {k: torch.as_tensor(v) for k, v in values.items() if isinstance(v, np.ndarray | Tensor)}
+
+
+def _under(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): t for name, t in tensors.items() if name.startswith(prefix)}
+
+
+def _like(record: type, tensors: Mapping[str, Tensor]) -> dict[str, Any]:
+    """The tensors as the record declares them: NumPy where its annotation says ndarray."""
+    wanted = {field.name: str(field.type) for field in fields(record)}
+    return {name: t.numpy() if "ndarray" in wanted[name] else t for name, t in tensors.items()}

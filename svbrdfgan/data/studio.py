@@ -1,0 +1,139 @@
+"""From scene descriptions to what renderers take: assets loaded, surfaces prepared, each kept for the next scene."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.choose import choose_renderer
+from svbrdfgan.data.config import PluginChoice
+from svbrdfgan.data.scene import AssetRef, Scene, SceneWeathering
+from svbrdfgan.data.store import load_layer, load_subject, save_layer, save_subject
+from svbrdfgan.data.subject import Subject, make_subject
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io import load_environment, load_mesh
+from svbrdfgan.plugins import load_embedding, load_renderer
+from svbrdfgan.protocols import Renderer
+from svbrdfgan.types import Environment, View
+from svbrdfgan.weathering import recipe_from_options, weather
+
+_CACHE = "cache"
+
+
+def resolve_renderer(choice: PluginChoice, device: Literal["auto", "cpu", "cuda"] = "auto") -> Renderer[Any]:
+    """The renderer that a configuration names; `auto` is the best one that works."""
+    if choice.name == "auto":
+        best = choose_renderer(device)
+        return load_renderer(best.name, best.options)
+    return load_renderer(choice.name, choice.options)
+
+
+@dataclass
+class Studio:
+    """Everything that scenes of one folder need, made at most once.
+
+    Attributes:
+        folder: what asset paths are relative to.
+        keep: whether subjects and layers are stored there, for the next run.
+    """
+
+    folder: Path
+    keep: bool = True
+    _subjects: dict[str, Subject] = field(default_factory=dict)
+    _layers: dict[str, Float[Tensor, "rows cols 4"]] = field(default_factory=dict)
+    _lights: dict[str, Float[Tensor, "rows cols 3"]] = field(default_factory=dict)
+
+    def subject(self, scene: Scene) -> Subject:
+        """The scene's surface, embedded and baked."""
+        key = subject_key(scene)
+        if key not in self._subjects:
+            path = self.folder / _CACHE / "subjects" / f"{key}.safetensors"
+            self._subjects[key] = self._stored(path, load_subject, save_subject, lambda: self._make_subject(scene))
+        return self._subjects[key]
+
+    def layer(self, scene: Scene) -> Float[Tensor, "rows cols 4"] | None:
+        """What G0 paints on the scene's surface; None where it is not weathered."""
+        if scene.weathering is None:
+            return None
+        key = f"{subject_key(scene)}-{_digest(scene.weathering)}"
+        if key not in self._layers:
+            path = self.folder / _CACHE / "layers" / f"{key}.safetensors"
+            recipe = _recipe(scene.weathering)
+            subject = self.subject(scene)
+            self._layers[key] = self._stored(
+                path, load_layer, save_layer, lambda: weather(subject.surface, subject.buffer, recipe)
+            )
+        return self._layers[key]
+
+    def view(self, scene: Scene) -> View:
+        """The scene's camera, light and film."""
+        asset = scene.environment.asset
+        if asset.path not in self._lights:
+            self._lights[asset.path] = load_environment(self.file(asset))
+        radiance = self._lights[asset.path] * scene.environment.scale
+        environment = Environment(radiance, math.radians(scene.environment.rotation_degrees))
+        return View(scene.camera.camera(), environment, scene.width, scene.height)
+
+    def file(self, asset: AssetRef) -> Path:
+        """The asset's path, after its content has been checked.
+
+        Raises:
+            AssetError: it is missing, or not what it was.
+        """
+        path = self.folder / asset.path
+        if not path.is_file():
+            raise AssetError(f"{path} is missing; the scene cannot be rendered without it.")
+        if asset.sha256 is not None and hashlib.sha256(path.read_bytes()).hexdigest() != asset.sha256:
+            raise AssetError(f"{path} is not the file that the scene was made with: its content hash differs.")
+        return path
+
+    def forget(self) -> None:
+        """Lets go of subjects and layers; environments stay."""
+        self._subjects.clear()
+        self._layers.clear()
+
+    def _make_subject(self, scene: Scene) -> Subject:
+        mesh = load_mesh(self.file(scene.mesh))
+        embedding = load_embedding(scene.embedding.name, scene.embedding.options)
+        try:
+            return make_subject(mesh, embedding, scene.texture, scene.learnable)
+        except AssetError as error:
+            raise AssetError(f"{scene.mesh.path}: {error}") from error
+
+    def _stored(self, path: Path, load: Callable[..., Any], save: Callable[..., None], make: Callable[[], Any]) -> Any:
+        if self.keep and path.is_file():
+            return load(path)
+        made = make()
+        if self.keep:
+            save(path, made)
+        return made
+
+
+def subject_key(scene: Scene) -> str:
+    """A name for the scene's surface: equal for scenes that differ in light, camera or materials alone."""
+    parts = (scene.mesh, scene.embedding, scene.texture, scene.learnable)
+    return f"{Path(scene.mesh.path).stem}-{_digest(*parts)}"
+
+
+def _recipe(weathering: SceneWeathering) -> Any:
+    options = {"amount": weathering.amount, "seed": weathering.seed, **weathering.options}
+    return recipe_from_options(weathering.recipe, options)
+
+
+def _digest(*records: Any) -> str:
+    plain = [record.model_dump() if hasattr(record, "model_dump") else record for record in records]
+    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def default_device() -> torch.device:
+    """A GPU where there is one."""
+    return torch.device("cuda" if torch.cuda.is_available() else "cpu")

@@ -1,0 +1,1 @@
+"""The demonstration: two configuration files and what runs them."""

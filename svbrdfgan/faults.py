@@ -1,0 +1,113 @@
+"""Sentences for what is wrong with a configuration."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, get_args
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
+    from pydantic_core import ErrorDetails
+
+_WANTED = {
+    "bool_type": "true or false",
+    "dict_type": "a mapping of keys",
+    "finite_number": "a finite number",
+    "float_type": "a number",
+    "greater_than": "a number above {gt}",
+    "greater_than_equal": "a number of at least {ge}",
+    "int_type": "an integer",
+    "less_than": "a number below {lt}",
+    "less_than_equal": "a number of at most {le}",
+    "list_type": "a list",
+    "literal_error": "{expected}",
+    "model_type": "a mapping of keys",
+    "none_required": "nothing",
+    "string_too_short": "text of at least {min_length} characters",
+    "string_type": "text",
+    "too_long": "at most {max_length} values",
+    "too_short": "at least {min_length} values",
+    "tuple_type": "a list",
+}
+"""What pydantic's types of error wish for, in the user's words; its own words serve for the rest."""
+
+Location = Sequence[int | str]
+
+
+def explain(error: ValidationError, model: type, data: object) -> list[tuple[str, str]]:
+    """Path of the key, and sentence, of each fault that the model found in the data; a union is one fault."""
+    faults: list[tuple[str, str]] = []
+    wishes: dict[tuple[str, str], list[str]] = {}
+    for detail in error.errors(include_url=False):
+        location, context = detail["loc"], detail.get("ctx", {})
+        if detail["type"] == "extra_forbidden":
+            faults.append((_path(location[:-1], data), _unknown(str(location[-1]), _keys(model, location[:-1]))))
+        elif detail["type"] == "missing":
+            faults.append((_path(location[:-1], data), f"key {str(location[-1])!r} is missing."))
+        elif "error" in context:
+            faults.append((_path(location, data), str(context["error"])))
+        else:
+            wishes.setdefault((_path(location, data), _shown(detail["input"])), []).append(_wish(detail))
+    return faults + [
+        (path, f"{given} is not allowed; wanted {' or '.join(dict.fromkeys(wished))}.")
+        for (path, given), wished in wishes.items()
+    ]
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """ "; did you mean 'x'?" for the closest of the known names, or nothing if none is close."""
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def _unknown(key: str, known: Iterable[str]) -> str:
+    names = sorted(set(known))
+    hint = did_you_mean(key, names) or (f"; known are {', '.join(names)}." if names else "; none is wanted here.")
+    return f"unknown key {key!r}{hint}"
+
+
+def _wish(detail: ErrorDetails) -> str:
+    context = detail.get("ctx", {})
+    template = _WANTED.get(detail["type"])
+    if template is None:
+        return detail["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+    return template.format(**context) + (_closest_choice(detail) if detail["type"] == "literal_error" else "")
+
+
+def _closest_choice(detail: ErrorDetails) -> str:
+    given = detail["input"]
+    return did_you_mean(given, detail["ctx"]["expected"].split("'")[1::2]).rstrip("?") if isinstance(given, str) else ""
+
+
+def _shown(value: object) -> str:
+    text = {True: "true", False: "false", None: "nothing"}.get(value) if isinstance(value, bool | None) else repr(value)
+    return text if text and len(text) <= 60 else f"{str(text)[:57]}..."
+
+
+def _path(location: Location, data: object) -> str:
+    """The location as the user would write it; pydantic's own labels of a union's members are left out."""
+    path = ""
+    for step in location:
+        if isinstance(data, Mapping) and step in data:
+            data, path = data[step], f"{path}.{step}"
+        elif isinstance(data, list | tuple) and isinstance(step, int) and step < len(data):
+            data, path = data[step], f"{path}[{step}]"
+    return path.removeprefix(".")
+
+
+def _keys(model: Any, location: Location) -> Iterator[str]:
+    """The keys of the record that lies at the location within a type."""
+    fields = getattr(model, "model_fields", None)
+    if fields is None:
+        for inner in get_args(model):
+            yield from _keys(inner, location)
+            yield from _keys(inner, location[1:]) if location else ()
+    elif not location:
+        yield from (field.alias or name for name, field in fields.items())
+    else:
+        for name, field in fields.items():
+            if location[0] == (field.alias or name):
+                yield from _keys(field.annotation, location[1:])
+        if location[0] == model.__name__:
+            yield from _keys(model, location[1:])

@@ -1,0 +1,1 @@
+"""Triangles: shading normals, subdivision, rasterising over the UV square, and which surfaces lie beneath others."""

@@ -1,0 +1,74 @@
+"""Which faces lie beneath others at the same UV, and the hidden parts they go to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Int
+from numpy import ndarray
+
+from svbrdfgan.geometry.rasterize import fragment_elevation, fragments, rasterize
+from svbrdfgan.geometry.split import cut_faces, with_parts
+from svbrdfgan.types import Surface
+
+TOLERANCE = 0.02
+"""How far beneath the outermost surface, in diagonals of the bounding box, a face still counts as lying on it."""
+_ROUNDS = 2
+_WORTH_CUTTING = 8  # texels that a face covers
+
+
+def hide_inner_layers(surface: Surface, resolution: int) -> Surface:
+    """The surface with its inner faces moved to hidden parts, which follow the mesh's own, in order.
+
+    A face is hidden if at most of the texel centres that it covers (at its centroid, if it covers none) another face
+    lies further out by more than `TOLERANCE`. So what is behind trim, glued-on lights and duplicated faces stays
+    exposed, and is learned with the texels above it. Larger faces that are partly covered are cut first, at most twice.
+    """
+    covered, near = layer_counts(surface, resolution)
+    for _ in range(_ROUNDS):
+        mixed = (covered >= _WORTH_CUTTING) & (10 * near > covered) & (10 * near < 9 * covered)
+        if not mixed.any():
+            break
+        surface = cut_faces(surface, mixed)
+        covered, near = layer_counts(surface, resolution)
+    return _move_to_hidden(surface, 2 * near < covered)
+
+
+def layer_counts(surface: Surface, resolution: int) -> tuple[Int[ndarray, " faces"], Int[ndarray, " faces"]]:
+    """For each face, how many texels it covers, and at how many of these it lies on the outermost surface.
+
+    A face that covers no texel's centre counts as covering one: its centroid's.
+    """
+    box = surface.positions[surface.faces].reshape(-1, 3)
+    tolerance = TOLERANCE * float(np.linalg.norm(box.max(axis=0) - box.min(axis=0)))
+    floor = rasterize(surface, resolution, resolution).elevation.ravel() - tolerance
+    covered = np.zeros(len(surface.faces), dtype=np.int64)
+    near = covered.copy()
+    for found in fragments(surface, resolution, resolution):
+        covered += np.bincount(found.face, minlength=len(covered))
+        near += np.bincount(found.face[fragment_elevation(surface, found) >= floor[found.texel]], minlength=len(near))
+    small = np.flatnonzero(covered == 0)
+    texel = centroid_texels(surface, resolution, resolution)[small]
+    near[small] = surface.elevation[surface.faces[small]].mean(axis=1) >= floor[texel]
+    covered[small] = 1
+    return covered, near
+
+
+def centroid_texels(surface: Surface, rows: int, cols: int) -> Int[ndarray, " faces"]:
+    """The texel (row * cols + col) in which each face's centroid lies."""
+    middle = surface.uv[surface.faces].mean(axis=1) * (cols, rows)
+    col, row = np.minimum(middle.astype(np.int64), (cols - 1, rows - 1)).T
+    return row * cols + col
+
+
+def _move_to_hidden(surface: Surface, hidden: Bool[ndarray, " faces"]) -> Surface:
+    """The surface with these faces in the hidden parts of their parts. No vertex serves faces on both sides."""
+    part = surface.face_part
+    moved = [k for k in np.unique(part[hidden]) if not surface.parts[k].hidden]
+    if not moved:
+        return surface
+    target = np.arange(len(surface.parts))
+    target[moved] = len(surface.parts) + np.arange(len(moved))
+    twins = tuple(replace(surface.parts[k], name=f"{surface.parts[k].name} (hidden)", hidden=True) for k in moved)
+    return with_parts(surface, np.where(hidden, target[part], part), surface.parts + twins)

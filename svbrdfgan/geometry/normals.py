@@ -1,0 +1,82 @@
+"""Shading normals by the one crease-angle rule of `docs/conventions.md`, and triangle areas."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+CREASE_ANGLE = math.radians(40.0)
+UP = np.array([0.0, 1.0, 0.0])
+_DEGENERATE = 1e-12  # sine below which two edges of a triangle count as parallel
+_PAIRS_AT_ONCE = 1 << 21
+
+
+def unit(vectors: Float[ndarray, "*n 3"], fallback: Float[ndarray, "*n 3"] = UP) -> Float[ndarray, "*n 3"]:
+    """The vectors at length one; `fallback` (unit, broadcast) where they have next to none."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.where(length > 1e-30, vectors / np.maximum(length, 1e-30), fallback)
+
+
+def face_normals(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> Float[ndarray, "faces 3"]:
+    """Unit geometric normals, on the side from which the corners run counter-clockwise; zero for degenerate faces."""
+    a, b, c = (positions[faces[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    longest = np.max([np.sum((q - p) ** 2, axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    good = np.linalg.norm(normal, axis=1) > _DEGENERATE * longest
+    return np.where(good[:, None], unit(normal), 0.0)
+
+
+def face_areas(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> Float[ndarray, " faces"]:
+    """Areas in square metres."""
+    a, b, c = (positions[faces[:, k]] for k in range(3))
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+
+def corner_angles(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> Float[ndarray, "faces 3"]:
+    """The angle of each triangle at each of its corners, radians."""
+    corners = positions[faces]
+    onward = unit(np.roll(corners, -1, axis=1) - corners)
+    back = unit(np.roll(corners, 1, axis=1) - corners)
+    return np.arccos(np.clip(np.sum(onward * back, axis=2), -1.0, 1.0))
+
+
+def corner_normals(
+    positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"], crease_angle: float = CREASE_ANGLE
+) -> Float[ndarray, "faces 3 3"]:
+    """Unit shading normals per face corner.
+
+    At each corner: the normals of the faces around its vertex that lie within `crease_angle` of the corner's own face,
+    weighted by the angles of their corners at that vertex. Vertices must be welded. Corners of degenerate faces get +Y.
+    """
+    flat = face_normals(positions, faces)
+    weighted = (flat[:, None, :] * corner_angles(positions, faces)[:, :, None]).reshape(-1, 3)
+    smooth = np.zeros((3 * len(faces), 3))
+    for corner, neighbour in _corner_pairs(faces):
+        cosine = np.einsum("ij,ij->i", flat[corner // 3], flat[neighbour // 3])
+        near = cosine >= math.cos(crease_angle) - 1e-12
+        for axis in range(3):
+            smooth[:, axis] += np.bincount(corner[near], weighted[neighbour[near], axis], len(smooth))
+    own = unit(np.repeat(flat, 3, axis=0))
+    return unit(smooth, own).reshape(-1, 3, 3)
+
+
+def _corner_pairs(faces: Int[ndarray, "faces 3"]) -> Iterator[tuple[Int[ndarray, " pairs"], Int[ndarray, " pairs"]]]:
+    """Every ordered pair of corners that meet at one vertex, in pieces of bounded size."""
+    vertex = faces.ravel()
+    order = np.argsort(vertex, kind="stable")
+    valence = np.bincount(vertex)
+    first = np.cumsum(valence) - valence
+    total = np.cumsum(valence[vertex])
+    start = 0
+    while start < len(vertex):
+        done = total[start - 1] if start else 0
+        stop = max(start + 1, int(np.searchsorted(total, done + _PAIRS_AT_ONCE, side="right")))
+        corner = np.arange(start, stop)
+        around = valence[vertex[corner]]
+        within = np.arange(around.sum()) - np.repeat(np.cumsum(around) - around, around)
+        yield np.repeat(corner, around), order[np.repeat(first[vertex[corner]], around) + within]
+        start = stop

@@ -1,0 +1,100 @@
+"""From attributes per face corner to vertices: one for each combination that differs, as in a GPU buffer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from svbrdfgan.geometry.normals import unit
+from svbrdfgan.geometry.subdivide import Pieces, cut_edges, unique_edges
+from svbrdfgan.types import Part, Surface
+
+_STEPS = 1 << 24  # attributes that agree to this fraction of one are the same
+
+
+def split_corners(
+    faces: Int[ndarray, "faces 3"], face_part: Int[ndarray, " faces"], *attributes: Float[ndarray, "faces 3 _"]
+) -> tuple[Int[ndarray, " vertices"], Int[ndarray, "faces 3"]]:
+    """The corners (face * 3 + k) that become vertices, and the faces over these vertices.
+
+    Corners share a vertex if they share position index and part, and their attributes (of order one) are the same.
+    """
+    columns = [faces.reshape(-1, 1), np.repeat(face_part, 3)[:, None]]
+    columns += [np.round(a.reshape(faces.size, -1) * _STEPS).astype(np.int64) for a in attributes]
+    label = np.zeros(faces.size, dtype=np.int64)
+    for column in np.concatenate(columns, axis=1).T:
+        _, rank = np.unique(column, return_inverse=True)
+        _, label = np.unique(label * (int(rank.max()) + 1) + rank, return_inverse=True)
+    _, corner, vertex = np.unique(label, return_index=True, return_inverse=True)
+    return corner, vertex.reshape(-1, 3)
+
+
+def surface_from_corners(
+    pieces: Pieces,
+    *,
+    normals: Float[ndarray, "faces 3 3"],
+    uv: Float[ndarray, "faces 3 2"],
+    elevation: Float[ndarray, "faces 3"],
+    face_part: Int[ndarray, " faces"],
+    parts: tuple[Part, ...],
+    repeat: tuple[bool, bool] = (False, False),
+) -> Surface:
+    """The surface of these pieces, vertices split wherever normal, uv or part differ; normals are made unit."""
+    normals = unit(normals)
+    corner, faces = split_corners(pieces.faces, face_part, normals, uv)
+    return Surface(
+        positions=pieces.positions[pieces.faces.ravel()[corner]],
+        normals=normals.reshape(-1, 3)[corner],
+        uv=np.clip(uv.reshape(-1, 2)[corner], 0.0, 1.0),
+        faces=faces,
+        face_part=face_part,
+        parts=parts,
+        elevation=elevation.ravel()[corner],
+        source_face=pieces.source_face,
+        source_barycentric=pieces.source_barycentric,
+        repeat=repeat,
+    )
+
+
+def cut_faces(surface: Surface, chosen: Bool[ndarray, " faces"]) -> Surface:
+    """The surface with each chosen face cut in four, and its neighbours so that no T-junction arises.
+
+    Attributes at the new vertices are interpolated: the shape, the UVs and the shading stay as they are.
+    """
+    positions, weld = np.unique(surface.positions, axis=0, return_inverse=True)
+    pieces = Pieces.whole(positions, weld.reshape(-1)[surface.faces])
+    edges, face_edges = unique_edges(pieces.faces)
+    cut = np.isin(np.arange(len(edges)), face_edges[chosen]) & (edges[:, 0] != edges[:, 1])
+    pieces = cut_edges(pieces, edges, face_edges, cut)
+    parent = pieces.source_face
+    back = Pieces(
+        pieces.positions, pieces.faces, surface.source_face[parent], pieces.interpolate(surface.source_barycentric)
+    )
+    return surface_from_corners(
+        back,
+        normals=pieces.interpolate(surface.normals[surface.faces]),
+        uv=pieces.interpolate(surface.uv[surface.faces]),
+        elevation=pieces.interpolate(surface.elevation[surface.faces]),
+        face_part=surface.face_part[parent],
+        parts=surface.parts,
+        repeat=surface.repeat,
+    )
+
+
+def with_parts(surface: Surface, face_part: Int[ndarray, " faces"], parts: tuple[Part, ...]) -> Surface:
+    """The surface with its faces in other parts; vertices between faces of different parts are split."""
+    key, inverse = np.unique(surface.faces.ravel() * len(parts) + np.repeat(face_part, 3), return_inverse=True)
+    vertex = key // len(parts)
+    return replace(
+        surface,
+        positions=surface.positions[vertex],
+        normals=surface.normals[vertex],
+        uv=surface.uv[vertex],
+        elevation=surface.elevation[vertex],
+        faces=inverse.reshape(-1, 3),
+        face_part=face_part,
+        parts=parts,
+    )

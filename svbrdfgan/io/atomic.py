@@ -1,0 +1,34 @@
+"""Files that are either whole or not there."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from svbrdfgan.errors import AssetError
+
+
+@contextmanager
+def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A temporary path beside `path`, of the same suffix: it becomes `path` if the block ends well, else vanishes.
+
+    Folders that are missing are made.
+
+    Raises:
+        AssetError: the file cannot be written there.
+    """
+    target = Path(path)
+    temporary = target.with_name(f".{target.stem}.{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        os.replace(temporary, target)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise AssetError(f"{target} cannot be written ({reason}); check the folder and its free space.") from error
+    finally:
+        with suppress(OSError):
+            temporary.unlink()

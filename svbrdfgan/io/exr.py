@@ -1,0 +1,104 @@
+"""Float pictures with named channels, through OpenImageIO."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+from torch import Tensor
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.files import check_file
+
+MAX_PIXELS = 2**28
+"""No picture that this package can use has more; a header that says so is broken."""
+
+
+def load_exr(path: str | os.PathLike[str], *, uv_map: bool = False) -> dict[str, Float[Tensor, "rows cols"]]:
+    """The channels of an EXR file by name, row 0 on top, or at v = 0 for a UV map.
+
+    Raises:
+        AssetError: the file cannot be read as EXR.
+    """
+    names, values = read_floats(check_file(path, (".exr",), "picture"))
+    planes = torch.from_numpy(values[::-1].copy() if uv_map else values)
+    return {name: planes[..., channel].contiguous() for channel, name in enumerate(names)}
+
+
+def save_exr(
+    path: str | os.PathLike[str],
+    channels: Mapping[str, Float[Tensor, "rows cols"]],
+    *,
+    half: bool = False,
+    uv_map: bool = False,
+) -> None:
+    """Writes channels by name, such as "position.X"; row 0 is the top, or v = 0 for a UV map. Floats of 32 or 16 bits.
+
+    Raises:
+        AssetError: no channels, shapes that differ, a name other than .exr, or a disk that refuses.
+    """
+    shapes = {tuple(plane.shape) for plane in channels.values()}
+    if len(shapes) != 1 or len(next(iter(shapes))) != 2:
+        raise AssetError(f"{path}: channels of shapes {sorted(shapes)} cannot be saved; wanted one shape (rows, cols).")
+    if Path(path).suffix.lower() != ".exr":
+        raise AssetError(f"{path} cannot hold named channels; use .exr.")
+    values = torch.stack([plane.detach().cpu().float() for plane in channels.values()], dim=-1).numpy()
+    write_floats(Path(path), tuple(channels), values[::-1] if uv_map else values, half=half)
+
+
+def read_floats(path: Path) -> tuple[tuple[str, ...], Float[ndarray, "height width channels"]]:
+    """Channel names and values of the first picture in a file, row 0 on top.
+
+    Raises:
+        AssetError: the file is broken.
+    """
+    import OpenImageIO as oiio  # noqa: N813
+
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise AssetError(f"{path} cannot be read as a picture: {_sentence(oiio.geterror(), path)}.")
+    spec = source.spec()
+    if spec.width * spec.height * spec.nchannels > 4 * MAX_PIXELS:
+        source.close()
+        raise AssetError(f"{path} claims {spec.width} x {spec.height} pixels, which is beyond use; export it again.")
+    values = source.read_image("float")
+    reason = source.geterror()
+    source.close()
+    if values is None:
+        raise AssetError(f"{path} is damaged or cut short: {_sentence(reason, path)}.")
+    return tuple(spec.channelnames), np.asarray(values, dtype=np.float32).reshape(spec.height, spec.width, -1)
+
+
+def write_floats(
+    path: Path, names: tuple[str, ...], values: Float[ndarray, "height width channels"], *, half: bool = False
+) -> None:
+    """Writes an EXR or HDR file whole or not at all.
+
+    Raises:
+        AssetError: the disk refuses.
+    """
+    import OpenImageIO as oiio  # noqa: N813
+
+    height, width, channels = values.shape
+    spec = oiio.ImageSpec(width, height, channels, "half" if half else "float")
+    spec.channelnames = names
+    spec.attribute("compression", "zip")
+    with atomic_path(path) as temporary:
+        target = oiio.ImageOutput.create(str(temporary))
+        if target is None:
+            raise OSError(_sentence(oiio.geterror(), path))
+        done = target.open(str(temporary), spec) and target.write_image(np.ascontiguousarray(values, dtype=np.float32))
+        if not (target.close() and done):
+            raise OSError(_sentence(target.geterror() or oiio.geterror(), path))
+
+
+def _sentence(message: str, path: Path) -> str:
+    """OpenImageIO's reason on one line, without the file's name, which our sentence has already."""
+    line = " ".join(message.replace(str(path), path.name).split())
+    return line.rstrip(".") or "no reason was given"

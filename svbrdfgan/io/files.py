@@ -1,0 +1,28 @@
+"""The border that every file crosses first."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from svbrdfgan.errors import AssetError
+
+
+def check_file(path: str | os.PathLike[str], suffixes: tuple[str, ...], what: str) -> Path:
+    """The path of a file that is there, is not empty and is named as one of `suffixes`.
+
+    Raises:
+        AssetError: it is not.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise AssetError(f"{path} is a folder; wanted a {what} file ({', '.join(suffixes)}).")
+    if not path.exists():
+        raise AssetError(f"{path} does not exist; wanted a {what} file ({', '.join(suffixes)}).")
+    if path.suffix.lower() not in suffixes:
+        raise AssetError(f"{path} is not a {what} file that can be read; wanted one of {', '.join(suffixes)}.")
+    if not os.access(path, os.R_OK):
+        raise AssetError(f"{path} may not be read; check its permissions.")
+    if path.stat().st_size == 0:
+        raise AssetError(f"{path} is empty; export or download it again.")
+    return path

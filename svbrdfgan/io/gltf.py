@@ -1,0 +1,216 @@
+"""GLB out: surfaces with the textures that were made for them, and meshes as they came.
+
+Written directly and not by a mesh library, because factors must keep their precision, parts share pictures, and
+textures must clamp or repeat as the surface says.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from numpy import ndarray
+from torch import Tensor
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.image import texture_png
+from svbrdfgan.io.rows import merge_rows
+from svbrdfgan.types import Mesh, Part, Surface
+
+Texture = Float[Tensor, "rows cols channels"]
+
+FLOAT, UINT = 5126, 5125
+VERTICES, INDICES = 34962, 34963
+LINEAR, CLAMP, REPEAT = 9729, 33071, 10497
+ROUGHNESS = 0.9
+
+
+@dataclass
+class _Document:
+    """A GLB file in the making: its JSON tables and its binary chunk."""
+
+    repeat: tuple[bool, bool]
+    binary: bytearray = field(default_factory=bytearray)
+    views: list[dict[str, Any]] = field(default_factory=list)
+    accessors: list[dict[str, Any]] = field(default_factory=list)
+    materials: list[dict[str, Any]] = field(default_factory=list)
+    meshes: list[dict[str, Any]] = field(default_factory=list)
+    images: list[dict[str, Any]] = field(default_factory=list)
+    image_of: dict[int, int] = field(default_factory=dict)
+
+
+def save_glb(path: str | os.PathLike[str], surface: Surface, textures: Mapping[int, Texture]) -> None:
+    """Writes a surface as GLB: one mesh for each part, with the texture given for it or else its base colour.
+
+    A texture is linear base colour in [0, 1] with row 0 at v = 0, by index of its part: RGB is opaque, RGBA is blended
+    by its straight alpha. One given for several parts is stored once. A part that is given none gets its base colour,
+    times the mean of its own texture, which has no place in the surface's UVs.
+
+    Raises:
+        AssetError: the name does not end in .glb, a texture's part or shape is wrong, or the disk refuses.
+    """
+    _check_suffix(path)
+    for index, given in textures.items():
+        if not 0 <= index < len(surface.parts):
+            raise AssetError(
+                f"{path}: a texture is given for part {index}, but the surface has {len(surface.parts)} parts."
+            )
+        if given.ndim != 3 or given.shape[2] not in (3, 4) or given.numel() == 0:
+            raise AssetError(f"{path}: texture {index} has shape {tuple(given.shape)}; wanted (rows, cols, 3 | 4).")
+    document = _Document(surface.repeat)
+    for index, part in enumerate(surface.parts):
+        used, faces = np.unique(surface.faces[surface.face_part == index], return_inverse=True)
+        if len(used):
+            texture = textures.get(index)
+            color = _mean_color(part) if texture is None else (1.0, 1.0, 1.0)
+            material = _add_material(document, part.name, color, texture)
+            attributes = {"POSITION": surface.positions, "NORMAL": surface.normals, "TEXCOORD_0": _top_left(surface.uv)}
+            _add_mesh(document, part.name, {name: a[used] for name, a in attributes.items()}, faces, material)
+    _write(path, document)
+
+
+def save_mesh_glb(path: str | os.PathLike[str], mesh: Mesh) -> None:
+    """Writes a mesh as GLB, so that `load_mesh` gives the same triangles, parts and UVs (positions rounded to float32).
+
+    No normals are written: viewers shade it flat, and this package makes its own.
+
+    Raises:
+        AssetError: the name does not end in .glb, or the disk refuses.
+    """
+    _check_suffix(path)
+    document = _Document((True, True))
+    textures = {id(part.texture): torch.from_numpy(part.texture) for part in mesh.parts if part.texture is not None}
+    for index, part in enumerate(mesh.parts):
+        chosen = mesh.face_part == index
+        if chosen.any():
+            attributes, faces = _split_corners(mesh, chosen)
+            texture = textures.get(id(part.texture)) if mesh.uv is not None else None
+            material = _add_material(document, part.name, part.base_color, texture)
+            _add_mesh(document, part.name, attributes, faces, material)
+    _write(path, document)
+
+
+def _check_suffix(path: str | os.PathLike[str]) -> None:
+    if Path(path).suffix.lower() != ".glb":
+        raise AssetError(f"{path} does not end in .glb, the one kind of mesh file that is written.")
+
+
+def _mean_color(part: Part) -> tuple[float, float, float]:
+    tint = np.ones(3) if part.texture is None else part.texture.reshape(-1, 3).mean(axis=0, dtype=np.float64)
+    red, green, blue = (tint * part.base_color).tolist()
+    return red, green, blue
+
+
+def _top_left(uv: Float[ndarray, "vertices 2"]) -> Float[ndarray, "vertices 2"]:
+    """glTF's texture coordinates, whose origin is the picture's upper left corner."""
+    return np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1)
+
+
+def _split_corners(mesh: Mesh, chosen: ndarray) -> tuple[dict[str, ndarray], Int[ndarray, " corners"]]:
+    """One vertex for each position and UV that the chosen faces have, and the corners as indices into them."""
+    vertex = mesh.faces[chosen].reshape(-1)
+    if mesh.uv is None:
+        used, faces = np.unique(vertex, return_inverse=True)
+        return {"POSITION": mesh.positions[used]}, faces
+    uv = mesh.uv[chosen].reshape(-1, 2)
+    split, faces = merge_rows(np.column_stack([vertex, uv]))
+    attributes = {"POSITION": mesh.positions[split[:, 0].astype(np.int64)], "TEXCOORD_0": _top_left(split[:, 1:])}
+    return attributes, faces
+
+
+def _add_view(document: _Document, data: bytes, target: int | None = None) -> int:
+    view: dict[str, Any] = {"buffer": 0, "byteOffset": len(document.binary), "byteLength": len(data)}
+    document.views.append(view if target is None else {**view, "target": target})
+    document.binary += data + b"\0" * (-len(data) % 4)
+    return len(document.views) - 1
+
+
+def _add_accessor(document: _Document, array: ndarray, kind: str, component: int, target: int) -> int:
+    accessor: dict[str, Any] = {
+        "bufferView": _add_view(document, array.tobytes(), target),
+        "componentType": component,
+        "count": len(array),
+        "type": kind,
+    }
+    if kind == "VEC3":
+        accessor |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
+    document.accessors.append(accessor)
+    return len(document.accessors) - 1
+
+
+def _add_mesh(
+    document: _Document, name: str, attributes: Mapping[str, ndarray], faces: Int[ndarray, "*corners"], material: int
+) -> None:
+    indices = faces.reshape(-1).astype("<u4")
+    primitive = {
+        "attributes": {
+            key: _add_accessor(document, array.astype("<f4"), f"VEC{array.shape[1]}", FLOAT, VERTICES)
+            for key, array in attributes.items()
+        },
+        "indices": _add_accessor(document, indices, "SCALAR", UINT, INDICES),
+        "material": material,
+    }
+    document.meshes.append({"name": name, "primitives": [primitive]})
+
+
+def _add_material(document: _Document, name: str, color: tuple[float, float, float], texture: Texture | None) -> int:
+    pbr: dict[str, Any] = {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
+    blend = texture is not None and texture.shape[2] == 4
+    if texture is not None:
+        pbr["baseColorTexture"] = {"index": _add_image(document, texture)}
+    document.materials.append(
+        {
+            "name": name,
+            "pbrMetallicRoughness": pbr,
+            "alphaMode": "BLEND" if blend else "OPAQUE",
+            "doubleSided": True,
+        }
+    )
+    return len(document.materials) - 1
+
+
+def _add_image(document: _Document, texture: Texture) -> int:
+    if id(texture) not in document.image_of:
+        document.image_of[id(texture)] = len(document.images)
+        view = _add_view(document, texture_png(texture))
+        document.images.append({"bufferView": view, "mimeType": "image/png"})
+    return document.image_of[id(texture)]
+
+
+def _header(document: _Document) -> dict[str, Any]:
+    wrap_u, wrap_v = (REPEAT if repeats else CLAMP for repeats in document.repeat)
+    header: dict[str, Any] = {
+        "asset": {"version": "2.0", "generator": "svbrdfgan"},
+        "scene": 0,
+        "scenes": [{"nodes": list(range(len(document.meshes)))}],
+        "nodes": [{"name": mesh["name"], "mesh": index} for index, mesh in enumerate(document.meshes)],
+        "meshes": document.meshes,
+        "materials": document.materials,
+        "accessors": document.accessors,
+        "bufferViews": document.views,
+        "buffers": [{"byteLength": len(document.binary)}],
+    }
+    if document.images:
+        header["images"] = document.images
+        header["samplers"] = [{"magFilter": LINEAR, "minFilter": LINEAR, "wrapS": wrap_u, "wrapT": wrap_v}]
+        header["textures"] = [{"sampler": 0, "source": index} for index in range(len(document.images))]
+    return header
+
+
+def _write(path: str | os.PathLike[str], document: _Document) -> None:
+    text = json.dumps(_header(document), separators=(",", ":"), allow_nan=False).encode()
+    text += b" " * (-len(text) % 4)
+    size = 12 + 8 + len(text) + 8 + len(document.binary)
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        file.write(struct.pack("<4sII", b"glTF", 2, size))
+        file.write(struct.pack("<I4s", len(text), b"JSON") + text)
+        file.write(struct.pack("<I4s", len(document.binary), b"BIN\0") + document.binary)

@@ -1,0 +1,92 @@
+"""The JSON of a glTF or GLB file: what must be known before a mesh library unpacks it, and what that library rounds."""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from svbrdfgan.errors import AssetError
+
+MAX_ACCESSOR = 150_000_000
+"""Corners of 50 million triangles: more in one accessor is a broken header, and would be allocated unnoticed."""
+
+UNREADABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization")
+"""Extensions that change what the geometry's bytes mean, and that the mesh library reads wrongly or not at all."""
+
+
+@dataclass(frozen=True)
+class HeaderMaterial:
+    """What the header says of one material: its linear base colour in full precision, and whether it has a picture."""
+
+    name: str | None
+    base_color: tuple[float, float, float]
+    textured: bool
+
+
+def read_materials(path: Path) -> tuple[HeaderMaterial, ...]:
+    """The materials of a .gltf or .glb file, once its header has passed all checks.
+
+    Raises:
+        AssetError: the file is cut short, is not glTF 2.0, or stores its geometry in a way that cannot be read.
+    """
+    header = _glb_json(path) if path.suffix.lower() == ".glb" else _json(path, path.read_bytes())
+    used = [name for name in UNREADABLE if name in header.get("extensionsRequired", [])]
+    if used:
+        raise AssetError(
+            f"{path} needs the glTF extension {used[0]}, which cannot be read; export it without compression."
+        )
+    _check_accessors(path, header)
+    return tuple(_material(material) for material in header.get("materials", []))
+
+
+def _glb_json(path: Path) -> dict[str, Any]:
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(20)
+        if head[:4] != b"glTF":
+            raise AssetError(f"{path} is not a GLB file: it does not begin with 'glTF'.")
+        if len(head) < 20:
+            raise AssetError(f"{path} is cut short: it has {size} bytes; export or download it again.")
+        version, length, chunk = struct.unpack("<III", head[4:16])
+        if version != 2:
+            raise AssetError(f"{path} is glTF version {version}; wanted version 2.")
+        if length > size or chunk > size - 20:
+            raise AssetError(
+                f"{path} is cut short: it has {size} of {max(length, chunk + 20)} bytes; export or download it again."
+            )
+        return _json(path, file.read(chunk))
+
+
+def _json(path: Path, text: bytes) -> dict[str, Any]:
+    try:
+        header = json.loads(text)
+    except ValueError as error:
+        raise AssetError(f"{path} cannot be read as glTF: its JSON is broken ({error}).") from error
+    if not isinstance(header, dict) or "asset" not in header:
+        raise AssetError(f"{path} is JSON but not glTF: it has no 'asset'.")
+    return header
+
+
+def _check_accessors(path: Path, header: dict[str, Any]) -> None:
+    accessors = header.get("accessors", [])
+    largest = max((accessor["count"] for accessor in accessors), default=0)
+    if largest > MAX_ACCESSOR:
+        raise AssetError(f"{path} claims {largest} elements in one accessor; wanted at most {MAX_ACCESSOR}.")
+    for mesh in header.get("meshes", []):
+        for primitive in mesh["primitives"]:
+            attributes = primitive["attributes"]
+            texcoord = attributes.get("TEXCOORD_0")
+            if texcoord is not None and accessors[texcoord]["componentType"] != 5126:
+                raise AssetError(f"{path} stores texture coordinates as integers; export them as floats.")
+            indices = [primitive.get("indices"), attributes.get("POSITION"), texcoord]
+            if any(index is not None and "sparse" in accessors[index] for index in indices):
+                raise AssetError(f"{path} stores its geometry in sparse accessors; export it without them.")
+
+
+def _material(material: dict[str, Any]) -> HeaderMaterial:
+    pbr = material.get("pbrMetallicRoughness", {})
+    red, green, blue = (float(value) for value in pbr.get("baseColorFactor", (1.0, 1.0, 1.0))[:3])
+    return HeaderMaterial(material.get("name"), (red, green, blue), "baseColorTexture" in pbr)

@@ -1,0 +1,146 @@
+"""Pictures and textures in files, linear in memory: PNG and JPEG hold sRGB in 8 bits, EXR and HDR hold linear floats.
+
+EXR values are stored and returned as they are: images are premultiplied by coverage, layers have straight alpha.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from numpy import ndarray
+from torch import Tensor
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.exr import read_floats, write_floats
+from svbrdfgan.io.files import check_file
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+log = logging.getLogger(__name__)
+
+EIGHT_BIT = (".png", ".jpg", ".jpeg")
+FLOAT = (".exr", ".hdr")
+LUMINANCE, COLOR = ("Y",), ("R", "G", "B", "A")
+
+
+def linear_from_srgb(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
+    """Linear values of sRGB ones in [0, 1]: the piecewise function of IEC 61966-2-1."""
+    return torch.where(values <= 0.04045, values / 12.92, ((values.clamp(min=0.04045) + 0.055) / 1.055) ** 2.4)
+
+
+def srgb_from_linear(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
+    """The sRGB values of linear ones: the inverse of `linear_from_srgb`."""
+    curve = 1.055 * values.clamp(min=0.0031308) ** (1 / 2.4) - 0.055
+    return torch.where(values <= 0.0031308, values * 12.92, curve)
+
+
+def load_image(path: str | os.PathLike[str]) -> Float[Tensor, "height width channels"]:
+    """The picture in a PNG, JPEG, EXR or HDR file: linear RGB or RGBA, row 0 on top. Grey is repeated into RGB.
+
+    Raises:
+        AssetError: the file cannot be read as what its name says, or an EXR has no R, G, B or Y channel.
+    """
+    path = check_file(path, EIGHT_BIT + FLOAT, "picture")
+    return _load_float(path) if path.suffix.lower() in FLOAT else _load_eight_bit(path)
+
+
+def save_image(path: str | os.PathLike[str], image: Float[Tensor, "height width channels"]) -> None:
+    """Writes 1, 3 or 4 linear channels, row 0 on top. PNG and JPEG are clipped to [0, 1]; alpha is never sRGB-encoded.
+
+    Raises:
+        AssetError: the suffix or the shape is not one of these, JPEG is asked to hold alpha, or the disk refuses.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if image.ndim != 3 or image.shape[2] not in (1, 3, 4) or image.numel() == 0:
+        raise AssetError(
+            f"{path}: an image of shape {tuple(image.shape)} cannot be saved; wanted (height, width, 1 | 3 | 4)."
+        )
+    if suffix not in EIGHT_BIT + FLOAT:
+        raise AssetError(
+            f"{path} is not a kind of picture that can be written; use one of {', '.join(EIGHT_BIT + FLOAT)}."
+        )
+    if image.shape[2] == 4 and suffix not in (".png", ".exr"):
+        raise AssetError(f"{path}: {suffix} files hold no alpha; use .png or .exr.")
+    if suffix in FLOAT:
+        names = LUMINANCE if image.shape[2] == 1 else COLOR[: image.shape[2]]
+        write_floats(path, names, image.detach().cpu().float().numpy())
+    else:
+        with atomic_path(path) as temporary:
+            picture(image).save(temporary, quality=95)
+
+
+def load_texture(path: str | os.PathLike[str]) -> Float[Tensor, "rows cols channels"]:
+    """The texture in a picture file, as `load_image` but with row 0 at v = 0, the bottom of the picture."""
+    return load_image(path).flip(0)
+
+
+def save_texture(path: str | os.PathLike[str], texture: Float[Tensor, "rows cols channels"]) -> None:
+    """Writes a texture whose row 0 lies at v = 0 as a picture with its top row first; otherwise as `save_image`."""
+    save_image(path, texture.flip(0))
+
+
+def texture_png(texture: Float[Tensor, "rows cols channels"]) -> bytes:
+    """The bytes of the PNG file that `save_texture` would write."""
+    stream = BytesIO()
+    picture(texture.flip(0)).save(stream, format="PNG")
+    return stream.getvalue()
+
+
+def picture(image: Float[Tensor, "height width channels"]) -> Image:
+    """The 8-bit sRGB picture of 1, 3 or 4 linear channels, clipped to [0, 1]."""
+    from PIL import Image as PillowImage
+
+    values = image.detach().cpu().float()
+    if not torch.isfinite(values).all():
+        log.warning("a picture holds values that are not finite; they are written as 0 or 1")
+        values = values.nan_to_num(nan=0.0)
+    color, alpha = values[..., :3].clamp(0, 1), values[..., 3:].clamp(0, 1)
+    codes = (torch.cat([srgb_from_linear(color), alpha], dim=-1) * 255).round().byte().numpy()
+    return PillowImage.fromarray(codes[..., 0] if codes.shape[-1] == 1 else codes)
+
+
+def linear_from_picture(image: Image) -> Float[Tensor, "height width channels"]:
+    """Linear RGB, or RGBA where the picture has transparency, row 0 on top.
+
+    Raises:
+        OSError, SyntaxError, ValueError: the picture's file is broken.
+    """
+    if image.mode.startswith("I"):  # 16-bit grey, which Pillow would clip to 8 bits
+        grey = torch.from_numpy(np.asarray(image).astype(np.float32) / 65535.0)
+        return linear_from_srgb(grey.clamp(0, 1))[..., None].expand(-1, -1, 3).contiguous()
+    alpha = "A" in image.getbands() or "transparency" in image.info
+    pixels: UInt8[ndarray, "height width channels"] = np.array(image.convert("RGBA" if alpha else "RGB"))
+    values = torch.from_numpy(pixels).float() / 255.0
+    return torch.cat([linear_from_srgb(values[..., :3]), values[..., 3:]], dim=-1)
+
+
+def _load_eight_bit(path: Path) -> Float[Tensor, "height width channels"]:
+    from PIL import Image as PillowImage
+
+    try:
+        with PillowImage.open(path) as image:
+            return linear_from_picture(image)
+    except Exception as error:  # Pillow's decoders raise many kinds, and every one means that the file is broken
+        raise AssetError(f"{path} cannot be read as a picture: {error}.") from error
+
+
+def _load_float(path: Path) -> Float[Tensor, "height width channels"]:
+    names, values = read_floats(path)
+    wanted: tuple[str, ...] = COLOR if set(COLOR) <= set(names) else COLOR[:3]
+    if not set(wanted) <= set(names):
+        if len(names) > 1 and "Y" not in names:
+            raise AssetError(
+                f"{path} has channels {', '.join(names)}; wanted R, G, B or Y. Use load_exr to read others."
+            )
+        wanted = ("Y",) * 3 if "Y" in names else names * 3
+    return torch.from_numpy(values[..., [names.index(name) for name in wanted]])

@@ -1,0 +1,129 @@
+"""Mesh files (GLB, glTF, OBJ, PLY, STL) as one `Mesh`: parts by material, transforms applied, vertices welded."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io.files import check_file
+from svbrdfgan.io.rows import merge_rows
+from svbrdfgan.io.scene import Piece, read_pieces
+from svbrdfgan.types import Mesh, Part
+
+log = logging.getLogger(__name__)
+
+SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+MAX_FACES = 50_000_000
+MAX_COORDINATE = 1e9
+
+
+def load_mesh(path: str | os.PathLike[str]) -> Mesh:
+    """The triangles of a mesh file, with its materials as parts and its own UVs where it has any.
+
+    Equal positions are merged, across materials too, and faces that lose a corner by it are dropped; normals in the
+    file are ignored. Where only some meshes of a file have UVs, the others get zeros. A picture that is missing or
+    broken is a warning.
+
+    Raises:
+        AssetError: the file is missing, broken or of another kind, has no faces, or has impossible coordinates.
+    """
+    path = check_file(path, SUFFIXES, "mesh")
+    pieces = [piece for piece in read_pieces(path) if len(piece.faces)]
+    count = sum(len(piece.faces) for piece in pieces)
+    if not 0 < count <= MAX_FACES:
+        raise AssetError(f"{path} holds {count or 'no'} faces; wanted a mesh of 1 to {MAX_FACES} triangles.")
+    return _join(path, pieces)
+
+
+def _join(path: Path, pieces: Sequence[Piece]) -> Mesh:
+    """All pieces as one mesh: welded, checked, without faces that name a vertex twice and vertices that none names."""
+    positions = np.concatenate([piece.positions for piece in pieces])
+    _check_positions(path, positions)
+    starts = np.cumsum([0] + [len(piece.positions) for piece in pieces[:-1]])
+    corners = np.concatenate([piece.faces + start for piece, start in zip(pieces, starts, strict=True)])
+    parts, piece_part = _merge_parts([piece.part for piece in pieces])
+    face_part = np.repeat(piece_part, [len(piece.faces) for piece in pieces])
+    uv = _corner_uv(path, pieces, corners)
+    positions, welded = merge_rows(positions)
+    faces = welded[corners]
+    keep = _proper(faces)
+    if not keep.all():
+        log.info("%s: dropped %d of %d faces that name a vertex twice", path, int((~keep).sum()), len(keep))
+    if not keep.any():
+        raise AssetError(f"{path} holds only faces without area; export it again.")
+    positions, faces = _used(positions, faces[keep])
+    _check_extent(path, positions)
+    return Mesh(positions, faces, face_part[keep], parts, None if uv is None else uv[keep])
+
+
+def _merge_parts(found: Sequence[Part]) -> tuple[tuple[Part, ...], Int[ndarray, " pieces"]]:
+    """Parts with unique names, and which of them each piece has: equal ones are one, namesakes get a number."""
+    index: dict[tuple[object, ...], int] = {}
+    parts: list[Part] = []
+    for part in found:
+        key = (part.name, part.base_color, id(part.texture))
+        if key not in index:
+            index[key] = len(parts)
+            parts.append(replace(part, name=_free_name(part.name, {other.name for other in parts})))
+    return tuple(parts), np.array([index[part.name, part.base_color, id(part.texture)] for part in found])
+
+
+def _free_name(name: str, taken: set[str]) -> str:
+    number = 2
+    free = name
+    while free in taken:
+        free = f"{name}_{number}"
+        number += 1
+    return free
+
+
+def _corner_uv(
+    path: Path, pieces: Sequence[Piece], corners: Int[ndarray, "faces 3"]
+) -> Float[ndarray, "faces 3 2"] | None:
+    if all(piece.uv is None for piece in pieces):
+        return None
+    uv = np.concatenate([np.zeros((len(piece.positions), 2)) if piece.uv is None else piece.uv for piece in pieces])
+    if not np.isfinite(uv).all():
+        log.warning("%s has texture coordinates that are not finite; they became 0", path)
+        uv = np.where(np.isfinite(uv), uv, 0.0)
+    return uv[corners]
+
+
+def _proper(faces: Int[ndarray, "faces 3"]) -> Bool[ndarray, " faces"]:
+    a, b, c = faces.T
+    return (a != b) & (b != c) & (c != a)
+
+
+def _used(
+    positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]
+) -> tuple[Float[ndarray, "used 3"], Int[ndarray, "faces 3"]]:
+    used = np.zeros(len(positions), dtype=bool)
+    used[faces] = True
+    return positions[used], (np.cumsum(used) - 1)[faces]
+
+
+def _check_positions(path: Path, positions: Float[ndarray, "vertices 3"]) -> None:
+    broken = ~np.isfinite(positions).all(axis=1)
+    if broken.any():
+        raise AssetError(
+            f"{path} has {int(broken.sum())} vertices that are not finite (NaN or infinite); export it again."
+        )
+    largest = np.abs(positions).max()
+    if largest > MAX_COORDINATE:
+        raise AssetError(f"{path} has a coordinate of {largest:g}; wanted metres, at most {MAX_COORDINATE:g}.")
+
+
+def _check_extent(path: Path, positions: Float[ndarray, "vertices 3"]) -> None:
+    size = np.ptp(positions, axis=0)
+    if np.sort(size)[1] < 1e-9:
+        raise AssetError(
+            f"{path} is {size[0]:g} x {size[1]:g} x {size[2]:g} metres, which has no area; check its scale."
+        )

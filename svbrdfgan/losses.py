@@ -1,0 +1,81 @@
+"""The losses of thesis 4.3.2 and 5.3, and the penalties. They know logits and pictures, and nothing else.
+
+A loss is a pair of functions of real and fake logits, both of any shape: what the discriminator minimises and what the
+generator minimises. Penalties are added to the discriminator's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float
+from torch import Tensor
+
+Logits = Float[Tensor, "..."]
+Scalar = Float[Tensor, ""]
+Critic = Callable[[Float[Tensor, "batch channels height width"]], Logits]
+
+
+@dataclass(frozen=True)
+class GANLoss:
+    """What each player minimises, given (real logits, fake logits)."""
+
+    discriminator: Callable[[Logits, Logits], Scalar]
+    generator: Callable[[Logits, Logits], Scalar]
+
+
+def _softplus(logits: Logits) -> Scalar:
+    return F.softplus(logits).mean()
+
+
+LOSSES: Mapping[str, GANLoss] = MappingProxyType(
+    {
+        # Goodfellow et al. 2014, with their non-saturating generator loss
+        "vanilla": GANLoss(
+            discriminator=lambda real, fake: _softplus(-real) + _softplus(fake),
+            generator=lambda real, fake: _softplus(-fake),
+        ),
+        # Mao et al. 2017
+        "lsgan": GANLoss(
+            discriminator=lambda real, fake: 0.5 * ((real - 1).square().mean() + fake.square().mean()),
+            generator=lambda real, fake: (fake - 1).square().mean(),
+        ),
+        # Arjovsky et al. 2017; with `gradient_penalty` it is Gulrajani et al.'s WGAN-GP
+        "wgan": GANLoss(
+            discriminator=lambda real, fake: fake.mean() - real.mean(),
+            generator=lambda real, fake: -fake.mean(),
+        ),
+        # Jolicoeur-Martineau 2019 (RpGAN); with R1 and R2 it is R3GAN (Huang et al. 2024)
+        "relativistic": GANLoss(
+            discriminator=lambda real, fake: _softplus(fake - real),
+            generator=lambda real, fake: _softplus(real - fake),
+        ),
+    }
+)
+
+
+def gradient_square(critic: Critic, pictures: Float[Tensor, "batch channels height width"]) -> Scalar:
+    """Mean of |gradient of the critic's summed logits|^2: R1 on real pictures, R2 on fakes (Mescheder 2018)."""
+    return _gradient(critic, pictures).square().sum(dim=(1, 2, 3)).mean()
+
+
+def gradient_penalty(
+    critic: Critic,
+    real: Float[Tensor, "batch channels height width"],
+    fake: Float[Tensor, "batch channels height width"],
+    mix: Float[Tensor, " batch"],
+) -> Scalar:
+    """(|gradient of the mean logit| - 1)^2 at mixtures of real and fake (Gulrajani et al. 2017, equation 3)."""
+    between = torch.lerp(fake, real, mix.reshape(-1, 1, 1, 1))
+    mean_logit: Critic = lambda pictures: critic(pictures).flatten(1).mean(dim=1)  # noqa: E731
+    return (_gradient(mean_logit, between).flatten(1).norm(dim=1) - 1).square().mean()
+
+
+def _gradient(critic: Critic, pictures: Tensor) -> Tensor:
+    inputs = pictures.detach().requires_grad_(True)
+    (gradient,) = torch.autograd.grad(critic(inputs).sum(), inputs, create_graph=True)
+    return gradient

@@ -1,0 +1,17 @@
+"""Vehicles and skies made from a seed, so that nothing needs to be downloaded."""
+
+from svbrdfgan.procedural.kinds import KINDS, sample_vehicle
+from svbrdfgan.procedural.shape import VehicleShape
+from svbrdfgan.procedural.sky import SkyParameters, build_sky, sample_sky
+from svbrdfgan.procedural.vehicle import PART_NAMES, build_vehicle
+
+__all__ = [
+    "KINDS",
+    "PART_NAMES",
+    "SkyParameters",
+    "VehicleShape",
+    "build_sky",
+    "build_vehicle",
+    "sample_sky",
+    "sample_vehicle",
+]

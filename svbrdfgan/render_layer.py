@@ -1,0 +1,110 @@
+"""Any renderer as a differentiable torch function (thesis A.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Generic
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.autograd.function import FunctionCtx, once_differentiable
+
+from svbrdfgan.protocols import Prepared, Renderer
+from svbrdfgan.types import Environment, Material, Materials, Rendering, View
+
+
+@dataclass(frozen=True)
+class RenderLayer(Generic[Prepared]):
+    """Renders with gradients for every map, and for the environment, that requires one.
+
+    Attributes:
+        renderer: any backend.
+        spp: samples per pixel of the picture.
+        spp_grad: samples per pixel of the gradient, drawn anew: unbiased, and as many or as few as wanted
+            (thesis 4.3.3). None uses the picture's own samples, so that the gradient is exactly that picture's.
+    """
+
+    renderer: Renderer[Prepared]
+    spp: int = 16
+    spp_grad: int | None = None
+
+    def __call__(self, prepared: Prepared, materials: Materials, view: View, *, seed: int) -> Rendering:
+        """The picture; its image carries gradients to the materials and the environment.
+
+        Raises:
+            UnsupportedError: something that requires a gradient is not in the renderer's `differentiable`.
+        """
+        names = [(part, name) for part, material in enumerate(materials.parts) for name in sorted(material.maps)]
+        values = [materials[part].maps[name] for part, name in names]
+        call = _Call(self, prepared, names, view, seed)
+        image, coverage = _Render.apply(call, view.environment.radiance, *values)
+        return Rendering(image, coverage)
+
+
+@dataclass(frozen=True, eq=False)
+class _Call:
+    """All of one call that is not differentiated."""
+
+    layer: RenderLayer[Any]
+    prepared: Any
+    names: list[tuple[int, str]]
+    view: View
+    seed: int
+
+    def scene(self, radiance: Tensor, values: tuple[Tensor, ...]) -> tuple[Materials, View]:
+        maps: list[dict[str, Tensor]] = [{} for _ in range(1 + max(part for part, _ in self.names))]
+        for (part, name), value in zip(self.names, values, strict=True):
+            maps[part][name] = value.detach()
+        environment = Environment(radiance.detach(), self.view.environment.rotation)
+        view = View(self.view.camera, environment, self.view.width, self.view.height)
+        return Materials(tuple(Material(m) for m in maps)), view
+
+
+class _Render(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: FunctionCtx, call: _Call, radiance: Tensor, *values: Tensor) -> tuple[Tensor, Tensor]:
+        materials, view = call.scene(radiance, values)
+        ctx.call = call  # type: ignore[attr-defined]
+        ctx.save_for_backward(radiance, *values)
+        rendering = call.layer.renderer.render(call.prepared, materials, view, spp=call.layer.spp, seed=call.seed)
+        ctx.mark_non_differentiable(rendering.coverage)
+        return rendering.image, rendering.coverage
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, grad_image: Float[Tensor, "height width 3"], _: Tensor) -> tuple[Tensor | None, ...]:
+        call: _Call = ctx.call
+        radiance, *values = ctx.saved_tensors
+        needs_light, needs = ctx.needs_input_grad[1], ctx.needs_input_grad[2:]
+        wrt = {name for (_, name), need in zip(call.names, needs, strict=True) if need}
+        if needs_light:
+            wrt.add("environment")
+        layer, (materials, view) = call.layer, call.scene(radiance, tuple(values))
+        spp, seed = layer.spp, call.seed
+        if layer.spp_grad is not None:
+            spp, seed = layer.spp_grad, _other_seed(call.seed)
+        gradients = layer.renderer.render_vjp(
+            call.prepared,
+            materials,
+            view,
+            grad_image,
+            wrt=frozenset(wrt),
+            spp=spp,
+            seed=seed,
+        )
+        light = _like(gradients.environment, radiance) if needs_light else None
+        maps = [
+            _like(gradients.materials[part][name], value) if need else None
+            for (part, name), value, need in zip(call.names, values, needs, strict=True)
+        ]
+        return (None, light, *maps)
+
+
+def _like(gradient: Tensor | None, value: Tensor) -> Tensor | None:
+    return None if gradient is None else gradient.to(device=value.device, dtype=value.dtype)
+
+
+def _other_seed(seed: int) -> int:
+    """A seed for the backward pass that the forward pass of no nearby seed uses."""
+    return (seed * 0x9E3779B1 + 0x7F4A7C15) % 2**31

@@ -1,0 +1,82 @@
+"""The report: one HTML page that needs nothing but itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.options import StrictModel
+from svbrdfgan.report.curves import draw
+from svbrdfgan.report.facts import HELD_OUT, flip_bars, summary, verdict
+from svbrdfgan.report.patches import patch_maps
+from svbrdfgan.report.pictures import data_uri
+from svbrdfgan.report.progress import charts
+from svbrdfgan.report.vehicles import choose_views, error_scale, rendered, textured
+from svbrdfgan.scoring.evaluate import Evaluated
+from svbrdfgan.training.journal import read_journal
+
+REPORT = "report.html"
+_VEHICLES, _TEXTURES, _JUDGED = 6, 3, 3
+
+
+def write_report(run: Path, evaluated: Evaluated) -> Path:
+    """Writes the run's `report.html`, and gives its path. What the run does not have is left out, with a word about it.
+
+    Raises:
+        AssetError: the page cannot be written.
+    """
+    page = _render(_contents(run, evaluated))
+    path = run / REPORT
+    with atomic_path(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return path
+
+
+def _contents(run: Path, evaluated: Evaluated) -> dict[str, Any]:
+    config, evaluation = evaluated.config, evaluated.evaluation
+    views = choose_views(evaluated.feed.exemplars, _VEHICLES)
+    textures = views[:_TEXTURES]
+    top = error_scale(evaluated, textures)
+    journal = read_journal(run)
+    drawn = charts(journal, evaluation, config.train)
+    return {
+        "name": run.resolve().name,
+        "evaluation": evaluation,
+        "subjects_title": HELD_OUT[evaluation.split],
+        "summary": summary(config, evaluated, journal),
+        "verdict": verdict(evaluation, config.train, journal),
+        "flip_bars": flip_bars(evaluation),
+        "vehicles": [rendered(evaluated, index) for index in views],
+        "textures": [textured(evaluated, index, top) for index in textures],
+        "error_top": f"{top:.2f}",
+        "patches": patch_maps(run, evaluated, views[:_JUDGED]),
+        "loss": config.train.loss.name,
+        "charts": [(chart, draw(chart)) for chart in drawn],
+        "scored": any("recovered" in line for line in journal),
+        "versions": config.versions,
+        "dataset_yaml": _yaml(config.dataset),
+        "train_yaml": _yaml(config.train),
+        "dataset_name": config.train.dataset,
+    }
+
+
+def _render(contents: dict[str, Any]) -> str:
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("svbrdfgan.report", ""),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["data_uri"] = data_uri
+    return environment.get_template("report.html.j2").render(contents)
+
+
+def _yaml(config: StrictModel) -> str:
+    """As users write it."""
+    return yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, allow_unicode=True, width=100)

@@ -1,0 +1,66 @@
+"""Display-referred pictures, ready to be embedded: sRGB in [0, 1], three channels or four, row 0 on top."""
+
+from __future__ import annotations
+
+import base64
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from svbrdfgan.compositing import composite
+from svbrdfgan.io.image import srgb_from_linear
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+Picture = Float[Tensor, "height width channels"]
+_CHECKS, _DARK, _LIGHT = 16, 0.20, 0.32
+
+
+def to_pillow(picture: Picture, least: int = 256) -> Image:
+    """The picture in 8 bits; one narrower than `least` pixels is enlarged by a whole factor (Lanczos)."""
+    from PIL import Image as PillowImage
+
+    values = picture.detach().cpu().float().nan_to_num().clamp(0, 1)
+    image = PillowImage.fromarray((values * 255).round().byte().numpy())
+    factor = -(-least // image.width)
+    if factor == 1:
+        return image
+    return image.resize((image.width * factor, image.height * factor), PillowImage.Resampling.LANCZOS)
+
+
+def data_uri(picture: Picture, least: int = 256) -> str:
+    """The picture as an address that holds the picture itself, as PNG."""
+    stream = BytesIO()
+    to_pillow(picture, least).save(stream, format="PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
+
+
+def upright(texture: Float[Tensor, "rows cols 3"], shown: Bool[Tensor, "rows cols"]) -> Picture:
+    """A texture's display values as a picture with v upwards, transparent where nothing is to be shown."""
+    return torch.cat([texture, shown.unsqueeze(-1).float()], dim=-1).flip(0)
+
+
+def signed_as_color(values: Float[Tensor, "3 rows cols"]) -> Float[Tensor, "rows cols 3"]:
+    """Coordinates or directions in [-1, 1] as colours: x red, y green, z blue, zero mid grey."""
+    return (values * 0.5 + 0.5).clamp(0, 1).permute(1, 2, 0)
+
+
+def over_checker(layer: Float[Tensor, "rows cols 4"]) -> Float[Tensor, "rows cols 3"]:
+    """A layer of straight-alpha linear RGBA over a grey checker."""
+    rows, cols = layer.shape[:2]
+    row = torch.arange(rows) * _CHECKS // rows
+    col = torch.arange(cols) * _CHECKS // cols
+    odd = ((row[:, None] + col[None, :]) % 2).float()
+    checker = (_DARK + (_LIGHT - _DARK) * odd).unsqueeze(-1).expand(rows, cols, 3)
+    return srgb_from_linear(composite(checker, layer).clamp(0, 1))
+
+
+def heat(values: Float[Tensor, "rows cols"], top: float) -> Float[Tensor, "rows cols 3"]:
+    """Values from 0 to `top` in matplotlib's "magma"."""
+    import matplotlib
+
+    return torch.from_numpy(matplotlib.colormaps["magma"]((values / top).clamp(0, 1).numpy())[..., :3]).float()

@@ -1,0 +1,126 @@
+"""Vehicles as the report shows them: the same scene under every layer, and the layers over the texture itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.compositing import composite
+from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.data.scene import Scene
+from svbrdfgan.report.pictures import Picture, heat, over_checker, signed_as_color, upright
+from svbrdfgan.scoring.evaluate import Evaluated, pictures
+from svbrdfgan.scoring.flip import display, flip
+
+Layer = Float[Tensor, "rows cols 4"]
+
+
+@dataclass(frozen=True, eq=False)
+class Titled:
+    """A picture, what it is, and what to say about it."""
+
+    title: str
+    picture: Picture
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Vehicle:
+    """A row or two of pictures of one subject."""
+
+    name: str
+    note: str
+    pictures: tuple[Titled, ...]
+
+
+def choose_views(exemplars: Exemplars, limit: int) -> list[int]:
+    """The first weathered exemplar of each of up to `limit` subjects, spread evenly: chosen without looking."""
+    weathered = [[v for v in exemplars.views_of(n) if exemplars.layers[v] is not None] for n in range(_count(exemplars))]
+    first = [views[0] for views in weathered if views]
+    if len(first) <= limit:
+        return first
+    return [first[round(n * (len(first) - 1) / max(limit - 1, 1))] for n in range(limit)]
+
+
+def subject_name(scene: Scene) -> str:
+    """The mesh's name."""
+    return Path(scene.mesh.path).stem
+
+
+def rendered(evaluated: Evaluated, index: int) -> Vehicle:
+    """An exemplar beside renders of its scene under each layer, with the FLIP between them."""
+    exemplars = evaluated.feed.exemplars
+    truth = display(exemplars.images[index].float(), coverage=exemplars.coverage[index].float())
+    bare = torch.zeros_like(evaluated.layers["generated"])
+    made = pictures(evaluated.feed, index, {**evaluated.layers, "bare": bare})
+    floor = f"noise alone {flip(truth, made['truth']):.3f}" if "truth" in made else ""
+    titles = {"generated": "Learned", "oracle": "Oracle", "constant": "Best constant", "bare": "Unweathered"}
+    shown = [Titled("Truth", truth, floor)]
+    shown += [
+        Titled(title, made[name], f"FLIP {flip(truth, made[name]):.3f}") for name, title in titles.items() if name in made
+    ]
+    return Vehicle(subject_name(exemplars.scenes[index]), _scene_note(exemplars.scenes[index]), tuple(shown))
+
+
+def textured(evaluated: Evaluated, index: int, top: float) -> Vehicle:
+    """What the generator was given, what it painted, what G0 painted, and where they differ (black 0, bright `top`)."""
+    exemplars, number = evaluated.feed.exemplars, int(evaluated.feed.exemplars.subject_of[index])
+    subject, truth = exemplars.subjects[number], exemplars.layers[index]
+    assert truth is not None
+    made = evaluated.layers["generated"][number].cpu().float()
+    surface, learnable = subject.buffer.mask, subject.learnable_texels
+    scored, error = _error(evaluated, index)
+    geometry = subject.geometry.cpu().float()
+    mean = float((error * scored * subject.buffer.area).sum() / (scored * subject.buffer.area).sum().clamp(min=1e-12))
+    return Vehicle(
+        subject_name(exemplars.scenes[index]),
+        f"{float(scored.sum() / learnable.sum().clamp(min=1)):.0%} of its learnable texels are scored",
+        (
+            Titled("Position", upright(signed_as_color(geometry[:3]), surface)),
+            Titled("Truth: layer of G0", upright(over_checker(truth), learnable)),
+            Titled("Learned: layer of the generator", upright(over_checker(made), learnable)),
+            Titled("Error of albedo", upright(heat(error, top), scored), f"mean {mean:.3f}"),
+            Titled("Normal", upright(signed_as_color(geometry[3:6]), surface)),
+            Titled("Truth: alpha", upright(_grey(truth[..., 3]), learnable)),
+            Titled("Learned: alpha", upright(_grey(made[..., 3]), learnable)),
+            Titled("Error of alpha", upright(heat((made[..., 3] - truth[..., 3]).abs(), 1.0), scored)),
+        ),
+    )
+
+
+def error_scale(evaluated: Evaluated, indices: Sequence[int]) -> float:
+    """A round number that nearly all errors of albedo of these exemplars stay below: the top of their common scale."""
+    found = torch.cat([error[scored] for scored, error in (_error(evaluated, index) for index in indices)])
+    high = float(torch.quantile(found[:: max(1, len(found) // 100_000)], 0.99)) if len(found) else 0.0
+    return max(0.05, math.ceil(high * 20) / 20)
+
+
+def _error(evaluated: Evaluated, index: int) -> tuple[Tensor, Tensor]:
+    """Which texels are scored, and the absolute error of the composited albedo at all."""
+    exemplars, number = evaluated.feed.exemplars, int(evaluated.feed.exemplars.subject_of[index])
+    subject, truth = exemplars.subjects[number], exemplars.layers[index]
+    assert truth is not None
+    base = subject.base_albedo(exemplars.scenes[index].materials)
+    made = evaluated.layers["generated"][number].cpu().float()
+    seen = torch.stack([evaluated.feed.stages.seen(view).cpu() > 0 for view in exemplars.views_of(number)]).any(dim=0)
+    scored = seen & subject.learnable_texels & (subject.buffer.area > 0)
+    return scored, (composite(base, made) - composite(base, truth)).abs().mean(dim=-1)
+
+
+def _grey(values: Float[Tensor, "rows cols"]) -> Float[Tensor, "rows cols 3"]:
+    return values.clamp(0, 1).unsqueeze(-1).expand(*values.shape, 3)
+
+
+def _scene_note(scene: Scene) -> str:
+    camera, light = scene.camera, Path(scene.environment.asset.path).stem
+    return f"azimuth {camera.azimuth_degrees:.0f}°, elevation {camera.elevation_degrees:.0f}°, light {light}"
+
+
+def _count(exemplars: Exemplars) -> int:
+    return len(exemplars.subjects)

@@ -1,0 +1,241 @@
+"""The verdict on a run: what its generator recovered on subjects that it never saw, beside what an oracle could."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from lightning_fabric import Fabric
+from torch import Tensor
+
+from svbrdfgan.data.config import Split
+from svbrdfgan.data.studio import resolve_renderer
+from svbrdfgan.display import Display, Silent
+from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.networks import Generator
+from svbrdfgan.options import StrictModel
+from svbrdfgan.scoring.flip import display as as_displayed
+from svbrdfgan.scoring.flip import flip
+from svbrdfgan.scoring.recovered import Scorer, best_constant, make_targets
+from svbrdfgan.training.feed import Feed, make_feed
+from svbrdfgan.training.oracle import OracleConfig, train_oracle
+from svbrdfgan.training.run import ORACLE, RunConfig, load_generator, load_model, save_generator
+
+EVALUATION = "evaluation.json"
+_ORACLE_TARGETS = 2048
+_CONSTANT_TARGETS = 64
+
+log = logging.getLogger(__name__)
+
+
+class Evaluation(StrictModel):
+    """The contents of `evaluation.json`.
+
+    Attributes:
+        recovered, oracle: 1 - E / E(constant) of the generator and of the supervised oracle, on the split.
+        fraction: recovered / oracle.
+        oracle_plateau: whether the oracle had stopped improving.
+        flip, flip_oracle, flip_constant: mean FLIP between pictures under the layers and the stored exemplars; what
+            noise alone makes of it is `flip_truth`, with G0's own layers.
+        seen: share of the learnable area that the split's pictures show; only that is scored.
+        constant: the layer of least error on the training subjects.
+    """
+
+    split: Split
+    recovered: float
+    oracle: float | None
+    fraction: float | None
+    oracle_plateau: bool | None
+    oracle_steps: int | None
+    flip: float
+    flip_oracle: float | None
+    flip_constant: float
+    flip_truth: float
+    seen: float
+    constant: tuple[float, float, float, float]
+    subjects: int
+    exemplars: int
+
+    def lines(self) -> list[str]:
+        """What to tell a user."""
+        told = [
+            f"recovered: {self.recovered:.3f} ({self.subjects} {self.split} subjects, {self.seen:.0%} of their area seen)"
+        ]
+        if self.oracle is not None and self.fraction is not None:
+            plateau = "at its plateau" if self.oracle_plateau else "still rising"
+            told.append(f"oracle:    {self.oracle:.3f} ({plateau} after {self.oracle_steps} steps)")
+            told.append(f"fraction:  {self.fraction:.3f} of the oracle")
+        told.append(
+            f"FLIP:      {self.flip:.3f} (constant layer {self.flip_constant:.3f}, noise alone {self.flip_truth:.3f})"
+        )
+        return told
+
+    def save(self, run: Path) -> None:
+        with atomic_path(run / EVALUATION) as temporary:
+            temporary.write_text(json.dumps(self.model_dump(), indent=1) + "\n", encoding="utf-8")
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluated:
+    """A verdict and what pictures of it need.
+
+    Attributes:
+        layers: by name ("generated", "oracle", "constant"), what is painted on each subject.
+    """
+
+    evaluation: Evaluation
+    config: RunConfig
+    feed: Feed
+    layers: dict[str, Float[Tensor, "subjects rows cols 4"]]
+
+
+def evaluate(
+    run: Path,
+    *,
+    split: Split = "test",
+    oracle: bool = True,
+    device: Literal["auto", "cpu", "cuda"] = "auto",
+    schedule: OracleConfig | None = None,
+    display: Display | None = None,
+) -> Evaluated:
+    """Scores a run on a split, training the oracle first if the run has none yet, and writes `evaluation.json`.
+
+    Raises:
+        AssetError: no run, no model yet, or no such split.
+    """
+    shown = display or Silent()
+    model = load_model(run)
+    config = model.config.train
+    fabric = Fabric(accelerator=device, devices=1, precision="bf16-mixed" if _cuda(device) else "32-true")
+    renderer = resolve_renderer(config.renderer, "cuda" if fabric.device.type == "cuda" else "cpu")
+    folder = Path(model.config.dataset_folder)
+
+    def feed(of: Split) -> Feed:
+        shown.begin(f"light transport of the {of} scenes")
+        return make_feed(config, folder, of, renderer, fabric.device, progress=shown.advance)
+
+    scored = feed(split)
+    trained = feed("train")
+    targets, _ = make_targets(trained.exemplars, trained.stages.seen, fabric.device, _CONSTANT_TARGETS)
+    constant = best_constant(targets)
+    scorer = Scorer.make(scored.exemplars, scored.stages.seen, constant, fabric.device)
+    layers = {"generated": _layers(fabric, scorer, model.generator)}
+    found = _oracle(run, fabric, model.config, trained, feed, constant, schedule or OracleConfig(), shown) if oracle else None
+    if found is not None:
+        layers["oracle"] = _layers(fabric, scorer, found.generator)
+    layers["constant"] = constant.expand_as(layers["generated"])
+    shown.begin("comparing pictures", len(scored))
+    evaluation = _judge(split, scorer, layers, found, constant, _flips(scored, layers, shown))
+    evaluation.save(run)
+    return Evaluated(evaluation, model.config, scored, layers)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """An oracle, trained now or before."""
+
+    generator: Generator
+    plateau: bool
+    steps: int
+
+
+def _oracle(
+    run: Path,
+    fabric: Fabric,
+    config: RunConfig,
+    trained: Feed,
+    feed: Callable[[Split], Feed],
+    constant: Tensor,
+    schedule: OracleConfig,
+    shown: Display,
+) -> _Found:
+    """The run's oracle; where there is none, trained now, its plateau judged on the validation split."""
+    path, notes = run / ORACLE, run / "oracle.json"
+    if path.is_file() and notes.is_file():
+        told = json.loads(notes.read_text(encoding="utf-8"))
+        return _Found(load_generator(path)[0].to(fabric.device), told["plateau"], told["steps"])
+    held_out = feed("validation") if "validation" in config.dataset.splits else trained
+    scorer = Scorer.make(held_out.exemplars, held_out.stages.seen, constant, fabric.device)
+    targets, _ = make_targets(trained.exemplars, trained.stages.seen, fabric.device, _ORACLE_TARGETS)
+    shown.begin("training the supervised oracle")
+
+    def watch(step: int, score: float) -> None:
+        shown.advance(schedule.every, f"recovered {score:.3f}")
+
+    oracle = train_oracle(fabric, config.train, trained.buffers, targets, scorer, schedule, watch)
+    save_generator(path, oracle.generator, config.train.generator, oracle.score)
+    with atomic_path(notes) as temporary:
+        temporary.write_text(json.dumps({"plateau": oracle.plateau, "steps": oracle.steps}), encoding="utf-8")
+    return _Found(oracle.generator, oracle.plateau, oracle.steps)
+
+
+def _judge(
+    split: Split,
+    scorer: Scorer,
+    layers: dict[str, Tensor],
+    oracle: _Found | None,
+    constant: Tensor,
+    flips: dict[str, float],
+) -> Evaluation:
+    recovered = scorer.recovered_by(layers["generated"])
+    best = scorer.recovered_by(layers["oracle"]) if oracle else None
+    red, green, blue, alpha = constant.tolist()
+    return Evaluation(
+        split=split,
+        recovered=recovered,
+        oracle=best,
+        fraction=recovered / best if best else None,
+        oracle_plateau=oracle.plateau if oracle else None,
+        oracle_steps=oracle.steps if oracle else None,
+        flip=flips["generated"],
+        flip_oracle=flips.get("oracle"),
+        flip_constant=flips["constant"],
+        flip_truth=flips["truth"],
+        seen=scorer.seen,
+        constant=(red, green, blue, alpha),
+        subjects=len(scorer.geometry),
+        exemplars=len(scorer.targets),
+    )
+
+
+def _layers(fabric: Fabric, scorer: Scorer, generator: Generator) -> Float[Tensor, "subjects rows cols 4"]:
+    with fabric.autocast():
+        return scorer.layers(generator.to(fabric.device))
+
+
+def _flips(feed: Feed, layers: dict[str, Tensor], shown: Display) -> dict[str, float]:
+    """Mean FLIP between the exemplars and pictures of the same scenes under each set of layers, and under G0's own."""
+    totals = dict.fromkeys([*layers, "truth"], 0.0)
+    weathered = [index for index in range(len(feed)) if feed.exemplars.layers[index] is not None]
+    for index in weathered:
+        truth = as_displayed(feed.exemplars.images[index], coverage=feed.exemplars.coverage[index].float())
+        for name, picture in pictures(feed, index, layers).items():
+            totals[name] += flip(truth, picture)
+        shown.advance(1)
+    return {name: total / max(len(weathered), 1) for name, total in totals.items()}
+
+
+def pictures(feed: Feed, index: int, layers: dict[str, Tensor]) -> dict[str, Float[Tensor, "height width 3"]]:
+    """An exemplar's scene as displayed, under each set of layers and under G0's own ("truth")."""
+    subject = int(feed.exemplars.subject_of[index])
+    stage = feed.stage([index], np.random.default_rng(0))
+    chosen: dict[str, Any] = {name: painted[subject] for name, painted in layers.items()}
+    chosen["truth"] = feed.exemplars.layers[index]
+    shown = {}
+    for name, layer in chosen.items():
+        if layer is not None:
+            with torch.no_grad():
+                image = stage.render(layer.unsqueeze(0).to(feed.buffers.device))[0]
+            shown[name] = as_displayed(image.cpu(), coverage=stage.coverage[0].cpu().float())
+    return shown
+
+
+def _cuda(device: str) -> bool:
+    return device == "cuda" or (device == "auto" and torch.cuda.is_available())

@@ -1,0 +1,145 @@
+"""The score of a generator: how much of the ground-truth layers it recovered, over texels that pictures show.
+
+`E` is the mean absolute error of the composited albedo over seen texels of learnable parts, weighted by surface area.
+`recovered = 1 - E(generator) / E(constant)`, where *constant* is the one RGBA layer that minimises E on the training
+subjects: 1 is perfect, 0 is no better than one colour everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.compositing import composite
+from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.errors import AssetError
+
+SeenTexels = Callable[[int], Float[Tensor, "rows cols"]]
+"""For an exemplar, a positive number wherever its picture shows the outermost learnable surface."""
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """One exemplar's truth.
+
+    Attributes:
+        subject: index among the exemplars' subjects.
+        truth: G0's layer.
+        base: the reflectance beneath it.
+        weight: square metres of each texel that counts; zero for the others.
+    """
+
+    subject: int
+    truth: Float[Tensor, "rows cols 4"]
+    base: Float[Tensor, "rows cols 3"]
+    weight: Float[Tensor, "rows cols"]
+
+    def error(self, layer: Float[Tensor, "*#size 4"]) -> Float[Tensor, ""]:
+        """E of a layer."""
+        difference = (composite(self.base, layer) - composite(self.base, self.truth)).abs().mean(dim=-1)
+        return (difference * self.weight).sum() / self.weight.sum()
+
+
+def make_targets(
+    exemplars: Exemplars, seen: SeenTexels, device: torch.device, limit: int | None = None
+) -> tuple[list[Target], float]:
+    """The targets of exemplars that are weathered, evenly chosen up to `limit`, and the seen share of learnable area.
+
+    A texel counts if any picture of its subject shows it.
+
+    Raises:
+        AssetError: no exemplar is weathered, or none shows any learnable texel.
+    """
+    targets, shares = [], []
+    for number, subject in enumerate(exemplars.subjects):
+        views = exemplars.views_of(number)
+        shown = torch.stack([seen(view).cpu() > 0 for view in views]).any(dim=0)
+        area = subject.buffer.area * subject.learnable_texels
+        weight = area * shown
+        shares.append(float(weight.sum() / area.sum().clamp(min=1e-12)))
+        if weight.sum() <= 0:
+            continue
+        for view in views:
+            truth = exemplars.layers[view]
+            if truth is not None:
+                base = subject.base_albedo(exemplars.scenes[view].materials)
+                targets.append(Target(number, truth, base, weight))
+    if not targets:
+        raise AssetError("no exemplar is weathered and shows a learnable part, so that nothing can be scored.")
+    if limit is not None and len(targets) > limit:
+        targets = [targets[int(i)] for i in torch.linspace(0, len(targets) - 1, limit)]
+    moved = [Target(t.subject, t.truth.to(device), t.base.to(device), t.weight.to(device)) for t in targets]
+    return moved, sum(shares) / len(shares)
+
+
+def mean_error(targets: Sequence[Target], layers: Float[Tensor, "subjects rows cols 4"]) -> float:
+    """E over all targets, with one layer for each subject."""
+    with torch.no_grad():
+        return float(torch.stack([target.error(layers[target.subject]) for target in targets]).mean())
+
+
+def best_constant(targets: Sequence[Target], steps: int = 400) -> Float[Tensor, 4]:
+    """The one RGBA layer of least E on these targets."""
+    device = targets[0].truth.device
+    truth = torch.stack([target.truth for target in targets])
+    base = torch.stack([target.base for target in targets])
+    weight = torch.stack([target.weight / target.weight.sum() for target in targets])
+    albedo = composite(base, truth)
+    picked = (weight > 0).flatten()
+    base, albedo, weight = base.reshape(-1, 3)[picked], albedo.reshape(-1, 3)[picked], weight.flatten()[picked]
+    mean = (truth.reshape(-1, 4)[picked] * weight[:, None]).sum(0) / weight.sum()
+    logits = torch.logit(mean.clamp(0.01, 0.99)).to(device).requires_grad_(True)
+    adam = torch.optim.Adam([logits], lr=0.05)
+    best = (float("inf"), mean)
+    for step in range(steps):
+        adam.param_groups[0]["lr"] = 0.05 * (1 - step / steps)
+        layer = torch.sigmoid(logits)
+        error = ((composite(base, layer) - albedo).abs().mean(dim=-1) * weight).sum() / len(targets)
+        if float(error.detach()) < best[0]:
+            best = (float(error.detach()), layer.detach().clone())
+        adam.zero_grad()
+        error.backward()
+        adam.step()
+    return best[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Scorer:
+    """Scores generators on the subjects of a split.
+
+    Attributes:
+        geometry: what generators see of each subject.
+        targets: the truth.
+        constant_error: E of the constant layer.
+        seen: share of the learnable area that pictures show.
+    """
+
+    geometry: Float[Tensor, "subjects 6 rows cols"]
+    targets: list[Target]
+    constant_error: float
+    seen: float
+
+    @classmethod
+    def make(cls, exemplars: Exemplars, seen: SeenTexels, constant: Float[Tensor, 4], device: torch.device) -> Scorer:
+        """A scorer of these exemplars, against the constant that training subjects gave."""
+        targets, share = make_targets(exemplars, seen, device)
+        geometry = torch.stack([subject.geometry for subject in exemplars.subjects]).to(device)
+        size = (len(geometry), *geometry.shape[2:], 4)
+        return cls(geometry, targets, mean_error(targets, constant.to(device).expand(size)), share)
+
+    def layers(self, generator: Callable[[Tensor], Tensor], batch: int = 8) -> Float[Tensor, "subjects rows cols 4"]:
+        """What a generator paints on each subject."""
+        with torch.no_grad():
+            return torch.cat([generator(chunk).float() for chunk in self.geometry.split(batch)])
+
+    def recovered(self, generator: Callable[[Tensor], Tensor]) -> float:
+        """1 - E(generator) / E(constant)."""
+        return self.recovered_by(self.layers(generator))
+
+    def recovered_by(self, layers: Float[Tensor, "subjects rows cols 4"]) -> float:
+        """1 - E(layers) / E(constant)."""
+        return 1.0 - mean_error(self.targets, layers) / self.constant_error

@@ -1,0 +1,1 @@
+"""Training a generator through the renderer, and its supervised oracle."""

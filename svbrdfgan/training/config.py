@@ -1,0 +1,127 @@
+"""What a training run is, as written in its YAML file."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field, model_validator
+
+from svbrdfgan.data.config import CameraDistribution, EnvironmentSource, Plugin, PluginChoice
+from svbrdfgan.networks import Norm
+from svbrdfgan.options import StrictModel
+
+
+class GeneratorConfig(StrictModel):
+    """See `svbrdfgan.networks.Generator`."""
+
+    width: int = Field(default=64, ge=4)
+    blocks: int = Field(default=6, ge=0)
+    norm: Norm = "instance"
+
+
+class DiscriminatorConfig(StrictModel):
+    """See `svbrdfgan.networks.Discriminator`. `guide` shows it the position and normal of what it looks at."""
+
+    width: int = Field(default=64, ge=4)
+    layers: int = Field(default=3, ge=1, le=5)
+    norm: Norm = "none"
+    guide: bool = True
+
+
+class LossConfig(StrictModel):
+    """The game that is played (thesis 4.3.2, 5.3)."""
+
+    name: Literal["vanilla", "lsgan", "wgan", "relativistic"] = "vanilla"
+    r1: float = Field(default=0.01, ge=0, description="weight of half |gradient|^2 on real pictures")
+    r2: float = Field(default=0.0, ge=0, description="likewise on fakes")
+    gradient_penalty: float = Field(default=0.0, ge=0, description="WGAN-GP's lambda")
+    penalty_every: int = Field(default=1, ge=1, description="steps; the weight grows likewise")
+    critic_steps: int = Field(default=1, ge=1, description="discriminator updates for each of the generator")
+
+
+class OptimizerConfig(StrictModel):
+    """Adam for both players."""
+
+    generator_rate: float = Field(default=2e-4, gt=0)
+    discriminator_rate: float = Field(default=2e-4, gt=0)
+    beta1: float = Field(default=0.5, ge=0, lt=1)
+    beta2: float = Field(default=0.99, ge=0, lt=1)
+    ema_images: float = Field(
+        default=4000.0, ge=0, description="half-life of the averaged generator, in images; 0: none"
+    )
+
+
+class ScenesConfig(StrictModel):
+    """The scenes that fakes are rendered in: those of the exemplars, perturbed as told (thesis 5.1, 5.2)."""
+
+    camera_noise_degrees: float = Field(default=0.0, ge=0, description="uniform, on azimuth and elevation, either way")
+    camera: CameraDistribution | None = Field(default=None, description="cameras drawn anew, whatever the exemplar's")
+    environment: Literal["same", "redrawn"] | EnvironmentSource = "same"
+    pool: int = Field(default=1, ge=0, description="perturbed scenes kept for each exemplar; 0: drawn at every visit")
+
+    @property
+    def matched(self) -> bool:
+        return self.camera_noise_degrees == 0 and self.camera is None and self.environment == "same"
+
+
+class TrainConfig(StrictModel):
+    """A whole training run."""
+
+    dataset: str
+    recipe: Literal["default", "thesis"] = "default"
+    seed: int = 0
+    steps: int = Field(default=20000, ge=1)
+    minutes: float | None = Field(default=None, gt=0, description="stop earlier, after so much training time")
+    batch_size: int = Field(default=8, ge=1)
+    generator: GeneratorConfig = GeneratorConfig()
+    discriminator: DiscriminatorConfig = DiscriminatorConfig()
+    loss: LossConfig = LossConfig()
+    optimizer: OptimizerConfig = OptimizerConfig()
+    scenes: ScenesConfig = ScenesConfig()
+    renderer: Plugin = PluginChoice(name="auto")
+    rendering: Literal["transport", "fresh"] = "transport"
+    spp: int = Field(default=64, ge=1, description="samples per pixel of the pictures trained through")
+    spp_grad: int | None = Field(default=None, ge=1, description="of their gradients; fresh rendering only")
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    devices: int = Field(default=1, ge=1)
+    precision: Literal["auto", "32-true", "bf16-mixed"] = "auto"
+    score_every: int = Field(default=500, ge=1)
+    save_every: int = Field(default=1000, ge=1)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_recipe(cls, data: Any) -> Any:
+        recipe = data.get("recipe", "default") if isinstance(data, dict) else "default"
+        return _merge(RECIPES[recipe], data) if recipe in RECIPES else data
+
+    @model_validator(mode="after")
+    def _possible(self) -> TrainConfig:
+        if self.rendering == "fresh" and self.discriminator.guide:
+            raise ValueError("discriminator.guide needs rendering: transport, which knows what each pixel shows")
+        if self.spp_grad is not None and self.rendering == "transport":
+            raise ValueError("spp_grad needs rendering: fresh; a stored transport's gradient is exact")
+        if self.loss.gradient_penalty and self.discriminator.norm == "instance":
+            raise ValueError("loss.gradient_penalty needs discriminator.norm none or group")
+        return self
+
+
+RECIPES: dict[str, dict[str, Any]] = {
+    "default": {},
+    # Thesis 4.3: WGAN-GP with its five critic steps, batch 1, its networks; what it does not say, as in its code base.
+    "thesis": {
+        "batch_size": 1,
+        "loss": {"name": "wgan", "r1": 0.0, "gradient_penalty": 10.0, "critic_steps": 5},
+        "discriminator": {"guide": False, "norm": "none"},
+        "generator": {"norm": "instance"},
+        "optimizer": {"beta1": 0.5, "beta2": 0.999, "ema_images": 0.0},
+    },
+}
+"""What a recipe sets where the configuration does not say."""
+
+
+def _merge(defaults: dict[str, Any], data: dict[str, Any]) -> dict[str, Any]:
+    merged = dict(defaults)
+    for key, value in data.items():
+        below = merged.get(key)
+        merged[key] = _merge(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
+    return merged

@@ -1,0 +1,123 @@
+"""What training is fed: exemplars on the device, and the stages in which fakes are shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.data.config import EnvironmentSource, Split
+from svbrdfgan.data.exemplars import Exemplars, load_exemplars
+from svbrdfgan.data.plan import DatasetPlan, gather_environments
+from svbrdfgan.protocols import Renderer
+from svbrdfgan.render_layer import RenderLayer
+from svbrdfgan.training.config import ScenesConfig, TrainConfig
+from svbrdfgan.training.perturb import Perturbation
+from svbrdfgan.training.stages import FreshRenders, Stage, Transports
+
+
+@dataclass(frozen=True, eq=False)
+class Feed:
+    """One split, ready for training or scoring.
+
+    Attributes:
+        guides: position and normal as seen in each exemplar; None where the discriminator does not look at them.
+        stages: where fakes are rendered.
+    """
+
+    exemplars: Exemplars
+    stages: Transports | FreshRenders
+    buffers: Float[Tensor, "subjects 6 rows cols"]
+    images: Float[Tensor, "exemplars height width 3"]
+    coverage: Float[Tensor, "exemplars height width"]
+    guides: Float[Tensor, "exemplars height width 6"] | None
+
+    def __len__(self) -> int:
+        return len(self.exemplars)
+
+    def geometry(self, indices: Sequence[int]) -> Float[Tensor, "batch 6 rows cols"]:
+        """What the generator sees of these exemplars' subjects."""
+        return self.buffers[self.exemplars.subject_of[list(indices)].to(self.buffers.device)]
+
+    def real(self, indices: Sequence[int]) -> tuple[Tensor, Tensor, Tensor | None]:
+        """Image, coverage and guide of these exemplars."""
+        picked = torch.as_tensor(indices, device=self.images.device)
+        guide = None if self.guides is None else self.guides[picked]
+        return self.images[picked], self.coverage[picked], guide
+
+    def stage(self, indices: Sequence[int], rng: np.random.Generator) -> Stage:
+        """Scenes for as many fakes."""
+        return self.stages.stage(indices, rng)
+
+
+def make_feed(
+    config: TrainConfig,
+    folder: Path,
+    split: Split,
+    renderer: Renderer[Any],
+    device: torch.device,
+    *,
+    base: Path = Path(),
+    progress: Callable[[int], None] | None = None,
+) -> Feed:
+    """Loads a split and makes its stages. Only the training split's scenes are perturbed.
+
+    Raises:
+        AssetError: the data set is not there, not finished, or damaged.
+        ConfigError: the renderer cannot do what the configuration asks.
+    """
+    exemplars = load_exemplars(folder, split)
+    plan = DatasetPlan.load(folder)
+    scenes = config.scenes if split == "train" else ScenesConfig()
+    lights = None
+    if isinstance(scenes.environment, EnvironmentSource):
+        lights = gather_environments(scenes.environment, plan.config.environment_rows, folder, base)
+    perturbation = Perturbation(scenes, plan.sampler(split), lights)
+    stages = _stages(config, scenes, exemplars, perturbation, renderer, device)
+    stages.build(range(len(exemplars)), progress)
+    return Feed(
+        exemplars=exemplars,
+        stages=stages,
+        buffers=torch.stack([subject.geometry for subject in exemplars.subjects]).to(device),
+        images=exemplars.images.to(device),
+        coverage=exemplars.coverage.to(device),
+        guides=_guides(config, scenes, exemplars, perturbation, renderer, stages, device),
+    )
+
+
+def _stages(
+    config: TrainConfig,
+    scenes: ScenesConfig,
+    exemplars: Exemplars,
+    perturbation: Perturbation,
+    renderer: Renderer[Any],
+    device: torch.device,
+) -> Transports | FreshRenders:
+    if config.rendering == "fresh":
+        return FreshRenders(exemplars, perturbation, RenderLayer(renderer, config.spp, config.spp_grad), device)
+    return Transports(exemplars, perturbation, renderer, config.spp, scenes.pool, device, config.seed)
+
+
+def _guides(
+    config: TrainConfig,
+    scenes: ScenesConfig,
+    exemplars: Exemplars,
+    perturbation: Perturbation,
+    renderer: Renderer[Any],
+    stages: Transports | FreshRenders,
+    device: torch.device,
+) -> Float[Tensor, "exemplars height width 6"] | None:
+    """What each exemplar shows, from its own scene: the stage's own where that is not perturbed."""
+    if not config.discriminator.guide or not isinstance(stages, Transports):
+        return None
+    own = stages
+    if not (scenes.matched and scenes.pool == 1):
+        matched = Perturbation(ScenesConfig(), perturbation.sampler)
+        own = Transports(exemplars, matched, renderer, config.spp, 1, torch.device("cpu"), config.seed)
+    return torch.stack([own.guide(index) for index in range(len(exemplars))]).half().to(device)

@@ -1,0 +1,70 @@
+"""What a run writes down as it goes: a line of JSON for each report, and TensorBoard's files where it is installed."""
+
+from __future__ import annotations
+
+import json
+import logging
+from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.training.run import LOG
+
+log = logging.getLogger(__name__)
+
+
+class Journal:
+    """Appends to a run's log; lines after `step`, of a run that was stopped and resumed there, are dropped."""
+
+    def __init__(self, run: Path, step: int) -> None:
+        run.mkdir(parents=True, exist_ok=True)
+        self.path = run / LOG
+        kept = [line for line in read_journal(run) if line["step"] <= step]
+        self.path.write_text("".join(json.dumps(line) + "\n" for line in kept), encoding="utf-8")
+        self.board = _board(run, step)
+
+    def write(self, step: int, values: dict[str, float]) -> None:
+        """Reports numbers."""
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({"step": step, **values}) + "\n")
+        if self.board is not None:
+            for name, value in values.items():
+                self.board.add_scalar(name, value, step)
+
+    def show(self, step: int, name: str, picture: Float[Tensor, "height width 3"]) -> None:
+        """Reports a picture with values in [0, 1]."""
+        if self.board is not None:
+            self.board.add_image(name, picture, step, dataformats="HWC")
+
+    def close(self) -> None:
+        if self.board is not None:
+            self.board.close()
+
+
+def read_journal(run: Path) -> list[dict[str, float]]:
+    """The lines of a run's log; a last line cut off by a kill is left out."""
+    lines: list[dict[str, float]] = []
+    if (run / LOG).is_file():
+        for line in (run / LOG).read_text(encoding="utf-8").splitlines():
+            try:
+                lines.append(json.loads(line))
+            except ValueError:
+                log.info("a line of %s was cut off and is left out", run / LOG)
+    return lines
+
+
+def _board(run: Path, step: int) -> Any:
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        log.info("TensorBoard is not installed; pip install 'svbrdfgan[tensorboard]' for its curves and pictures")
+        return None
+    return SummaryWriter(str(run / "tensorboard"), purge_step=step + 1 if step else None)
+
+
+def finite(values: dict[str, Tensor]) -> bool:
+    """Whether all numbers are."""
+    return bool(torch.isfinite(torch.stack([value.detach().float().reshape(()) for value in values.values()])).all())

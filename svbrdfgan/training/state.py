@@ -1,0 +1,141 @@
+"""The state of a run: networks, optimizers and counters; made, written and read whole."""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import shutil
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import Tensor, nn
+
+from svbrdfgan.errors import AssetError, TrainingError
+from svbrdfgan.networks import Discriminator, Generator, initialise
+from svbrdfgan.training.config import TrainConfig
+
+_KEEP = 2
+
+
+@dataclass(eq=False)
+class State:
+    """Everything that training changes.
+
+    Attributes:
+        averaged: the generator's exponential moving average; what is scored and shipped.
+        step: generator updates done.
+        seconds: training time spent, over all resumptions.
+        best: the best validation score so far, and at which step.
+    """
+
+    generator: Generator
+    discriminator: Discriminator
+    averaged: Generator
+    generator_adam: torch.optim.Adam
+    discriminator_adam: torch.optim.Adam
+    step: int = 0
+    seconds: float = 0.0
+    best: tuple[float, int] = (-float("inf"), 0)
+    history: list[dict[str, float]] = field(default_factory=list)
+
+    @classmethod
+    def fresh(cls, config: TrainConfig, device: torch.device) -> State:
+        """The state before the first step, the same for the same seed on any device."""
+        rng = torch.Generator().manual_seed(config.seed)
+        generator = Generator(**config.generator.model_dump())
+        shown = config.discriminator.model_dump(exclude={"guide"})
+        discriminator = Discriminator(channels=9 if config.discriminator.guide else 3, **shown)
+        for network in (generator, discriminator):
+            initialise(network, rng)
+            network.to(device)
+        adam, betas = config.optimizer, (config.optimizer.beta1, config.optimizer.beta2)
+        return cls(
+            generator=generator,
+            discriminator=discriminator,
+            averaged=copy.deepcopy(generator).requires_grad_(False),
+            generator_adam=torch.optim.Adam(generator.parameters(), adam.generator_rate, betas),
+            discriminator_adam=torch.optim.Adam(discriminator.parameters(), adam.discriminator_rate, betas),
+        )
+
+    def average(self, batch_size: int, half_life: float) -> None:
+        """Moves the averaged generator towards the current one: half the way in `half_life` images, sooner at first."""
+        half_life = min(half_life, 0.1 * self.step * batch_size)
+        keep = 0.5 ** (batch_size / half_life) if half_life > 0 else 0.0
+        with torch.no_grad():
+            for mean, now in zip(self.averaged.parameters(), self.generator.parameters(), strict=True):
+                mean.lerp_(now, 1.0 - keep)
+
+    def save(self, folder: Path) -> None:
+        """Writes a checkpoint: a folder that appears whole or not at all. The latest two are kept."""
+        target = checkpoint_path(folder, self.step)
+        temporary = target.with_name(f".{target.name}.{os.getpid()}")
+        shutil.rmtree(temporary, ignore_errors=True)
+        temporary.mkdir(parents=True)
+        save_file(self._tensors(), temporary / "state.safetensors")
+        counters = {"step": self.step, "seconds": self.seconds, "best": self.best, "history": self.history}
+        (temporary / "state.json").write_text(json.dumps(counters), encoding="utf-8")
+        shutil.rmtree(target, ignore_errors=True)
+        os.replace(temporary, target)
+        for old in checkpoints(folder)[:-_KEEP]:
+            shutil.rmtree(old, ignore_errors=True)
+
+    def load(self, checkpoint: Path) -> None:
+        """Continues from a checkpoint.
+
+        Raises:
+            AssetError: it is damaged.
+            TrainingError: it is of other networks.
+        """
+        try:
+            tensors = load_file(checkpoint / "state.safetensors")
+            counters = json.loads((checkpoint / "state.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError, SafetensorError) as error:
+            raise AssetError(f"{checkpoint} is damaged ({error}); delete it to resume from the one before.") from error
+        try:
+            for name, network in self._networks().items():
+                network.load_state_dict(_under(f"{name}.", tensors))
+            for name, adam in self._optimizers().items():
+                _load_adam(adam, _under(f"{name}.", tensors))
+        except (KeyError, RuntimeError, ValueError) as error:
+            raise TrainingError(f"{checkpoint} is of other networks than the configuration's: {error}") from error
+        self.step, self.seconds = counters["step"], counters["seconds"]
+        self.best, self.history = tuple(counters["best"]), counters["history"]
+
+    def _networks(self) -> dict[str, nn.Module]:
+        return {"generator": self.generator, "discriminator": self.discriminator, "averaged": self.averaged}
+
+    def _optimizers(self) -> dict[str, torch.optim.Adam]:
+        return {"generator_adam": self.generator_adam, "discriminator_adam": self.discriminator_adam}
+
+    def _tensors(self) -> dict[str, Tensor]:
+        tensors = {f"{n}.{k}": v for n, network in self._networks().items() for k, v in network.state_dict().items()}
+        for name, adam in self._optimizers().items():
+            for number, moments in adam.state_dict()["state"].items():
+                tensors |= {f"{name}.{number}.{key}": value for key, value in moments.items()}
+        return {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+
+
+def checkpoint_path(folder: Path, step: int) -> Path:
+    return folder / "checkpoints" / f"step_{step:08d}"
+
+
+def checkpoints(folder: Path) -> list[Path]:
+    """The whole checkpoints of a run, oldest first."""
+    return sorted((folder / "checkpoints").glob("step_*"))
+
+
+def _load_adam(adam: torch.optim.Adam, tensors: dict[str, Tensor]) -> None:
+    state: dict[int, dict[str, Any]] = {}
+    for name, tensor in tensors.items():
+        number, key = name.split(".", 1)
+        state.setdefault(int(number), {})[key] = tensor
+    adam.load_state_dict({"state": state, "param_groups": adam.state_dict()["param_groups"]})
+
+
+def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}

@@ -1,0 +1,136 @@
+"""One step of the game: the discriminator's updates, then the generator's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from lightning_fabric import Fabric
+from torch import Tensor, nn
+
+from svbrdfgan.losses import LOSSES, gradient_penalty, gradient_square
+from svbrdfgan.training.config import LossConfig, TrainConfig
+from svbrdfgan.training.picture import present
+from svbrdfgan.training.stages import Stage
+from svbrdfgan.training.state import State
+
+Diagnostics = dict[str, Tensor]
+Pictures = Float[Tensor, "batch channels height width"]
+
+
+class Material(Protocol):
+    """What a step is fed: exemplars by index, as tensors on the device, and the stages of fakes."""
+
+    def geometry(self, indices: Sequence[int]) -> Float[Tensor, "batch 6 rows cols"]: ...
+
+    def real(self, indices: Sequence[int]) -> tuple[Tensor, Tensor, Tensor | None]:
+        """Image, coverage and guide."""
+        ...
+
+    def stage(self, indices: Sequence[int], rng: np.random.Generator) -> Stage: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One batch of exemplars, beside fakes in scenes of their own, before common backgrounds."""
+
+    real: Pictures
+    fake: Pictures
+
+
+def training_step(
+    fabric: Fabric, config: TrainConfig, state: State, feed: Material, batches: Sequence[Sequence[int]]
+) -> Diagnostics:
+    """Updates the discriminator once for each batch of exemplars and then the generator once.
+
+    Chance depends on the seed and the step alone, so that a resumed run goes on as if it had never stopped.
+    """
+    report: Diagnostics = {}
+    for critic, indices in enumerate(batches):
+        last = critic == len(batches) - 1
+        rng = np.random.default_rng([config.seed, state.step, critic, fabric.global_rank])
+        with torch.set_grad_enabled(last):
+            game = _play(fabric, config, state, feed, indices, rng)
+        report |= _update_discriminator(fabric, config.loss, state, game, rng)
+    return report | _update_generator(fabric, config, state, game)
+
+
+def _play(
+    fabric: Fabric, config: TrainConfig, state: State, feed: Material, indices: Sequence[int], rng: np.random.Generator
+) -> Round:
+    with fabric.autocast():
+        layers = state.generator(feed.geometry(indices))
+    stage = feed.stage(indices, rng)
+    image, coverage, guide = feed.real(indices)
+    background = torch.from_numpy(rng.random((len(indices), 3), dtype=np.float32)).to(image.device)
+    shown = stage.guide if config.discriminator.guide else None
+    return Round(
+        real=present(image, coverage, background, guide),
+        fake=present(stage.render(layers), stage.coverage, background, shown),
+    )
+
+
+def _update_discriminator(
+    fabric: Fabric, loss: LossConfig, state: State, game: Round, rng: np.random.Generator
+) -> Diagnostics:
+    critic, real, fake = state.discriminator, game.real.detach(), game.fake.detach()
+    critic.requires_grad_(True)
+    with fabric.autocast():
+        real_logits, fake_logits = critic(real), critic(fake)
+    total = LOSSES[loss.name].discriminator(real_logits, fake_logits)
+    report = {"d_loss": total.detach(), "d_real": real_logits.detach().mean(), "d_fake": fake_logits.detach().mean()}
+    if state.step % loss.penalty_every == 0:
+        penalty = _penalty(loss, critic, real, fake, rng)
+        total = total + penalty * loss.penalty_every
+        report["d_penalty"] = penalty.detach()
+    state.discriminator_adam.zero_grad(set_to_none=True)
+    total.backward()
+    _average_gradients(fabric, critic)
+    state.discriminator_adam.step()
+    correct = (
+        (real_logits > fake_logits).float().mean() if real_logits.shape == fake_logits.shape else total.new_zeros(())
+    )
+    return report | {"d_accuracy": correct.detach()}
+
+
+def _penalty(loss: LossConfig, critic: nn.Module, real: Tensor, fake: Tensor, rng: np.random.Generator) -> Tensor:
+    total = real.new_zeros(())
+    if loss.r1:
+        total = total + 0.5 * loss.r1 * gradient_square(critic, real)
+    if loss.r2:
+        total = total + 0.5 * loss.r2 * gradient_square(critic, fake)
+    if loss.gradient_penalty:
+        mix = torch.from_numpy(rng.random(len(real), dtype=np.float32)).to(real.device)
+        total = total + loss.gradient_penalty * gradient_penalty(critic, real, fake, mix)
+    return total
+
+
+def _update_generator(fabric: Fabric, config: TrainConfig, state: State, game: Round) -> Diagnostics:
+    state.discriminator.requires_grad_(False)
+    with fabric.autocast():
+        fake_logits = state.discriminator(game.fake)
+        with torch.no_grad():
+            real_logits = state.discriminator(game.real)
+    total = LOSSES[config.loss.name].generator(real_logits, fake_logits)
+    state.generator_adam.zero_grad(set_to_none=True)
+    total.backward()
+    _average_gradients(fabric, state.generator)
+    state.generator_adam.step()
+    state.step += 1
+    state.average(config.batch_size, config.optimizer.ema_images)
+    return {"g_loss": total.detach()}
+
+
+def _average_gradients(fabric: Fabric, network: nn.Module) -> None:
+    """The mean over processes. By hand, since penalties differentiate twice, which wrappers of modules do not allow."""
+    if fabric.world_size == 1:
+        return
+    gradients = [p.grad for p in network.parameters() if p.grad is not None]
+    flat = fabric.all_reduce(torch.cat([g.flatten() for g in gradients]), reduce_op="mean")
+    assert isinstance(flat, Tensor)
+    for gradient, part in zip(gradients, flat.split([g.numel() for g in gradients]), strict=True):
+        gradient.copy_(part.reshape(gradient.shape))

@@ -1,0 +1,221 @@
+"""A training run from its configuration to its model."""
+
+from __future__ import annotations
+
+import copy
+import logging
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+from lightning_fabric import Fabric
+
+from svbrdfgan.data.plan import DatasetPlan
+from svbrdfgan.data.studio import resolve_renderer
+from svbrdfgan.display import Display, Silent
+from svbrdfgan.errors import ConfigError, TrainingError
+from svbrdfgan.scoring.recovered import Scorer, best_constant, make_targets
+from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.feed import Feed, make_feed
+from svbrdfgan.training.journal import Journal, finite
+from svbrdfgan.training.run import CONFIG, MODEL, RunConfig, save_generator, versions
+from svbrdfgan.training.state import State, checkpoints
+from svbrdfgan.training.step import Diagnostics, training_step
+
+_REPORT_EVERY = 50
+_CONSTANT_TARGETS = 64
+
+log = logging.getLogger(__name__)
+
+
+def train(
+    config: TrainConfig, run: Path, *, base: Path = Path(), resume: bool = False, display: Display | None = None
+) -> State:
+    """Trains a generator and writes the run's folder.
+
+    Args:
+        base: the folder that paths of the configuration are relative to.
+        resume: goes on from the latest checkpoint; without it, the folder must not hold a run.
+
+    Returns:
+        The last state, of the first process where there are several: then None of the weights are in this one.
+
+    Raises:
+        ConfigError: the folder holds another run, or the renderer cannot do what is asked.
+        AssetError: the data set or a checkpoint is missing or damaged.
+        TrainingError: a loss is not finite.
+    """
+    resolved = _resolve(config, run, base, resume)
+    precision = config.precision if config.precision != "auto" else _precision(config.device)
+    fabric = Fabric(
+        accelerator=config.device,
+        devices=config.devices,
+        strategy="ddp_spawn" if config.devices > 1 else "auto",
+        precision=precision,
+    )
+    if config.devices > 1:
+        return fabric.launch(_train, resolved, run, base, Silent())
+    return _train(fabric, resolved, run, base, display or Silent())
+
+
+def batch_indices(seed: int, count: int, batch_size: int, number: int) -> list[int]:
+    """The exemplars of one batch: all exemplars in a new order each time round, whatever was drawn before."""
+    positions = np.arange(number * batch_size, (number + 1) * batch_size)
+    rounds = {int(r): np.random.default_rng([seed, int(r)]).permutation(count) for r in np.unique(positions // count)}
+    return [int(rounds[int(p // count)][p % count]) for p in positions]
+
+
+@dataclass(frozen=True, eq=False)
+class _Session:
+    """What one process holds while it trains."""
+
+    fabric: Fabric
+    config: TrainConfig
+    run: Path
+    feed: Feed
+    scorer: Scorer | None
+    journal: Journal | None
+    display: Display
+
+    @property
+    def first(self) -> bool:
+        return self.fabric.is_global_zero
+
+
+def _resolve(config: TrainConfig, run: Path, base: Path, resume: bool) -> RunConfig:
+    folder = (base / config.dataset).resolve()
+    plan = DatasetPlan.load(folder)
+    resolved = RunConfig(train=config, dataset=plan.config, dataset_folder=str(folder), versions=versions())
+    if (run / CONFIG).is_file():
+        if not resume:
+            raise ConfigError(f"{run} holds a run already; give --resume to go on with it, or another folder.")
+        RunConfig.load(run).require_same(resolved)
+    resolved.save(run)
+    return resolved
+
+
+def _precision(device: str) -> Literal["bf16-mixed", "32-true"]:
+    cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
+    return "bf16-mixed" if cuda else "32-true"
+
+
+def _train(fabric: Fabric, resolved: RunConfig, run: Path, base: Path, display: Display) -> State:
+    session = _open(fabric, resolved, run, base, display)
+    config, device = session.config, fabric.device
+    state = State.fresh(config, device)
+    found = checkpoints(run)
+    if found:
+        state.load(found[-1])
+        log.info("resumed at step %d", state.step)
+    if session.first:
+        session = replace(session, journal=Journal(run, state.step))
+    display.begin("training", config.steps)
+    display.advance(state.step)
+    _loop(session, state)
+    if session.journal is not None:
+        session.journal.close()
+    return state
+
+
+def _open(fabric: Fabric, resolved: RunConfig, run: Path, base: Path, display: Display) -> _Session:
+    config, device = resolved.train, fabric.device
+    folder = Path(resolved.dataset_folder)
+    renderer = resolve_renderer(config.renderer, "cuda" if device.type == "cuda" else "cpu")
+    splits = resolved.dataset.splits
+    feeds = {}
+    for split in ("train", "validation"):
+        if split in splits:
+            display.begin(f"light transport of the {split} scenes")
+            feeds[split] = make_feed(config, folder, split, renderer, device, base=base, progress=display.advance)
+    scorer = None
+    if "validation" in feeds and fabric.is_global_zero:
+        train_feed, held_out = feeds["train"], feeds["validation"]
+        targets, _ = make_targets(train_feed.exemplars, train_feed.stages.seen, device, _CONSTANT_TARGETS)
+        scorer = Scorer.make(held_out.exemplars, held_out.stages.seen, best_constant(targets), device)
+    return _Session(fabric, config, run, feeds["train"], scorer, None, display)
+
+
+def _loop(session: _Session, state: State) -> None:
+    config, began, before = session.config, time.monotonic(), state.seconds
+    report_step, report_time = state.step, began
+    while state.step < config.steps and not _out_of_time(config, state):
+        diagnostics = training_step(session.fabric, config, state, session.feed, _batches(session, state.step))
+        now = time.monotonic()
+        state.seconds = before + now - began
+        session.display.advance(1)
+        if state.step % _REPORT_EVERY == 0:
+            rate = (state.step - report_step) * config.batch_size / max(now - report_time, 1e-9)
+            _report(session, state, diagnostics, rate)
+            report_step, report_time = state.step, time.monotonic()
+        if state.step % config.score_every == 0:
+            _score(session, state)
+        if state.step % config.save_every == 0:
+            _save(session, state, diagnostics)
+    _finish(session, state)
+
+
+def _batches(session: _Session, step: int) -> list[Sequence[int]]:
+    config, fabric = session.config, session.fabric
+    critics = config.loss.critic_steps
+    whole = [
+        batch_indices(config.seed, len(session.feed), config.batch_size, step * critics + critic)
+        for critic in range(critics)
+    ]
+    return [batch[fabric.global_rank :: fabric.world_size] for batch in whole]
+
+
+def _out_of_time(config: TrainConfig, state: State) -> bool:
+    return config.minutes is not None and state.seconds >= 60 * config.minutes
+
+
+def _report(session: _Session, state: State, diagnostics: Diagnostics, rate: float) -> None:
+    _require_finite(state, diagnostics)
+    values = {name: float(value) for name, value in diagnostics.items()}
+    values |= {"images_per_second": rate, "seconds": state.seconds}
+    if session.journal is not None:
+        session.journal.write(state.step, values)
+    score = f", recovered {state.history[-1]['recovered']:.3f}" if state.history else ""
+    session.display.advance(0, f"{rate:.0f} images/s{score}")
+
+
+def _score(session: _Session, state: State) -> None:
+    """Scores the averaged generator on the validation split, and keeps it if it is the best so far."""
+    if session.scorer is None or session.journal is None:
+        return
+    with session.fabric.autocast():
+        score = session.scorer.recovered(state.averaged)
+    state.history.append({"step": state.step, "seconds": state.seconds, "recovered": score})
+    session.journal.write(state.step, {"recovered": score, "seconds": state.seconds})
+    if score > state.best[0]:
+        state.best = (score, state.step)
+        save_generator(session.run / MODEL, copy.deepcopy(state.averaged), session.config.generator, score)
+
+
+def _save(session: _Session, state: State, diagnostics: Diagnostics) -> None:
+    _require_finite(state, diagnostics)
+    if session.first:
+        state.save(session.run)
+
+
+def _finish(session: _Session, state: State) -> None:
+    """The last score and checkpoint; where there was no validation split, the last model is the model."""
+    if not session.first:
+        return
+    if not state.history or state.history[-1]["step"] != state.step:
+        _score(session, state)
+    if session.scorer is None:
+        save_generator(session.run / MODEL, state.averaged, session.config.generator, None)
+    state.save(session.run)
+
+
+def _require_finite(state: State, diagnostics: Diagnostics) -> None:
+    weights = {name: parameter.sum() for name, parameter in state.generator.named_parameters()}
+    if not finite(diagnostics) or not finite(weights):
+        raise TrainingError(
+            f"training stopped at step {state.step}: a loss or weight is not finite; the last checkpoint is good. "
+            "Lower optimizer.generator_rate or optimizer.discriminator_rate, or raise loss.r1, and resume."
+        )

@@ -1,0 +1,112 @@
+"""The stored transport of one view, and its file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import Float, Int
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io.atomic import atomic_path
+
+_FORMAT = "svbrdfgan light transport 1"
+_HALF_LIMIT = 32768.0
+
+
+@dataclass(frozen=True, eq=False)
+class LightTransport:
+    """One view of one surface: `image = background + T @ textures`, with T sparse, in rows of pixels.
+
+    The textures are those of the learnable parts, in the order of `parts`, each (rows, cols, 3) linear reflectance;
+    everything else is folded into the background. Entry n of T says that texel `texel[n]` of the stacked textures, as
+    (part * rows + row) * cols + col, adds `weight[n] * scale` times its value to its pixel; the entries of pixel i are
+    `start[i]` to `start[i + 1]`.
+
+    Attributes:
+        start: first entry of each pixel, row * width + col, and the count of all entries.
+        texel: ascending within a pixel.
+        weight: linear RGB, half or single precision. In half, relative error 2^-11 and less.
+        scale: one factor for all weights, so that half precision holds any brightness.
+        background: the picture of all that is not learnable, premultiplied.
+        coverage: share of each pixel that shows the surface.
+        guide: mean network input (position, normal) over each pixel's learnable samples, times their share of the pixel.
+        parts: indices into `Surface.parts` of the textures.
+        texture_shape: (rows, cols) of each texture.
+    """
+
+    start: Int[Tensor, " pixels+1"]
+    texel: Int[Tensor, " entries"]
+    weight: Float[Tensor, "entries 3"]
+    scale: Float[Tensor, ""]
+    background: Float[Tensor, "height width 3"]
+    coverage: Float[Tensor, "height width"]
+    guide: Float[Tensor, "height width 6"]
+    parts: tuple[int, ...]
+    texture_shape: tuple[int, int]
+
+    @property
+    def texels(self) -> int:
+        """Columns of T: texels of all its textures."""
+        return len(self.parts) * self.texture_shape[0] * self.texture_shape[1]
+
+    def seen_texels(self) -> Float[Tensor, "parts rows cols"]:
+        """Mean RGB weight with which each texel enters the picture; zero where it is not seen or not lit."""
+        seen = torch.zeros(self.texels, device=self.texel.device)
+        seen.index_add_(0, self.texel.long(), self.weight.float().mean(dim=1) * self.scale)
+        return seen.reshape(len(self.parts), *self.texture_shape)
+
+    def half(self) -> LightTransport:
+        """The same with weights in half precision: half the bytes, relative error 2^-11 in each weight."""
+        largest = (self.weight.float().abs().max() if len(self.weight) else self.scale.new_ones(())) * self.scale
+        scale = (largest / _HALF_LIMIT).clamp(min=torch.finfo(torch.float32).tiny)
+        weight = (self.weight.float() * (self.scale / scale)).half()
+        return replace(self, weight=weight, scale=scale, background=self.background.float(), guide=self.guide.half())
+
+    def to(self, device: torch.device | str) -> LightTransport:
+        """The same on another device."""
+        moved: dict[str, Any] = {name: tensor.to(device) for name, tensor in self._tensors().items()}
+        return replace(self, **moved)
+
+    def save(self, path: Path) -> None:
+        """Writes one safetensors file, atomically."""
+        meta = {
+            "format": _FORMAT,
+            "parts": ",".join(map(str, self.parts)),
+            "texture_shape": ",".join(map(str, self.texture_shape)),
+        }
+        tensors = {name: tensor.contiguous().cpu() for name, tensor in self._tensors().items()}
+        with atomic_path(path) as temporary:
+            save_file(tensors, temporary, meta)
+
+    @classmethod
+    def load(cls, path: Path) -> LightTransport:
+        """Reads what `save` wrote.
+
+        Raises:
+            AssetError: the file is missing, damaged, or not a light transport.
+        """
+        try:
+            with safe_open(path, framework="pt") as file:
+                meta = file.metadata() or {}
+                if meta.get("format") != _FORMAT:
+                    raise AssetError(
+                        f"{path} is not a light transport of this version; delete it to have it traced anew."
+                    )
+                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            rows, cols = (int(n) for n in meta["texture_shape"].split(","))
+            parts = tuple(int(n) for n in meta["parts"].split(",") if n)
+            return cls(**tensors, parts=parts, texture_shape=(rows, cols))
+        except (OSError, SafetensorError, KeyError, TypeError, ValueError) as error:
+            raise AssetError(
+                f"{path} cannot be read as a light transport ({error}); delete it to have it traced anew."
+            ) from error
+
+    def _tensors(self) -> dict[str, Tensor]:
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if isinstance(value, Tensor)}

@@ -1,0 +1,11 @@
+"""The weathering that a network is asked to learn (G0): layers of dirt, dust and rust, made from geometry alone.
+
+    layer = weather(surface, buffer, recipe_from_options("road-dirt", {"amount": 0.7, "seed": 3}))
+
+A fixed recipe is a function of position, normal, openness and curvature, all relative to the model's size.
+"""
+
+from svbrdfgan.weathering.layer import TexelGeometry, recipe_from_options, weather
+from svbrdfgan.weathering.recipes import RECIPES, Dust, Recipe, RoadDirt, Rust
+
+__all__ = ["RECIPES", "Dust", "Recipe", "RoadDirt", "Rust", "TexelGeometry", "recipe_from_options", "weather"]

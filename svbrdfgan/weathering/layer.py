@@ -1,0 +1,58 @@
+"""From a recipe's name and options to its RGBA layer over a surface's texels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+from torch import Tensor
+
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.faults import did_you_mean
+from svbrdfgan.options import build
+from svbrdfgan.types import Surface
+from svbrdfgan.weathering.recipes import RECIPES, Recipe
+from svbrdfgan.weathering.site import survey
+
+
+class TexelGeometry(Protocol):
+    """What weathering needs of a geometry buffer: gutters filled, row 0 at v = 0."""
+
+    @property
+    def position(self) -> Float[ndarray | Tensor, "rows cols 3"]:
+        """Metres, in the surface's coordinates."""
+        ...
+
+    @property
+    def normal(self) -> Float[ndarray | Tensor, "rows cols 3"]:
+        """Unit, outward."""
+        ...
+
+
+def weather(surface: Surface, buffer: TexelGeometry, recipe: Recipe) -> Float[Tensor, "rows cols 4"]:
+    """The weathering layer over a buffer's texels: linear RGB and straight alpha in [0, 1], float32.
+
+    A pure function, the same for a model of any size. Gutters go on smoothly where the buffer's do. Takes about
+    two seconds at 256 x 256, most of it for openness and edges.
+    """
+    rows, cols, _ = buffer.position.shape
+    position = np.asarray(buffer.position, dtype=np.float64).reshape(-1, 3)
+    normal = np.asarray(buffer.normal, dtype=np.float64).reshape(-1, 3)
+    painted = recipe.paint(survey(surface, position, normal))
+    return torch.from_numpy(painted.reshape(rows, cols, 4).astype(np.float32))
+
+
+def recipe_from_options(name: str, options: Mapping[str, Any]) -> Recipe:
+    """The recipe of that name, with these options in place of its defaults.
+
+    Raises:
+        ConfigError: no such recipe, no such option, a wrong type, or a value out of range.
+    """
+    if name not in RECIPES:
+        hint = did_you_mean(name, RECIPES) or "."
+        raise ConfigError(f"weathering recipe {name!r} is unknown{hint} Known are {', '.join(RECIPES)}.")
+    return build(RECIPES[name], options, f"weathering {name}")

@@ -1,0 +1,69 @@
+"""What weathering goes by: where on the vehicle each texel lies, which way it faces, how sheltered it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from svbrdfgan.types import Surface
+from svbrdfgan.weathering.occlusion import bend, openness, scatter
+
+_USUAL_AXLES = (-0.3, 0.3)
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """Geometry at each texel, free of the model's scale and place.
+
+    Attributes:
+        position: in lengths of the model; x to its left and z to its nose from the middle, y up from the ground.
+        height: above ground, in heights of the model: 0 to 1.
+        normal: unit, outward.
+        openness: 1 in the open, 0 enclosed (`openness`).
+        edge: positive on edges, negative in creases, about 1 at a right angle (`bend`).
+        axles: z of the wheels, in the units of `position`.
+    """
+
+    position: Float[ndarray, "texels 3"]
+    height: Float[ndarray, " texels"]
+    normal: Float[ndarray, "texels 3"]
+    openness: Float[ndarray, " texels"]
+    edge: Float[ndarray, " texels"]
+    axles: tuple[float, ...]
+
+
+def survey(surface: Surface, position: Float[ndarray, "texels 3"], normal: Float[ndarray, "texels 3"]) -> Site:
+    """The site at points of a surface, in its metres. About a second for 65,000 points."""
+    used = surface.positions[np.unique(surface.faces)]
+    low, high = used.min(axis=0), used.max(axis=0)
+    extent = high - low
+    length = max(extent[0], extent[2]) or extent[1] or 1.0
+    ground = np.array([(low[0] + high[0]) / 2.0, low[1], (low[2] + high[2]) / 2.0])
+    centred = (position - ground) / length
+    return Site(
+        position=centred,
+        height=np.clip(centred[:, 1] * length / max(extent[1], 1e-6 * length), 0.0, 1.0),
+        normal=normal,
+        openness=openness(surface, position, normal),
+        edge=bend(surface, position, normal, 0.03 * length),
+        axles=find_axles(
+            (scatter(surface, 0.01 * length)[0] - ground) / [length, max(extent[1], 1e-6 * length), length]
+        ),
+    )
+
+
+def find_axles(cloud: Float[ndarray, "points 3"]) -> tuple[float, ...]:
+    """Where along z the wheels stand: the middles of the patches that touch the ground.
+
+    The cloud is in lengths, and in heights along y. A vehicle whose ground contact does not look like wheels, because a
+    patch is longer than a fifth of it or there is but one, gets the usual two axles.
+    """
+    contact = np.sort(cloud[cloud[:, 1] < 0.04, 2])
+    patches = np.split(contact, np.flatnonzero(np.diff(contact) > 0.04) + 1)
+    wheels = [patch for patch in patches if len(patch) > 3]
+    if len(wheels) < 2 or max(np.ptp(patch) for patch in wheels) > 0.2:
+        return _USUAL_AXLES
+    return tuple(float(patch.min() + patch.max()) / 2.0 for patch in wheels)

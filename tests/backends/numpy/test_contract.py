@@ -1,0 +1,80 @@
+"""What the protocol promises, and what is refused."""
+
+import pytest
+import scenes
+import torch
+from svbrdfgan_numpy import NumpyRenderer
+
+from svbrdfgan.errors import ConfigError, UnsupportedError
+from svbrdfgan.protocols import Renderer, TransportRenderer
+from svbrdfgan.types import Material, Materials
+
+RENDERER = NumpyRenderer()
+PREPARED = RENDERER.prepare(scenes.plane())
+VIEW = scenes.front_view(scenes.constant_light())
+WHITE = scenes.lambertian((1.0, 1.0, 1.0))
+ONES = torch.ones(16, 16, 3)
+
+
+def test_it_is_a_renderer_with_transport() -> None:
+    assert isinstance(RENDERER, Renderer)
+    assert isinstance(RENDERER, TransportRenderer)
+    assert RENDERER.device == torch.device("cpu")
+    assert RENDERER.capabilities.differentiable == {"base_color", "environment"}
+    assert NumpyRenderer(max_bounces=5).capabilities.max_bounces == 5
+
+
+def test_pictures_are_float32_and_shaped_as_the_film() -> None:
+    view = scenes.front_view(scenes.constant_light(), width=5, height=3)
+    rendering = RENDERER.render(PREPARED, WHITE, view, spp=1, seed=0)
+    assert (rendering.image.dtype, rendering.coverage.dtype) == (torch.float32, torch.float32)
+    assert (rendering.image.shape, rendering.coverage.shape) == ((3, 5, 3), (3, 5))
+
+
+def test_a_surface_out_of_sight_gives_an_empty_picture_and_no_gradient() -> None:
+    away = scenes.quad((0.0, 0.0, 9.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    renderer = NumpyRenderer(max_bounces=2)
+    rendering = scenes.picture(renderer, away, WHITE, VIEW)
+    gradients = renderer.render_vjp(
+        renderer.prepare(away), WHITE, VIEW, ONES, wrt=frozenset({"base_color"}), spp=1, seed=0
+    )
+    assert (rendering.image == 0.0).all()
+    assert (rendering.coverage == 0.0).all()
+    assert (gradients.materials[0]["base_color"] == 0.0).all()
+
+
+@pytest.mark.parametrize("max_bounces", [0, -1, 65])
+def test_impossible_bounces_are_refused(max_bounces: int) -> None:
+    with pytest.raises(ConfigError, match="wanted 1 to 64"):
+        NumpyRenderer(max_bounces=max_bounces)
+
+
+def test_impossible_chunks_are_refused() -> None:
+    with pytest.raises(ConfigError, match="chunk_vertices"):
+        NumpyRenderer(chunk_vertices=0)
+
+
+def test_no_samples_are_refused() -> None:
+    with pytest.raises(ConfigError, match="spp is 0"):
+        RENDERER.render(PREPARED, WHITE, VIEW, spp=0, seed=0)
+
+
+def test_a_map_it_does_not_read_is_refused() -> None:
+    shiny = Materials((Material({"base_color": torch.ones(3), "roughness": torch.ones(1)}),))
+    with pytest.raises(UnsupportedError, match="'part0' has roughness"):
+        RENDERER.render(PREPARED, shiny, VIEW, spp=1, seed=0)
+
+
+def test_materials_must_fit_the_parts() -> None:
+    with pytest.raises(ConfigError, match="2 materials for a surface of 1 parts"):
+        RENDERER.render(PREPARED, scenes.lambertian(scenes.RED, scenes.GREEN), VIEW, spp=1, seed=0)
+
+
+def test_a_gradient_it_does_not_have_is_refused() -> None:
+    with pytest.raises(UnsupportedError, match="no gradient for camera"):
+        RENDERER.render_vjp(PREPARED, WHITE, VIEW, ONES, wrt=frozenset({"camera"}), spp=1, seed=0)
+
+
+def test_a_gradient_of_another_film_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"wanted \(16, 16, 3\)"):
+        RENDERER.render_vjp(PREPARED, WHITE, VIEW, ONES[:4], wrt=frozenset({"base_color"}), spp=1, seed=0)

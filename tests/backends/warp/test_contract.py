@@ -1,0 +1,149 @@
+"""Options, refusals, chance, threads, and what must not be disturbed."""
+
+from collections.abc import Iterator
+
+import pytest
+import scenes
+import torch
+import warp as wp
+from svbrdfgan_warp import WarpRenderer
+from svbrdfgan_warp.scene import PreparedSurface
+
+from svbrdfgan.errors import AssetError, ConfigError, UnsupportedError
+from svbrdfgan.protocols import Renderer, TransportRenderer
+from svbrdfgan.types import Environment, Material, Materials
+
+WHITE = scenes.lambertian((1.0, 1.0, 1.0))
+VIEW = scenes.front_view(scenes.random_light(), width=48, height=48)
+ONES = torch.ones(48, 48, 3)
+
+
+@pytest.fixture(scope="module")
+def prepared(renderer: WarpRenderer) -> PreparedSurface:
+    return renderer.prepare(scenes.sphere())
+
+
+@pytest.fixture
+def threads() -> Iterator[None]:
+    before = torch.get_num_threads()
+    yield
+    torch.set_num_threads(before)
+
+
+def test_it_is_a_renderer_with_transport(renderer: WarpRenderer) -> None:
+    assert isinstance(renderer, Renderer)
+    assert isinstance(renderer, TransportRenderer)
+    assert renderer.capabilities.transport
+    assert renderer.device == torch.device("cpu")
+    assert renderer == WarpRenderer("cpu")
+
+
+@pytest.mark.parametrize("name", ["gpu", "cuda:", "CPU", "", "cuda:-1"])
+def test_unknown_devices_are_refused(name: str) -> None:
+    with pytest.raises(ConfigError, match="wanted 'auto', 'cpu', 'cuda' or 'cuda:N'"):
+        WarpRenderer(device=name)
+
+
+def test_a_device_that_is_not_there_is_refused() -> None:
+    with pytest.raises(ConfigError, match="CUDA devices; choose 'cpu' or 'auto'"):
+        WarpRenderer(device="cuda:99")
+
+
+def test_auto_prefers_cuda() -> None:
+    assert WarpRenderer().device.type == ("cuda" if torch.cuda.is_available() else "cpu")
+
+
+def test_materials_must_be_as_many_as_parts(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
+    with pytest.raises(ConfigError, match="2 materials for a surface of 1 parts"):
+        renderer.render(prepared, scenes.lambertian(scenes.RED, scenes.GREEN), VIEW, spp=1, seed=0)
+
+
+def test_maps_that_are_not_read_are_refused(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
+    rough = Materials((Material({"base_color": torch.ones(3), "roughness": torch.ones(1)}),))
+    with pytest.raises(UnsupportedError, match=r"part0.*roughness"):
+        renderer.render(prepared, rough, VIEW, spp=1, seed=0)
+
+
+def test_gradients_that_are_not_declared_are_refused(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
+    with pytest.raises(UnsupportedError, match="environment"):
+        renderer.render_vjp(prepared, WHITE, VIEW, ONES, wrt=frozenset({"environment"}), spp=1, seed=0)
+
+
+def test_a_gradient_of_another_film_is_refused(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
+    with pytest.raises(ConfigError, match="grad_image"):
+        renderer.render_vjp(prepared, WHITE, VIEW, ONES[:5], wrt=frozenset({"base_color"}), spp=1, seed=0)
+
+
+def test_no_samples_are_refused(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
+    with pytest.raises(ConfigError, match="spp is 0"):
+        renderer.transport(prepared, VIEW, spp=0, seed=0)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_an_environment_that_is_not_finite_is_refused(
+    renderer: WarpRenderer, prepared: PreparedSurface, value: float
+) -> None:
+    radiance = torch.ones(4, 8, 3)
+    radiance[1, 2, 0] = value
+    with pytest.raises(AssetError, match="not finite"):
+        renderer.render(prepared, WHITE, scenes.front_view(Environment(radiance)), spp=1, seed=0)
+
+
+@pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 5), (3, 1), (2, 2)])
+def test_the_smallest_environments_light_evenly(
+    renderer: WarpRenderer, prepared: PreparedSurface, rows: int, cols: int
+) -> None:
+    view = scenes.front_view(scenes.constant_light(2.0, rows, cols))
+    seen = scenes.surface_radiance(renderer.render(prepared, WHITE, view, spp=256, seed=0))
+    assert torch.allclose(seen, torch.full((3,), 2.0), rtol=0.02)
+
+
+def test_the_seed_alone_decides(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
+    a, b, c, d = (renderer.render(prepared, WHITE, VIEW, spp=4, seed=seed).image for seed in (7, 7, 8, 7 + 2**32))
+    assert torch.equal(a, b)
+    assert not torch.equal(a, c)
+    assert not torch.equal(a, d)
+
+
+def test_the_number_of_threads_changes_nothing(
+    renderer: WarpRenderer, prepared: PreparedSurface, threads: None
+) -> None:
+    materials, wrt = scenes.lambertian(scenes.random_texture(9, 5)), frozenset({"base_color"})
+    results = []
+    for count in (1, 3):
+        torch.set_num_threads(count)
+        image = renderer.render(prepared, materials, VIEW, spp=64, seed=1).image
+        gradients = renderer.render_vjp(prepared, materials, VIEW, ONES, wrt=wrt, spp=64, seed=1)
+        weight = torch.cat([s.weight for s in renderer.transport(prepared, VIEW, spp=64, seed=1)])
+        results.append((image, gradients.materials[0]["base_color"], weight))
+    assert all(torch.equal(one, three) for one, three in zip(*results, strict=True))
+
+
+def test_a_caller_s_settings_are_left_alone(renderer: WarpRenderer, capfd: pytest.CaptureFixture[str]) -> None:
+    level, default = wp.config.log_level, torch.get_default_dtype()
+    wp.config.log_level = wp.LOG_DEBUG
+    torch.set_default_dtype(torch.float64)
+    try:
+        with wp.Tape() as tape:
+            rendering = scenes.picture(WarpRenderer("cpu"), scenes.plane(), WHITE, scenes.front_view(VIEW.environment))
+        assert wp.config.log_level == wp.LOG_DEBUG
+    finally:
+        wp.config.log_level = level
+        torch.set_default_dtype(default)
+    assert rendering.image.dtype == rendering.coverage.dtype == torch.float32
+    assert not tape.launches
+    assert capfd.readouterr().out == ""
+
+
+def test_inputs_that_want_gradients_are_only_read(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
+    texture = torch.rand(4, 4, 3, requires_grad=True)
+    image = renderer.render(prepared, scenes.lambertian(texture), VIEW, spp=1, seed=0).image
+    assert not image.requires_grad
+    assert texture.grad is None
+
+
+def test_a_surface_out_of_sight_gives_an_empty_picture(renderer: WarpRenderer) -> None:
+    away = scenes.quad((0.0, 0.0, 9.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    rendering = scenes.picture(renderer, away, WHITE, VIEW)
+    assert (rendering.image == 0.0).all()
+    assert (rendering.coverage == 0.0).all()

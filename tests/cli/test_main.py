@@ -1,0 +1,88 @@
+"""The command line answers at once, and tells errors in one sentence."""
+
+import re
+import subprocess
+import sys
+import time
+from types import SimpleNamespace
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from svbrdfgan import __version__, cli
+from svbrdfgan.errors import AssetError
+
+HELP = "import sys; sys.argv = ['svbrdfgan', '--help']\nfrom svbrdfgan.cli import main\n"
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """Makes `svbrdfgan demo` raise what the test puts in its `error`."""
+    module = SimpleNamespace(error=AssetError("car.glb has no faces."))
+
+    @click.command()
+    def fails() -> None:
+        raise module.error
+
+    module.fails = fails
+    monkeypatch.setitem(sys.modules, "cli_under_test", module)
+    monkeypatch.setattr(cli, "COMMANDS", {"demo": ("cli_under_test:fails", "Fails.")})
+    return module
+
+
+def test_help_is_quick_and_imports_nothing_heavy() -> None:
+    code = HELP + "try:\n    main()\nexcept SystemExit:\n    print('\\nLOADED', *sys.modules)"
+    started = time.monotonic()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    seconds = time.monotonic() - started
+    text, _, loaded = done.stdout.partition("\nLOADED ")
+    assert all(re.search(rf"^  {name} ", text, re.MULTILINE) for name in cli.COMMANDS)
+    assert {"torch", "numpy", "pydantic", "rich", "trimesh"} & set(loaded.split()) == set()
+    assert [name for name in loaded.split() if name.startswith("svbrdfgan.cli.")] == []
+    assert seconds < 2.0  # half a second is the promise; four times that on a busy machine
+
+
+def test_the_names_are_fixed() -> None:
+    names = "demo backends embeddings bake weather dataset train evaluate texture render"
+    assert list(cli.COMMANDS) == names.split()
+
+
+def test_version() -> None:
+    assert CliRunner().invoke(cli.main, ["--version"]).output == f"svbrdfgan, version {__version__}\n"
+
+
+def test_an_error_is_one_sentence(command: SimpleNamespace) -> None:
+    result = CliRunner().invoke(cli.main, ["demo"])
+    assert (result.exit_code, result.stdout, result.stderr) == (1, "", "Error: car.glb has no faces.\n")
+
+
+@pytest.mark.parametrize(("arguments", "variables"), [(["--debug", "demo"], {}), (["demo"], {"SVBRDFGAN_DEBUG": "1"})])
+def test_debug_lets_it_through(command: SimpleNamespace, arguments: list[str], variables: dict[str, str]) -> None:
+    assert CliRunner(env=variables).invoke(cli.main, arguments).exception is command.error
+
+
+def test_an_interrupt_is_quiet(command: SimpleNamespace) -> None:
+    command.error = KeyboardInterrupt()
+    result = CliRunner().invoke(cli.main, ["demo"])
+    assert (result.exit_code, result.output) == (130, "")
+
+
+def test_usage_errors_exit_with_2() -> None:
+    result = CliRunner().invoke(cli.main, ["trian"])
+    assert result.exit_code == 2
+    assert "unknown command 'trian'; did you mean 'train'?" in result.stderr
+    assert CliRunner().invoke(cli.main, ["backends", "--jsno"]).exit_code == 2
+
+
+def test_verbose_logs_to_stderr() -> None:
+    code = (
+        "import sys; sys.argv = ['svbrdfgan', '-v', 'demo']\n"
+        "from svbrdfgan import cli; import click, logging, types\n"
+        "said = click.Command('said', callback=lambda: logging.getLogger('svbrdfgan.x').info('five faces'))\n"
+        "sys.modules['made_up'] = types.SimpleNamespace(said=said)\n"
+        "cli.COMMANDS = {'demo': ('made_up:said', '')}; cli.main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "five faces" in done.stderr
+    assert done.stdout == ""

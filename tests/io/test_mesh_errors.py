@@ -1,0 +1,142 @@
+"""Every bad mesh file gives one sentence that names it."""
+
+import json
+import struct
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io import load_mesh
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+
+
+def exported(suffix: str) -> bytes:
+    data = trimesh.creation.icosphere(subdivisions=1).export(file_type=suffix)
+    return data.encode() if isinstance(data, str) else data
+
+
+def glb(header: dict, binary: bytes = b"") -> bytes:
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def gltf(**changes: object) -> dict:
+    header: dict = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "buffers": [{"byteLength": 36}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+    }
+    return header | changes
+
+
+def cut(suffix: str) -> bytes:
+    return exported(suffix)[:900]
+
+
+CORNERS = np.eye(3, dtype="<f4").tobytes()
+HUGE = {"componentType": 5126, "count": 10**12, "type": "VEC3"}
+BIG_STL = b"\0" * 80 + struct.pack("<I", 4_000_000_000) + b"\0" * 50
+BIG_PLY = (
+    b"ply\nformat binary_little_endian 1.0\nelement vertex 900000000000\n"
+    b"property float x\nproperty float y\nproperty float z\n"
+    b"element face 900000000000\nproperty list uchar int vertex_indices\nend_header\n" + b"\0" * 64
+)
+
+BAD: dict[str, tuple[str, Callable[[], bytes], str]] = {
+    **{f"empty {s}": (f"a.{s}", lambda: b"", "is empty") for s in ("glb", "gltf", "obj", "ply", "stl")},
+    **{f"garbage {s}": (f"a.{s}", lambda: b"\x07\xff garbage" * 99, "") for s in ("glb", "gltf", "obj", "ply", "stl")},
+    **{f"cut {s}": (f"a.{s}", partial(cut, s), "") for s in ("glb", "ply", "stl")},
+    "glb cut in its head": ("a.glb", lambda: b"glTF\2\0\0", "cut short"),
+    "wrong suffix": ("a.fbx", lambda: b"x", "is not a mesh file"),
+    "no suffix": ("a", lambda: b"x", "is not a mesh file"),
+    "obj named glb": ("a.glb", lambda: TRIANGLE.encode(), "is not a GLB file"),
+    "glb named obj": ("a.obj", lambda: exported("glb"), "is not an OBJ file"),
+    "glb of version 1": ("a.glb", lambda: b"glTF" + struct.pack("<4I", 1, 20, 0, 0), "version 1"),
+    "gltf without asset": ("a.gltf", lambda: b"[1, 2]", "no 'asset'"),
+    "gltf of wrong types": ("a.gltf", lambda: b'{"asset": {"version": "2.0"}, "meshes": 3}', "cannot be read"),
+    "gltf without its buffer": (
+        "a.gltf",
+        lambda: json.dumps(gltf(buffers=[{"uri": "gone.bin", "byteLength": 36}])).encode(),
+        "gone.bin' that it names is missing",
+    ),
+    "gltf of a trillion vertices": ("a.glb", lambda: glb(gltf(accessors=[HUGE]), CORNERS), "at most"),
+    "gltf compressed": (
+        "a.glb",
+        lambda: glb(gltf(extensionsRequired=["KHR_draco_mesh_compression"]), CORNERS),
+        "export it without compression",
+    ),
+    "gltf with an index out of range": (
+        "a.glb",
+        lambda: glb(
+            gltf(
+                meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+                accessors=[
+                    {"bufferView": 0, "componentType": 5126, "count": 2, "type": "VEC3"},
+                    {"bufferView": 0, "componentType": 5125, "count": 9, "type": "SCALAR"},
+                ],
+            ),
+            CORNERS,
+        ),
+        "outside 0..1",
+    ),
+    "gltf of points": (
+        "a.glb",
+        lambda: glb(gltf(meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "mode": 0}]}]), CORNERS),
+        "only points",
+    ),
+    "gltf of nothing": ("a.glb", lambda: glb({"asset": {"version": "2.0"}}), ""),
+    "obj of points": ("a.obj", lambda: TRIANGLE.encode(), "only points"),
+    "obj of comments": ("a.obj", lambda: b"# nothing\n", "no faces"),
+    "obj with an index out of range": ("a.obj", lambda: (TRIANGLE + "f 1 2 9\n").encode(), ""),
+    "obj with NaN": ("a.obj", lambda: b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not finite"),
+    "ply of points": ("a.ply", lambda: trimesh.PointCloud(np.eye(3)).export(file_type="ply"), "only points"),
+    "stl of four billion": ("a.stl", lambda: BIG_STL, "cut short"),
+    "ply of a trillion": ("a.ply", lambda: BIG_PLY, ""),
+    "too far away": ("a.obj", lambda: (TRIANGLE + "v 1e12 0 0\nf 1 2 4\nf 1 2 3\n").encode(), "1e+12"),
+    "all in one point": ("a.obj", lambda: b"v 0 0 0\nv 0 0 0\nv 0 0 0\nf 1 2 3\n", "without area"),
+    "all on one line": ("a.obj", lambda: b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no area"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_bad_file_gives_one_sentence_that_names_it(tmp_path: Path, case: str) -> None:
+    name, content, wanted = BAD[case]
+    path = tmp_path / name
+    path.write_bytes(content())
+    with pytest.raises(AssetError) as caught:
+        load_mesh(path)
+    message = str(caught.value)
+    assert message.startswith(str(path))
+    assert wanted in message
+    assert message.endswith((".", "?"))
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize("suffix", ["glb", "ply", "stl"])
+def test_vertices_that_are_not_finite_are_refused(tmp_path: Path, suffix: str) -> None:
+    box = trimesh.creation.box()
+    vertices = box.vertices.copy()
+    vertices[3, 1] = np.nan
+    trimesh.Trimesh(vertices, box.faces, process=False, validate=False).export(tmp_path / f"a.{suffix}")
+    with pytest.raises(AssetError, match="not finite"):
+        load_mesh(tmp_path / f"a.{suffix}")
+
+
+def test_a_path_that_is_missing_or_a_folder(tmp_path: Path) -> None:
+    with pytest.raises(AssetError, match="does not exist"):
+        load_mesh(tmp_path / "gone.glb")
+    (tmp_path / "folder.glb").mkdir()
+    with pytest.raises(AssetError, match="is a folder"):
+        load_mesh(tmp_path / "folder.glb")

@@ -1,0 +1,100 @@
+"""The wheel holds what is needed and no more, and its entry points are found where it is installed."""
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from svbrdfgan import __version__
+
+REPOSITORY = Path(__file__).parents[2]
+PACKAGES = {
+    path.parent.name
+    for place in ("backends", "parameterizations")
+    for path in REPOSITORY.glob(f"{place}/*/__init__.py")
+}
+METADATA = f"svbrdfgan-{__version__}.dist-info"
+STRAY = ("backends", "tests", "parameterizations", "docs", "examples", "benchmarks")
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel, made from a copy of the sources alone."""
+    folder = tmp_path_factory.mktemp("wheel")
+    ignore = shutil.ignore_patterns(".*", "__pycache__", "out", "runs", "dist", "build", "*.egg-info")
+    shutil.copytree(REPOSITORY, folder / "source", ignore=ignore)
+    shutil.copy(REPOSITORY / ".gitignore", folder / "source")
+    command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(folder), str(folder / "source")]
+    subprocess.run(command, check=True, capture_output=True)  # the wheel is built from the sdist
+    return next(folder.glob("*.whl"))
+
+
+@pytest.fixture(scope="module")
+def site(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the wheel alone, as pip installs it."""
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "pip", "install", "--no-deps", "--no-index", "--quiet", "--target", str(folder)]
+    subprocess.run([*command, str(wheel)], check=True, capture_output=True)
+    return folder
+
+
+def run(site: Path, code: str) -> list[str]:
+    """The words that the code prints, where the wheel is installed beside the dependencies, without the sources."""
+    path = os.pathsep.join([str(site), sysconfig.get_path("purelib"), sysconfig.get_path("platlib")])
+    command = [sys.executable, "-S", "-P", "-c", code]
+    done = subprocess.run(command, env={**os.environ, "PYTHONPATH": path}, cwd=site, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+def test_what_is_in_the_wheel(wheel: Path) -> None:
+    names = zipfile.ZipFile(wheel).namelist()
+    tops = {name.split("/")[0] for name in names}
+    assert tops == {"svbrdfgan", METADATA, *PACKAGES}
+    assert "svbrdfgan/py.typed" in names
+    licence = zipfile.ZipFile(wheel).read(f"{METADATA}/licenses/LICENSE")
+    assert b"Apache License" in licence
+
+
+def test_every_package_is_declared() -> None:
+    declared = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert {Path(path).name for path in declared["packages"]} == {"svbrdfgan", *PACKAGES}
+
+
+def test_the_citation_names_this_version() -> None:
+    assert f"\nversion: {__version__}\n" in (REPOSITORY / "CITATION.cff").read_text()
+
+
+def test_entry_points_are_found(site: Path) -> None:
+    code = (
+        "import svbrdfgan; from svbrdfgan.plugins import *\n"
+        "plugins = [*list_plugins(RENDERERS), *list_plugins(EMBEDDINGS)]\n"
+        "print(svbrdfgan.__file__, *(plugin.name for plugin in plugins if not plugin.problem))"
+    )
+    file, *names = run(site, code)
+    assert Path(file).is_relative_to(site)
+    assert {"numpy", "warp", "hemispherical"} <= set(names)
+
+
+def test_the_chosen_plugin_comes_from_the_wheel(site: Path) -> None:
+    code = (
+        "from svbrdfgan.plugins import *; print(__import__('inspect').getfile(type(load_embedding('hemispherical'))))"
+    )
+    assert Path(run(site, code)[0]).is_relative_to(site)
+
+
+def test_no_stray_package_is_importable(site: Path) -> None:
+    code = f"import importlib.util as u; print(*(name for name in {STRAY} if u.find_spec(name)))"
+    assert run(site, code) == []
+
+
+def test_no_stray_package_is_importable_from_the_installation_under_test(tmp_path: Path) -> None:
+    code = f"import importlib.util as u; print(*(name for name in {STRAY} if u.find_spec(name)))"
+    done = subprocess.run([sys.executable, "-P", "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []

@@ -1,0 +1,122 @@
+"""Arrows point one way: types <- protocols <- core, backends, parameterizations. Parsed from every import statement."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[1]
+PLUGINS = sorted(
+    path.parent for place in ("backends", "parameterizations") for path in REPOSITORY.glob(f"{place}/*/__init__.py")
+)
+PLUGIN_NAMES = {folder.name for folder in PLUGINS}
+
+ERRORS, TYPES, PROTOCOLS = "svbrdfgan.errors", "svbrdfgan.types", "svbrdfgan.protocols"
+FOR_BACKENDS = (TYPES, PROTOCOLS, ERRORS)
+FOR_EMBEDDINGS = (*FOR_BACKENDS, "svbrdfgan.geometry")
+
+
+def imports(source: str, module: str, is_package: bool = False) -> Iterator[str]:
+    """The modules, and the names in them, that a module imports anywhere, written out in full."""
+    package = module.split(".") if is_package else module.split(".")[:-1]
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            start = package[: len(package) - node.level + 1] if node.level else []
+            base = ".".join([*start, *filter(None, [node.module])])
+            yield from (f"{base}.{alias.name}" for alias in node.names)
+
+
+def within(name: str, *allowed: str) -> bool:
+    return any(name == prefix or name.startswith(f"{prefix}.") for prefix in allowed)
+
+
+def forbidden_in_core(module: str, names: Iterator[str]) -> list[str]:
+    """What a module of the core imports though it must not: plugins, and whatever lies above it."""
+    layers = {ERRORS: (ERRORS,), TYPES: (TYPES, ERRORS), PROTOCOLS: (PROTOCOLS, TYPES, ERRORS)}
+    layer = next((allowed for base, allowed in layers.items() if within(module, base)), ("svbrdfgan",))
+    return [
+        name
+        for name in names
+        if name.split(".")[0] in PLUGIN_NAMES or (within(name, "svbrdfgan") and not within(name, *layer))
+    ]
+
+
+def forbidden_in_plugin(own: str, names: Iterator[str], allowed: tuple[str, ...]) -> list[str]:
+    """What a module of a plugin imports though it must not: the core beyond the contract, and other plugins."""
+    return [
+        name
+        for name in names
+        if name.split(".")[0] in PLUGIN_NAMES - {own} or (within(name, "svbrdfgan") and not within(name, *allowed))
+    ]
+
+
+def modules(folder: Path) -> list[tuple[str, Path]]:
+    """Each module below the folder of a package, by its full name."""
+    found = []
+    for path in sorted(folder.rglob("*.py")):
+        parts = [folder.name, *path.relative_to(folder).with_suffix("").parts]
+        found.append((".".join(parts[:-1] if parts[-1] == "__init__" else parts), path))
+    return found
+
+
+def imports_of(module: str, path: Path) -> Iterator[str]:
+    return imports(path.read_text(encoding="utf-8"), module, path.name == "__init__.py")
+
+
+def test_the_core_imports_no_plugin_and_nothing_upward() -> None:
+    found = {
+        module: forbidden_in_core(module, imports_of(module, path))
+        for module, path in modules(REPOSITORY / "svbrdfgan")
+    }
+    assert len(found) > 5
+    assert {module: names for module, names in found.items() if names} == {}
+
+
+@pytest.mark.parametrize("folder", PLUGINS, ids=lambda folder: folder.name)
+def test_a_plugin_imports_the_contract_alone(folder: Path) -> None:
+    allowed = FOR_EMBEDDINGS if folder.parent.name == "parameterizations" else FOR_BACKENDS
+    found = {m: forbidden_in_plugin(folder.name, imports_of(m, path), allowed) for m, path in modules(folder)}
+    assert {module: names for module, names in found.items() if names} == {}
+
+
+def test_importing_the_package_imports_neither_torch_nor_a_plugin() -> None:
+    code = "import sys, svbrdfgan; print(*(name.split('.')[0] for name in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "svbrdfgan" in done.stdout.split()
+    assert set(done.stdout.split()) & ({"torch", "warp", "pydantic"} | PLUGIN_NAMES) == set()
+
+
+@pytest.mark.parametrize(
+    ("module", "source", "found"),
+    [
+        ("svbrdfgan.bake", "import svbrdfgan_numpy.trace", ["svbrdfgan_numpy.trace"]),
+        ("svbrdfgan.bake", "def f():\n    from svbrdfgan_warp import WarpRenderer", ["svbrdfgan_warp.WarpRenderer"]),
+        ("svbrdfgan.bake", "from svbrdfgan import plugins\nfrom .io import read", []),
+        ("svbrdfgan.types.view", "from svbrdfgan.protocols import Renderer", ["svbrdfgan.protocols.Renderer"]),
+        ("svbrdfgan.types.view", "from .. import bake\nfrom ..errors import AssetError", ["svbrdfgan.bake"]),
+        ("svbrdfgan.protocols", "from svbrdfgan import bake", ["svbrdfgan.bake"]),
+        ("svbrdfgan.errors", "import svbrdfgan.types", ["svbrdfgan.types"]),
+    ],
+)
+def test_the_rule_for_the_core_bites(module: str, source: str, found: list[str]) -> None:
+    assert forbidden_in_core(module, imports(source, module)) == found
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ("from svbrdfgan.types import Mesh\nfrom . import trace\nimport numpy", []),
+        ("import svbrdfgan", ["svbrdfgan"]),
+        ("from svbrdfgan import bake", ["svbrdfgan.bake"]),
+        ("import svbrdfgan.geometry as g", ["svbrdfgan.geometry"]),
+        ("import svbrdfgan_warp", ["svbrdfgan_warp"]),
+    ],
+)
+def test_the_rule_for_backends_bites(source: str, found: list[str]) -> None:
+    names = imports(source, "svbrdfgan_numpy.renderer")
+    assert forbidden_in_plugin("svbrdfgan_numpy", names, FOR_BACKENDS) == found

@@ -1,0 +1,49 @@
+"""Networks: sizes, ranges, and what the thesis says of their shape."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch import nn
+
+from svbrdfgan.networks import Discriminator, Generator, ResidualBlock, initialise
+
+
+@pytest.mark.parametrize("size", [(16, 16), (32, 64)])
+@pytest.mark.parametrize("norm", ["instance", "group", "none"])
+def test_layer_has_the_buffer_s_size_and_range(size: tuple[int, int], norm: str) -> None:
+    layer = Generator(width=4, norm=norm)(torch.randn(2, 6, *size))
+    assert layer.shape == (2, *size, 4)
+    assert 0 < layer.min() <= layer.max() < 1
+
+
+def test_thesis_generator() -> None:
+    generator = Generator()
+    assert sum(isinstance(m, ResidualBlock) for m in generator.modules()) == 6
+    assert sum(isinstance(m, nn.ConvTranspose2d) for m in generator.modules()) == 2
+    weights = [m.weight for m in generator.modules() if isinstance(m, nn.Conv2d)]
+    assert weights[0].shape == (64, 6, 7, 7)
+    assert weights[-1].shape[0] == 4
+
+
+@pytest.mark.parametrize(("layers", "patch"), [(1, 16), (2, 34), (3, 70)])
+def test_patch_is_as_large_as_said(layers: int, patch: int) -> None:
+    critic = Discriminator(channels=1, width=4, layers=layers)
+    for parameter in critic.parameters():
+        nn.init.constant_(parameter, 0.01)
+    picture = torch.zeros(1, 1, 160, 160, requires_grad=True)
+    logits = critic(picture)
+    middle = logits.shape[-1] // 2
+    (gradient,) = torch.autograd.grad(logits[0, middle, middle], picture)
+    touched = torch.nonzero(gradient[0, 0].abs().sum(dim=0)).flatten()
+    assert int(touched.max() - touched.min()) + 1 == patch
+
+
+def test_initial_weights_depend_on_the_seed_alone() -> None:
+    def weights(seed: int) -> torch.Tensor:
+        generator = Generator(width=4)
+        initialise(generator, torch.Generator().manual_seed(seed))
+        return torch.cat([p.flatten() for p in generator.parameters()])
+
+    assert torch.equal(weights(1), weights(1))
+    assert not torch.equal(weights(1), weights(2))

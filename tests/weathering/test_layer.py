@@ -1,0 +1,40 @@
+"""Layers in UV space: shape, dtype, independence of scale and place, smoothness from texel to texel."""
+
+import numpy as np
+import pytest
+import torch
+
+from svbrdfgan.weathering import RECIPES, RoadDirt, Rust, weather
+
+
+def test_layer_has_the_buffer_s_shape(vehicle, texels):
+    layer = weather(vehicle, texels, RoadDirt())
+    assert layer.shape == (*texels.position.shape[:2], 4)
+    assert layer.dtype == torch.float32
+
+
+def test_torch_buffers_give_the_same_layer(vehicle, texels, shapes):
+    buffer = shapes.Texels(torch.from_numpy(texels.position), torch.from_numpy(texels.normal))
+    assert torch.equal(weather(vehicle, buffer, RoadDirt()), weather(vehicle, texels, RoadDirt()))
+
+
+@pytest.mark.parametrize(("scale", "most", "mean"), [(8.0, 1e-6, 1e-8), (10.0, 0.1, 2e-4)])
+def test_scale_of_the_model_does_not_matter(vehicle, texels, shapes, scale, most, mean):
+    """Powers of two scale without rounding; others move a few samples of the surface over the border of a depth map."""
+    recipe = Rust(amount=0.8, seed=3)
+    large = shapes.Texels(scale * texels.position, texels.normal)
+    difference = (weather(shapes.make_vehicle(scale), large, recipe) - weather(vehicle, texels, recipe)).abs()
+    assert difference.max() < most
+    assert difference.mean() < mean
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_layers_are_smooth_where_the_surface_is(vehicle, shapes, name):
+    """On the flank, texels a hundredth of the length apart differ little: nothing there for a network to guess."""
+    z, y = np.meshgrid(np.linspace(-1.6, 1.6, 81), np.linspace(0.4, 0.9, 13))
+    position = np.stack([np.full_like(z, 0.8), y, z], axis=-1)
+    flank = shapes.Texels(position, np.broadcast_to([1.0, 0.0, 0.0], position.shape))
+    layer = weather(vehicle, flank, RECIPES[name](amount=0.8, seed=1)).numpy()
+    steps = np.abs(np.diff(layer, axis=1))
+    assert np.sqrt(np.square(steps).mean()) < 0.06
+    assert layer[..., 3].std() > 0.05

@@ -1,0 +1,140 @@
+"""What each recipe promises: range, monotony, seeds, and where its matter goes."""
+
+import dataclasses
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.stats import spearmanr
+
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.weathering import RECIPES, Dust, RoadDirt, Rust, recipe_from_options
+from svbrdfgan.weathering.site import survey
+
+EVERY_RECIPE = pytest.mark.parametrize("kind", RECIPES.values(), ids=list(RECIPES))
+
+
+@pytest.fixture(scope="module")
+def site(vehicle, texels):
+    return survey(vehicle, texels.position.reshape(-1, 3), texels.normal.reshape(-1, 3))
+
+
+def mean_over_seeds(kind, site, **options):
+    """Alpha without the luck of one pattern."""
+    return np.mean([kind(seed=seed, **options).paint(site)[:, 3] for seed in range(8)], axis=0)
+
+
+@EVERY_RECIPE
+def test_no_amount_is_exactly_no_alpha(kind, site):
+    assert not kind(amount=0.0).paint(site)[:, 3].any()
+
+
+@EVERY_RECIPE
+def test_more_covers_no_less_anywhere_and_more_in_all(kind, site):
+    alphas = [kind(amount=amount, seed=2).paint(site)[:, 3] for amount in (0.0, 0.1, 0.3, 0.5, 0.8, 1.0)]
+    assert all((more >= less).all() and more.mean() > less.mean() for less, more in pairwise(alphas))
+
+
+@EVERY_RECIPE
+def test_colour_and_alpha_stay_in_range_and_vary(kind, site):
+    for seed, scale in ((0, 1.0), (9, 0.25), (2**31 - 1, 4.0)):
+        layer = kind(amount=1.0, seed=seed, scale=scale).paint(site)
+        assert np.isfinite(layer).all()
+        assert layer.min() >= 0.0
+        assert layer.max() <= 1.0
+        assert layer.std(axis=0).min() > 0.01
+        assert layer[:, 3].std() > 0.15
+
+
+@EVERY_RECIPE
+def test_at_full_amount_much_is_covered_and_much_is_left(kind, site):
+    alpha = mean_over_seeds(kind, site, amount=1.0)
+    body = (site.height > 0.25) & (site.normal[:, 1] > -0.5) & (site.openness > 0.25)
+    assert 0.2 < alpha[body].mean() < 0.6
+
+
+@EVERY_RECIPE
+def test_same_seed_same_layer_other_seed_other_layer(kind, site):
+    first, again, other = (kind(amount=0.8, seed=seed).paint(site) for seed in (4, 4, 5))
+    assert np.array_equal(first, again)
+    assert np.abs(first[:, 3] - other[:, 3]).mean() > 0.03
+
+
+@EVERY_RECIPE
+def test_colours_are_earth_red_over_green_over_blue(kind, site):
+    color = kind(amount=1.0).paint(site)[:, :3]
+    assert (np.diff(color, axis=1) < 0.0).all()
+
+
+def test_road_dirt_falls_with_height(site):
+    alpha = mean_over_seeds(RoadDirt, site, amount=0.8)
+    assert spearmanr(alpha, site.height).statistic < -0.7
+
+
+def test_road_dirt_is_thrown_behind_the_wheels(site):
+    front = max(site.axles)
+    flank = (np.abs(site.normal[:, 0]) > 0.9) & (site.height > 0.3) & (site.height < 0.6)
+    behind = flank & (np.abs(site.position[:, 2] - (front - 0.08)) < 0.04)
+    ahead = flank & (np.abs(site.position[:, 2] - (front + 0.12)) < 0.04)
+    spray, none = (mean_over_seeds(RoadDirt, site, amount=0.7, spray=spray) for spray in (1.0, 0.0))
+    thrown = spray - none
+    assert thrown.min() >= -0.2
+    assert thrown[behind].mean() > thrown[ahead].mean() + 0.1
+
+
+def test_dust_lies_on_what_faces_up(site):
+    alpha, up = mean_over_seeds(Dust, site, amount=0.8), site.normal[:, 1]
+    seen = site.openness > 0.25
+    assert alpha[(up > 0.9) & seen].mean() > 2.0 * alpha[(np.abs(up) < 0.1) & seen].mean()
+    assert alpha[(np.abs(up) < 0.1) & seen].mean() > alpha[up < -0.9].mean()
+
+
+def test_rust_prefers_shelter_and_edges(site):
+    alpha = mean_over_seeds(Rust, site, amount=0.7)
+    plain = (site.openness > 0.9) & (np.abs(site.edge) < 0.1)
+    assert alpha[(site.openness > 0.9) & (site.edge > 0.4)].mean() > 1.2 * alpha[plain].mean()
+    assert alpha[site.openness < 0.5].mean() > 1.2 * alpha[plain].mean()
+
+
+def test_rust_bleeds_downward(site):
+    """Flanks get runs on top of their blotches; the roof, where nothing can run, gets none."""
+    flank, flat = np.abs(site.normal[:, 0]) > 0.9, np.abs(site.normal[:, 1]) > 0.9
+    for seed in range(3):
+        dry, wet = (Rust(amount=0.7, seed=seed, bleed=bleed).paint(site)[:, 3] for bleed in (0.0, 1.5))
+        assert (wet >= dry).all()
+        assert wet[flank].mean() > dry[flank].mean() + 0.01
+        assert np.array_equal(wet[flat], dry[flat])
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("mud", {}, "'mud' is unknown.*road-dirt, dust, rust"),
+        ("rsut", {}, "did you mean 'rust'"),
+        ("dust", {"amuont": 0.5}, "did you mean 'amount'"),
+        ("dust", {"amount": 1.5}, "amount is 1.5; wanted a number between 0.0 and 1.0"),
+        ("dust", {"amount": "0.5"}, "amount"),
+        ("dust", {"amount": True}, "amount"),
+        ("dust", {"amount": math.nan}, "amount"),
+        ("rust", {"seed": 1.5}, "seed"),
+        ("rust", {"seed": -1}, "seed is -1; wanted a whole number between 0 and 2147483647"),
+        ("road-dirt", {"scale": 0.0}, "scale is 0.0; wanted a number between"),
+    ],
+)
+def test_wrong_options_are_refused_with_a_sentence(name, options, message):
+    with pytest.raises(ConfigError, match=message):
+        recipe_from_options(name, options)
+
+
+@pytest.mark.parametrize("amount", [2.0, -0.1, math.nan, True, "1"])
+def test_recipes_made_directly_are_checked_too(amount):
+    with pytest.raises(ConfigError, match="amount is"):
+        RoadDirt(amount=amount)
+
+
+@EVERY_RECIPE
+def test_every_option_is_taken_by_name(kind):
+    name = next(name for name, made in RECIPES.items() if made is kind)
+    options = {field.name: field.metadata["least"] for field in dataclasses.fields(kind)}
+    assert recipe_from_options(name, options) == kind(**options)
