@@ -12,7 +12,7 @@ from svbrdfgan.losses import LOSSES, gradient_penalty, gradient_square
 
 @pytest.mark.parametrize("name", sorted(LOSSES))
 def test_each_player_wants_what_it_should(name: str) -> None:
-    real, fake = torch.tensor([0.3], requires_grad=True), torch.tensor([-0.2], requires_grad=True)
+    real, fake = torch.tensor([0.3], requires_grad=True), torch.tensor([0.2], requires_grad=True)
     (d_real, d_fake) = torch.autograd.grad(LOSSES[name].discriminator(real, fake), (real, fake))
     (g_fake,) = torch.autograd.grad(LOSSES[name].generator(real, fake), fake)
     assert d_real < 0, "the discriminator raises the logits of real pictures"

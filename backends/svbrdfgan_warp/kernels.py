@@ -8,14 +8,11 @@ pixels is sample `i % spp` of pixel `first + i / spp`.
 
 import warp as wp
 
+from svbrdfgan_warp import chance
+
 wp.set_module_options({"enable_backward": False})
 
 FAR = wp.constant(1.0e30)
-UNIT = wp.constant(1.0 / 16777216.0)
-# An extensible lattice, good in any two dimensions: Cools, Kuo and Nuyens, "Constructing embedded lattice rules for
-# multivariate integration", SIAM J. Sci. Comput. 28, 2006 (base 2, up to 2^20 points, order-2 weights).
-LATTICE_U = wp.constant(wp.vec4ui(1, 182667, 469891, 498753))
-LATTICE_V = wp.constant(wp.vec4ui(110745, 446979, 250185, 118627))
 
 
 @wp.struct
@@ -59,43 +56,6 @@ class Samples:
     spp: wp.int32
     seed_low: wp.uint32
     seed_high: wp.uint32
-
-
-@wp.func
-def hashed(pixel: wp.uint32, low: wp.uint32, high: wp.uint32, stream: wp.uint32):
-    """Four random numbers: pcg4d of Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 2020."""
-    m = wp.uint32(1664525)
-    c = wp.uint32(1013904223)
-    x = pixel * m + c
-    y = low * m + c
-    z = high * m + c
-    w = stream * m + c
-    for i in range(2):
-        x += y * w
-        y += z * x
-        z += x * y
-        w += y * z
-        if i == 0:
-            x = x ^ (x >> wp.uint32(16))
-            y = y ^ (y >> wp.uint32(16))
-            z = z ^ (z >> wp.uint32(16))
-            w = w ^ (w >> wp.uint32(16))
-    return wp.vec4ui(x, y, z, w)
-
-
-@wp.func
-def reversed_bits(i: wp.uint32):
-    i = (i << wp.uint32(16)) | (i >> wp.uint32(16))
-    i = ((i & wp.uint32(0x00FF00FF)) << wp.uint32(8)) | ((i >> wp.uint32(8)) & wp.uint32(0x00FF00FF))
-    i = ((i & wp.uint32(0x0F0F0F0F)) << wp.uint32(4)) | ((i >> wp.uint32(4)) & wp.uint32(0x0F0F0F0F))
-    i = ((i & wp.uint32(0x33333333)) << wp.uint32(2)) | ((i >> wp.uint32(2)) & wp.uint32(0x33333333))
-    return ((i & wp.uint32(0x55555555)) << wp.uint32(1)) | ((i >> wp.uint32(1)) & wp.uint32(0x55555555))
-
-
-@wp.func
-def unit(bits: wp.uint32):
-    """A random float in [0, 1)."""
-    return float(bits >> wp.uint32(8)) * UNIT
 
 
 @wp.func
@@ -169,26 +129,13 @@ def arriving(geometry: Geometry, light: Light, x: float, y: float, d: wp.vec3, p
 
 
 @wp.func
-def cosine_direction(n: wp.vec3, a: float, b: float):
-    """A direction about `n` with density cosine / pi; the frame is that of Duff et al., JCGT 2017."""
-    sign = wp.where(n[2] >= 0.0, 1.0, -1.0)
-    c = -1.0 / (sign + n[2])
-    e = n[0] * n[1] * c
-    s = wp.vec3(1.0 + sign * n[0] * n[0] * c, sign * e, -sign * n[0])
-    t = wp.vec3(e, sign + n[1] * n[1] * c, -n[1])
-    radius = wp.sqrt(a)
-    angle = b * wp.tau
-    return wp.normalize(s * (radius * wp.cos(angle)) + t * (radius * wp.sin(angle)) + n * wp.sqrt(1.0 - a))
-
-
-@wp.func
 def irradiance(geometry: Geometry, light: Light, p: wp.vec3, n: wp.vec3, g: wp.vec3, u: wp.vec4ui, v: wp.vec4ui):
     """An unbiased estimate of the irradiance at `p`, from one direction drawn by light and one by cosine."""
     row = drawn(light.row_first, 0, u[2])
-    x = float(drawn(light.col_first, row, u[3])) + unit(v[2])
-    y = float(row) + unit(v[3])
+    x = float(drawn(light.col_first, row, u[3])) + chance.unit(v[2])
+    y = float(row) + chance.unit(v[3])
     by_light = arriving(geometry, light, x, y, light_direction(light, x, y), p, n, g)
-    d = cosine_direction(n, unit(v[0]), unit(v[1]))
+    d = chance.cosine_direction(n, chance.unit(v[0]), chance.unit(v[1]))
     x, y = light_coordinates(light, d)
     return by_light + arriving(geometry, light, x, y, d, p, n, g)
 
@@ -206,14 +153,9 @@ def trace(
     """One record for each camera sample: where it meets the surface, and irradiance / pi / spp there."""
     i = wp.tid()
     pixel = samples.first + i / samples.spp
-    sample = reversed_bits(wp.uint32(i % samples.spp))
-    # A lattice shifted at random in each pixel (Cranley and Patterson, 1976): every sample by itself is uniform.
-    u = hashed(wp.uint32(pixel), samples.seed_low, samples.seed_high, wp.uint32(0))
-    v = hashed(wp.uint32(pixel), samples.seed_low, samples.seed_high, wp.uint32(1))
-    u += LATTICE_U * sample
-    v += LATTICE_V * sample
-    x = (float(pixel % lens.width) + unit(u[0])) / float(lens.width) * 2.0 - 1.0
-    y = 1.0 - (float(pixel / lens.width) + unit(u[1])) / float(lens.height) * 2.0
+    u, v = chance.numbers(pixel, i % samples.spp, samples.seed_low, samples.seed_high)
+    x = (float(pixel % lens.width) + chance.unit(u[0])) / float(lens.width) * 2.0 - 1.0
+    y = 1.0 - (float(pixel / lens.width) + chance.unit(u[1])) / float(lens.height) * 2.0
     d = wp.normalize(lens.forward + lens.right * x + lens.top * y)
     hit = wp.mesh_query_ray(geometry.mesh, lens.origin, d, FAR)
     if not hit.result:

@@ -22,12 +22,11 @@ def command(config: Path, overrides: tuple[str, ...], out: Path, resume: bool) -
     from rich.console import Console
 
     from svbrdfgan.cli.display import terminal_display
-    from svbrdfgan.options import validate
-    from svbrdfgan.training.config import TrainConfig
+    from svbrdfgan.training.config import train_config
     from svbrdfgan.training.trainer import train
     from svbrdfgan.yaml_files import apply_overrides, load_yaml
 
-    declared = validate(TrainConfig, apply_overrides(load_yaml(config), overrides), str(config))
+    declared = train_config(apply_overrides(load_yaml(config), overrides), str(config))
     with terminal_display(Console(stderr=True)) as display:
         state = train(declared, out, base=config.parent, resume=resume, display=display)
     best = f", validation recovered {state.best[0]:.3f} at step {state.best[1]}" if state.history else ""

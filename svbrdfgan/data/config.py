@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from svbrdfgan.data.distributions import Choice, Fixed, Integer, Number, Paint, Uniform
+from svbrdfgan.data.distributions import Choice, Color, Fixed, Integer, Number, Paint, Uniform
 from svbrdfgan.options import StrictModel
 from svbrdfgan.types import Part
 
@@ -101,16 +101,16 @@ class CameraDistribution(StrictModel):
 
     azimuth_degrees: Number = Uniform(uniform=(0.0, 360.0))
     elevation_degrees: Number = Uniform(uniform=(5.0, 35.0))
-    distance: Number = Fixed(fixed=0.9)
-    vertical_fov_degrees: Number = Fixed(fixed=35.0)
+    distance: Number = Fixed[float](fixed=0.9)
+    vertical_fov_degrees: Number = Fixed[float](fixed=35.0)
 
 
 class WeatheringDistribution(StrictModel):
     """The ground-truth generator G0 (thesis 4.2). A fixed seed makes the layer a function of the geometry."""
 
     recipe: str = "road-dirt"
-    amount: Number = Fixed(fixed=1.0)
-    seed: Integer = Fixed(fixed=0)
+    amount: Number = Fixed[float](fixed=1.0)
+    seed: Integer = Fixed[int](fixed=0)
     options: dict[str, Any] = {}
 
 
@@ -131,11 +131,11 @@ class DatasetConfig(StrictModel):
     renderer: Plugin = PluginChoice(name="auto")
     embedding: Plugin = PluginChoice(name="hemispherical")
     learnable: PartSelection = PartSelection()
-    paint: Paint | None = Choice(choice=PAINTS)
+    paint: Paint | None = Choice[Color](choice=PAINTS)
     environments: EnvironmentSource = EnvironmentSource(procedural=ProceduralSkies(count=8))
     environment_rotation_degrees: Number = Uniform(uniform=(0.0, 360.0))
     environment_rows: int = Field(default=256, ge=8, description="larger maps are shrunk, keeping their energy")
-    environment_brightness: Number = Fixed(fixed=1.0)
+    environment_brightness: Number = Fixed[float](fixed=1.0)
     camera: CameraDistribution = CameraDistribution()
     weathering: WeatheringDistribution = WeatheringDistribution()
     splits: dict[Split, SplitConfig]

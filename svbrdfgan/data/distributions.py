@@ -8,12 +8,13 @@ from __future__ import annotations
 from typing import Annotated, Any, Generic, TypeVar
 
 import numpy as np
-from pydantic import BeforeValidator, model_validator
+from pydantic import BeforeValidator, Discriminator, Tag, model_validator
 
 from svbrdfgan.options import StrictModel
 
 T = TypeVar("T")
-Color = tuple[Annotated[float, "linear red"], Annotated[float, "linear green"], Annotated[float, "linear blue"]]
+Color = tuple[float, float, float]
+"""Linear RGB."""
 
 
 class Fixed(StrictModel, Generic[T]):
@@ -70,15 +71,43 @@ class Normal(StrictModel):
         return float(rng.normal(*self.normal))
 
 
-def _plain_is_fixed(value: Any) -> Any:
-    return value if isinstance(value, dict | StrictModel) else {"fixed": value}
+def _kind(value: Any) -> str | None:
+    """Which distribution is meant, so that a fault is told of that one alone."""
+    if isinstance(value, dict):
+        return next(iter(value)) if len(value) == 1 and next(iter(value)) in _KINDS else None
+    return type(value).__name__.partition("[")[0].lower() if isinstance(value, StrictModel) else "plain"
 
 
-Number = Annotated[Fixed[float] | Uniform | Normal | Choice[float], BeforeValidator(_plain_is_fixed)]
+def _fixed(value: Any) -> dict[str, Any]:
+    return {"fixed": tuple(value) if isinstance(value, list) else value}
+
+
+_KINDS = ("fixed", "uniform", "normal", "choice")
+_WANTED = "a value, {fixed: value}, {uniform: [low, high]}, {normal: [mean, deviation]} or {choice: [one, another]}"
+_BY_KIND = Discriminator(_kind, custom_error_type="distribution", custom_error_message=_WANTED)
+
+Number = Annotated[
+    Annotated[Fixed[float], BeforeValidator(_fixed), Tag("plain")]
+    | Annotated[Fixed[float], Tag("fixed")]
+    | Annotated[Uniform, Tag("uniform")]
+    | Annotated[Normal, Tag("normal")]
+    | Annotated[Choice[float], Tag("choice")],
+    _BY_KIND,
+]
 """A distribution over numbers."""
 
-Integer = Annotated[Fixed[int] | Choice[int], BeforeValidator(_plain_is_fixed)]
+Integer = Annotated[
+    Annotated[Fixed[int], BeforeValidator(_fixed), Tag("plain")]
+    | Annotated[Fixed[int], Tag("fixed")]
+    | Annotated[Choice[int], Tag("choice")],
+    _BY_KIND,
+]
 """A distribution over whole numbers."""
 
-Paint = Annotated[Fixed[Color] | Choice[Color], BeforeValidator(_plain_is_fixed)]
+Paint = Annotated[
+    Annotated[Fixed[Color], BeforeValidator(_fixed), Tag("plain")]
+    | Annotated[Fixed[Color], Tag("fixed")]
+    | Annotated[Choice[Color], Tag("choice")],
+    _BY_KIND,
+]
 """A distribution over linear RGB reflectances."""

@@ -16,7 +16,7 @@ from svbrdfgan.io import load_mesh
 from svbrdfgan.options import validate
 from svbrdfgan.report import write_hero, write_report
 from svbrdfgan.scoring.evaluate import Evaluation, evaluate
-from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.config import train_config
 from svbrdfgan.training.run import CONFIG, load_model
 from svbrdfgan.training.trainer import train
 from svbrdfgan.yaml_files import load_yaml
@@ -46,7 +46,7 @@ def run_demo(out: Path, display: Display) -> DemoResult:
     data, run = out / "dataset", out / "run"
     declared = validate(DatasetConfig, load_yaml(out / "dataset.yaml"), str(out / "dataset.yaml"))
     plan = generate(declared, data, base=out, display=display)
-    training = validate(TrainConfig, load_yaml(out / "train.yaml"), str(out / "train.yaml"))
+    training = train_config(load_yaml(out / "train.yaml"), str(out / "train.yaml"))
     train(training, run, base=out, resume=(run / CONFIG).is_file(), display=display)
     evaluated = evaluate(run, split="test", display=display)
     vehicle = out / "weathered_vehicle.glb"

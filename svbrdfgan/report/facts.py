@@ -86,12 +86,21 @@ def flip_bars(evaluation: Evaluation) -> list[Bar]:
     return [Bar(name, f"{value:.3f}", 100 * value / longest) for name, value in known.items()]
 
 
+def title(config: RunConfig) -> str:
+    """What was learned, and from what."""
+    what = config.dataset.weathering.recipe.replace("-", " ").capitalize()
+    plan = _plan(config)
+    if plan is None:
+        return f"{what}, learned from pictures"
+    return f"{what}, learned from {len(plan.sampler('train')):,} pictures of {len(plan.meshes['train']):,} vehicles"
+
+
 def summary(config: RunConfig, evaluated: Evaluated, journal: Journal) -> list[tuple[str, str]]:
     """What was learned, from what, and for how long."""
     dataset, train = config.dataset, config.train
     width, height = dataset.image
-    told = [("weathering", dataset.weathering.recipe), ("embedding", dataset.embedding.name)]
-    told.append(("data set", _counts(config, evaluated)))
+    told = [("vehicles", _counts(config, evaluated)), ("weathering", dataset.weathering.recipe)]
+    told.append(("embedding", dataset.embedding.name))
     told.append(("pictures", f"{width} × {height}, {dataset.spp} samples per pixel"))
     told.append(("texture", f"{dataset.texture} × {dataset.texture}"))
     told.append(("loss", f"{train.loss.name}, batch {train.batch_size}"))
@@ -119,11 +128,14 @@ def _oracle_meaning(evaluation: Evaluation) -> str:
 
 
 def _counts(config: RunConfig, evaluated: Evaluated) -> str:
-    folder = Path(config.dataset_folder)
-    if not (folder / PLAN).is_file():
+    """Vehicles and pictures of each split; of the one that was scored, where the data set is gone."""
+    plan = _plan(config)
+    if plan is None:
         judged = evaluated.evaluation
-        return f"{judged.subjects} {judged.split} vehicles, {judged.exemplars} pictures"
-    plan = DatasetPlan.load(folder)
-    vehicles = " / ".join(str(len(plan.meshes[split])) for split in plan.config.splits)
-    pictures = sum(len(plan.sampler(split)) for split in plan.config.splits)
-    return f"{vehicles} vehicles ({' / '.join(plan.config.splits)}), {pictures:,} pictures"
+        return f"{judged.subjects} {judged.split} in {judged.exemplars} pictures"
+    return ", ".join(f"{len(plan.meshes[split])} {split}" for split in plan.config.splits)
+
+
+def _plan(config: RunConfig) -> DatasetPlan | None:
+    folder = Path(config.dataset_folder)
+    return DatasetPlan.load(folder) if (folder / PLAN).is_file() else None

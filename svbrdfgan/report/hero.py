@@ -7,18 +7,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.report.pictures import Picture, over_checker, signed_as_color, to_pillow, upright
+from svbrdfgan.report.pictures import Picture, framed, over_checker, signed_as_color, to_pillow, upright
 from svbrdfgan.report.vehicles import choose_views
 from svbrdfgan.scoring.evaluate import Evaluated, pictures
 from svbrdfgan.scoring.flip import display
 
 if TYPE_CHECKING:
     from PIL.Image import Image
+    from PIL.ImageFont import FreeTypeFont
 
-WIDTH, _GAP, _HEAD = 1200, 12, 40
-_COLUMNS = ("geometry (normals)", "truth", "learned from pictures", "layer painted")
+_GAP, _HEAD, _HEIGHT = 12, 40, 234
+_COLUMNS = {"geometry": 232, "truth": 350, "learned from pictures": 350, "layer painted": 232}
+"""Names and widths, in pixels."""
+
+WIDTH = sum(_COLUMNS.values()) + _GAP * (len(_COLUMNS) - 1)
 _BYTES = 400_000
-_PAPER, _INK = (255, 255, 255), (60, 60, 66)
+_PAPER, _WELL, _INK = (255, 255, 255), (238, 238, 240), (60, 60, 66)
 
 
 def write_hero(run: Path, evaluated: Evaluated, path: Path, *, rows: int = 4) -> None:
@@ -28,9 +32,9 @@ def write_hero(run: Path, evaluated: Evaluated, path: Path, *, rows: int = 4) ->
         AssetError: it cannot be written.
     """
     views = choose_views(evaluated.feed.exemplars, rows)
-    cells = [[_cell(picture) for picture in _row(evaluated, index)] for index in views]
+    sheet = _sheet([_row(evaluated, index) for index in views])
     with atomic_path(path) as temporary:
-        temporary.write_bytes(_small_png(_sheet(cells)))
+        temporary.write_bytes(_small_png(sheet))
 
 
 def _row(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
@@ -39,40 +43,38 @@ def _row(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
     truth = display(exemplars.images[index].float(), coverage=exemplars.coverage[index].float())
     learned = pictures(evaluated.feed, index, {"generated": evaluated.layers["generated"]})["generated"]
     normal = upright(signed_as_color(subject.geometry[3:6].cpu()), subject.buffer.mask)
-    return normal, truth, learned, upright(over_checker(layer), subject.learnable_texels)
+    coverage = exemplars.coverage[index]
+    return normal, framed(truth, coverage), framed(learned, coverage), upright(over_checker(layer), subject.learnable_texels)
 
 
-def _cell(picture: Picture) -> Image:
-    """On paper, as wide as a column."""
+def _cell(picture: Picture, width: int) -> Image:
+    """On paper, as large as fits."""
     from PIL import Image as PillowImage
+    from PIL import ImageOps
 
-    image = to_pillow(picture)
-    width = (WIDTH - _GAP * (len(_COLUMNS) - 1)) // len(_COLUMNS)
-    image = image.resize((width, round(width * image.height / image.width)), PillowImage.Resampling.LANCZOS)
-    paper = PillowImage.new("RGB", image.size, (236, 236, 238))
-    paper.paste(image, mask=image.getchannel("A") if image.mode == "RGBA" else None)
+    image = ImageOps.contain(to_pillow(picture), (width, _HEIGHT), PillowImage.Resampling.LANCZOS)
+    paper = PillowImage.new("RGB", (width, _HEIGHT), _WELL)
+    place = ((width - image.width) // 2, (_HEIGHT - image.height) // 2)
+    paper.paste(image, place, image.getchannel("A") if image.mode == "RGBA" else None)
     return paper
 
 
-def _sheet(rows: list[list[Image]]) -> Image:
-    """The cells in a grid beneath the names of the columns."""
+def _sheet(rows: list[tuple[Picture, ...]]) -> Image:
+    """The pictures in a grid beneath the names of the columns."""
     from PIL import Image as PillowImage
     from PIL import ImageDraw
 
-    heights = [max(cell.height for cell in row) for row in rows]
-    sheet = PillowImage.new("RGB", (WIDTH, _HEAD + sum(heights) + _GAP * max(len(rows) - 1, 0)), _PAPER)
-    draw, font, top = ImageDraw.Draw(sheet), _font(), _HEAD
-    step = (WIDTH + _GAP) // len(_COLUMNS)
-    for column, title in enumerate(_COLUMNS):
-        draw.text((column * step, _HEAD / 2), title, fill=_INK, font=font, anchor="lm")
-    for row, height in zip(rows, heights, strict=True):
-        for column, cell in enumerate(row):
-            sheet.paste(cell, (column * step, top + (height - cell.height) // 2))
-        top += height + _GAP
+    sheet = PillowImage.new("RGB", (WIDTH, _HEAD + len(rows) * (_HEIGHT + _GAP) - _GAP), _PAPER)
+    draw, font, left = ImageDraw.Draw(sheet), _font(), 0
+    for column, (title, width) in enumerate(_COLUMNS.items()):
+        draw.text((left + width / 2, _HEAD / 2), title, fill=_INK, font=font, anchor="mm")
+        for number, row in enumerate(rows):
+            sheet.paste(_cell(row[column], width), (left, _HEAD + number * (_HEIGHT + _GAP)))
+        left += width + _GAP
     return sheet
 
 
-def _font() -> object:
+def _font() -> FreeTypeFont:
     """The sans-serif that matplotlib ships: Pillow's own is not always scalable."""
     import matplotlib
     from PIL import ImageFont
@@ -81,12 +83,12 @@ def _font() -> object:
 
 
 def _small_png(sheet: Image) -> bytes:
-    """The picture as PNG: in full colour if that is small enough, else in the most colours that are."""
+    """The picture as PNG: in full colour if that is small enough, else in the most colours that are, dithered."""
     data = _png(sheet)
     for colors in (256, 128, 64, 32, 16):
         if len(data) <= _BYTES:
             break
-        data = _png(sheet.quantize(colors))
+        data = _png(sheet.quantize(palette=sheet.quantize(colors)))
     return data
 
 

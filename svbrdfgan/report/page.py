@@ -10,7 +10,7 @@ import yaml
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.options import StrictModel
 from svbrdfgan.report.curves import draw
-from svbrdfgan.report.facts import HELD_OUT, flip_bars, summary, verdict
+from svbrdfgan.report.facts import HELD_OUT, flip_bars, summary, title, verdict
 from svbrdfgan.report.patches import patch_maps
 from svbrdfgan.report.pictures import data_uri
 from svbrdfgan.report.progress import charts
@@ -44,6 +44,7 @@ def _contents(run: Path, evaluated: Evaluated) -> dict[str, Any]:
     drawn = charts(journal, evaluation, config.train)
     return {
         "name": run.resolve().name,
+        "title": title(config),
         "evaluation": evaluation,
         "subjects_title": HELD_OUT[evaluation.split],
         "summary": summary(config, evaluated, journal),
@@ -53,7 +54,6 @@ def _contents(run: Path, evaluated: Evaluated) -> dict[str, Any]:
         "textures": [textured(evaluated, index, top) for index in textures],
         "error_top": f"{top:.2f}",
         "patches": patch_maps(run, evaluated, views[:_JUDGED]),
-        "loss": config.train.loss.name,
         "charts": [(chart, draw(chart)) for chart in drawn],
         "scored": any("recovered" in line for line in journal),
         "versions": config.versions,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +24,7 @@ from svbrdfgan.training.picture import present
 from svbrdfgan.training.state import State, checkpoints
 
 CYAN, YELLOW = (0.0, 0.78, 0.86), (1.0, 0.82, 0.05)
-_GREY, _TINT = 0.5, 0.72
+_GREY, _TINT = 0.5, 0.85
 
 log = logging.getLogger(__name__)
 
@@ -38,8 +39,17 @@ class Judged:
     fake_logits: Float[Tensor, "rows cols"]
 
 
-def patch_maps(run: Path, evaluated: Evaluated, indices: Sequence[int]) -> tuple[list[Vehicle], int] | None:
-    """Exemplars and renders under the map of the run's latest discriminator, and its step; None where there is none."""
+@dataclass(frozen=True, eq=False)
+class PatchMaps:
+    """The opinion of the discriminator of a step, and what its colours mean."""
+
+    step: int
+    told: str
+    vehicles: tuple[Vehicle, ...]
+
+
+def patch_maps(run: Path, evaluated: Evaluated, indices: Sequence[int]) -> PatchMaps | None:
+    """Exemplars and renders under the map of the run's latest discriminator; None where there is none."""
     found = checkpoints(run)
     if not found or not indices:
         return None
@@ -52,7 +62,7 @@ def patch_maps(run: Path, evaluated: Evaluated, indices: Sequence[int]) -> tuple
     judged = [judge(evaluated, state.discriminator.eval(), index) for index in indices]
     names = [subject_name(evaluated.feed.exemplars.scenes[index]) for index in indices]
     scale = Scale.make(evaluated.config.train.loss.name, judged)
-    return [_row(name, pair, scale) for name, pair in zip(names, judged, strict=True)], state.step
+    return PatchMaps(state.step, scale.told, tuple(_row(n, pair, scale) for n, pair in zip(names, judged, strict=True)))
 
 
 def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> Judged:
@@ -73,46 +83,62 @@ def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> Jud
 
 @dataclass(frozen=True)
 class Scale:
-    """From logits to how real a patch looks, 0 to 1. A critic's logits have no zero of their own."""
+    """From logits to colours.
+
+    Attributes:
+        middle: the logit that is neither real nor fake; a critic's own has no meaning, so that the mean is taken.
+        reach: distance from it at which colours are full: nearly the farthest that any patch shown lies.
+    """
 
     loss: str
     middle: float
-    spread: float
+    reach: float
 
     @classmethod
     def make(cls, loss: str, judged: Sequence[Judged]) -> Scale:
-        """The middle between the mean logits of real and fake, and their common deviation."""
+        """The scale that serves all these pictures."""
         real = torch.cat([pair.real_logits.flatten() for pair in judged])
         fake = torch.cat([pair.fake_logits.flatten() for pair in judged])
-        spread = float(torch.cat([real, fake]).std(correction=0).clamp(min=1e-6))
-        return cls(loss, float(real.mean() + fake.mean()) / 2, spread)
+        middle = {"vanilla": 0.0, "lsgan": 0.5}.get(loss, float(real.mean() + fake.mean()) / 2)
+        reach = float(torch.quantile((torch.cat([real, fake]) - middle).abs(), 0.98))
+        return cls(loss, middle, max(reach, 1e-6))
 
-    def likelihood(self, logits: Tensor) -> Tensor:
+    @property
+    def told(self) -> str:
+        """What full colour means, in words."""
         if self.loss == "vanilla":
-            return torch.sigmoid(logits)
+            sure = 1 / (1 + math.exp(-self.reach))
+            return f"Full colour means {sure:.1%} sure."
         if self.loss == "lsgan":
-            return logits.clamp(0, 1)
-        return torch.sigmoid((logits - self.middle) / self.spread)
+            return f"Full colour lies {self.reach:.2g} from undecided, on a scale where real is 1 and fake 0."
+        return f"Under the {self.loss} loss logits have no zero of their own: grey is the mean, full colour {self.reach:.2g} from it."
+
+    def leaning(self, logits: Tensor) -> Tensor:
+        """How far patches lean to real (1) or to fake (-1)."""
+        return ((logits - self.middle) / self.reach).clamp(-1, 1)
+
+    def note(self, logits: Tensor) -> str:
+        """Of a whole picture, in a few words."""
+        if self.loss == "vanilla":
+            return f"{float(torch.sigmoid(logits).mean()):.1%} real"
+        return f"mean logit {float(logits.mean()):+.3f}"
 
 
-def overlay(picture: Picture, real: Float[Tensor, "rows cols"]) -> Picture:
+def overlay(picture: Picture, leaning: Float[Tensor, "rows cols"]) -> Picture:
     """The picture in grey under its patches: yellow where they look real, cyan where fake, grey between."""
     height, width = picture.shape[:2]
-    patches = F.interpolate(real[None, None], size=(height, width), mode="nearest")[0, 0].unsqueeze(-1)
-    sure = (2 * patches - 1).abs()
-    color = torch.where(patches > 0.5, torch.tensor(YELLOW), torch.tensor(CYAN))
-    luminance = picture[..., :3] @ torch.tensor([0.2126, 0.7152, 0.0722])
-    grey = luminance.unsqueeze(-1)
-    tinted = grey + _TINT * (color * (0.35 + 0.65 * grey) - grey)
-    return grey * (1 - sure) + tinted * sure
+    patches = F.interpolate(leaning[None, None], size=(height, width), mode="nearest")[0, 0].unsqueeze(-1)
+    grey = (picture[..., :3] @ torch.tensor([0.2126, 0.7152, 0.0722])).unsqueeze(-1)
+    color = torch.where(patches > 0, torch.tensor(YELLOW), torch.tensor(CYAN)) * (0.35 + 0.65 * grey)
+    return torch.lerp(grey, color, _TINT * patches.abs())
 
 
 def _row(name: str, pair: Judged, scale: Scale) -> Vehicle:
-    real, fake = scale.likelihood(pair.real_logits), scale.likelihood(pair.fake_logits)
+    rows, cols = pair.real_logits.shape
     shown = (
         Titled("Real", pair.real),
-        Titled("judged", overlay(pair.real, real), f"{float(real.mean()):.0%} real"),
+        Titled("Real, judged", overlay(pair.real, scale.leaning(pair.real_logits)), scale.note(pair.real_logits)),
         Titled("Fake", pair.fake),
-        Titled("judged", overlay(pair.fake, fake), f"{float(fake.mean()):.0%} real"),
+        Titled("Fake, judged", overlay(pair.fake, scale.leaning(pair.fake_logits)), scale.note(pair.fake_logits)),
     )
-    return Vehicle(name, f"{real.shape[0]} × {real.shape[1]} patches", shown)
+    return Vehicle(name, f"{rows} × {cols} patches", shown)

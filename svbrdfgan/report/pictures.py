@@ -44,6 +44,24 @@ def upright(texture: Float[Tensor, "rows cols 3"], shown: Bool[Tensor, "rows col
     return torch.cat([texture, shown.unsqueeze(-1).float()], dim=-1).flip(0)
 
 
+def framed(picture: Picture, coverage: Float[Tensor, "height width"], aspect: float = 1.5) -> Picture:
+    """The part of a picture that shows the surface, with a margin, as wide as `aspect` times its height.
+
+    What lies beyond the picture has the colour of its upper left corner.
+    """
+    used = coverage.cpu() > 0.05
+    if not used.any():
+        return picture
+    rows, cols = torch.nonzero(used.any(dim=1)).flatten(), torch.nonzero(used.any(dim=0)).flatten()
+    (top, bottom), (left, right) = ((int(span[0]), int(span[-1]) + 1) for span in (rows, cols))
+    height = round(1.15 * max(bottom - top, (right - left) / aspect))
+    width = round(aspect * height)
+    canvas = picture[0, 0].expand(picture.shape[0] + 2 * height, picture.shape[1] + 2 * width, -1).clone()
+    canvas[height:-height, width:-width] = picture
+    first_row, first_col = (top + bottom + height) // 2, (left + right + width) // 2
+    return canvas[first_row : first_row + height, first_col : first_col + width]
+
+
 def signed_as_color(values: Float[Tensor, "3 rows cols"]) -> Float[Tensor, "rows cols 3"]:
     """Coordinates or directions in [-1, 1] as colours: x red, y green, z blue, zero mid grey."""
     return (values * 0.5 + 0.5).clamp(0, 1).permute(1, 2, 0)

@@ -14,7 +14,7 @@ from torch import Tensor
 from svbrdfgan.compositing import composite
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.scene import Scene
-from svbrdfgan.report.pictures import Picture, heat, over_checker, signed_as_color, upright
+from svbrdfgan.report.pictures import Picture, framed, heat, over_checker, signed_as_color, upright
 from svbrdfgan.scoring.evaluate import Evaluated, pictures
 from svbrdfgan.scoring.flip import display, flip
 
@@ -41,8 +41,9 @@ class Vehicle:
 
 def choose_views(exemplars: Exemplars, limit: int) -> list[int]:
     """The first weathered exemplar of each of up to `limit` subjects, spread evenly: chosen without looking."""
-    weathered = [[v for v in exemplars.views_of(n) if exemplars.layers[v] is not None] for n in range(_count(exemplars))]
-    first = [views[0] for views in weathered if views]
+    views = [exemplars.views_of(number) for number in range(len(exemplars.subjects))]
+    weathered = [[view for view in group if exemplars.layers[view] is not None] for group in views]
+    first = [group[0] for group in weathered if group]
     if len(first) <= limit:
         return first
     return [first[round(n * (len(first) - 1) / max(limit - 1, 1))] for n in range(limit)]
@@ -61,10 +62,11 @@ def rendered(evaluated: Evaluated, index: int) -> Vehicle:
     made = pictures(evaluated.feed, index, {**evaluated.layers, "bare": bare})
     floor = f"noise alone {flip(truth, made['truth']):.3f}" if "truth" in made else ""
     titles = {"generated": "Learned", "oracle": "Oracle", "constant": "Best constant", "bare": "Unweathered"}
-    shown = [Titled("Truth", truth, floor)]
-    shown += [
-        Titled(title, made[name], f"FLIP {flip(truth, made[name]):.3f}") for name, title in titles.items() if name in made
-    ]
+    coverage = exemplars.coverage[index]
+    shown = [Titled("Truth", framed(truth, coverage), floor)]
+    for name, title in titles.items():
+        if name in made:
+            shown.append(Titled(title, framed(made[name], coverage), f"FLIP {flip(truth, made[name]):.3f}"))
     return Vehicle(subject_name(exemplars.scenes[index]), _scene_note(exemplars.scenes[index]), tuple(shown))
 
 
@@ -120,7 +122,3 @@ def _grey(values: Float[Tensor, "rows cols"]) -> Float[Tensor, "rows cols 3"]:
 def _scene_note(scene: Scene) -> str:
     camera, light = scene.camera, Path(scene.environment.asset.path).stem
     return f"azimuth {camera.azimuth_degrees:.0f}°, elevation {camera.elevation_degrees:.0f}°, light {light}"
-
-
-def _count(exemplars: Exemplars) -> int:
-    return len(exemplars.subjects)

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from svbrdfgan.data.config import CameraDistribution, EnvironmentSource, Plugin, PluginChoice
 from svbrdfgan.networks import Norm
-from svbrdfgan.options import StrictModel
+from svbrdfgan.options import StrictModel, validate
 
 
 class GeneratorConfig(StrictModel):
@@ -88,12 +88,6 @@ class TrainConfig(StrictModel):
     score_every: int = Field(default=500, ge=1)
     save_every: int = Field(default=1000, ge=1)
 
-    @model_validator(mode="before")
-    @classmethod
-    def _with_recipe(cls, data: Any) -> Any:
-        recipe = data.get("recipe", "default") if isinstance(data, dict) else "default"
-        return _merge(RECIPES[recipe], data) if recipe in RECIPES else data
-
     @model_validator(mode="after")
     def _possible(self) -> TrainConfig:
         if self.rendering == "fresh" and self.discriminator.guide:
@@ -117,6 +111,16 @@ RECIPES: dict[str, dict[str, Any]] = {
     },
 }
 """What a recipe sets where the configuration does not say."""
+
+
+def train_config(data: dict[str, Any], source: str) -> TrainConfig:
+    """The configuration that the data describe, over what their recipe sets; `source` opens every message.
+
+    Raises:
+        ConfigError: one line for each fault.
+    """
+    recipe = RECIPES.get(str(data.get("recipe", "default")), {})
+    return validate(TrainConfig, _merge(recipe, data), source)
 
 
 def _merge(defaults: dict[str, Any], data: dict[str, Any]) -> dict[str, Any]:

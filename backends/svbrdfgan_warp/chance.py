@@ -1,0 +1,73 @@
+"""Warp functions: random numbers that depend on pixel, sample and seed alone, and directions made of them."""
+
+# mypy: ignore-errors
+
+import warp as wp
+
+UNIT = wp.constant(1.0 / 16777216.0)
+# An extensible lattice, good in any two dimensions: Cools, Kuo and Nuyens, "Constructing embedded lattice rules for
+# multivariate integration", SIAM J. Sci. Comput. 28, 2006 (base 2, up to 2^20 points, order-2 weights).
+LATTICE_U = wp.constant(wp.vec4ui(1, 182667, 469891, 498753))
+LATTICE_V = wp.constant(wp.vec4ui(110745, 446979, 250185, 118627))
+
+
+@wp.func
+def hashed(pixel: wp.uint32, low: wp.uint32, high: wp.uint32, stream: wp.uint32):
+    """Four random numbers: pcg4d of Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 2020."""
+    m = wp.uint32(1664525)
+    c = wp.uint32(1013904223)
+    x = pixel * m + c
+    y = low * m + c
+    z = high * m + c
+    w = stream * m + c
+    for i in range(2):
+        x += y * w
+        y += z * x
+        z += x * y
+        w += y * z
+        if i == 0:
+            x = x ^ (x >> wp.uint32(16))
+            y = y ^ (y >> wp.uint32(16))
+            z = z ^ (z >> wp.uint32(16))
+            w = w ^ (w >> wp.uint32(16))
+    return wp.vec4ui(x, y, z, w)
+
+
+@wp.func
+def reversed_bits(i: wp.uint32):
+    i = (i << wp.uint32(16)) | (i >> wp.uint32(16))
+    i = ((i & wp.uint32(0x00FF00FF)) << wp.uint32(8)) | ((i >> wp.uint32(8)) & wp.uint32(0x00FF00FF))
+    i = ((i & wp.uint32(0x0F0F0F0F)) << wp.uint32(4)) | ((i >> wp.uint32(4)) & wp.uint32(0x0F0F0F0F))
+    i = ((i & wp.uint32(0x33333333)) << wp.uint32(2)) | ((i >> wp.uint32(2)) & wp.uint32(0x33333333))
+    return ((i & wp.uint32(0x55555555)) << wp.uint32(1)) | ((i >> wp.uint32(1)) & wp.uint32(0x55555555))
+
+
+@wp.func
+def unit(bits: wp.uint32):
+    """A random float in [0, 1)."""
+    return float(bits >> wp.uint32(8)) * UNIT
+
+
+@wp.func
+def numbers(pixel: int, sample: int, low: wp.uint32, high: wp.uint32):
+    """Eight random numbers: a lattice shifted at random in each pixel (Cranley and Patterson, 1976).
+
+    Every sample by itself is uniform; together the samples of a pixel are more even than chance.
+    """
+    i = reversed_bits(wp.uint32(sample))
+    u = hashed(wp.uint32(pixel), low, high, wp.uint32(0)) + LATTICE_U * i
+    v = hashed(wp.uint32(pixel), low, high, wp.uint32(1)) + LATTICE_V * i
+    return u, v
+
+
+@wp.func
+def cosine_direction(n: wp.vec3, a: float, b: float):
+    """A direction about `n` with density cosine / pi; the frame is that of Duff et al., JCGT 2017."""
+    sign = wp.where(n[2] >= 0.0, 1.0, -1.0)
+    c = -1.0 / (sign + n[2])
+    e = n[0] * n[1] * c
+    s = wp.vec3(1.0 + sign * n[0] * n[0] * c, sign * e, -sign * n[0])
+    t = wp.vec3(e, sign + n[1] * n[1] * c, -n[1])
+    radius = wp.sqrt(a)
+    angle = b * wp.tau
+    return wp.normalize(s * (radius * wp.cos(angle)) + t * (radius * wp.sin(angle)) + n * wp.sqrt(1.0 - a))
