@@ -1,9 +1,48 @@
 """Fixtures that every test may use."""
 
+import copy
 import os
+import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+TINY_DATASET: dict[str, Any] = {
+    "seed": 3,
+    "image": [32, 32],
+    "texture": 32,
+    "spp": 8,
+    "renderer": "numpy",
+    "embedding": {"name": "hemispherical", "resolution": 32},
+    "environments": {"procedural": {"count": 3, "seed": 1}},
+    "environment_rows": 16,
+    "splits": {
+        "train": {"meshes": {"procedural": {"count": 2, "seed": 1}}, "views": 3},
+        "validation": {"meshes": {"procedural": {"count": 1, "seed": 2}}, "views": 2},
+    },
+}
+TINY_TRAINING: dict[str, Any] = {
+    "steps": 4,
+    "batch_size": 2,
+    "generator": {"width": 4, "blocks": 1},
+    "discriminator": {"width": 4, "layers": 1},
+    "renderer": "numpy",
+    "spp": 8,
+    "score_every": 2,
+    "save_every": 2,
+    "device": "cpu",
+}
+
+
+def merged(defaults: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """A deep copy of the defaults with the changes laid over them, mapping by mapping."""
+    result = copy.deepcopy(defaults)
+    for key, value in changes.items():
+        below = result.get(key)
+        result[key] = merged(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
+    return result
 
 
 @pytest.fixture(scope="session")
@@ -13,3 +52,41 @@ def assets() -> Path:
     if not folder:
         pytest.skip("SVBRDFGAN_ASSETS is not set: point it at a folder with cars/, envmaps/ and meshes/ to run this test")
     return Path(folder)
+
+
+@pytest.fixture(scope="session")
+def dataset_data() -> Callable[..., dict[str, Any]]:
+    """The tiny data set's configuration as in its YAML file, with changes laid over it."""
+    return lambda **changes: merged(TINY_DATASET, changes)
+
+
+@pytest.fixture(scope="session")
+def training_data(tiny_dataset: Path) -> Callable[..., dict[str, Any]]:
+    """A tiny run's configuration as in its YAML file, with changes laid over it."""
+    return lambda **changes: merged({"dataset": str(tiny_dataset), **TINY_TRAINING}, changes)
+
+
+@pytest.fixture(scope="session")
+def tiny_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two procedural vehicles to train on and one to validate with, three and two views each. Not to be changed."""
+    from svbrdfgan.data.config import DatasetConfig
+    from svbrdfgan.data.generate import generate
+    from svbrdfgan.options import validate
+
+    folder = tmp_path_factory.mktemp("tiny") / "dataset"
+    generate(validate(DatasetConfig, TINY_DATASET, "tiny"), folder, base=Path())
+    return folder
+
+
+@pytest.fixture(scope="session")
+def tiny_exemplars(tiny_dataset: Path) -> Any:
+    """The training split of the tiny data set in memory. Not to be changed."""
+    from svbrdfgan.data.exemplars import load_exemplars
+
+    return load_exemplars(tiny_dataset, "train")
+
+
+@pytest.fixture
+def dataset_copy(tiny_dataset: Path, tmp_path: Path) -> Path:
+    """The tiny data set, to be changed."""
+    return shutil.copytree(tiny_dataset, tmp_path / "dataset")

@@ -38,9 +38,9 @@ def generate(
     plan = make_plan(config, folder, base)
     fabric = Fabric(accelerator="auto", devices=devices, strategy="ddp_spawn" if devices > 1 else "auto")
     if devices > 1:
-        fabric.launch(_work, plan, folder, Silent())
+        fabric.launch(_work, plan, folder, _by_mesh(plan, folder), Silent())
     else:
-        _work(fabric, plan, folder, display or Silent())
+        _work(fabric, plan, folder, _by_mesh(plan, folder), display or Silent())
     return plan
 
 
@@ -72,14 +72,21 @@ def save_exemplar(path: Path, rendering: Rendering) -> None:
     save_exr(path, {"R": red, "G": green, "B": blue, "A": rendering.coverage}, half=True)
 
 
-def _work(fabric: Fabric, plan: DatasetPlan, folder: Path, display: Display) -> None:
-    renderer = resolve_renderer(plan.config.renderer, fabric.device.type)
-    studio = Studio(folder)
+def _by_mesh(plan: DatasetPlan, folder: Path) -> list[list[tuple[Split, int]]]:
+    """What is missing, found once, so that all processes share out the same list."""
     by_mesh: dict[str, list[tuple[Split, int]]] = {}
     for split, index in missing(plan, folder):
         by_mesh.setdefault(plan.sampler(split).mesh(index).name, []).append((split, index))
-    display.begin("exemplars", sum(map(len, by_mesh.values())))
-    for number, todo in enumerate(by_mesh.values()):
+    return list(by_mesh.values())
+
+
+def _work(
+    fabric: Fabric, plan: DatasetPlan, folder: Path, by_mesh: list[list[tuple[Split, int]]], display: Display
+) -> None:
+    renderer = resolve_renderer(plan.config.renderer, fabric.device.type)
+    studio = Studio(folder)
+    display.begin("exemplars", sum(map(len, by_mesh)))
+    for number, todo in enumerate(by_mesh):
         if number % fabric.world_size != fabric.global_rank:
             continue
         samplers = {split: plan.sampler(split) for split, _ in todo}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import torch
@@ -78,6 +78,7 @@ def make_plan(config: DatasetConfig, folder: Path, base: Path) -> DatasetPlan:
         split: gather_environments(source.environments or config.environments, config.environment_rows, folder, base)
         for split, source in config.splits.items()
     }
+    _require_distinct([asset.asset for pool in (*meshes.values(), *lights.values()) for asset in pool])
     plan = DatasetPlan(config=config, meshes=meshes, environments=lights)
     with atomic_path(folder / PLAN) as temporary:
         temporary.write_text(plan.model_dump_json(indent=1) + "\n", encoding="utf-8")
@@ -120,7 +121,10 @@ def gather_environments(source: EnvironmentSource, rows: int, folder: Path, base
 
 def _environment_asset(name: str, radiance: Float[Tensor, "rows cols 3"], folder: Path) -> EnvironmentAsset:
     path = folder / "assets" / "environments" / f"{name}.exr"
-    save_environment(path, radiance)
+    if not path.is_file() or not torch.equal(load_environment(path), radiance):
+        if (folder / PLAN).is_file():
+            raise ConfigError(f"{folder} holds another environment of the name {name!r} already; rename yours.")
+        save_environment(path, radiance)
     mean = _mean_luminance(radiance)
     if not mean > 0:
         raise AssetError(f"environment {name} is black; choose another.")
@@ -158,6 +162,17 @@ def _matches(patterns: tuple[str, ...], base: Path) -> list[Path]:
     if doubled:
         raise ConfigError(f"files share the names {doubled}; rename them, since a data set keeps assets by name.")
     return found
+
+
+def _require_distinct(assets: Iterable[AssetRef]) -> None:
+    """Splits may share an asset, but not a name for different ones: the last would replace the first."""
+    first: dict[str, AssetRef] = {}
+    for asset in assets:
+        if first.setdefault(asset.path, asset) != asset:
+            raise ConfigError(
+                f"different files of two splits share the name {Path(asset.path).stem!r}; rename one, "
+                "since a data set keeps assets by name."
+            )
 
 
 def _reference(path: Path, folder: Path) -> AssetRef:

@@ -19,7 +19,8 @@ _STAND_INS = {
 """Colours that matplotlib writes, and the page's own that replace them."""
 
 INK, LINE, *SERIES = _STAND_INS
-_STYLE = {
+_FEW = 12
+_STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
     "font.size": 10,
@@ -93,31 +94,48 @@ def draw(chart: Chart) -> str:
 
 
 def _plot(axes: Any, chart: Chart) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     for curve in chart.curves:
-        many = curve.smooth and len(curve.y) >= 12
-        marker = "o" if len(curve.y) < 12 else ""
-        named = "_" if many else curve.name
-        axes.plot(curve.x, curve.y, color=curve.color, lw=1.6, alpha=0.25 if many else 1, marker=marker, ms=3, label=named)
-        if many:
-            axes.plot(curve.x, _running_mean(curve.y), color=curve.color, lw=1.6, label=curve.name)
+        _plot_curve(axes, curve)
     for level in chart.levels:
-        if level.x is None:
-            axes.axhline(level.y, color=level.color, lw=1.3, ls=(0, (5, 3)), label=level.name)
-        else:
-            axes.plot([level.x], [level.y], "D", color=level.color, ms=6, label=level.name, clip_on=False, zorder=5)
+        _plot_level(axes, level)
     axes.set_xlabel(chart.x_label)
+    axes.xaxis.set_major_locator(MaxNLocator(4 if chart.size[0] < 6 else 8))
+    axes.xaxis.set_major_formatter("{x:,.0f}")
     axes.set_ylim(*chart.limits)
     axes.grid(axis="y")
     axes.tick_params(length=0)
     if len(chart.curves) + len(chart.levels) > 1:
-        figure_legend = axes.legend(loc="best", fontsize=9, handlelength=1.6)
-        figure_legend.set_zorder(6)
+        axes.legend(loc="best", fontsize=9, handlelength=1.6)
     if chart.steps_per_x is not None:
-        per = chart.steps_per_x
-        top = axes.secondary_xaxis("top", functions=(lambda x: x * per, lambda s: s / per))
-        top.set_xlabel("steps")
-        top.tick_params(length=0)
-        top.spines["top"].set_visible(False)
+        _add_steps(axes, chart.steps_per_x)
+
+
+def _plot_curve(axes: Any, curve: Curve) -> None:
+    style = {"color": curve.color, "lw": 1.6}
+    if len(curve.y) < _FEW:
+        axes.plot(curve.x, curve.y, marker="o", ms=3, label=curve.name, **style)
+    elif curve.smooth:
+        axes.plot(curve.x, curve.y, alpha=0.25, **style)
+        axes.plot(curve.x, _running_mean(curve.y), label=curve.name, **style)
+    else:
+        axes.plot(curve.x, curve.y, label=curve.name, **style)
+
+
+def _plot_level(axes: Any, level: Level) -> None:
+    if level.x is None:
+        axes.axhline(level.y, color=level.color, lw=1.3, ls=(0, (5, 3)), label=level.name)
+    else:
+        axes.plot([level.x], [level.y], "D", color=level.color, ms=6, label=level.name, clip_on=False, zorder=5)
+
+
+def _add_steps(axes: Any, per_x: float) -> None:
+    top = axes.secondary_xaxis("top", functions=(lambda x: x * per_x, lambda steps: steps / per_x))
+    top.set_xlabel("steps")
+    top.xaxis.set_major_formatter("{x:,.0f}")
+    top.tick_params(length=0)
+    top.spines["top"].set_visible(False)
 
 
 def _running_mean(values: Sequence[float]) -> list[float]:

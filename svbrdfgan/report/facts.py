@@ -55,7 +55,11 @@ def verdict(evaluation: Evaluation, config: TrainConfig, journal: Journal) -> li
         )
     )
     found.append(
-        Figure("area seen", f"{evaluation.seen:.0%}", "Of the learnable area, what some picture shows; only that is scored.")
+        Figure(
+            "area seen",
+            f"{evaluation.seen:.0%}",
+            "Of the learnable area, what some picture shows; only that is scored.",
+        )
     )
     half = half_way(evaluation, config, journal)
     return found if half is None else [*found, half]
@@ -69,7 +73,9 @@ def half_way(evaluation: Evaluation, config: TrainConfig, journal: Journal) -> F
         if line.get("recovered", -1.0) >= evaluation.oracle / 2 > 0:
             images = line["step"] * config.batch_size
             took = duration(line["seconds"])
-            return Figure("images to half", f"{images:,.0f}", f"Seen until validation passed half the oracle, in {took}.")
+            return Figure(
+                "images to half", f"{images:,.0f}", f"Seen until validation passed half the oracle, in {took}."
+            )
     return None
 
 
@@ -83,7 +89,7 @@ def flip_bars(evaluation: Evaluation) -> list[Bar]:
     }
     known = {name: value for name, value in values.items() if value is not None}
     longest = max(*known.values(), 1e-9)
-    return [Bar(name, f"{value:.3f}", 100 * value / longest) for name, value in known.items()]
+    return [Bar(name, f"{value:.3f}", 100 * (value / longest)) for name, value in known.items()]
 
 
 def title(config: RunConfig) -> str:
@@ -101,8 +107,8 @@ def summary(config: RunConfig, evaluated: Evaluated, journal: Journal) -> list[t
     width, height = dataset.image
     told = [("vehicles", _counts(config, evaluated)), ("weathering", dataset.weathering.recipe)]
     told.append(("embedding", dataset.embedding.name))
-    told.append(("pictures", f"{width} × {height}, {dataset.spp} samples per pixel"))
-    told.append(("texture", f"{dataset.texture} × {dataset.texture}"))
+    told.append(("pictures", f"{width} x {height}, {dataset.spp} samples per pixel"))
+    told.append(("texture", f"{dataset.texture} x {dataset.texture}"))
     told.append(("loss", f"{train.loss.name}, batch {train.batch_size}"))
     if journal:
         steps, seconds = journal[-1]["step"], journal[-1].get("seconds")

@@ -44,7 +44,12 @@ def _row(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
     learned = pictures(evaluated.feed, index, {"generated": evaluated.layers["generated"]})["generated"]
     normal = upright(signed_as_color(subject.geometry[3:6].cpu()), subject.buffer.mask)
     coverage = exemplars.coverage[index]
-    return normal, framed(truth, coverage), framed(learned, coverage), upright(over_checker(layer), subject.learnable_texels)
+    return (
+        normal,
+        framed(truth, coverage),
+        framed(learned, coverage),
+        upright(over_checker(layer), subject.learnable_texels),
+    )
 
 
 def _cell(picture: Picture, width: int) -> Image:

@@ -111,7 +111,8 @@ class Scale:
             return f"Full colour means {sure:.1%} sure."
         if self.loss == "lsgan":
             return f"Full colour lies {self.reach:.2g} from undecided, on a scale where real is 1 and fake 0."
-        return f"Under the {self.loss} loss logits have no zero of their own: grey is the mean, full colour {self.reach:.2g} from it."
+        far = f"full colour {self.reach:.2g} from it"
+        return f"Under the {self.loss} loss logits have no zero of their own: grey is the mean, {far}."
 
     def leaning(self, logits: Tensor) -> Tensor:
         """How far patches lean to real (1) or to fake (-1)."""
@@ -141,4 +142,4 @@ def _row(name: str, pair: Judged, scale: Scale) -> Vehicle:
         Titled("Fake", pair.fake),
         Titled("Fake, judged", overlay(pair.fake, scale.leaning(pair.fake_logits)), scale.note(pair.fake_logits)),
     )
-    return Vehicle(name, f"{rows} × {cols} patches", shown)
+    return Vehicle(name, f"{rows} x {cols} patches", shown)

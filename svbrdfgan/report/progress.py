@@ -30,7 +30,7 @@ def _recovered(journal: Journal, evaluation: Evaluation, batch: int) -> Chart | 
     levels = [Level(f"model on {evaluation.split}", evaluation.recovered, SERIES[1], x[y.index(max(y))])]
     if evaluation.oracle is not None:
         levels.append(Level(f"oracle on {evaluation.split}", evaluation.oracle, INK))
-    low = min(0.0, max(-0.25, min(*y, evaluation.recovered)))
+    low = min(0.0, max(-0.25, min(*y, evaluation.recovered) - 0.03))
     return Chart(
         title="Recovered",
         x_label=_IMAGES,
@@ -43,7 +43,11 @@ def _recovered(journal: Journal, evaluation: Evaluation, batch: int) -> Chart | 
 
 
 def _lines(
-    title: str, names: dict[str, str], journal: Journal, batch: int, limits: tuple[float | None, float | None] = (None, None)
+    title: str,
+    names: dict[str, str],
+    journal: Journal,
+    batch: int,
+    limits: tuple[float | None, float | None] = (None, None),
 ) -> Chart | None:
     curves = []
     for (key, name), color in zip(names.items(), SERIES, strict=False):

@@ -98,7 +98,8 @@ def textured(evaluated: Evaluated, index: int, top: float) -> Vehicle:
 
 def error_scale(evaluated: Evaluated, indices: Sequence[int]) -> float:
     """A round number that nearly all errors of albedo of these exemplars stay below: the top of their common scale."""
-    found = torch.cat([error[scored] for scored, error in (_error(evaluated, index) for index in indices)])
+    errors = [error[scored] for scored, error in (_error(evaluated, index) for index in indices)]
+    found = torch.cat([torch.zeros(0), *errors])
     high = float(torch.quantile(found[:: max(1, len(found) // 100_000)], 0.99)) if len(found) else 0.0
     return max(0.05, math.ceil(high * 20) / 20)
 

@@ -203,6 +203,7 @@ def _save(session: _Session, state: State, diagnostics: Diagnostics) -> None:
 
 def _finish(session: _Session, state: State) -> None:
     """The last score and checkpoint; where there was no validation split, the last model is the model."""
+    _require_finite(state, {})
     if not session.first:
         return
     if not state.history or state.history[-1]["step"] != state.step:
@@ -214,7 +215,7 @@ def _finish(session: _Session, state: State) -> None:
 
 def _require_finite(state: State, diagnostics: Diagnostics) -> None:
     weights = {name: parameter.sum() for name, parameter in state.generator.named_parameters()}
-    if not finite(diagnostics) or not finite(weights):
+    if not finite(diagnostics | weights):
         raise TrainingError(
             f"training stopped at step {state.step}: a loss or weight is not finite; the last checkpoint is good. "
             "Lower optimizer.generator_rate or optimizer.discriminator_rate, or raise loss.r1, and resume."

@@ -1,0 +1,153 @@
+"""A run without its cost: real records of flat vehicles, and a stage that shows layers as they are."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+import torch.nn.functional as F
+
+from svbrdfgan.bake import bake
+from svbrdfgan.data.config import DatasetConfig, MeshSource, SplitConfig
+from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.data.scene import AssetRef, OrbitCamera, Scene, SceneEnvironment
+from svbrdfgan.data.subject import Subject
+from svbrdfgan.scoring.evaluate import Evaluated, Evaluation
+from svbrdfgan.training.config import DiscriminatorConfig, GeneratorConfig, TrainConfig
+from svbrdfgan.training.feed import Feed
+from svbrdfgan.training.run import RunConfig
+from svbrdfgan.types import Part, Surface
+
+TEXELS, HEIGHT, WIDTH = 32, 32, 40
+
+
+@dataclass(frozen=True)
+class PlainStage:
+    """Shows each layer's colour, premultiplied, in the middle of the picture."""
+
+    coverage: torch.Tensor
+    guide: torch.Tensor | None
+
+    def render(self, layers: torch.Tensor) -> torch.Tensor:
+        shown = F.interpolate((layers[..., :3] * layers[..., 3:]).permute(0, 3, 1, 2), size=(HEIGHT, WIDTH))
+        return shown.permute(0, 2, 3, 1) * self.coverage.unsqueeze(-1)
+
+
+@dataclass(frozen=True)
+class PlainStages:
+    """The same stage for every exemplar; pictures show the left half of the texture."""
+
+    coverage: torch.Tensor
+
+    def stage(self, indices: list[int], rng: np.random.Generator) -> PlainStage:
+        count = len(indices)
+        return PlainStage(self.coverage.expand(count, -1, -1), torch.zeros(count, HEIGHT, WIDTH, 6))
+
+    def seen(self, index: int) -> torch.Tensor:
+        return (torch.arange(TEXELS) < TEXELS // 2).float().expand(TEXELS, TEXELS)
+
+
+def make_subject() -> Subject:
+    """A square of 2 m, its lower half learnable paint, its upper half glass."""
+    corners = np.array([[0, 0], [1, 0], [1, 0.5], [0, 0.5], [0, 0.5], [1, 0.5], [1, 1], [0, 1]], float)
+    surface = Surface(
+        positions=np.column_stack([2 * corners, np.zeros(8)]),
+        normals=np.tile([0.0, 0.0, 1.0], (8, 1)),
+        uv=corners,
+        faces=np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]),
+        face_part=np.array([0, 0, 1, 1]),
+        parts=(Part("paint"), Part("glass")),
+        elevation=np.zeros(8),
+        source_face=np.arange(4),
+        source_barycentric=np.tile(np.eye(3), (4, 1, 1)),
+    )
+    return Subject(surface, bake(surface, TEXELS, TEXELS), (0,), (torch.full((3,), 0.5), torch.full((3,), 0.1)))
+
+
+def make_scene(name: str) -> Scene:
+    return Scene(
+        mesh=AssetRef(path=f"assets/meshes/{name}.glb"),
+        environment=SceneEnvironment(asset=AssetRef(path="assets/environments/noon.exr")),
+        camera=OrbitCamera(azimuth_degrees=45.0, elevation_degrees=20.0, distance=5.0),
+        width=WIDTH,
+        height=HEIGHT,
+        texture=TEXELS,
+    )
+
+
+def make_evaluated(names: tuple[str, ...] = ("sedan_1", "van_2"), views: int = 2) -> Evaluated:
+    """Vehicles of these names, each in so many pictures; the oracle paints exactly what G0 did."""
+    torch.manual_seed(0)
+    count, subject = len(names), make_subject()
+    truth = torch.rand(count, TEXELS, TEXELS, 4)
+    coverage = torch.zeros(HEIGHT, WIDTH)
+    coverage[10:22, 8:32] = 1.0
+    stages = PlainStages(coverage)
+    owner = torch.arange(count).repeat_interleave(views)
+    images = stages.stage([0] * (count * views), np.random.default_rng(0)).render(truth[owner])
+    exemplars = Exemplars(
+        images=images.half(),
+        coverage=coverage.expand(count * views, -1, -1).half(),
+        scenes=tuple(make_scene(names[n]) for n in owner.tolist()),
+        subjects=(subject,) * count,
+        subject_of=owner,
+        layers=tuple(truth[n] for n in owner.tolist()),
+        studio=SimpleNamespace(),
+    )
+    guides = torch.zeros(count * views, HEIGHT, WIDTH, 6)
+    buffers = torch.stack([subject.geometry] * count)
+    feed = Feed(exemplars, stages, buffers, exemplars.images, exemplars.coverage, guides)
+    constant = (0.4, 0.3, 0.2, 0.5)
+    layers = {
+        "generated": (truth + 0.1).clamp(0, 1),
+        "oracle": truth,
+        "constant": torch.tensor(constant).expand_as(truth),
+    }
+    evaluation = Evaluation(
+        split="test", recovered=0.6123, oracle=0.8741, fraction=0.6123 / 0.8741, oracle_plateau=True, oracle_steps=2300,
+        flip=0.0432, flip_oracle=0.0311, flip_constant=0.0811, flip_truth=0.0205, seen=0.83, constant=constant,
+        subjects=count, exemplars=count * views,
+    )  # fmt: skip
+    train = TrainConfig(
+        dataset="dirty-cars",
+        batch_size=4,
+        generator=GeneratorConfig(width=4, blocks=1),
+        discriminator=DiscriminatorConfig(width=4, layers=1),
+    )
+    dataset = DatasetConfig(splits={"train": SplitConfig(meshes=MeshSource(files=("cars/*.glb",)))})
+    config = RunConfig(train=train, dataset=dataset, dataset_folder="nowhere", versions={"svbrdfgan": "1.2.3"})
+    return Evaluated(evaluation, config, feed, layers)
+
+
+def without_oracle(evaluated: Evaluated) -> Evaluated:
+    unknown = dict.fromkeys(("oracle", "fraction", "oracle_plateau", "oracle_steps", "flip_oracle"))
+    layers = {name: layer for name, layer in evaluated.layers.items() if name != "oracle"}
+    return replace(evaluated, evaluation=evaluated.evaluation.model_copy(update=unknown), layers=layers)
+
+
+def without_weathering(evaluated: Evaluated) -> Evaluated:
+    exemplars = replace(evaluated.feed.exemplars, layers=(None,) * len(evaluated.feed.exemplars))
+    return replace(evaluated, feed=replace(evaluated.feed, exemplars=exemplars))
+
+
+@pytest.fixture(scope="session")
+def evaluated() -> Evaluated:
+    return make_evaluated()
+
+
+@pytest.fixture(scope="session")
+def makers() -> SimpleNamespace:
+    """For tests that need other runs."""
+    return SimpleNamespace(
+        make_evaluated=make_evaluated, without_oracle=without_oracle, without_weathering=without_weathering
+    )
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """A run's folder with nothing in it."""
+    folder = tmp_path / "run-7"
+    folder.mkdir()
+    return folder

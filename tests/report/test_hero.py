@@ -1,0 +1,28 @@
+"""The picture for a README: its size, its weight, and a row for each vehicle."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from svbrdfgan.report import write_hero
+
+
+@pytest.mark.parametrize(("names", "rows"), [(("a",), 1), (("a", "b", "c"), 3), (tuple("abcdefg"), 4)])
+def test_a_row_for_each_of_up_to_four_vehicles(tmp_path: Path, makers, names: tuple[str, ...], rows: int) -> None:
+    path = tmp_path / "new" / "hero.png"
+    write_hero(tmp_path, makers.make_evaluated(names), path)
+    with Image.open(path) as image:
+        assert image.format == "PNG"
+        assert image.size == (1200, 40 + rows * 246 - 12)
+    assert path.stat().st_size < 400_000
+
+
+def test_truth_and_what_was_learned_differ(tmp_path: Path, evaluated) -> None:
+    write_hero(tmp_path, evaluated, tmp_path / "hero.png", rows=1)
+    with Image.open(tmp_path / "hero.png") as image:
+        pixels = np.asarray(image.convert("RGB")).astype(float)
+    truth, learned = pixels[40:, 244:594], pixels[40:, 606:956]
+    assert (truth[0] == learned[0]).all()  # the background
+    assert np.abs(truth - learned).mean() > 1

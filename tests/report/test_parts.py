@@ -1,0 +1,116 @@
+"""The views that are shown, the discriminator's colours, the curves and the numbers in words."""
+
+from dataclasses import replace
+
+import matplotlib
+import pytest
+import torch
+
+from svbrdfgan.report.curves import Chart, Curve, Level, draw
+from svbrdfgan.report.facts import duration, flip_bars, half_way
+from svbrdfgan.report.patches import CYAN, YELLOW, Judged, Scale, overlay
+from svbrdfgan.report.progress import charts
+from svbrdfgan.report.vehicles import choose_views, error_scale, rendered, textured
+
+
+def test_one_view_of_each_vehicle_spread_over_all(makers) -> None:
+    exemplars = makers.make_evaluated(tuple("abcdefgh"), views=3).feed.exemplars
+    assert choose_views(exemplars, 20) == list(range(0, 24, 3))
+    assert choose_views(exemplars, 2) == [0, 21]
+    assert choose_views(exemplars, 1) == [0]
+
+
+def test_views_without_weathering_are_passed_over(evaluated) -> None:
+    exemplars = evaluated.feed.exemplars
+    assert choose_views(replace(exemplars, layers=(None, *exemplars.layers[1:])), 4) == [1, 2]
+
+
+def test_the_true_layer_differs_by_nothing_but_half_precision(evaluated) -> None:
+    notes = {shown.title: shown.note for shown in rendered(evaluated, 0).pictures}
+    assert notes["Truth"] == "noise alone 0.000"
+    assert notes["Oracle"] == "FLIP 0.000"
+    assert notes["Learned"] != "FLIP 0.000"
+
+
+def test_the_error_map_covers_seen_learnable_texels_alone(evaluated) -> None:
+    error = next(shown for shown in textured(evaluated, 0, 1.0).pictures if shown.title == "Error of albedo")
+    scored = error.picture[..., 3]
+    assert scored[16:, :16].all()  # the lower half is paint, the left half is seen
+    assert scored.sum() == 16 * 16
+
+
+def test_a_perfect_layer_has_no_error(evaluated) -> None:
+    perfect = replace(evaluated, layers={**evaluated.layers, "generated": evaluated.layers["oracle"]})
+    notes = [shown.note for shown in textured(perfect, 0, 1.0).pictures]
+    assert "mean 0.000" in notes
+    assert error_scale(perfect, [0, 2]) == 0.05
+    assert error_scale(evaluated, [0, 2]) > 0.05
+
+
+def test_real_is_yellow_fake_is_cyan_and_doubt_keeps_the_grey() -> None:
+    white = torch.ones(4, 6, 3)
+    picture = overlay(white, torch.tensor([[1.0, 0.0, -1.0]]))
+    red, green, blue = picture[0, 0].tolist()
+    assert red > blue
+    assert green > blue
+    assert picture[0, 2].tolist() == pytest.approx([1, 1, 1])
+    red, green, blue = picture[0, 5].tolist()
+    assert red < green
+    assert red < blue
+    assert YELLOW[0] > CYAN[0]
+
+
+@pytest.mark.parametrize("loss", ["vanilla", "lsgan", "wgan", "relativistic"])
+def test_leaning_grows_with_the_logit(loss: str) -> None:
+    pair = Judged(torch.zeros(2, 2, 3), torch.zeros(2, 2, 3), torch.rand(3, 3) + 3, torch.rand(3, 3) - 3)
+    scale = Scale.make(loss, [pair])
+    assert (scale.leaning(pair.real_logits) > 0.5).all()
+    assert (scale.leaning(pair.fake_logits) < -0.5).all()
+    assert scale.told
+
+
+def test_an_undecided_logit_is_grey_under_the_losses_that_have_one() -> None:
+    pair = Judged(torch.zeros(2, 2, 3), torch.zeros(2, 2, 3), torch.ones(2, 2), torch.ones(2, 2) * 4)
+    assert Scale.make("vanilla", [pair]).leaning(torch.zeros(1)) == 0
+    assert Scale.make("lsgan", [pair]).leaning(torch.full((1,), 0.5)) == 0
+
+
+def test_a_chart_has_the_colours_of_the_page_and_leaves_matplotlib_alone() -> None:
+    before = dict(matplotlib.rcParams)
+    chart = Chart('A "<b>"', "x", (Curve("a", [0, 1, 2], [0, 1, 4]),), (Level("l", 3, "#010203"),), steps_per_x=0.5)
+    svg = draw(chart)
+    assert svg.startswith("<svg ")
+    assert {"var(--series-1)", "var(--ink-soft)", "var(--line)"} <= set(svg.replace(";", " ").replace('"', " ").split())
+    assert "#01020" not in svg
+    assert "<metadata>" not in svg
+    assert "<b>" not in svg
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_charts_count_images_and_the_oracle_is_a_level(evaluated) -> None:
+    journal = [{"step": 10, "g_loss": 1.0}, {"step": 20, "recovered": 0.5, "seconds": 3.0}]
+    recovered, losses = charts(journal, evaluated.evaluation, evaluated.config.train)
+    assert list(recovered.curves[0].x) == [80]
+    assert [level.y for level in recovered.levels] == [0.6123, 0.8741]
+    assert list(losses.curves[0].x) == [40]
+    assert charts([], evaluated.evaluation, evaluated.config.train) == []
+
+
+def test_half_the_oracle_is_where_validation_first_passes_it(evaluated) -> None:
+    journal = [{"step": s, "recovered": r, "seconds": float(s)} for s, r in ((10, 0.2), (20, 0.44), (30, 0.6))]
+    found = half_way(evaluated.evaluation, evaluated.config.train, journal)
+    assert found is not None
+    assert found.value == "80"
+    assert "in 20 s" in found.meaning
+    assert half_way(evaluated.evaluation, evaluated.config.train, journal[:1]) is None
+
+
+def test_the_longest_bar_is_full(evaluated) -> None:
+    bars = {bar.label: bar.percent for bar in flip_bars(evaluated.evaluation)}
+    assert bars["best constant layer"] == 100
+    assert bars["learned"] == pytest.approx(100 * 0.0432 / 0.0811)
+
+
+@pytest.mark.parametrize(("seconds", "told"), [(59.6, "60 s"), (600, "10 min"), (9000, "2.5 h")])
+def test_durations_are_told_as_people_do(seconds: float, told: str) -> None:
+    assert duration(seconds) == told
