@@ -1,3 +1,118 @@
-"""svbrdfgan learns how surfaces weather, from pictures, through a differentiable renderer."""
+"""svbrdfgan learns how surfaces weather, from pictures, through a differentiable renderer.
+
+Its public names are listed in `docs/api.md`. Each is imported when first used, so importing the package is free.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from svbrdfgan.apply import paint
+    from svbrdfgan.compositing import composite, over
+    from svbrdfgan.data.config import DatasetConfig, PartSelection
+    from svbrdfgan.data.generate import generate
+    from svbrdfgan.data.scene import Scene
+    from svbrdfgan.data.subject import Subject, make_subject
+    from svbrdfgan.errors import SvbrdfganError
+    from svbrdfgan.export import write_weathered
+    from svbrdfgan.io import load_environment, load_mesh, save_image
+    from svbrdfgan.plugins import load_embedding, load_renderer
+    from svbrdfgan.procedural import build_sky, build_vehicle, sample_sky, sample_vehicle
+    from svbrdfgan.render_layer import RenderLayer
+    from svbrdfgan.report import write_report
+    from svbrdfgan.scoring.evaluate import evaluate
+    from svbrdfgan.training.config import TrainConfig, train_config
+    from svbrdfgan.training.run import load_model
+    from svbrdfgan.training.trainer import train
+    from svbrdfgan.transport import LightTransport, TransportBatch, build_transport
+    from svbrdfgan.types import Camera, Environment, Material, Materials, Mesh, Part, Surface, View
+    from svbrdfgan.weathering import Dust, RoadDirt, Rust, weather
+    from svbrdfgan.yaml_files import load_yaml
+
+__all__ = [
+    "Camera",
+    "DatasetConfig",
+    "Dust",
+    "Environment",
+    "LightTransport",
+    "Material",
+    "Materials",
+    "Mesh",
+    "Part",
+    "PartSelection",
+    "RenderLayer",
+    "RoadDirt",
+    "Rust",
+    "Scene",
+    "Subject",
+    "Surface",
+    "SvbrdfganError",
+    "TrainConfig",
+    "TransportBatch",
+    "View",
+    "__version__",
+    "build_sky",
+    "build_transport",
+    "build_vehicle",
+    "composite",
+    "evaluate",
+    "generate",
+    "load_embedding",
+    "load_environment",
+    "load_mesh",
+    "load_model",
+    "load_renderer",
+    "load_yaml",
+    "make_subject",
+    "over",
+    "paint",
+    "sample_sky",
+    "sample_vehicle",
+    "save_image",
+    "train",
+    "train_config",
+    "weather",
+    "write_report",
+    "write_weathered",
+]
+
+_MODULES = {
+    "types": ("Camera", "Environment", "Material", "Materials", "Mesh", "Part", "Surface", "View"),
+    "io": ("load_environment", "load_mesh", "save_image"),
+    "procedural": ("build_sky", "build_vehicle", "sample_sky", "sample_vehicle"),
+    "plugins": ("load_embedding", "load_renderer"),
+    "data.subject": ("Subject", "make_subject"),
+    "weathering": ("Dust", "RoadDirt", "Rust", "weather"),
+    "compositing": ("composite", "over"),
+    "render_layer": ("RenderLayer",),
+    "transport": ("LightTransport", "TransportBatch", "build_transport"),
+    "data.config": ("DatasetConfig", "PartSelection"),
+    "data.scene": ("Scene",),
+    "data.generate": ("generate",),
+    "training.config": ("TrainConfig", "train_config"),
+    "training.trainer": ("train",),
+    "training.run": ("load_model",),
+    "scoring.evaluate": ("evaluate",),
+    "report": ("write_report",),
+    "apply": ("paint",),
+    "export": ("write_weathered",),
+    "yaml_files": ("load_yaml",),
+    "errors": ("SvbrdfganError",),
+}
+_MODULE_OF = {name: f"svbrdfgan.{module}" for module, names in _MODULES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'svbrdfgan' has no attribute {name!r}")
+    value: object = getattr(importlib.import_module(_MODULE_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_MODULE_OF})

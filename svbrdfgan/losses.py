@@ -59,8 +59,12 @@ LOSSES: Mapping[str, GANLoss] = MappingProxyType(
 
 
 def gradient_square(critic: Critic, pictures: Float[Tensor, "batch channels height width"]) -> Scalar:
-    """Mean of |gradient of the critic's summed logits|^2: R1 on real pictures, R2 on fakes (Mescheder 2018)."""
-    return _gradient(critic, pictures).square().sum(dim=(1, 2, 3)).mean()
+    """Mean of |gradient of a picture's summed logits|^2 over its logits: R1 on real, R2 on fakes (Mescheder 2018).
+
+    For each logit, so that a weight serves pictures of any size, since a PatchGAN has as many logits as patches.
+    """
+    inputs, logits = _evaluate(critic, pictures)
+    return _gradient(inputs, logits).square().sum() / logits.numel()
 
 
 def gradient_penalty(
@@ -71,11 +75,16 @@ def gradient_penalty(
 ) -> Scalar:
     """(|gradient of the mean logit| - 1)^2 at mixtures of real and fake (Gulrajani et al. 2017, equation 3)."""
     between = torch.lerp(fake, real, mix.reshape(-1, 1, 1, 1))
-    mean_logit: Critic = lambda pictures: critic(pictures).flatten(1).mean(dim=1)  # noqa: E731
-    return (_gradient(mean_logit, between).flatten(1).norm(dim=1) - 1).square().mean()
+    inputs, logits = _evaluate(critic, between)
+    mean_logits = logits.reshape(len(between), -1).mean(dim=1)
+    return (_gradient(inputs, mean_logits).flatten(1).norm(dim=1) - 1).square().mean()
 
 
-def _gradient(critic: Critic, pictures: Tensor) -> Tensor:
+def _evaluate(critic: Critic, pictures: Tensor) -> tuple[Tensor, Tensor]:
     inputs = pictures.detach().requires_grad_(True)
-    (gradient,) = torch.autograd.grad(critic(inputs).sum(), inputs, create_graph=True)
+    return inputs, critic(inputs)
+
+
+def _gradient(inputs: Tensor, logits: Tensor) -> Tensor:
+    (gradient,) = torch.autograd.grad(logits.sum(), inputs, create_graph=True)
     return gradient

@@ -13,27 +13,32 @@ GEOMETRY_CHANNELS = 6
 LAYER_CHANNELS = 4
 
 Norm = Literal["instance", "group", "none"]
+Upsampling = Literal["nearest", "strided"]
 
 
 class Generator(nn.Module):
     """Johnson et al.'s ResNet (2016): a geometry buffer in, an RGBA layer out, at the same size.
 
-    One 7x7 convolution, two strided ones, residual blocks, two fractionally strided convolutions, one 7x7.
+    One 7x7 convolution, two strided ones, residual blocks, two upsampling convolutions, one 7x7.
 
     Args:
         width: channels after the first convolution; four times as many in the blocks. The thesis's is 64.
         blocks: residual blocks; the thesis has six.
-        norm: "instance" is the thesis's; it forgets the absolute values that a buffer of positions is about.
+        norm: "instance" is the thesis's.
+        upsampling: "strided" convolutions, fractionally, are the thesis's, and leave a pattern of four texels in what they
+            paint; "nearest" doubles the features and convolves (Odena et al. 2016), and does not.
     """
 
-    def __init__(self, width: int = 64, blocks: int = 6, norm: Norm = "instance") -> None:
+    def __init__(
+        self, width: int = 64, blocks: int = 6, norm: Norm = "instance", upsampling: Upsampling = "nearest"
+    ) -> None:
         super().__init__()
         layers: list[nn.Module] = [*_conv(GEOMETRY_CHANNELS, width, 7, norm)]
         layers += _conv(width, 2 * width, 3, norm, stride=2)
         layers += _conv(2 * width, 4 * width, 3, norm, stride=2)
         layers += [ResidualBlock(4 * width, norm) for _ in range(blocks)]
-        layers += _upconv(4 * width, 2 * width, norm)
-        layers += _upconv(2 * width, width, norm)
+        layers += _upconv(4 * width, 2 * width, norm, upsampling)
+        layers += _upconv(2 * width, width, norm, upsampling)
         layers += [nn.Conv2d(width, LAYER_CHANNELS, 7, padding=3, padding_mode="reflect")]
         self.layers = nn.Sequential(*layers)
 
@@ -93,7 +98,9 @@ def _conv(inputs: int, outputs: int, size: int, norm: Norm, stride: int = 1) -> 
     return [conv, _normalise(outputs, norm), nn.ReLU(inplace=True)]
 
 
-def _upconv(inputs: int, outputs: int, norm: Norm) -> list[nn.Module]:
+def _upconv(inputs: int, outputs: int, norm: Norm, upsampling: Upsampling) -> list[nn.Module]:
+    if upsampling == "nearest":
+        return [nn.Upsample(scale_factor=2), *_conv(inputs, outputs, 3, norm)]
     conv = nn.ConvTranspose2d(inputs, outputs, 3, stride=2, padding=1, output_padding=1)
     return [conv, _normalise(outputs, norm), nn.ReLU(inplace=True)]
 

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before torch loads: threads that wait for a busy core cost fiftyfold
+
 TINY_DATASET: dict[str, Any] = {
     "seed": 3,
     "image": [32, 32],
@@ -50,7 +52,9 @@ def assets() -> Path:
     """The folder of real vehicles, environments and meshes, or a skip that says how to get it."""
     folder = os.environ.get("SVBRDFGAN_ASSETS")
     if not folder:
-        pytest.skip("SVBRDFGAN_ASSETS is not set: point it at a folder with cars/, envmaps/ and meshes/ to run this test")
+        pytest.skip(
+            "SVBRDFGAN_ASSETS is not set: point it at a folder with cars/, envmaps/ and meshes/ to run this test"
+        )
     return Path(folder)
 
 

@@ -29,7 +29,9 @@ def test_two_layers_are_one_of_their_union() -> None:
     base, first, second = torch.rand(3), torch.rand(4), torch.rand(4)
     alpha = second[3] + first[3] * (1 - second[3])
     color = (second[:3] * second[3] + first[:3] * first[3] * (1 - second[3])) / alpha
-    torch.testing.assert_close(composite(composite(base, first), second), composite(base, torch.cat([color, alpha[None]])))
+    torch.testing.assert_close(
+        composite(composite(base, first), second), composite(base, torch.cat([color, alpha[None]]))
+    )
 
 
 def test_composite_is_differentiable() -> None:

@@ -48,6 +48,12 @@ def test_gradient_square_of_a_linear_critic_is_its_slope() -> None:
     torch.testing.assert_close(gradient_square(critic, torch.randn(5, 2, 3, 3)), slope.square().sum())
 
 
+def test_gradient_square_does_not_depend_on_the_picture_s_size() -> None:
+    layer = torch.nn.Conv2d(3, 1, 4, stride=4)
+    small, large = (gradient_square(layer, torch.randn(2, 3, size, size)) for size in (16, 64))
+    torch.testing.assert_close(small, large)
+
+
 @pytest.mark.parametrize("norm", [0.5, 1.0, 3.0])
 def test_gradient_penalty_is_zero_at_slope_one(norm: float) -> None:
     slope = torch.randn(2, 3, 3)

@@ -84,9 +84,7 @@ def test_all_parts_at_once_against_finite_differences(stage: Stage) -> None:
     steps = [0.02 * random(*color.shape, seed=n) for n, color in enumerate(stage.colors)]
     leaves = {n: color.clone().requires_grad_(True) for n, color in enumerate(stage.colors)}
     picture(stage, leaves).backward(cotangent)
-    moved = [
-        picture(stage, {n: c + s * steps[n] for n, c in enumerate(stage.colors)}).double() for s in (1.0, -1.0)
-    ]
+    moved = [picture(stage, {n: c + s * steps[n] for n, c in enumerate(stage.colors)}).double() for s in (1.0, -1.0)]
     slope = float(((moved[0] - moved[1]) * cotangent).sum()) / 2
     found = sum(float((leaf.grad * steps[n]).sum()) for n, leaf in leaves.items() if leaf.grad is not None)
     assert found == pytest.approx(slope, rel=2e-3)
@@ -116,7 +114,7 @@ def test_gradient_is_that_of_the_picture_itself(stage: Stage) -> None:
 
 
 def test_gradient_of_other_samples_is_unbiased(stage: Stage) -> None:
-    """At each texel, the mean over many seeds lies within four standard errors of a converged gradient's, nearly always."""
+    """The mean over many seeds lies within four standard errors of a converged gradient."""
     view, cotangent = replace(stage.view, width=4, height=4), torch.ones(4, 4, 3)
     layer, means = RenderLayer(stage.renderer, spp=1, spp_grad=8), []
     for seed in range(24):

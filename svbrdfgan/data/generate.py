@@ -15,8 +15,10 @@ from svbrdfgan.data.scene import Scene
 from svbrdfgan.data.studio import Studio, resolve_renderer
 from svbrdfgan.display import Display, Silent
 from svbrdfgan.io.exr import save_exr
+from svbrdfgan.plugins import load_embedding, load_renderer
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.types import Rendering
+from svbrdfgan.weathering import recipe_from_options
 
 log = logging.getLogger(__name__)
 
@@ -35,6 +37,7 @@ def generate(
         ConfigError: the folder holds another data set, or a pattern matches nothing.
         AssetError: an asset cannot be read, or the disk cannot be written.
     """
+    _require_plugins(config)
     plan = make_plan(config, folder, base)
     fabric = Fabric(accelerator="auto", devices=devices, strategy="ddp_spawn" if devices > 1 else "auto")
     if devices > 1:
@@ -70,6 +73,14 @@ def save_exemplar(path: Path, rendering: Rendering) -> None:
     """Writes premultiplied linear radiance and coverage as a half-float RGBA picture."""
     red, green, blue = rendering.image.clamp(max=60000).unbind(-1)
     save_exr(path, {"R": red, "G": green, "B": blue, "A": rendering.coverage}, half=True)
+
+
+def _require_plugins(config: DatasetConfig) -> None:
+    """Refuses what no exemplar could be made with, before anything is written that would have to be deleted."""
+    if config.renderer.name != "auto":
+        load_renderer(config.renderer.name, config.renderer.options)
+    load_embedding(config.embedding.name, config.embedding.options)
+    recipe_from_options(config.weathering.recipe, config.weathering.options)
 
 
 def _by_mesh(plan: DatasetPlan, folder: Path) -> list[list[tuple[Split, int]]]:

@@ -78,7 +78,8 @@ def make_plan(config: DatasetConfig, folder: Path, base: Path) -> DatasetPlan:
         split: gather_environments(source.environments or config.environments, config.environment_rows, folder, base)
         for split, source in config.splits.items()
     }
-    _require_distinct([asset.asset for pool in (*meshes.values(), *lights.values()) for asset in pool])
+    _require_distinct(mesh.asset for pool in meshes.values() for mesh in pool)
+    _require_distinct(light.asset for pool in lights.values() for light in pool)
     plan = DatasetPlan(config=config, meshes=meshes, environments=lights)
     with atomic_path(folder / PLAN) as temporary:
         temporary.write_text(plan.model_dump_json(indent=1) + "\n", encoding="utf-8")
@@ -122,7 +123,7 @@ def gather_environments(source: EnvironmentSource, rows: int, folder: Path, base
 def _environment_asset(name: str, radiance: Float[Tensor, "rows cols 3"], folder: Path) -> EnvironmentAsset:
     path = folder / "assets" / "environments" / f"{name}.exr"
     if not path.is_file() or not torch.equal(load_environment(path), radiance):
-        if (folder / PLAN).is_file():
+        if path.is_file() and (folder / PLAN).is_file():
             raise ConfigError(f"{folder} holds another environment of the name {name!r} already; rename yours.")
         save_environment(path, radiance)
     mean = _mean_luminance(radiance)

@@ -24,6 +24,7 @@ from svbrdfgan.options import StrictModel
 from svbrdfgan.scoring.flip import display as as_displayed
 from svbrdfgan.scoring.flip import flip
 from svbrdfgan.scoring.recovered import Scorer, best_constant, make_targets
+from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.feed import Feed, make_feed
 from svbrdfgan.training.oracle import OracleConfig, train_oracle
 from svbrdfgan.training.run import ORACLE, RunConfig, load_generator, load_model, save_generator
@@ -112,7 +113,7 @@ def evaluate(
     """
     shown = display or Silent()
     model = load_model(run)
-    config = model.config.train
+    config = model.config.train.model_copy(update={"scenes": ScenesConfig()})  # the exemplars' own
     fabric = Fabric(accelerator=device, devices=1, precision="bf16-mixed" if _cuda(device) else "32-true")
     renderer = resolve_renderer(config.renderer, "cuda" if fabric.device.type == "cuda" else "cpu")
     folder = Path(model.config.dataset_folder)

@@ -7,7 +7,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from svbrdfgan.data.config import CameraDistribution, EnvironmentSource, Plugin, PluginChoice
-from svbrdfgan.networks import Norm
+from svbrdfgan.networks import Norm, Upsampling
 from svbrdfgan.options import StrictModel, validate
 
 
@@ -17,6 +17,7 @@ class GeneratorConfig(StrictModel):
     width: int = Field(default=64, ge=4)
     blocks: int = Field(default=6, ge=0)
     norm: Norm = "instance"
+    upsampling: Upsampling = "nearest"
 
 
 class DiscriminatorConfig(StrictModel):
@@ -32,7 +33,7 @@ class LossConfig(StrictModel):
     """The game that is played (thesis 4.3.2, 5.3)."""
 
     name: Literal["vanilla", "lsgan", "wgan", "relativistic"] = "vanilla"
-    r1: float = Field(default=0.01, ge=0, description="weight of half |gradient|^2 on real pictures")
+    r1: float = Field(default=1.0, ge=0, description="weight of half |gradient|^2 per logit on real pictures")
     r2: float = Field(default=0.0, ge=0, description="likewise on fakes")
     gradient_penalty: float = Field(default=0.0, ge=0, description="WGAN-GP's lambda")
     penalty_every: int = Field(default=1, ge=1, description="steps; the weight grows likewise")
@@ -94,6 +95,8 @@ class TrainConfig(StrictModel):
             raise ValueError("discriminator.guide needs rendering: transport, which knows what each pixel shows")
         if self.spp_grad is not None and self.rendering == "transport":
             raise ValueError("spp_grad needs rendering: fresh; a stored transport's gradient is exact")
+        if self.batch_size % self.devices:
+            raise ValueError(f"batch_size {self.batch_size} cannot be shared out among {self.devices} devices evenly")
         if self.loss.gradient_penalty and self.discriminator.norm == "instance":
             raise ValueError("loss.gradient_penalty needs discriminator.norm none or group")
         return self
@@ -106,7 +109,7 @@ RECIPES: dict[str, dict[str, Any]] = {
         "batch_size": 1,
         "loss": {"name": "wgan", "r1": 0.0, "gradient_penalty": 10.0, "critic_steps": 5},
         "discriminator": {"guide": False, "norm": "none"},
-        "generator": {"norm": "instance"},
+        "generator": {"norm": "instance", "upsampling": "strided"},
         "optimizer": {"beta1": 0.5, "beta2": 0.999, "ema_images": 0.0},
     },
 }

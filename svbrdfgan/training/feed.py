@@ -84,7 +84,7 @@ def make_feed(
     return Feed(
         exemplars=exemplars,
         stages=stages,
-        buffers=torch.stack([subject.geometry for subject in exemplars.subjects]).to(device),
+        buffers=torch.stack([s.geometry for s in exemplars.subjects]).to(device, memory_format=torch.channels_last),
         images=exemplars.images.to(device),
         coverage=exemplars.coverage.to(device),
         guides=_guides(config, scenes, exemplars, perturbation, renderer, stages, device),

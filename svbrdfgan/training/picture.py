@@ -28,4 +28,4 @@ def present(
     channels = torch.log1p(_CONTRAST * picture.clamp(min=0)) * (2 / math.log1p(_CONTRAST)) - 1
     if guide is not None:
         channels = torch.cat([channels, guide.float()], dim=-1)
-    return channels.permute(0, 3, 1, 2).contiguous()
+    return channels.permute(0, 3, 1, 2)

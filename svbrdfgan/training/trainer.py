@@ -42,7 +42,7 @@ def train(
         resume: goes on from the latest checkpoint; without it, the folder must not hold a run.
 
     Returns:
-        The last state, of the first process where there are several: then None of the weights are in this one.
+        The last state; where there were several processes, as its checkpoint keeps it.
 
     Raises:
         ConfigError: the folder holds another run, or the renderer cannot do what is asked.
@@ -58,7 +58,10 @@ def train(
         precision=precision,
     )
     if config.devices > 1:
-        return fabric.launch(_train, resolved, run, base, Silent())
+        fabric.launch(_train_apart, resolved, run, base)
+        state = State.fresh(config, torch.device("cpu"))
+        state.load(checkpoints(run)[-1])
+        return state
     return _train(fabric, resolved, run, base, display or Silent())
 
 
@@ -90,7 +93,7 @@ def _resolve(config: TrainConfig, run: Path, base: Path, resume: bool) -> RunCon
     folder = (base / config.dataset).resolve()
     plan = DatasetPlan.load(folder)
     resolved = RunConfig(train=config, dataset=plan.config, dataset_folder=str(folder), versions=versions())
-    if (run / CONFIG).is_file():
+    if (run / CONFIG).is_file() and checkpoints(run):
         if not resume:
             raise ConfigError(f"{run} holds a run already; give --resume to go on with it, or another folder.")
         RunConfig.load(run).require_same(resolved)
@@ -119,6 +122,11 @@ def _train(fabric: Fabric, resolved: RunConfig, run: Path, base: Path, display: 
     if session.journal is not None:
         session.journal.close()
     return state
+
+
+def _train_apart(fabric: Fabric, resolved: RunConfig, run: Path, base: Path) -> None:
+    """Trains in a process that ends with the run: its tensors would end with it, so it gives back none."""
+    _train(fabric, resolved, run, base, Silent())
 
 
 def _open(fabric: Fabric, resolved: RunConfig, run: Path, base: Path, display: Display) -> _Session:

@@ -1,0 +1,269 @@
+"""The eight commands of the loop on tiny inputs: what they write, and the one sentence where they cannot."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from svbrdfgan.cli import main
+from svbrdfgan.data.exemplars import load_picture
+from svbrdfgan.io import load_mesh, save_mesh_glb
+from svbrdfgan.procedural import build_vehicle, sample_vehicle
+
+Data = Callable[..., dict[str, Any]]
+
+
+def invoke(*words: object) -> Result:
+    return CliRunner().invoke(main, [str(word) for word in words])
+
+
+def succeeded(result: Result) -> str:
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def failed(result: Result, said: str) -> None:
+    """Exit code 1, nothing on stdout, one sentence on stderr, no traceback."""
+    assert result.exit_code == 1, result.output
+    assert result.stdout == ""
+    (line,) = result.stderr.strip().splitlines()
+    assert line.startswith("Error: ")
+    assert said in line
+
+
+@pytest.fixture(scope="module")
+def car(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("car") / "car.glb"
+    save_mesh_glb(path, build_vehicle(sample_vehicle("van", 5)))
+    return path
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory, training_data: Data) -> Path:
+    """A run of four steps. Not to be changed."""
+    folder = tmp_path_factory.mktemp("runs")
+    (folder / "train.yaml").write_text(json.dumps(training_data()))
+    told = succeeded(invoke("train", folder / "train.yaml", "-o", folder / "run"))
+    assert "4 steps" in told
+    assert "validation recovered" in told
+    return folder / "run"
+
+
+def assert_painted(path: Path, mesh: Path) -> None:
+    """A GLB that another program opens, as large as the mesh, with a base colour texture that is not plain."""
+    scene = trimesh.load(path)
+    original = load_mesh(mesh)
+    np.testing.assert_allclose(scene.bounds, original.bounds, atol=1e-4)
+    textures = [
+        geometry.visual.material.baseColorTexture
+        for geometry in scene.geometry.values()
+        if getattr(geometry.visual, "material", None) is not None
+        and getattr(geometry.visual.material, "baseColorTexture", None) is not None
+    ]
+    assert textures
+    assert any(np.asarray(texture.convert("RGB")).std() > 0 for texture in textures)
+    with Image.open(path.with_suffix(".layer.png")) as layer:
+        assert layer.mode == "RGBA"
+
+
+def test_bake(car: Path, tmp_path: Path) -> None:
+    told = succeeded(invoke("bake", car, "--resolution", 32, "--option", "resolution=32", "-o", tmp_path / "baked"))
+    assert f"written to {tmp_path / 'baked'}" in told
+    names = {path.name for path in (tmp_path / "baked").iterdir()}
+    assert "metrics.json" in names
+    assert {Path(name).suffix for name in names} >= {".exr", ".png", ".glb", ".json"}
+
+
+def test_weather(car: Path, tmp_path: Path) -> None:
+    succeeded(invoke("weather", car, "--recipe", "rust", "--resolution", 32, "--seed", 3, "-o", tmp_path / "rusty.glb"))
+    assert_painted(tmp_path / "rusty.glb", car)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_weather_by_no_amount_is_clear(car: Path, tmp_path: Path) -> None:
+    succeeded(invoke("weather", car, "--amount", 0, "--resolution", 32, "-o", tmp_path / "clean.glb"))
+    with Image.open(tmp_path / "clean.layer.png") as layer:
+        assert np.asarray(layer)[..., 3].max() == 0
+
+
+def test_dataset_and_its_overrides(dataset_data: Data, tmp_path: Path) -> None:
+    (tmp_path / "data.yaml").write_text(json.dumps(dataset_data()))
+    words = ("dataset", tmp_path / "data.yaml", "splits.train.views=1", "spp=1", "-o", tmp_path / "out")
+    told = succeeded(invoke(*words))
+    assert told.splitlines() == ["train: 2 exemplars of 2 meshes", "validation: 2 exemplars of 1 meshes"]
+    assert json.loads((tmp_path / "out" / "train" / "000001.json").read_text())["spp"] == 1
+    assert succeeded(invoke(*words)) == told
+    failed(invoke(*words[:3], "spp=2", "-o", tmp_path / "out"), "holds a data set of another configuration")
+
+
+def test_dry_run_writes_nothing(dataset_data: Data, tmp_path: Path) -> None:
+    (tmp_path / "data.yaml").write_text(json.dumps(dataset_data()))
+    told = succeeded(invoke("dataset", tmp_path / "data.yaml", "-o", tmp_path / "out", "--dry-run"))
+    assert "exemplars: 8 of 3 meshes" in told
+    assert all(word in told for word in ("time:", "disk:", "memory:"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_preview_writes_one_picture(dataset_data: Data, tmp_path: Path) -> None:
+    (tmp_path / "data.yaml").write_text(json.dumps(dataset_data()))
+    told = succeeded(invoke("dataset", tmp_path / "data.yaml", "-o", tmp_path / "out", "--preview"))
+    assert told.strip() == str(tmp_path / "out" / "preview.png")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["preview.png"]
+    with Image.open(tmp_path / "out" / "preview.png") as picture:
+        assert picture.size == (64, 32)
+
+
+def test_train_is_resumed_and_refused(training_data: Data, run: Path, tmp_path: Path) -> None:
+    config = run.parent / "train.yaml"
+    failed(invoke("train", config, "-o", run), "holds a run already; give --resume")
+    failed(invoke("train", config, "loss.r1=7", "-o", run, "--resume"), "train.loss.r1")
+    told = succeeded(invoke("train", config, "-o", run, "--resume"))
+    assert "4 steps" in told
+
+
+def test_what_failed_before_it_began_can_be_corrected(training_data: Data, tmp_path: Path) -> None:
+    (tmp_path / "train.yaml").write_text(json.dumps(training_data(steps=1)))
+    words = ("train", tmp_path / "train.yaml", "-o", tmp_path / "run")
+    refused = invoke(*words, "renderer={name: numpy, max_bounces: 2}")
+    assert refused.exit_code == 1
+    assert "set rendering: fresh or choose another renderer" in refused.stderr.splitlines()[-1]
+    assert "1 steps" in succeeded(invoke(*words))
+
+
+def test_evaluate(run: Path, tmp_path: Path) -> None:
+    told = succeeded(invoke("evaluate", run, "--split", "validation", "--no-oracle", "--device", "cpu"))
+    verdict = json.loads((run / "evaluation.json").read_text())
+    assert f"recovered: {verdict['recovered']:.3f}" in told
+    assert verdict["oracle"] is None
+    assert verdict["flip_truth"] < verdict["flip"]
+    report = Path(told.splitlines()[-1])
+    assert report.suffix == ".html"
+    assert report.is_file()
+
+
+def test_texture(run: Path, car: Path, tmp_path: Path) -> None:
+    told = succeeded(invoke("texture", car, "--model", run, "-o", tmp_path / "painted.glb"))
+    assert told.splitlines() == [str(tmp_path / "painted.glb"), str(tmp_path / "painted.layer.png")]
+    assert_painted(tmp_path / "painted.glb", car)
+
+
+@pytest.mark.parametrize("index", [0, 5])
+def test_render_gives_back_the_exemplar(index: int, tiny_dataset: Path, tmp_path: Path) -> None:
+    stem = tiny_dataset / "train" / f"{index:06d}"
+    succeeded(invoke("render", stem.with_suffix(".json"), "-o", tmp_path / "again.exr"))
+    assert torch.equal(load_picture(tmp_path / "again.exr"), load_picture(stem.with_suffix(".exr")))
+
+
+def test_render_with_another_renderer_is_close(tiny_dataset: Path, tmp_path: Path) -> None:
+    pytest.importorskip("warp", reason="the warp renderer needs warp-lang")
+    scene = tiny_dataset / "train" / "000000.json"
+    words = ("--renderer", "warp", "--option", "device=cpu", "--spp", 64)
+    succeeded(invoke("render", scene, "-o", tmp_path / "warp.exr", *words))
+    theirs, ours = (load_picture(p).float() for p in (tmp_path / "warp.exr", scene.with_suffix(".exr")))
+    torch.testing.assert_close(theirs.mean(dim=(0, 1)), ours.mean(dim=(0, 1)), rtol=0.1, atol=0.01)
+
+
+@pytest.mark.parametrize(("suffix", "mode"), [(".png", "RGBA"), (".jpg", "RGB")])
+def test_render_for_the_eye(suffix: str, mode: str, tiny_dataset: Path, tmp_path: Path) -> None:
+    succeeded(invoke("render", tiny_dataset / "train" / "000000.json", "-o", tmp_path / f"x{suffix}"))
+    with Image.open(tmp_path / f"x{suffix}") as picture:
+        assert (picture.mode, picture.size) == (mode, (32, 32))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("bake", "none.glb"), "none.glb"),
+        (("bake", "CAR", "--embedding", "sphericall"), "sphericall"),
+        (("bake", "CAR", "--option", "resolutoin=32"), "did you mean 'resolution'"),
+        (("bake", "CAR", "--option", "resolution"), "is not an override; wanted key=value"),
+        (("weather", "none.glb"), "none.glb"),
+        (("weather", "CAR", "--recipe", "rusty"), "rust"),
+        (("weather", "CAR", "--resolution", "32", "--option", "amuont=1"), "amuont"),
+        (("weather", "TEXT"), "broken.glb"),
+        (("dataset", "none.yaml"), "none.yaml"),
+        (("dataset", "DATA", "sppp=3"), "unknown key 'sppp'"),
+        (("dataset", "DATA", "splits.train.meshes={files: [cars/*.glb]}"), "no file matches 'cars/*.glb'"),
+        (("dataset", "DATA", "renderer=wrap"), "wrap"),
+        (("dataset", "DATA", "embedding.resolutoin=3"), "resolutoin"),
+        (("dataset", "DATA", "weathering={recipe: dsut}"), "dsut"),
+        (("dataset", "DATA", "sppp=3", "--dry-run"), "unknown key 'sppp'"),
+        (("train", "none.yaml"), "none.yaml"),
+        (("train", "TRAIN", "stesp=3"), "unknown key 'stesp'"),
+        (("train", "TRAIN", "dataset=nowhere"), "is not a data set"),
+        (("texture", "CAR", "--model", "nowhere"), "nowhere is not a run"),
+        (("render", "none.json"), "none.json"),
+        (("render", "TEXT"), "not valid JSON"),
+        (("render", "SCENE", "--renderer", "nump"), "nump"),
+        (("render", "SCENE", "--assets", "elsewhere"), "is missing; the scene cannot be rendered"),
+    ],
+    ids=lambda value: " ".join(value[:4]) if isinstance(value, tuple) else None,
+)
+def test_a_failure_is_one_sentence_and_leaves_nothing(
+    words: tuple[str, ...],
+    said: str,
+    car: Path,
+    tmp_path: Path,
+    tiny_dataset: Path,
+    dataset_data: Data,
+    training_data: Data,
+) -> None:
+    given = tmp_path / "given"
+    given.mkdir()
+    (given / "data.yaml").write_text(json.dumps(dataset_data()))
+    (given / "train.yaml").write_text(json.dumps(training_data()))
+    (given / "broken.glb").write_text("this is no mesh")
+    names = {
+        "CAR": car,
+        "DATA": given / "data.yaml",
+        "TRAIN": given / "train.yaml",
+        "TEXT": given / "broken.glb",
+        "SCENE": tiny_dataset / "train" / "000000.json",
+    }
+    suffix = {"weather": ".glb", "texture": ".glb", "render": ".exr"}.get(words[0], "")
+    out = tmp_path / f"out{suffix}"
+    failed(invoke(*(names.get(word, word) for word in words), "-o", out), said)
+    assert not out.exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["given"]
+
+
+def test_render_needs_a_known_suffix(tiny_dataset: Path, tmp_path: Path) -> None:
+    failed(invoke("render", tiny_dataset / "train" / "000000.json", "-o", tmp_path / "x.bmpp"), "x.bmpp")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["weather", "texture"])
+def test_what_is_not_a_glb_is_refused(command: str, car: Path, run: Path, tmp_path: Path) -> None:
+    words = ("--model", run) if command == "texture" else ("--resolution", 32)
+    failed(invoke(command, car, *words, "-o", tmp_path / "car.obj"), ".glb")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_evaluate_tells_what_is_not_there(run: Path, tmp_path: Path) -> None:
+    failed(invoke("evaluate", tmp_path), "is not a run")
+    result = invoke("evaluate", run, "--split", "test", "--no-oracle", "--device", "cpu")
+    assert result.exit_code == 1
+    assert "has no split 'test'; it has train, validation" in result.stderr
+
+
+@pytest.mark.slow
+def test_demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "demo").mkdir()
+    from svbrdfgan import demo
+
+    for name, old, new in (("dataset.yaml", "count: 64", "count: 4"), ("train.yaml", "minutes: 4", "minutes: 0.1")):
+        text = (Path(demo.__file__).parent / name).read_text()
+        assert old in text
+        (tmp_path / "demo" / name).write_text(text.replace(old, new))
+    told = succeeded(invoke("demo", "--out", tmp_path / "demo"))
+    assert "recovered:" in told
+    assert (tmp_path / "demo" / "weathered_vehicle.glb").is_file()

@@ -1,0 +1,292 @@
+"""Making a data set: whole, checked, resumable, and the same whoever makes it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+
+from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.data.estimate import estimate, preview
+from svbrdfgan.data.exemplars import load_exemplars, load_picture
+from svbrdfgan.data.generate import exemplar_paths, generate, missing, render_scene
+from svbrdfgan.data.plan import DatasetPlan, gather_environments, make_plan
+from svbrdfgan.data.scene import Scene
+from svbrdfgan.data.studio import Studio, resolve_renderer
+from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.io import load_environment, save_mesh_glb
+from svbrdfgan.options import validate
+from svbrdfgan.procedural import build_vehicle, sample_vehicle
+
+Data = Callable[..., dict[str, Any]]
+MAKE = """
+import sys
+from pathlib import Path
+from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.data.generate import generate
+if __name__ == "__main__":
+    config = DatasetConfig.model_validate_json(Path(sys.argv[1]).read_text())
+    generate(config, Path(sys.argv[2]), base=Path(), devices=int(sys.argv[3]))
+"""
+
+
+@pytest.fixture
+def config(dataset_data: Data) -> DatasetConfig:
+    return validate(DatasetConfig, dataset_data(), "here")
+
+
+def contents(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """Pictures by their values, and scenes. EXR files carry the time of their writing: hashes of lights differ."""
+    paths = [path for split in ("train", "validation") for path in sorted((folder / split).iterdir())]
+    pictures = {f"{path.parent.name}/{path.stem}": load_picture(path) for path in paths if path.suffix == ".exr"}
+    scenes = {f"{p.parent.name}/{p.stem}": json.loads(p.read_text()) for p in paths if p.suffix == ".json"}
+    for scene in scenes.values():
+        del scene["environment"]["asset"]["sha256"]
+    return pictures, scenes
+
+
+def assert_same(one: Path, other: Path) -> None:
+    (pictures, scenes), (its_pictures, its_scenes) = contents(one), contents(other)
+    assert scenes == its_scenes
+    assert pictures.keys() == its_pictures.keys()
+    assert [name for name, picture in pictures.items() if not torch.equal(picture, its_pictures[name])] == []
+
+
+def maker(config: DatasetConfig, folder: Path, devices: int = 1) -> list[str]:
+    script, written = folder.with_suffix(".py"), folder.with_suffix(".config")
+    script.write_text(MAKE)
+    written.write_text(config.model_dump_json())
+    return [sys.executable, str(script), str(written), str(folder), str(devices)]
+
+
+def test_every_exemplar_is_a_picture_and_its_scene(tiny_dataset: Path) -> None:
+    for split, count in (("train", 6), ("validation", 2)):
+        names = sorted(path.name for path in (tiny_dataset / split).iterdir())
+        assert names == sorted(f"{n:06d}{suffix}" for n in range(count) for suffix in (".exr", ".json"))
+    assert list(missing(DatasetPlan.load(tiny_dataset), tiny_dataset)) == []
+    pictures = torch.stack([load_picture(exemplar_paths(tiny_dataset, "train", n)[0]) for n in range(6)])
+    assert pictures.isfinite().all()
+    coverage = pictures[..., 3].float()
+    assert 0 <= coverage.min() < coverage.max() <= 1
+    assert (pictures[..., :3][coverage == 0] == 0).all()
+    assert all(0.02 < share < 0.9 for share in coverage.mean(dim=(1, 2)))
+
+
+def test_scenes_are_those_of_the_sampler(tiny_dataset: Path) -> None:
+    plan = DatasetPlan.load(tiny_dataset)
+    for split in ("train", "validation"):
+        for index in range(len(plan.sampler(split))):
+            assert Scene.load(exemplar_paths(tiny_dataset, split, index)[1]) == plan.sampler(split).scene(index)
+
+
+def test_assets_are_those_that_the_plan_names(tiny_dataset: Path) -> None:
+    plan = DatasetPlan.load(tiny_dataset)
+    refs = [a.asset for pool in (*plan.meshes.values(), *plan.environments.values()) for a in pool]
+    assert len(refs) == 3 + 3 + 3
+    for ref in refs:
+        assert hashlib.sha256((tiny_dataset / ref.path).read_bytes()).hexdigest() == ref.sha256
+
+
+def test_larger_environments_are_shrunk_and_keep_their_mean(
+    tiny_dataset: Path, tmp_path: Path, config: DatasetConfig
+) -> None:
+    (whole, *_) = gather_environments(config.environments, 4096, tmp_path, Path())
+    (small, *_) = DatasetPlan.load(tiny_dataset).environments["train"]
+    assert load_environment(tiny_dataset / small.asset.path).shape == (16, 32, 3)
+    assert small.normalisation == pytest.approx(whole.normalisation, rel=0.02)
+
+
+def test_a_picture_is_its_scene_rendered_again(tiny_dataset: Path) -> None:
+    picture, record = exemplar_paths(tiny_dataset, "train", 4)
+    scene = Scene.load(record)
+    rendering = render_scene(Studio(tiny_dataset, keep=False), resolve_renderer(scene.renderer), scene)
+    stored = load_picture(picture)
+    assert torch.equal(stored[..., :3], rendering.image.half())
+    assert torch.equal(stored[..., 3], rendering.coverage.half())
+
+
+def test_only_what_is_missing_is_made(dataset_copy: Path, tiny_dataset: Path, config: DatasetConfig) -> None:
+    removed = [("train", 1), ("train", 5), ("validation", 0)]
+    for split, index in removed:
+        exemplar_paths(dataset_copy, split, index)[1].unlink()  # type: ignore[arg-type]
+    exemplar_paths(dataset_copy, "train", 5)[0].write_bytes(b"half a picture")
+    before = {path: path.stat().st_mtime_ns for path in dataset_copy.rglob("0*.exr")}
+    assert list(missing(DatasetPlan.load(dataset_copy), dataset_copy)) == removed
+    generate(config, dataset_copy, base=Path())
+    changed = {(p.parent.name, int(p.stem)) for p, then in before.items() if p.stat().st_mtime_ns != then}
+    assert changed == set(removed)
+    assert_same(dataset_copy, tiny_dataset)
+
+
+def test_killed_in_the_middle_it_goes_on(tmp_path: Path, tiny_dataset: Path, config: DatasetConfig) -> None:
+    folder = tmp_path / "dataset"
+    process = subprocess.Popen(maker(config, folder), stderr=subprocess.DEVNULL)
+    while process.poll() is None and len(list(folder.glob("train/*.json"))) < 2:
+        time.sleep(0.005)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    done = {path: path.stat().st_mtime_ns for path in folder.glob("*/0*.json")}
+    assert 2 <= len(done) < 8, "the process was not killed in the middle"
+    generate(config, folder, base=Path())
+    assert all(path.stat().st_mtime_ns == then for path, then in done.items())
+    assert_same(folder, tiny_dataset)
+    leftovers = [path.name for path in folder.rglob(".*")]
+    assert len(leftovers) <= 1, leftovers
+
+
+def test_two_processes_make_the_same(tmp_path: Path, tiny_dataset: Path, config: DatasetConfig) -> None:
+    folder = tmp_path / "dataset"
+    done = subprocess.run(maker(config, folder, devices=2), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert_same(folder, tiny_dataset)
+
+
+def test_processes_share_out_one_list(
+    dataset_copy: Path, config: DatasetConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However late one of them starts: each mesh belongs to exactly one."""
+    from types import SimpleNamespace
+
+    from svbrdfgan.data import generate as module
+
+    plan = DatasetPlan.load(dataset_copy)
+    for record in dataset_copy.glob("*/0*.json"):
+        record.unlink()
+    shares = module._by_mesh(plan, dataset_copy)
+    for rank in (0, 1):
+        fabric = SimpleNamespace(device=torch.device("cpu"), world_size=2, global_rank=rank, barrier=lambda: None)
+        module._work(fabric, plan, dataset_copy, shares, module.Silent())  # type: ignore[arg-type]
+    assert list(missing(plan, dataset_copy)) == []
+
+
+def test_another_configuration_is_refused(dataset_copy: Path, dataset_data: Data) -> None:
+    other = validate(DatasetConfig, dataset_data(seed=4), "here")
+    with pytest.raises(ConfigError, match="another configuration; choose another folder") as caught:
+        generate(other, dataset_copy, base=Path())
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_changed_environment_is_told(dataset_copy: Path, config: DatasetConfig) -> None:
+    record = exemplar_paths(dataset_copy, "train", 0)[1]
+    light = dataset_copy / Scene.load(record).environment.asset.path
+    light.write_bytes(light.read_bytes() + b"x")
+    record.unlink()
+    with pytest.raises(AssetError, match=rf"{light.name} is not the file .* content hash differs"):
+        generate(config, dataset_copy, base=Path())
+
+
+@pytest.mark.parametrize("damage", ["change", "remove"])
+def test_a_changed_or_missing_mesh_is_told(damage: str, dataset_copy: Path) -> None:
+    scene = Scene.load(exemplar_paths(dataset_copy, "train", 0)[1])
+    mesh = dataset_copy / scene.mesh.path
+    mesh.write_bytes(mesh.read_bytes() + b"x") if damage == "change" else mesh.unlink()
+    with pytest.raises(AssetError, match=f"{mesh.name} is (missing|not the file)"):
+        Studio(dataset_copy, keep=False).subject(scene)
+
+
+def test_environments_shared_by_splits_are_written_once(tmp_path: Path, config: DatasetConfig) -> None:
+    """EXR files carry the time of their writing: written again, they would be other files."""
+    (first, *_) = gather_environments(config.environments, 16, tmp_path, Path())
+    written = (tmp_path / first.asset.path).stat().st_mtime_ns
+    (again, *_) = gather_environments(config.environments, 16, tmp_path, Path())
+    assert again == first
+    assert (tmp_path / first.asset.path).stat().st_mtime_ns == written
+
+
+def a_car(path: Path, seed: int) -> None:
+    save_mesh_glb(path, build_vehicle(sample_vehicle("sedan", seed)))
+
+
+def test_meshes_come_from_patterns(tmp_path: Path, dataset_data: Data) -> None:
+    for name, seed in (("b", 1), ("a", 2)):
+        a_car(tmp_path / "cars" / f"{name}.glb", seed)
+    data = dataset_data()
+    data["splits"] = {"train": {"meshes": {"files": ["cars/*.glb"]}}}
+    plan = make_plan(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
+    assert [mesh.name for mesh in plan.meshes["train"]] == ["a", "b"]
+    assert all((tmp_path / "out" / mesh.asset.path).is_file() for mesh in plan.meshes["train"])
+
+
+def test_a_pattern_without_a_match_is_told(tmp_path: Path, dataset_data: Data) -> None:
+    data = dataset_data()
+    data["splits"] = {"train": {"meshes": {"files": ["cars/*.glb"]}}}
+    with pytest.raises(ConfigError, match=r"no file matches 'cars/\*\.glb'"):
+        make_plan(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
+    assert not (tmp_path / "out" / "dataset.json").exists()
+
+
+@pytest.mark.parametrize("split", ["train", "validation"])
+def test_two_meshes_of_one_name_are_told(split: str, tmp_path: Path, dataset_data: Data) -> None:
+    """Within a split, and across splits."""
+    for folder, seed in (("one", 1), ("two", 2)):
+        a_car(tmp_path / folder / "car.glb", seed)
+    data = dataset_data()
+    data["splits"] = {"train": {"meshes": {"files": ["one/car.glb"]}}}
+    if split == "train":
+        data["splits"]["train"]["meshes"]["files"].append("two/car.glb")
+    else:
+        data["splits"]["validation"] = {"meshes": {"files": ["two/car.glb"]}}
+    with pytest.raises(ConfigError, match=r"share the name.*'car'.*rename"):
+        make_plan(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
+
+
+def test_another_environment_never_replaces_one_of_a_data_set(dataset_copy: Path, config: DatasetConfig) -> None:
+    (light, *_) = DatasetPlan.load(dataset_copy).environments["train"]
+    with pytest.raises(ConfigError, match=f"another environment of the name '{light.name}'"):
+        gather_environments(config.environments, 8, dataset_copy, Path())
+    Studio(dataset_copy).file(light.asset)
+
+
+def test_no_data_set_is_told(tmp_path: Path) -> None:
+    with pytest.raises(AssetError, match=r"is not a data set: it has no dataset\.json"):
+        DatasetPlan.load(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"format": "svbrdfgan data set 0"}'])
+def test_a_plan_of_another_kind_is_told(tmp_path: Path, text: str) -> None:
+    (tmp_path / "dataset.json").write_text(text)
+    with pytest.raises(AssetError, match=r"dataset\.json") as caught:
+        DatasetPlan.load(tmp_path)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_damaged_plan_names_the_key(dataset_copy: Path) -> None:
+    plan = json.loads((dataset_copy / "dataset.json").read_text())
+    plan["config"]["spp"] = "many"
+    (dataset_copy / "dataset.json").write_text(json.dumps(plan))
+    with pytest.raises(ConfigError, match=r"config\.spp"):
+        load_exemplars(dataset_copy, "train")
+
+
+def test_an_estimate_is_near_and_leaves_nothing(tmp_path: Path, tiny_dataset: Path, config: DatasetConfig) -> None:
+    needs = estimate(config, tmp_path)
+    assert (needs.exemplars, needs.meshes) == (8, 3)
+    stored = sum(
+        file.stat().st_size for file in tiny_dataset.rglob("*") if file.is_file() and "transports" not in file.parts
+    )
+    assert stored / 2 < needs.disk < stored * 2
+    assert 0 < needs.seconds < 600
+    assert needs.memory > needs.transport > 0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_preview_is_the_first_exemplar_beside_its_clean_twin(tiny_dataset: Path, config: DatasetConfig) -> None:
+    shown = preview(config, Path())
+    assert shown.shape == (32, 64, 3)
+    stored = load_picture(exemplar_paths(tiny_dataset, "train", 0)[0]).float()
+    expected = stored[..., :3] + 0.18 * (1 - stored[..., 3:])
+    torch.testing.assert_close(shown[:, :32], expected, rtol=2e-3, atol=2e-3)
+    assert not torch.equal(shown[:, :32], shown[:, 32:])
+    bare = stored[..., 3] == 0
+    assert torch.equal(shown[:, :32][bare], shown[:, 32:][bare])

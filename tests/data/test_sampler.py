@@ -1,0 +1,169 @@
+"""`ConfigSampler`: scenes drawn from what was declared."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.data.plan import DatasetPlan
+from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset, MeshAsset
+from svbrdfgan.data.scene import AssetRef, OrbitCamera
+from svbrdfgan.data.studio import Studio
+from svbrdfgan.io import load_mesh
+from svbrdfgan.options import validate
+
+BOX = ((-1.0, 0.0, -2.5), (1.0, 1.5, 2.0))
+
+
+@pytest.fixture
+def sampler(dataset_data: Callable[..., dict[str, Any]]) -> Callable[..., ConfigSampler]:
+    def make(**changes: Any) -> ConfigSampler:
+        config = validate(DatasetConfig, dataset_data(**changes), "here")
+        meshes = tuple(
+            MeshAsset(name=f"car{n}", asset=AssetRef(path=f"car{n}.glb"), bounds=BOX, painted=("body", "door"))
+            for n in range(4)
+        )
+        lights = tuple(
+            EnvironmentAsset(name=f"sky{n}", asset=AssetRef(path=f"sky{n}.exr"), normalisation=2.0**n) for n in range(3)
+        )
+        return ConfigSampler(config, "train", meshes, lights)
+
+    return make
+
+
+def test_a_scene_does_not_depend_on_what_was_drawn_before(sampler: Callable[..., ConfigSampler]) -> None:
+    one, other = sampler(), sampler()
+    forward = [one.scene(n) for n in range(len(one))]
+    backward = [other.scene(n) for n in reversed(range(len(other)))]
+    assert forward == backward[::-1]
+    assert len({scene.model_dump_json() for scene in forward}) == len(forward) == 12
+
+
+def test_more_views_or_another_seed_are_other_scenes(sampler: Callable[..., ConfigSampler]) -> None:
+    one, other = sampler(), sampler(seed=4)
+    assert all(one.scene(n) != other.scene(n) for n in range(len(one)))
+
+
+def test_splits_draw_other_scenes(sampler: Callable[..., ConfigSampler]) -> None:
+    train = sampler()
+    held_out = ConfigSampler(train.config, "validation", train.meshes, train.environments)
+    assert train.scene(0).camera != held_out.scene(0).camera
+
+
+def test_views_of_a_mesh_follow_each_other(sampler: Callable[..., ConfigSampler]) -> None:
+    assert [sampler().mesh(n).name for n in range(12)] == [f"car{n}" for n in range(4) for _ in range(3)]
+
+
+def test_ranges_are_kept_to_and_filled(sampler: Callable[..., ConfigSampler]) -> None:
+    declared = sampler(
+        camera={
+            "azimuth_degrees": {"uniform": [-30, 30]},
+            "elevation_degrees": {"uniform": [10, 20]},
+            "distance": {"uniform": [1, 2]},
+            "vertical_fov_degrees": {"choice": [30, 50]},
+        },
+        weathering={"amount": {"uniform": [0.25, 0.75]}, "seed": {"choice": [1, 2, 3]}},
+        paint={"choice": [[1, 0, 0], [0, 1, 0]]},
+        environment_rotation_degrees={"uniform": [90, 180]},
+    )
+    rng = np.random.default_rng(0)
+    scenes = [declared.draw(declared.meshes[0], rng) for _ in range(400)]
+    azimuth = np.array([(s.camera.azimuth_degrees + 180) % 360 - 180 for s in scenes])
+    elevation = np.array([s.camera.elevation_degrees for s in scenes])
+    amount = np.array([s.weathering.amount for s in scenes if s.weathering])
+    rotation = np.array([s.environment.rotation_degrees for s in scenes])
+    for values, low, high in ((azimuth, -30, 30), (elevation, 10, 20), (amount, 0.25, 0.75), (rotation, 90, 180)):
+        assert low <= values.min() < low + 0.05 * (high - low)
+        assert high - 0.05 * (high - low) < values.max() <= high
+    assert {s.camera.vertical_fov_degrees for s in scenes} == {30.0, 50.0}
+    assert {s.weathering.seed for s in scenes if s.weathering} == {1, 2, 3}
+    assert {s.materials["body"] for s in scenes} == {(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)}
+    assert all(set(s.materials) == {"body", "door"} and s.materials["body"] == s.materials["door"] for s in scenes)
+    assert len({s.seed for s in scenes}) == 400
+
+
+def test_no_paint_leaves_the_meshes_own(sampler: Callable[..., ConfigSampler]) -> None:
+    assert sampler(paint=None).scene(0).materials == {}
+
+
+def test_what_no_scene_can_be_is_kept_out(sampler: Callable[..., ConfigSampler]) -> None:
+    wild = {"normal": [0, 1000]}
+    declared = sampler(
+        camera=dict.fromkeys(("azimuth_degrees", "elevation_degrees", "distance", "vertical_fov_degrees"), wild),
+        weathering={"amount": wild},
+        environment_brightness=wild,
+    )
+    for index in range(len(declared)):
+        scene = declared.scene(index)
+        scene.camera.camera()
+        assert scene.environment.scale > 0
+
+
+@pytest.mark.parametrize("image", [[64, 64], [96, 32], [32, 96]])
+@pytest.mark.parametrize("fov", [10, 35, 100])
+def test_the_bounding_sphere_just_fits_at_distance_one(
+    image: list[int], fov: int, sampler: Callable[..., ConfigSampler]
+) -> None:
+    """Tangent to the narrower pair of the frustum's sides, from every azimuth."""
+    declared = sampler(image=image, camera={"distance": 1.0, "vertical_fov_degrees": fov})
+    lower, upper = np.asarray(BOX)
+    centre, radius = (lower + upper) / 2, np.linalg.norm(upper - lower) / 2
+    for index in range(4):
+        camera = declared.scene(index).camera.camera()
+        assert camera.target == pytest.approx(centre)
+        distance = np.linalg.norm(np.subtract(camera.origin, centre))
+        half_height = camera.vertical_fov / 2
+        half_width = math.atan(math.tan(half_height) * image[0] / image[1])
+        assert math.asin(radius / distance) == pytest.approx(min(half_height, half_width))
+
+
+def test_every_vertex_is_in_the_picture_at_distance_one(tiny_dataset: Any) -> None:
+    plan = DatasetPlan.load(tiny_dataset)
+    declared = plan.sampler("train")
+    mesh = declared.meshes[0]
+    positions = load_mesh(tiny_dataset / mesh.asset.path).positions
+    far = validate(DatasetConfig, plan.config.model_dump(mode="json") | {"camera": {"distance": 1.0}}, "here").camera
+    for seed in range(5):
+        camera = declared.draw_camera(mesh, np.random.default_rng(seed), far).camera()
+        x, y, z = camera.basis() @ (positions - np.asarray(camera.origin)).T
+        tangent = math.tan(camera.vertical_fov / 2)
+        assert (z < 0).all()
+        assert max(np.abs(x / z).max(), np.abs(y / z).max()) <= tangent
+
+
+def test_environments_are_brought_to_the_declared_brightness(tiny_dataset: Any) -> None:
+    """Luminance, mean over the sphere, with rings weighted by the exact area between their edges."""
+    sampler, studio = DatasetPlan.load(tiny_dataset).sampler("train"), Studio(tiny_dataset, keep=False)
+    for index in range(3):
+        radiance = studio.view(sampler.scene(index)).environment.radiance.double()
+        rows = len(radiance)
+        edges = torch.cos(torch.arange(rows + 1, dtype=torch.float64) * math.pi / rows)
+        luminance = radiance @ torch.tensor([0.2126, 0.7152, 0.0722], dtype=torch.float64)
+        mean = (luminance.mean(dim=1) * (edges[:-1] - edges[1:])).sum() / 2
+        assert float(mean) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_brightness_scales_the_light(sampler: Callable[..., ConfigSampler]) -> None:
+    dim, bright = (sampler(environment_brightness=b).scene(0).environment for b in (1.0, 3.0))
+    assert bright.scale == pytest.approx(3 * dim.scale)
+    assert dim.scale in {1.0, 2.0, 4.0}
+
+
+def test_configurations_speak_degrees(tiny_dataset: Any) -> None:
+    scene = DatasetPlan.load(tiny_dataset).sampler("train").scene(0)
+    turned = scene.model_copy(
+        update={
+            "environment": scene.environment.model_copy(update={"rotation_degrees": 90.0}),
+            "camera": OrbitCamera(azimuth_degrees=90.0, elevation_degrees=0.0, distance=2.0, vertical_fov_degrees=60.0),
+        }
+    )
+    view = Studio(tiny_dataset, keep=False).view(turned)
+    assert view.environment.rotation == pytest.approx(math.pi / 2)
+    assert view.camera.vertical_fov == pytest.approx(math.pi / 3)
+    assert view.camera.origin == pytest.approx((2.0, 0.0, 0.0), abs=1e-12)

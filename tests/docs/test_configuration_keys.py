@@ -1,0 +1,108 @@
+"""The tables of docs/quickstart.md name every key of the two configuration files, and no other, with its default."""
+
+import re
+import typing
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from pydantic import BaseModel
+
+from svbrdfgan.data.config import DatasetConfig, PluginChoice
+from svbrdfgan.data.distributions import Choice, Fixed, Normal, Uniform
+from svbrdfgan.options import validate
+from svbrdfgan.training.config import TrainConfig, train_config
+from svbrdfgan.yaml_files import apply_overrides
+
+ROW = re.compile(r"^\| `([^`]+)` \| (.+?) \| .+ \|$", re.MULTILINE)
+DISTRIBUTIONS = (Fixed, Choice, Uniform, Normal)
+
+# As little as has every mapping below which a documented key lies.
+DATASET: dict[str, Any] = {
+    "environments": {"procedural": {"count": 8}},
+    "splits": {"train": {"meshes": {"procedural": {"count": 1}}}},
+}
+TRAIN: dict[str, Any] = {"dataset": "data"}
+
+
+def records(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The configuration records in an annotation, however wrapped; a distribution or a plugin's choice is a value."""
+    is_record = isinstance(annotation, type) and issubclass(annotation, BaseModel)
+    if is_record and not issubclass(annotation, (*DISTRIBUTIONS, PluginChoice)):
+        yield annotation
+    for argument in typing.get_args(annotation):
+        yield from records(argument)
+
+
+def keys(model: type[BaseModel], explained: set[type[BaseModel]]) -> list[str]:
+    """The dotted keys below a record; those of a record that is explained elsewhere are left out."""
+    found = list(model.model_fields)
+    below = {r: name for name, field in reversed(model.model_fields.items()) for r in records(field.annotation)}
+    fresh = {record: name for record, name in below.items() if record not in explained}
+    explained |= set(fresh)
+    for record, name in fresh.items():
+        prefix = f"{name}.train." if name == "splits" else f"{name}."
+        found += [prefix + key for key in keys(record, explained)]
+    return found
+
+
+@pytest.fixture(scope="module")
+def tables(repository: Path) -> tuple[dict[str, str], dict[str, str]]:
+    """Key and default of each row, of `dataset.yaml` and of `train.yaml`."""
+    text = (repository / "docs" / "quickstart.md").read_text(encoding="utf-8")
+    dataset, train = text.split("### Every key of `train.yaml`")
+    return dict(ROW.findall(dataset)), dict(ROW.findall(train))
+
+
+def test_every_key_is_explained(tables: tuple[dict[str, str], dict[str, str]]) -> None:
+    explained: set[type[BaseModel]] = set()
+    assert sorted(tables[0]) == sorted(keys(DatasetConfig, explained))
+    assert sorted(tables[1]) == sorted(keys(TrainConfig, explained))
+
+
+def test_a_key_that_nobody_explained_is_found() -> None:
+    class Inner(BaseModel):
+        deep: int = 0
+
+    class Outer(BaseModel):
+        inner: Inner | None = None
+        other: Inner = Inner()
+
+    assert keys(Outer, set()) == ["inner", "other", "inner.deep"]
+
+
+def test_defaults_are_those_of_the_code(tables: tuple[dict[str, str], dict[str, str]]) -> None:
+    def same(key: str, default: str, data: dict[str, Any], dataset: bool) -> bool:
+        told = default.strip("`")
+        check = (lambda d: validate(DatasetConfig, d, "docs")) if dataset else (lambda d: train_config(d, "docs"))
+        if told == "null" and key.endswith("procedural"):
+            return bool(_below(data, key))  # elsewhere in the minimum, so that what lies below it has a place
+        return bool(check(apply_overrides(data, [f"{key}={told}"])) == check(data))
+
+    for table, data, dataset in ((tables[0], DATASET, True), (tables[1], TRAIN, False)):
+        wrong = [k for k, default in table.items() if default.startswith("`") and not same(k, default, data, dataset)]
+        assert wrong == []
+
+
+def test_the_required_keys_are_required(tables: tuple[dict[str, str], dict[str, str]]) -> None:
+    required = {key for key, default in {**tables[0], **tables[1]}.items() if default == "required"}
+    assert required == {
+        *("splits", "splits.train.meshes", "splits.train.meshes.procedural.count"),
+        *("environments.procedural.count", "dataset"),
+    }
+
+
+def test_the_files_shown_are_valid(repository: Path) -> None:
+    text = (repository / "docs" / "quickstart.md").read_text(encoding="utf-8")
+    dataset, train = (yaml.safe_load(block) for block in re.findall(r"^```yaml\n(.*?)^```", text, re.M | re.S))
+    assert set(validate(DatasetConfig, dataset, "dataset.yaml").splits) == {"train", "validation", "test"}
+    assert train_config(train, "train.yaml").dataset == "data/cars"
+
+
+def _below(data: dict[str, Any], key: str) -> Any:
+    value: Any = data
+    for name in key.split("."):
+        value = value[name]
+    return value

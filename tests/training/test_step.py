@@ -1,0 +1,255 @@
+"""One step of the game, and the state that it changes."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from lightning_fabric import Fabric
+from torch import Tensor
+
+from svbrdfgan.errors import AssetError, TrainingError
+from svbrdfgan.plugins import load_renderer
+from svbrdfgan.training.config import TrainConfig, train_config
+from svbrdfgan.training.feed import Feed, make_feed
+from svbrdfgan.training.picture import present
+from svbrdfgan.training.state import State, checkpoints
+from svbrdfgan.training.step import Diagnostics, training_step
+
+Data = Callable[..., dict[str, Any]]
+CPU = torch.device("cpu")
+LOSSES: dict[str, dict[str, Any]] = {
+    "vanilla": {},
+    "lsgan": {},
+    "relativistic": {"r1": 0.1, "r2": 0.1},
+    "wgan": {"r1": 0.0, "gradient_penalty": 10.0, "critic_steps": 2},
+}
+
+
+@pytest.fixture(scope="module")
+def config(training_data: Data) -> Callable[..., TrainConfig]:
+    return lambda **changes: train_config(training_data(**changes), "here")
+
+
+@pytest.fixture(scope="module")
+def feed(config: Callable[..., TrainConfig], tiny_dataset: Path) -> Feed:
+    return make_feed(config(), tiny_dataset, "train", load_renderer("numpy"), CPU)
+
+
+def play(config: TrainConfig, state: State, feed: Feed, steps: int, batch: Sequence[int] = (0, 4)) -> list[Diagnostics]:
+    fabric = Fabric(accelerator="cpu", devices=1)
+    return [training_step(fabric, config, state, feed, [batch] * config.loss.critic_steps) for _ in range(steps)]
+
+
+def weights(state: State) -> dict[str, Tensor]:
+    return {name: tensor.clone() for name, tensor in state._tensors().items()}
+
+
+def test_a_step_changes_all_that_learns(config: Callable[..., TrainConfig], feed: Feed) -> None:
+    state = State.fresh(config(), CPU)
+    before = weights(state)
+    (told,) = play(config(), state, feed, 1)
+    after = weights(state)
+    for network in ("generator", "discriminator", "averaged"):
+        names = [name for name in before if name.startswith(f"{network}.") and name.endswith("weight")]
+        assert names
+        assert all(not torch.equal(before[name], after[name]) for name in names), network
+    assert state.step == 1
+    assert {"d_loss", "g_loss", "d_real", "d_fake", "d_accuracy", "d_penalty"} <= told.keys()
+    assert not any(value.requires_grad for value in told.values())
+
+
+@pytest.mark.parametrize("name", LOSSES)
+def test_every_loss_runs(name: str, config: Callable[..., TrainConfig], feed: Feed) -> None:
+    chosen = config(loss={"name": name, **LOSSES[name]})
+    state = State.fresh(chosen, CPU)
+    for told in play(chosen, state, feed, 3):
+        assert all(bool(value.isfinite()) for value in told.values())
+
+
+def test_the_discriminator_learns_to_tell(config: Callable[..., TrainConfig], feed: Feed) -> None:
+    """Against a generator that stands still."""
+    chosen = config(optimizer={"generator_rate": 1e-12, "discriminator_rate": 3e-2}, loss={"r1": 0.0})
+    told = play(chosen, State.fresh(chosen, CPU), feed, 80)
+    first, last = (float(told[n]["d_loss"]) for n in (0, -1))
+    assert last < 0.8 * first
+    assert told[-1]["d_real"] > told[-1]["d_fake"]
+
+
+def test_the_generator_learns_to_fool(config: Callable[..., TrainConfig], feed: Feed) -> None:
+    """A discriminator that has learned, and then stands still."""
+    learning = config(optimizer={"generator_rate": 1e-12, "discriminator_rate": 3e-2}, loss={"r1": 0.0})
+    state = State.fresh(learning, CPU)
+    play(learning, state, feed, 80)
+    for group in state.generator_adam.param_groups:
+        group["lr"] = 1e-2
+    for group in state.discriminator_adam.param_groups:
+        group["lr"] = 1e-12
+    told = play(learning, state, feed, 15)
+    assert told[-1]["g_loss"] < 0.8 * told[0]["g_loss"]
+
+
+def test_the_same_seed_is_the_same_game(config: Callable[..., TrainConfig], feed: Feed) -> None:
+    states = [State.fresh(config(), CPU) for _ in range(2)]
+    for state in states:
+        play(config(), state, feed, 3)
+    one, other = map(weights, states)
+    assert all(torch.equal(one[name], other[name]) for name in one)
+    elsewhere = State.fresh(config(seed=1), CPU)
+    assert not torch.equal(elsewhere.generator.layers[0].weight, State.fresh(config(), CPU).generator.layers[0].weight)  # type: ignore[arg-type]
+
+
+def test_penalties_come_when_told(config: Callable[..., TrainConfig], feed: Feed) -> None:
+    chosen = config(loss={"r1": 0.5, "penalty_every": 2})
+    told = play(chosen, State.fresh(chosen, CPU), feed, 4)
+    assert ["d_penalty" in one for one in told] == [True, False, True, False]
+
+
+def test_real_and_fake_stand_before_the_same_background() -> None:
+    image, background = torch.zeros(2, 4, 4, 3), torch.rand(2, 3)
+    shown = present(image, torch.zeros(2, 4, 4), background, None)
+    assert torch.equal(shown, shown[:, :, :1, :1].expand_as(shown))
+    assert not torch.equal(shown[0], shown[1])
+    black, white = (present(torch.full((1, 1, 1, 3), v), torch.ones(1, 1, 1), background[:1], None) for v in (0.0, 1.0))
+    torch.testing.assert_close(black, torch.full((1, 3, 1, 1), -1.0))
+    torch.testing.assert_close(white, torch.full((1, 3, 1, 1), 1.0))
+
+
+def test_the_tone_curve_never_loses_a_gradient() -> None:
+    image = torch.linspace(0, 50, 64).reshape(1, 8, 8, 1).expand(1, 8, 8, 3).clone().requires_grad_(True)
+    present(image, torch.ones(1, 8, 8), torch.zeros(1, 3), None).sum().backward()
+    assert image.grad is not None
+    assert (image.grad > 0).all()
+
+
+def test_fresh_rendering_has_the_gradient_of_the_transport(
+    config: Callable[..., TrainConfig], tiny_dataset: Path
+) -> None:
+    """The same scenes drawn, the same samples: the same pictures, and the same first gradient of the generator."""
+    kinds = {
+        "transport": config(
+            scenes={"pool": 0}, discriminator={"guide": False}, optimizer={"discriminator_rate": 1e-12}
+        ),
+        "fresh": config(rendering="fresh", discriminator={"guide": False}, optimizer={"discriminator_rate": 1e-12}),
+    }
+    gradients, pictures = [], []
+    for chosen in kinds.values():
+        feed = make_feed(chosen, tiny_dataset, "train", load_renderer("numpy"), CPU)
+        state = State.fresh(chosen, CPU)
+        stage = feed.stage([0, 4], np.random.default_rng([chosen.seed, 0, 0, 0]))
+        with torch.no_grad():
+            pictures.append(stage.render(state.generator(feed.geometry([0, 4]))))
+        play(chosen, state, feed, 1)
+        gradients.append([p.grad.clone() for p in state.generator.parameters() if p.grad is not None])
+    torch.testing.assert_close(pictures[0], pictures[1], rtol=1e-4, atol=1e-4)
+    assert len(gradients[0]) == len(gradients[1]) > 5
+    scale = max(float(g.abs().max()) for g in gradients[0])
+    assert scale > 0
+    for stored, rendered in zip(*gradients, strict=True):
+        torch.testing.assert_close(stored, rendered, rtol=1e-3, atol=1e-4 * scale)
+
+
+def test_a_matched_fake_of_the_truth_is_the_exemplar_but_for_noise(feed: Feed) -> None:
+    """G0's own layer through the training transports gives back the stored pictures: nothing is turned or shifted."""
+    layers = torch.stack([layer for layer in feed.exemplars.layers if layer is not None])
+    stage = feed.stage(range(6), np.random.default_rng(0))
+    fake = stage.render(layers)
+    noise = (fake - feed.images.float()).abs().mean()
+    turned = (fake.flip(2) - feed.images.float()).abs().mean()
+    assert noise < 0.35 * turned
+    torch.testing.assert_close(fake.mean(dim=(1, 2)), feed.images.float().mean(dim=(1, 2)), rtol=0.15, atol=0.01)
+    assert (stage.coverage - feed.coverage.float()).abs().mean() < 0.03
+    assert feed.guides is not None
+    assert (feed.guides[:, 0, 0] == 0).all()
+
+
+@pytest.mark.parametrize("step", [1, 3])
+def test_a_checkpoint_returns_as_it_was(
+    step: int, config: Callable[..., TrainConfig], feed: Feed, tmp_path: Path
+) -> None:
+    state = State.fresh(config(), CPU)
+    play(config(), state, feed, step)
+    state.best, state.seconds, state.history = (0.25, 1), 3.5, [{"step": 1, "seconds": 1.0, "recovered": 0.25}]
+    state.save(tmp_path)
+    other = State.fresh(config(seed=9), CPU)
+    other.load(checkpoints(tmp_path)[-1])
+    assert weights(state).keys() == weights(other).keys()
+    assert all(torch.equal(tensor, weights(other)[name]) for name, tensor in weights(state).items())
+    assert (other.step, other.best, other.seconds, other.history) == (step, (0.25, 1), 3.5, state.history)
+    play(config(), state, feed, 1)
+    play(config(), other, feed, 1)
+    assert all(torch.equal(tensor, weights(other)[name]) for name, tensor in weights(state).items())
+
+
+def test_the_latest_two_checkpoints_are_kept(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    state = State.fresh(config(), CPU)
+    for state.step in (5, 10, 15):
+        state.save(tmp_path)
+    assert [path.name for path in checkpoints(tmp_path)] == ["step_00000010", "step_00000015"]
+    assert sorted(path.name for path in (tmp_path / "checkpoints").iterdir()) == ["step_00000010", "step_00000015"]
+
+
+@pytest.mark.parametrize("damage", ["cut", "trash", "json", "gone"])
+def test_a_damaged_checkpoint_is_one_sentence(damage: str, config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    state = State.fresh(config(), CPU)
+    state.save(tmp_path)
+    (checkpoint,) = checkpoints(tmp_path)
+    tensors = checkpoint / "state.safetensors"
+    if damage == "cut":
+        tensors.write_bytes(tensors.read_bytes()[:-100])
+    elif damage == "trash":
+        tensors.write_bytes(b"x" * 500)
+    elif damage == "json":
+        (checkpoint / "state.json").write_text("{")
+    else:
+        tensors.unlink()
+    with pytest.raises(AssetError, match=r"is damaged .*delete it to resume from the one before") as caught:
+        state.load(checkpoint)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_checkpoint_of_other_networks_is_refused(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    State.fresh(config(), CPU).save(tmp_path)
+    with pytest.raises(TrainingError, match="of other networks"):
+        State.fresh(config(generator={"blocks": 2}), CPU).load(checkpoints(tmp_path)[0])
+
+
+def test_the_average_moves_half_the_way_in_a_half_life(config: Callable[..., TrainConfig]) -> None:
+    state = State.fresh(config(), CPU)
+    start = copy.deepcopy(state.averaged)
+    with torch.no_grad():
+        for parameter in state.generator.parameters():
+            parameter += 1.0
+    state.step = 10**6
+    for _ in range(4):
+        state.average(batch_size=5, half_life=20.0)
+    moved = [(a - b) for a, b in zip(state.averaged.parameters(), start.parameters(), strict=True)]
+    assert all(torch.allclose(m, torch.full_like(m, 0.5), atol=1e-5) for m in moved)
+    state.average(batch_size=5, half_life=0.0)
+    pairs = zip(state.averaged.parameters(), state.generator.parameters(), strict=True)
+    assert all(torch.equal(a, b) for a, b in pairs)
+
+
+def test_a_held_out_split_is_never_perturbed(config: Callable[..., TrainConfig], tiny_dataset: Path) -> None:
+    perturbed = config(scenes={"camera_noise_degrees": 20.0, "pool": 2})
+    feed = make_feed(perturbed, tiny_dataset, "validation", load_renderer("numpy"), CPU)
+    coverage = feed.stage([0, 1], np.random.default_rng(0)).coverage
+    assert (coverage - feed.coverage.float()).abs().mean() < 0.03
+
+
+def test_guides_are_of_the_exemplars_own_scenes(
+    config: Callable[..., TrainConfig], feed: Feed, tiny_dataset: Path
+) -> None:
+    """However fakes are perturbed, the discriminator sees real pictures beside their own geometry."""
+    perturbed = config(scenes={"camera_noise_degrees": 20.0})
+    moved = make_feed(perturbed, tiny_dataset, "train", load_renderer("numpy"), CPU)
+    assert feed.guides is not None
+    assert moved.guides is not None
+    assert (moved.guides - feed.guides).float().abs().mean() < 0.05 * feed.guides.float().abs().mean()
+    assert replace(feed, guides=None).real([0])[2] is None

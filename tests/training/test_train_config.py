@@ -1,0 +1,82 @@
+"""A run's configuration: recipes, what contradicts itself, and the words for it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.training.config import TrainConfig, train_config
+
+
+def config(**data: Any) -> TrainConfig:
+    return train_config({"dataset": "somewhere", **data}, "train.yaml")
+
+
+def test_the_thesis_recipe_is_wgan_gp_of_batch_one() -> None:
+    thesis = config(recipe="thesis")
+    assert thesis.batch_size == 1
+    assert (thesis.loss.name, thesis.loss.gradient_penalty, thesis.loss.critic_steps) == ("wgan", 10.0, 5)
+    assert (thesis.loss.r1, thesis.loss.r2) == (0.0, 0.0)
+    assert (thesis.generator.width, thesis.generator.blocks, thesis.generator.norm) == (64, 6, "instance")
+    assert (thesis.discriminator.guide, thesis.discriminator.norm) == (False, "none")
+    assert (thesis.optimizer.beta1, thesis.optimizer.beta2, thesis.optimizer.ema_images) == (0.5, 0.999, 0.0)
+
+
+def test_what_is_said_goes_before_what_a_recipe_says() -> None:
+    mine = config(recipe="thesis", batch_size=3, loss={"gradient_penalty": 1.0})
+    assert mine.batch_size == 3
+    assert (mine.loss.name, mine.loss.gradient_penalty, mine.loss.critic_steps) == ("wgan", 1.0, 5)
+
+
+def test_a_recipe_stays_as_it_is() -> None:
+    config(recipe="thesis", loss={"gradient_penalty": 1.0})
+    assert config(recipe="thesis").loss.gradient_penalty == 10.0
+
+
+def test_json_and_back() -> None:
+    for one in (config(), config(recipe="thesis"), config(scenes={"camera": {"distance": {"normal": [1, 0.1]}}})):
+        assert TrainConfig.model_validate_json(one.model_dump_json()) == one
+        assert train_config(one.model_dump(mode="json"), "there") == one
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ({"step": 3}, r"unknown key 'step'; did you mean 'steps'\?"),
+        ({"steps": 0}, "steps: 0 is not allowed; wanted a number of at least 1"),
+        ({"recipe": "thesis2"}, "recipe"),
+        ({"recipe": ["thesis"]}, "recipe"),
+        ({"loss": "wgan"}, "loss: 'wgan' is not allowed"),
+        ({"recipe": "thesis", "loss": "wgan"}, "loss: 'wgan' is not allowed"),
+        ({"loss": {"name": "wgann"}}, r"loss\.name.*did you mean 'wgan'"),
+        ({"loss": {"r1": -1}}, r"loss\.r1"),
+        ({"loss": {"R1": 1}}, "loss: unknown key 'R1'"),
+        ({"generator": {"norm": "batch"}}, r"generator\.norm"),
+        ({"discriminator": {"layers": 9}}, r"discriminator\.layers"),
+        ({"optimizer": {"generator_rate": 0}}, r"optimizer\.generator_rate"),
+        ({"scenes": {"environment": "other"}}, r"scenes\.environment"),
+        ({"scenes": {"pool": -1}}, r"scenes\.pool"),
+        ({"scenes": {"camera": {"distance": {"uniform": [2, 1]}}}}, r"scenes\.camera\.distance"),
+        ({"rendering": "fast"}, "rendering"),
+        ({"rendering": "fresh"}, "discriminator.guide needs rendering: transport"),
+        ({"spp_grad": 4}, "spp_grad needs rendering: fresh"),
+        (
+            {"loss": {"gradient_penalty": 10.0}, "discriminator": {"norm": "instance"}},
+            "gradient_penalty needs discriminator.norm none or group",
+        ),
+        ({"batch_size": 3, "devices": 2}, "batch_size 3 cannot be shared out among 2 devices"),
+        ({"minutes": 0}, "minutes"),
+    ],
+)
+def test_a_mistake_is_one_line_with_its_key(data: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigError, match=said) as caught:
+        config(**data)
+    (line,) = str(caught.value).splitlines()
+    assert line.startswith("train.yaml: ")
+
+
+def test_a_dataset_is_needed() -> None:
+    with pytest.raises(ConfigError, match="key 'dataset' is missing"):
+        train_config({}, "train.yaml")

@@ -1,0 +1,272 @@
+"""Whole runs: resumable to the bit, refused when they would be others, stopped when they go wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from safetensors.torch import load_file
+from torch import Tensor
+
+from svbrdfgan.apply import paint
+from svbrdfgan.data.plan import DatasetPlan
+from svbrdfgan.errors import AssetError, ConfigError, TrainingError
+from svbrdfgan.io import load_mesh
+from svbrdfgan.training import trainer
+from svbrdfgan.training.config import TrainConfig, train_config
+from svbrdfgan.training.journal import read_journal
+from svbrdfgan.training.run import MODEL, RunConfig, load_generator, load_model
+from svbrdfgan.training.state import State, checkpoints
+from svbrdfgan.training.trainer import batch_indices, train
+
+Data = Callable[..., dict[str, Any]]
+COMMAND = "from svbrdfgan.cli import main; main()"
+
+
+@pytest.fixture
+def config(training_data: Data) -> Callable[..., TrainConfig]:
+    return lambda **changes: train_config(training_data(**changes), "here")
+
+
+def final_weights(run: Path) -> dict[str, Tensor]:
+    return load_file(checkpoints(run)[-1] / "state.safetensors")
+
+
+def assert_same_weights(one: Path, other: Path) -> None:
+    mine, its = final_weights(one), final_weights(other)
+    assert mine.keys() == its.keys()
+    assert [name for name, tensor in mine.items() if not torch.equal(tensor, its[name])] == []
+
+
+@pytest.mark.parametrize(("count", "batch"), [(6, 2), (7, 3), (5, 8), (1, 4), (12, 12)])
+def test_every_exemplar_is_visited_once_a_round(count: int, batch: int) -> None:
+    rounds = 6
+    drawn = [index for number in range(rounds * count) for index in batch_indices(3, count, batch, number)]
+    for start in range(0, len(drawn) - count + 1, count):
+        assert Counter(drawn[start : start + count]) == Counter(range(count))
+    if count > 4:
+        assert drawn[:count] != drawn[count : 2 * count]
+    assert batch_indices(3, count, batch, 2) == drawn[2 * batch : 3 * batch]
+
+
+def test_a_run_leaves_its_model_its_log_and_what_it_was(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    state = train(config(), tmp_path / "run")
+    assert state.step == 4
+    assert [entry["step"] for entry in state.history] == [2, 4]
+    model = load_model(tmp_path / "run")
+    assert model.score == state.best[0] == max(entry["recovered"] for entry in state.history)
+    assert model.config.train == config()
+    assert [line["step"] for line in read_journal(tmp_path / "run") if "recovered" in line] == [2, 4]
+    assert RunConfig.load(tmp_path / "run").versions["torch"] == torch.__version__
+
+
+def test_the_same_configuration_gives_the_same_weights(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    for name in ("one", "other"):
+        train(config(), tmp_path / name)
+    assert_same_weights(tmp_path / "one", tmp_path / "other")
+
+
+def test_killed_and_resumed_it_ends_with_the_same_weights(
+    training_data: Data, config: Callable[..., TrainConfig], tmp_path: Path
+) -> None:
+    changes = {"steps": 150, "save_every": 10, "score_every": 25}
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    train(config(**changes), whole)
+    (tmp_path / "train.yaml").write_text(json.dumps(training_data(**changes)))
+    words = [sys.executable, "-c", COMMAND, "train", str(tmp_path / "train.yaml"), "-o", str(killed)]
+    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while process.poll() is None and not checkpoints(killed):
+        time.sleep(0.002)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    stopped_at = int(checkpoints(killed)[-1].name.removeprefix("step_"))
+    assert 10 <= stopped_at < 150, "the process was not killed in the middle"
+    state = train(config(**changes), killed, resume=True)
+    assert state.step == 150
+    assert_same_weights(whole, killed)
+    assert state.best == best_of(whole)
+    assert steps_of(killed) == steps_of(whole)
+    one, other = (load_file(run / MODEL) for run in (whole, killed))
+    assert all(torch.equal(one[name], other[name]) for name in one)
+
+
+def best_of(run: Path) -> tuple[float, int]:
+    score, step = json.loads((checkpoints(run)[-1] / "state.json").read_text())["best"]
+    return score, step
+
+
+def steps_of(run: Path) -> list[tuple[float, bool]]:
+    return [(line["step"], "recovered" in line) for line in read_journal(run)]
+
+
+def test_a_longer_run_goes_on_from_a_shorter_one(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    train(config(steps=6), tmp_path / "whole")
+    train(config(steps=4), tmp_path / "parts")
+    train(config(steps=6), tmp_path / "parts", resume=True)
+    assert_same_weights(tmp_path / "whole", tmp_path / "parts")
+
+
+def test_a_finished_run_resumed_stays_as_it_is(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    train(config(), tmp_path / "run")
+    before = final_weights(tmp_path / "run")
+    state = train(config(), tmp_path / "run", resume=True)
+    assert state.step == 4
+    assert all(torch.equal(tensor, before[name]) for name, tensor in final_weights(tmp_path / "run").items())
+
+
+def test_a_run_is_not_overwritten(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    train(config(), tmp_path / "run")
+    with pytest.raises(ConfigError, match="holds a run already; give --resume"):
+        train(config(), tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"seed": 5}, r"train\.seed"),
+        ({"loss": {"r1": 0.5}}, r"train\.loss\.r1"),
+        ({"generator": {"width": 8}}, r"train\.generator\.width"),
+        ({"scenes": {"pool": 2}}, r"train\.scenes\.pool"),
+    ],
+)
+def test_other_settings_are_refused_by_name(
+    changes: dict[str, Any], key: str, config: Callable[..., TrainConfig], tmp_path: Path
+) -> None:
+    train(config(steps=1), tmp_path / "run")
+    with pytest.raises(ConfigError, match=rf"started with other settings \({key}\); start a new one"):
+        train(config(**changes), tmp_path / "run", resume=True)
+    assert RunConfig.load(tmp_path / "run").train == config(steps=1)
+
+
+def poisoned(at: int) -> Callable[..., dict[str, Tensor]]:
+    """The step as it is, but for a loss that is not a number from that step on."""
+    step = trainer.training_step
+
+    def spoiled(fabric: Any, config: Any, state: State, *rest: Any) -> dict[str, Tensor]:
+        told = step(fabric, config, state, *rest)
+        return told | {"g_loss": torch.tensor(float("nan"))} if state.step >= at else told
+
+    return spoiled
+
+
+def test_a_loss_that_is_not_finite_stops_the_run(
+    config: Callable[..., TrainConfig], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(trainer, "training_step", poisoned(at=3))
+        with pytest.raises(
+            TrainingError, match=r"stopped at step 4: .* not finite; the last checkpoint is good"
+        ) as caught:
+            train(config(steps=10), tmp_path / "run")
+    assert len(str(caught.value).splitlines()) == 1
+    assert [path.name for path in checkpoints(tmp_path / "run")] == ["step_00000002"]
+    assert all(bool(tensor.isfinite().all()) for tensor in final_weights(tmp_path / "run").values())
+    assert train(config(steps=4), tmp_path / "run", resume=True).step == 4
+
+
+@pytest.mark.parametrize("steps", [3, 4])
+def test_an_absurd_rate_stops_the_run(steps: int, config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    """At a checkpoint, and at the end of a run between checkpoints."""
+    absurd = config(steps=steps, optimizer={"generator_rate": 1e38}, save_every=4, score_every=4)
+    with pytest.raises(TrainingError, match=r"Lower optimizer\.generator_rate"):
+        train(absurd, tmp_path / "run")
+    assert checkpoints(tmp_path / "run") == []
+    with pytest.raises(AssetError, match="train the run until it has saved a model"):
+        load_model(tmp_path / "run")
+
+
+def test_without_a_validation_split_the_last_model_is_the_model(
+    config: Callable[..., TrainConfig], dataset_copy: Path, tmp_path: Path
+) -> None:
+    path = dataset_copy / "dataset.json"
+    plan = json.loads(path.read_text())
+    for pools in (plan["config"]["splits"], plan["meshes"], plan["environments"]):
+        del pools["validation"]
+    path.write_text(json.dumps(plan))
+    state = train(config(dataset=str(dataset_copy)), tmp_path / "run")
+    assert state.history == []
+    generator, score = load_generator(tmp_path / "run" / MODEL)
+    assert score is None
+    pairs = zip(generator.parameters(), state.averaged.parameters(), strict=True)
+    assert all(torch.equal(a, b) for a, b in pairs)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"scenes": {"pool": 0, "camera_noise_degrees": 2.0}},
+        {"scenes": {"environment": "redrawn", "pool": 2}},
+        {"scenes": {"environment": {"procedural": {"count": 2, "seed": 8}}}},
+        {"rendering": "fresh", "discriminator": {"guide": False}, "spp": 2, "spp_grad": 1},
+        {"recipe": "thesis", "generator": {"norm": "instance"}, "loss": {"critic_steps": 2}},
+        {"loss": {"name": "relativistic", "r2": 0.1}},
+    ],
+    ids=["pool 0", "redrawn", "other lights", "fresh", "thesis", "relativistic"],
+)
+def test_it_trains(
+    changes: dict[str, Any], config: Callable[..., TrainConfig], dataset_copy: Path, tmp_path: Path
+) -> None:
+    state = train(config(dataset=str(dataset_copy), steps=2, **changes), tmp_path / "run")
+    assert state.step == 2
+    assert len(state.history) == 1
+
+
+def test_two_processes_train_one_model(training_data: Data, config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    """Half a batch each; what it ends with is what the last checkpoint holds."""
+    (tmp_path / "train.yaml").write_text(json.dumps(training_data(steps=1, devices=2)))
+    words = [sys.executable, "-c", COMMAND, "train", str(tmp_path / "train.yaml"), "-o", str(tmp_path / "two")]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "1 steps" in done.stdout
+    assert load_model(tmp_path / "two").score is not None
+    train(config(steps=1), tmp_path / "one")
+    one, two = (final_weights(tmp_path / name) for name in ("one", "two"))
+    assert one.keys() == two.keys()
+
+
+def test_time_can_run_out(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    state = train(config(steps=10**6, minutes=0.001), tmp_path / "run")
+    assert 1 <= state.step < 10**5
+    assert checkpoints(tmp_path / "run")
+    assert load_model(tmp_path / "run").score is not None
+
+
+def test_no_data_set_is_told_before_anything_is_written(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    with pytest.raises(AssetError, match="is not a data set"):
+        train(config(dataset="nowhere"), tmp_path / "run", base=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_line_cut_off_by_a_kill_is_left_out(tmp_path: Path) -> None:
+    (tmp_path / "log.jsonl").write_text('{"step": 1, "g_loss": 2.0}\n{"step": 2, "g_lo')
+    assert read_journal(tmp_path) == [{"step": 1, "g_loss": 2.0}]
+
+
+def test_a_generator_paints_a_mesh_of_ones_own(
+    config: Callable[..., TrainConfig], tmp_path: Path, tiny_dataset: Path
+) -> None:
+    train(config(), tmp_path / "run")
+    model = load_model(tmp_path / "run")
+    mesh = DatasetPlan.load(tiny_dataset).meshes["validation"][0]
+    subject, layer = paint(load_mesh(tiny_dataset / mesh.asset.path), model)
+    assert layer.shape == (32, 32, 4)
+    assert not layer.requires_grad
+    assert torch.equal(layer, model.generator(subject.geometry.unsqueeze(0))[0])
+
+
+@pytest.mark.parametrize("content", [b"", b"x" * 1000])
+def test_a_damaged_model_is_one_sentence(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / MODEL).write_bytes(content)
+    with pytest.raises(AssetError, match=r"model\.safetensors cannot be read") as caught:
+        load_generator(tmp_path / MODEL)
+    assert len(str(caught.value).splitlines()) == 1
