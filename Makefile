@@ -1,11 +1,13 @@
 # Each target sets up what it needs in .venv, once, on a machine with Python >= 3.11 and make. constraints.txt pins it.
 #   make demo                  the whole loop, with a report in out/demo
 #   make test PYTEST="-m slow" other arguments for pytest
+#   make bench BENCH='--peer "python peer.py"'  the same work done by another program, beside ours
 #   make PYTHON=python3.12 ... another Python
 VENV ?= .venv
 JOBS ?= 2
 OUT ?= out/demo
 PYTEST ?= -n $(JOBS)
+BENCH ?=
 
 RUN := $(VENV)/bin
 INSTALL := $(RUN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
@@ -32,8 +34,8 @@ types: $(VENV)/.dev
 docs: $(VENV)/.dev
 	$(RUN)/python -m pytest -q tests/docs
 
-bench: $(VENV)/.dev
-	$(RUN)/python -m benchmarks
+bench: $(VENV)/.demo
+	$(RUN)/python benchmarks/run.py $(BENCH)
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache

@@ -25,8 +25,8 @@ class Generator(nn.Module):
         width: channels after the first convolution; four times as many in the blocks. The thesis's is 64.
         blocks: residual blocks; the thesis has six.
         norm: "instance" is the thesis's.
-        upsampling: "strided" convolutions, fractionally, are the thesis's, and leave a pattern of four texels in what they
-            paint; "nearest" doubles the features and convolves (Odena et al. 2016), and does not.
+        upsampling: "strided" convolutions, fractionally, are the thesis's, and leave a pattern of four texels in what
+            they paint; "nearest" doubles the features and convolves (Odena et al. 2016), and does not.
     """
 
     def __init__(

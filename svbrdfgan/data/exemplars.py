@@ -65,7 +65,7 @@ def load_exemplars(folder: Path, split: Split) -> Exemplars:
     absent = sum(not record.is_file() for _, record in paths)
     if absent:
         raise AssetError(
-            f"{folder} is not finished: {absent} of {count} {split} exemplars are missing; run `svbrdfgan dataset` again."
+            f"{folder} is not finished: {absent} of {count} {split} exemplars are missing; run `svbrdfgan dataset`."
         )
     scenes = tuple(Scene.load(record) for _, record in paths)
     pictures = torch.stack([load_picture(picture) for picture, _ in paths])

@@ -89,6 +89,7 @@ def write_floats(
     spec = oiio.ImageSpec(width, height, channels, "half" if half else "float")
     spec.channelnames = names
     spec.attribute("compression", "zip")
+    spec.attribute("DateTime", "1970:01:01 00:00:00")  # else the time of writing: equal pictures are equal files
     with atomic_path(path) as temporary:
         target = oiio.ImageOutput.create(str(temporary))
         if target is None:

@@ -111,7 +111,7 @@ def _error(evaluated: Evaluated, index: int) -> tuple[Tensor, Tensor]:
     assert truth is not None
     base = subject.base_albedo(exemplars.scenes[index].materials)
     made = evaluated.layers["generated"][number].cpu().float()
-    seen = torch.stack([evaluated.feed.stages.seen(view).cpu() > 0 for view in exemplars.views_of(number)]).any(dim=0)
+    seen = torch.stack([evaluated.feed.seen(view).cpu() > 0 for view in exemplars.views_of(number)]).any(dim=0)
     scored = seen & subject.learnable_texels & (subject.buffer.area > 0)
     return scored, (composite(base, made) - composite(base, truth)).abs().mean(dim=-1)
 

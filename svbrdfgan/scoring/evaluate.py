@@ -41,7 +41,7 @@ class Evaluation(StrictModel):
 
     Attributes:
         recovered, oracle: 1 - E / E(constant) of the generator and of the supervised oracle, on the split.
-        fraction: recovered / oracle.
+        fraction: recovered / oracle, where the oracle recovered anything.
         oracle_plateau: whether the oracle had stopped improving.
         flip, flip_oracle, flip_constant: mean FLIP between pictures under the layers and the stored exemplars; what
             noise alone makes of it is `flip_truth`, with G0's own layers.
@@ -66,12 +66,12 @@ class Evaluation(StrictModel):
 
     def lines(self) -> list[str]:
         """What to tell a user."""
-        told = [
-            f"recovered: {self.recovered:.3f} ({self.subjects} {self.split} subjects, {self.seen:.0%} of their area seen)"
-        ]
-        if self.oracle is not None and self.fraction is not None:
+        scored = f"{self.subjects} {self.split} subjects, {self.seen:.0%} of their area seen"
+        told = [f"recovered: {self.recovered:.3f} ({scored})"]
+        if self.oracle is not None:
             plateau = "at its plateau" if self.oracle_plateau else "still rising"
             told.append(f"oracle:    {self.oracle:.3f} ({plateau} after {self.oracle_steps} steps)")
+        if self.fraction is not None:
             told.append(f"fraction:  {self.fraction:.3f} of the oracle")
         told.append(
             f"FLIP:      {self.flip:.3f} (constant layer {self.flip_constant:.3f}, noise alone {self.flip_truth:.3f})"
@@ -124,12 +124,13 @@ def evaluate(
 
     scored = feed(split)
     trained = feed("train")
-    targets, _ = make_targets(trained.exemplars, trained.stages.seen, fabric.device, _CONSTANT_TARGETS)
+    targets, _ = make_targets(trained.exemplars, trained.seen, fabric.device, _CONSTANT_TARGETS)
     constant = best_constant(targets)
-    scorer = Scorer.make(scored.exemplars, scored.stages.seen, constant, fabric.device)
+    scorer = Scorer.make(scored.exemplars, scored.seen, constant, fabric.device)
     layers = {"generated": _layers(fabric, scorer, model.generator)}
-    found = _oracle(run, fabric, model.config, trained, feed, constant, schedule or OracleConfig(), shown) if oracle else None
-    if found is not None:
+    found = None
+    if oracle:
+        found = _oracle(run, fabric, model.config, trained, feed, constant, schedule or OracleConfig(), shown)
         layers["oracle"] = _layers(fabric, scorer, found.generator)
     layers["constant"] = constant.expand_as(layers["generated"])
     shown.begin("comparing pictures", len(scored))
@@ -163,8 +164,8 @@ def _oracle(
         told = json.loads(notes.read_text(encoding="utf-8"))
         return _Found(load_generator(path)[0].to(fabric.device), told["plateau"], told["steps"])
     held_out = feed("validation") if "validation" in config.dataset.splits else trained
-    scorer = Scorer.make(held_out.exemplars, held_out.stages.seen, constant, fabric.device)
-    targets, _ = make_targets(trained.exemplars, trained.stages.seen, fabric.device, _ORACLE_TARGETS)
+    scorer = Scorer.make(held_out.exemplars, held_out.seen, constant, fabric.device)
+    targets, _ = make_targets(trained.exemplars, trained.seen, fabric.device, _ORACLE_TARGETS)
     shown.begin("training the supervised oracle")
 
     def watch(step: int, score: float) -> None:
@@ -192,7 +193,7 @@ def _judge(
         split=split,
         recovered=recovered,
         oracle=best,
-        fraction=recovered / best if best else None,
+        fraction=recovered / best if best is not None and best > 0 else None,
         oracle_plateau=oracle.plateau if oracle else None,
         oracle_steps=oracle.steps if oracle else None,
         flip=flips["generated"],

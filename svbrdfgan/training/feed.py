@@ -27,12 +27,14 @@ class Feed:
     """One split, ready for training or scoring.
 
     Attributes:
-        guides: position and normal as seen in each exemplar; None where the discriminator does not look at them.
         stages: where fakes are rendered.
+        own: the exemplars' own scenes, which tell what their pictures show; the stages themselves where not perturbed.
+        guides: position and normal as seen in each exemplar; None where the discriminator does not look at them.
     """
 
     exemplars: Exemplars
     stages: Transports | FreshRenders
+    own: Transports | FreshRenders
     buffers: Float[Tensor, "subjects 6 rows cols"]
     images: Float[Tensor, "exemplars height width 3"]
     coverage: Float[Tensor, "exemplars height width"]
@@ -50,6 +52,10 @@ class Feed:
         picked = torch.as_tensor(indices, device=self.images.device)
         guide = None if self.guides is None else self.guides[picked]
         return self.images[picked], self.coverage[picked], guide
+
+    def seen(self, index: int) -> Float[Tensor, "rows cols"]:
+        """Where an exemplar's picture shows the outermost learnable surface, positive."""
+        return self.own.seen(index)
 
     def stage(self, indices: Sequence[int], rng: np.random.Generator) -> Stage:
         """Scenes for as many fakes."""
@@ -81,13 +87,15 @@ def make_feed(
     perturbation = Perturbation(scenes, plan.sampler(split), lights)
     stages = _stages(config, scenes, exemplars, perturbation, renderer, device)
     stages.build(range(len(exemplars)), progress)
+    own = _own(config, scenes, stages)
     return Feed(
         exemplars=exemplars,
         stages=stages,
+        own=own,
         buffers=torch.stack([s.geometry for s in exemplars.subjects]).to(device, memory_format=torch.channels_last),
         images=exemplars.images.to(device),
         coverage=exemplars.coverage.to(device),
-        guides=_guides(config, scenes, exemplars, perturbation, renderer, stages, device),
+        guides=_guides(config, own, device),
     )
 
 
@@ -104,20 +112,18 @@ def _stages(
     return Transports(exemplars, perturbation, renderer, config.spp, scenes.pool, device, config.seed)
 
 
+def _own(config: TrainConfig, scenes: ScenesConfig, stages: Transports | FreshRenders) -> Transports | FreshRenders:
+    """Stages of the exemplars' own scenes; held by the CPU where they serve no fakes."""
+    if isinstance(stages, FreshRenders) or (scenes.matched and scenes.pool == 1):
+        return stages
+    matched = Perturbation(ScenesConfig(), stages.perturbation.sampler)
+    return Transports(stages.exemplars, matched, stages.renderer, config.spp, 1, torch.device("cpu"), config.seed)
+
+
 def _guides(
-    config: TrainConfig,
-    scenes: ScenesConfig,
-    exemplars: Exemplars,
-    perturbation: Perturbation,
-    renderer: Renderer[Any],
-    stages: Transports | FreshRenders,
-    device: torch.device,
+    config: TrainConfig, own: Transports | FreshRenders, device: torch.device
 ) -> Float[Tensor, "exemplars height width 6"] | None:
-    """What each exemplar shows, from its own scene: the stage's own where that is not perturbed."""
-    if not config.discriminator.guide or not isinstance(stages, Transports):
+    """What each exemplar shows."""
+    if not config.discriminator.guide or not isinstance(own, Transports):
         return None
-    own = stages
-    if not (scenes.matched and scenes.pool == 1):
-        matched = Perturbation(ScenesConfig(), perturbation.sampler)
-        own = Transports(exemplars, matched, renderer, config.spp, 1, torch.device("cpu"), config.seed)
-    return torch.stack([own.guide(index) for index in range(len(exemplars))]).half().to(device)
+    return torch.stack([own.guide(index) for index in range(len(own.exemplars))]).half().to(device)

@@ -37,9 +37,9 @@ class OracleConfig:
 
     rate: float = 1e-3
     every: int = 100
-    patience: int = 3
-    gain: float = 0.002
-    halvings: int = 3
+    patience: int = 2
+    gain: float = 0.003
+    halvings: int = 2
     steps: int = 20000
 
 

@@ -22,7 +22,7 @@ def present(
     """Tone-mapped to about [-1, 1] before a plain background, with position and normal behind the colours if given.
 
     Real and fake get the same background, so that neither it nor the noise of the environment tells them apart.
-    The tone curve is log(1 + 10 x) / log 11: 0 to -1, 1 to 1, smooth, and never flat, so that highlights keep a gradient.
+    The tone curve is log(1 + 10 x) / log 11: 0 to -1, 1 to 1, smooth and never flat: highlights keep a gradient.
     """
     picture = over(image.float(), coverage.float(), background[:, None, None, :])
     channels = torch.log1p(_CONTRAST * picture.clamp(min=0)) * (2 / math.log1p(_CONTRAST)) - 1

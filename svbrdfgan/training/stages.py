@@ -53,12 +53,7 @@ class TransportStage:
     """
 
     batch: TransportBatch
-    base: Float[
-        Tensor,
-        (
-            textures  # rows #cols 3
-        ),
-    ]
+    base: Float[Tensor, "textures #rows #cols 3"]
 
     @property
     def coverage(self) -> Float[Tensor, "batch height width"]:
@@ -99,7 +94,7 @@ class Transports:
     def __post_init__(self) -> None:
         if not isinstance(self.renderer, TransportRenderer) or not self.renderer.capabilities.transport:
             raise ConfigError(
-                f"rendering: transport needs a renderer that declares it, which {type(self.renderer).__name__} does not; "
+                f"rendering: transport needs a renderer that declares it; {type(self.renderer).__name__} does not: "
                 "set rendering: fresh or choose another renderer."
             )
 

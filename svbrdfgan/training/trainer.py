@@ -142,8 +142,8 @@ def _open(fabric: Fabric, resolved: RunConfig, run: Path, base: Path, display: D
     scorer = None
     if "validation" in feeds and fabric.is_global_zero:
         train_feed, held_out = feeds["train"], feeds["validation"]
-        targets, _ = make_targets(train_feed.exemplars, train_feed.stages.seen, device, _CONSTANT_TARGETS)
-        scorer = Scorer.make(held_out.exemplars, held_out.stages.seen, best_constant(targets), device)
+        targets, _ = make_targets(train_feed.exemplars, train_feed.seen, device, _CONSTANT_TARGETS)
+        scorer = Scorer.make(held_out.exemplars, held_out.seen, best_constant(targets), device)
     return _Session(fabric, config, run, feeds["train"], scorer, None, display)
 
 

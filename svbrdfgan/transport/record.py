@@ -35,7 +35,7 @@ class LightTransport:
         scale: one factor for all weights, so that half precision holds any brightness.
         background: the picture of all that is not learnable, premultiplied.
         coverage: share of each pixel that shows the surface.
-        guide: mean network input (position, normal) over each pixel's learnable samples, times their share of the pixel.
+        guide: mean network input (position, normal) over a pixel's learnable samples, times their share of it.
         parts: indices into `Surface.parts` of the textures.
         texture_shape: (rows, cols) of each texture.
     """

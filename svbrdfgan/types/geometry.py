@@ -113,7 +113,9 @@ def _check_array(what: str, array: ndarray, shape: tuple[int, ...]) -> None:
         raise AssetError(f"{what} holds values that are not finite; repair or re-export the mesh.")
 
 
-def _check_triangles(what: str, positions: ndarray, faces: ndarray, face_part: ndarray, parts: tuple[Part, ...]) -> None:
+def _check_triangles(
+    what: str, positions: ndarray, faces: ndarray, face_part: ndarray, parts: tuple[Part, ...]
+) -> None:
     if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
         raise AssetError(f"{what} has faces of shape {faces.shape}; wanted at least one triangle, (faces, 3).")
     _check_array(f"{what} positions", positions, (len(positions), 3))

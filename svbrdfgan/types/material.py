@@ -26,7 +26,7 @@ class Material:
         AssetError: a map of an unknown name or shape, or no `base_color`.
     """
 
-    maps: Mapping[str, Float[Tensor, "..."]]
+    maps: Mapping[str, Float[Tensor, "*shape"]]
 
     def __post_init__(self) -> None:
         for name, value in self.maps.items():
@@ -39,12 +39,12 @@ class Material:
             raise AssetError("a material needs a 'base_color' map.")
 
     @classmethod
-    def lambertian(cls, base_color: Float[Tensor, "..."] | tuple[float, float, float]) -> Material:
+    def lambertian(cls, base_color: Float[Tensor, "*shape"] | tuple[float, float, float]) -> Material:
         """A diffuse material of constant or textured linear RGB reflectance in [0, 1]."""
         return cls({"base_color": torch.as_tensor(base_color, dtype=torch.float32)})
 
     @property
-    def base_color(self) -> Float[Tensor, "..."]:
+    def base_color(self) -> Float[Tensor, "*shape"]:
         return self.maps["base_color"]
 
     def is_textured(self) -> bool:

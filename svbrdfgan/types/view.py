@@ -44,7 +44,7 @@ class Camera:
 
     @classmethod
     def orbit(cls, azimuth: float, elevation: float, distance: float, target: Vector, vertical_fov: float) -> Camera:
-        """A camera on a sphere about `target`: azimuth 0 is in front (+Z), pi/2 at the right of the picture's world (+X).
+        """A camera on a sphere about `target`: azimuth 0 is in front (+Z), pi/2 at the world's right (+X).
 
         Angles in radians, distance in metres.
         """
@@ -70,7 +70,7 @@ class Environment:
     """Light from infinitely far away, as an equirectangular image.
 
     Attributes:
-        radiance: linear, not negative; row 0 is the zenith (+Y), the middle column lies at -Z, +X a quarter to its right.
+        radiance: linear, not negative; row 0 is the zenith (+Y), the middle column is at -Z, +X a quarter to its right.
         rotation: turns the light about +Y, counter-clockwise seen from above, radians.
 
     Raises:

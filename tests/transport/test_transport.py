@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -140,7 +141,7 @@ def test_half_precision_keeps_any_brightness(brightness: float) -> None:
     torch.testing.assert_close(rounded, exact, rtol=1e-3, atol=0.0)
 
 
-def test_file_returns_what_was_saved(tmp_path) -> None:  # noqa: ANN001
+def test_file_returns_what_was_saved(tmp_path: Path) -> None:
     transport = built([random_samples(100, 3)]).half()
     transport.save(tmp_path / "a" / "view.safetensors")
     loaded = LightTransport.load(tmp_path / "a" / "view.safetensors")
@@ -150,7 +151,7 @@ def test_file_returns_what_was_saved(tmp_path) -> None:  # noqa: ANN001
 
 
 @pytest.mark.parametrize("content", [b"", b"\x08\x00\x00\x00\x00\x00\x00\x00{broken}", b"x" * 5000])
-def test_damaged_file_is_one_sentence(tmp_path, content: bytes) -> None:  # noqa: ANN001
+def test_damaged_file_is_one_sentence(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "view.safetensors"
     path.write_bytes(content)
     with pytest.raises(AssetError, match=r"view\.safetensors"):
