@@ -13,7 +13,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from svbrdfgan.apply import paint
     from svbrdfgan.compositing import composite, over
-    from svbrdfgan.data.config import DatasetConfig, PartSelection
+    from svbrdfgan.data.config import DatasetConfig, PartSelection, dataset_config
     from svbrdfgan.data.generate import generate
     from svbrdfgan.data.scene import Scene
     from svbrdfgan.data.subject import Subject, make_subject
@@ -59,6 +59,7 @@ __all__ = [
     "build_transport",
     "build_vehicle",
     "composite",
+    "dataset_config",
     "evaluate",
     "generate",
     "load_embedding",
@@ -90,7 +91,7 @@ _MODULES = {
     "compositing": ("composite", "over"),
     "render_layer": ("RenderLayer",),
     "transport": ("LightTransport", "TransportBatch", "build_transport"),
-    "data.config": ("DatasetConfig", "PartSelection"),
+    "data.config": ("DatasetConfig", "PartSelection", "dataset_config"),
     "data.scene": ("Scene",),
     "data.generate": ("generate",),
     "training.config": ("TrainConfig", "train_config"),

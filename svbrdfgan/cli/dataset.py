@@ -25,11 +25,10 @@ def command(config: Path, overrides: tuple[str, ...], out: Path, devices: int, d
 
     KEY=VALUE replaces a value of CONFIG, such as `spp=16` or `splits.train.views=4`.
     """
-    from svbrdfgan.data.config import DatasetConfig
-    from svbrdfgan.options import validate
+    from svbrdfgan.data.config import dataset_config
     from svbrdfgan.yaml_files import apply_overrides, load_yaml
 
-    declared = validate(DatasetConfig, apply_overrides(load_yaml(config), overrides), str(config))
+    declared = dataset_config(apply_overrides(load_yaml(config), overrides), str(config))
     if dry_run:
         _dry_run(declared, config.parent)
     elif preview:

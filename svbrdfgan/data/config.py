@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from svbrdfgan.data.distributions import Choice, Color, Fixed, Integer, Number, Paint, Uniform
-from svbrdfgan.options import StrictModel
+from svbrdfgan.options import StrictModel, validate
 from svbrdfgan.types import Part
 
 Split = Literal["train", "validation", "test"]
@@ -145,3 +145,12 @@ class DatasetConfig(StrictModel):
         if "train" not in self.splits:
             raise ValueError("splits needs 'train'")
         return self
+
+
+def dataset_config(data: dict[str, Any], source: str) -> DatasetConfig:
+    """The configuration that the data describe; `source` opens every message.
+
+    Raises:
+        ConfigError: one line for each fault.
+    """
+    return validate(DatasetConfig, data, source)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,7 @@ def generate(
     plan = make_plan(config, folder, base)
     fabric = Fabric(accelerator="auto", devices=devices, strategy="ddp_spawn" if devices > 1 else "auto")
     if devices > 1:
-        fabric.launch(_work, plan, folder, _by_mesh(plan, folder), Silent())
+        fabric.launch(partial(_work, plan=plan, folder=folder, by_mesh=_by_mesh(plan, folder), display=Silent()))
     else:
         _work(fabric, plan, folder, _by_mesh(plan, folder), display or Silent())
     return plan
@@ -94,7 +95,7 @@ def _by_mesh(plan: DatasetPlan, folder: Path) -> list[list[tuple[Split, int]]]:
 def _work(
     fabric: Fabric, plan: DatasetPlan, folder: Path, by_mesh: list[list[tuple[Split, int]]], display: Display
 ) -> None:
-    renderer = resolve_renderer(plan.config.renderer, fabric.device.type)
+    renderer = resolve_renderer(plan.config.renderer, "cuda" if fabric.device.type == "cuda" else "cpu")
     studio = Studio(folder)
     display.begin("exemplars", sum(map(len, by_mesh)))
     for number, todo in enumerate(by_mesh):

@@ -8,12 +8,11 @@ from importlib import resources
 from pathlib import Path
 
 from svbrdfgan.apply import paint
-from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.data.config import dataset_config
 from svbrdfgan.data.generate import generate
 from svbrdfgan.display import Display
 from svbrdfgan.export import write_weathered
 from svbrdfgan.io import load_mesh
-from svbrdfgan.options import validate
 from svbrdfgan.report import write_hero, write_report
 from svbrdfgan.scoring.evaluate import Evaluation, evaluate
 from svbrdfgan.training.config import train_config
@@ -44,7 +43,7 @@ def run_demo(out: Path, display: Display) -> DemoResult:
             with resources.as_file(resources.files("svbrdfgan.demo") / name) as shipped:
                 shutil.copyfile(shipped, out / name)
     data, run = out / "dataset", out / "run"
-    declared = validate(DatasetConfig, load_yaml(out / "dataset.yaml"), str(out / "dataset.yaml"))
+    declared = dataset_config(load_yaml(out / "dataset.yaml"), str(out / "dataset.yaml"))
     plan = generate(declared, data, base=out, display=display)
     training = train_config(load_yaml(out / "train.yaml"), str(out / "train.yaml"))
     train(training, run, base=out, resume=(run / CONFIG).is_file(), display=display)

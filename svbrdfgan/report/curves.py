@@ -127,7 +127,7 @@ def _plot_level(axes: Any, level: Level) -> None:
     if level.x is None:
         axes.axhline(level.y, color=level.color, lw=1.3, ls=(0, (5, 3)), label=level.name)
     else:
-        axes.plot([level.x], [level.y], "D", color=level.color, ms=6, label=level.name, clip_on=False, zorder=5)
+        axes.plot([level.x], [level.y], "D", color=level.color, ms=6, label=level.name, zorder=5)
 
 
 def _add_steps(axes: Any, per_x: float) -> None:

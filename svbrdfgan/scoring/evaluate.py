@@ -193,7 +193,7 @@ def _judge(
         split=split,
         recovered=recovered,
         oracle=best,
-        fraction=recovered / best if best is not None and best > 0 else None,
+        fraction=share(recovered, best),
         oracle_plateau=oracle.plateau if oracle else None,
         oracle_steps=oracle.steps if oracle else None,
         flip=flips["generated"],
@@ -205,6 +205,11 @@ def _judge(
         subjects=len(scorer.geometry),
         exemplars=len(scorer.targets),
     )
+
+
+def share(recovered: float, oracle: float | None) -> float | None:
+    """Recovered as a share of the oracle's; None where there is no oracle or it recovered nothing."""
+    return recovered / oracle if oracle is not None and oracle > 0 else None
 
 
 def _layers(fabric: Fabric, scorer: Scorer, generator: Generator) -> Float[Tensor, "subjects rows cols 4"]:

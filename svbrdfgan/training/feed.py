@@ -114,7 +114,7 @@ def _stages(
 
 def _own(config: TrainConfig, scenes: ScenesConfig, stages: Transports | FreshRenders) -> Transports | FreshRenders:
     """Stages of the exemplars' own scenes; held by the CPU where they serve no fakes."""
-    if isinstance(stages, FreshRenders) or (scenes.matched and scenes.pool == 1):
+    if isinstance(stages, FreshRenders) or (scenes.matched and scenes.pool):
         return stages
     matched = Perturbation(ScenesConfig(), stages.perturbation.sampler)
     return Transports(stages.exemplars, matched, stages.renderer, config.spp, 1, torch.device("cpu"), config.seed)

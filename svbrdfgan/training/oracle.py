@@ -69,7 +69,7 @@ def train_oracle(
     """Minimises E on the training targets themselves, until the score of `scorer` stops rising; keeps the best."""
     generator = Generator(**config.generator.model_dump())
     initialise(generator, torch.Generator().manual_seed(config.seed))
-    generator.to(geometry.device, memory_format=torch.channels_last)
+    generator.to(geometry.device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
     adam = torch.optim.Adam(generator.parameters(), schedule.rate, betas=(0.9, 0.99))
     rng = np.random.default_rng([config.seed, 1])
     best, best_score, stalled, halved = copy.deepcopy(generator), -float("inf"), 0, 0

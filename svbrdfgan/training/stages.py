@@ -53,7 +53,7 @@ class TransportStage:
     """
 
     batch: TransportBatch
-    base: Float[Tensor, "textures #rows #cols 3"]
+    base: Float[Tensor, "textures *#size 3"]
 
     @property
     def coverage(self) -> Float[Tensor, "batch height width"]:

@@ -52,7 +52,7 @@ class State:
         discriminator = Discriminator(channels=9 if config.discriminator.guide else 3, **shown)
         for network in (generator, discriminator):
             initialise(network, rng)
-            network.to(device, memory_format=torch.channels_last)
+            network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
         adam, betas = config.optimizer, (config.optimizer.beta1, config.optimizer.beta2)
         return cls(
             generator=generator,

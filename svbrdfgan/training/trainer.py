@@ -7,6 +7,7 @@ import logging
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -58,7 +59,7 @@ def train(
         precision=precision,
     )
     if config.devices > 1:
-        fabric.launch(_train_apart, resolved, run, base)
+        fabric.launch(partial(_train_apart, resolved=resolved, run=run, base=base))
         state = State.fresh(config, torch.device("cpu"))
         state.load(checkpoints(run)[-1])
         return state
@@ -150,7 +151,7 @@ def _open(fabric: Fabric, resolved: RunConfig, run: Path, base: Path, display: D
 def _loop(session: _Session, state: State) -> None:
     config, began, before = session.config, time.monotonic(), state.seconds
     report_step, report_time = state.step, began
-    while state.step < config.steps and not _out_of_time(config, state):
+    while state.step < config.steps and not _out_of_time(session, state):
         diagnostics = training_step(session.fabric, config, state, session.feed, _batches(session, state.step))
         now = time.monotonic()
         state.seconds = before + now - began
@@ -176,8 +177,15 @@ def _batches(session: _Session, step: int) -> list[Sequence[int]]:
     return [batch[fabric.global_rank :: fabric.world_size] for batch in whole]
 
 
-def _out_of_time(config: TrainConfig, state: State) -> bool:
-    return config.minutes is not None and state.seconds >= 60 * config.minutes
+def _out_of_time(session: _Session, state: State) -> bool:
+    """Among several processes the first decides for all, at the steps at which they report and wait anyway."""
+    minutes, fabric = session.config.minutes, session.fabric
+    if minutes is None:
+        return False
+    over = state.seconds >= 60 * minutes
+    if fabric.world_size == 1:
+        return over
+    return state.step % _REPORT_EVERY == 0 and fabric.broadcast(over)
 
 
 def _report(session: _Session, state: State, diagnostics: Diagnostics, rate: float) -> None:

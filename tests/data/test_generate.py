@@ -15,7 +15,6 @@ from typing import Any
 
 import pytest
 import torch
-from torch import Tensor
 
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.estimate import estimate, preview
@@ -46,21 +45,16 @@ def config(dataset_data: Data) -> DatasetConfig:
     return validate(DatasetConfig, dataset_data(), "here")
 
 
-def contents(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """Pictures by their values, and scenes. EXR files carry the time of their writing: hashes of lights differ."""
-    paths = [path for split in ("train", "validation") for path in sorted((folder / split).iterdir())]
-    pictures = {f"{path.parent.name}/{path.stem}": load_picture(path) for path in paths if path.suffix == ".exr"}
-    scenes = {f"{p.parent.name}/{p.stem}": json.loads(p.read_text()) for p in paths if p.suffix == ".json"}
-    for scene in scenes.values():
-        del scene["environment"]["asset"]["sha256"]
-    return pictures, scenes
+def contents(folder: Path) -> dict[Path, bytes]:
+    """Pictures, scenes and lights, to the byte."""
+    kept = ("train", "validation", "assets")
+    return {p.relative_to(folder): p.read_bytes() for name in kept for p in (folder / name).rglob("*") if p.is_file()}
 
 
 def assert_same(one: Path, other: Path) -> None:
-    (pictures, scenes), (its_pictures, its_scenes) = contents(one), contents(other)
-    assert scenes == its_scenes
-    assert pictures.keys() == its_pictures.keys()
-    assert [name for name, picture in pictures.items() if not torch.equal(picture, its_pictures[name])] == []
+    mine, its = contents(one), contents(other)
+    assert mine.keys() == its.keys()
+    assert [str(path) for path, content in mine.items() if content != its[path]] == []
 
 
 def maker(config: DatasetConfig, folder: Path, devices: int = 1) -> list[str]:

@@ -1,6 +1,7 @@
 """Pictures: the transfer function, the row order, and what each format keeps."""
 
 import struct
+import time
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +87,15 @@ def test_named_channels_come_back_by_name(tmp_path: Path, half: bool, uv_map: bo
         torch.testing.assert_close(again[name], plane, atol=1e-3 if half else 0.0, rtol=0)
     on_top = load_exr(tmp_path / "a.exr")["mask"][0]
     torch.testing.assert_close(on_top, channels["mask"][-1 if uv_map else 0], atol=1e-3, rtol=0)
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_equal_pictures_are_equal_files_whenever_they_are_written(tmp_path: Path, half: bool) -> None:
+    channels = {"R": torch.rand(4, 6, generator=torch.Generator().manual_seed(2))}
+    save_exr(tmp_path / "a.exr", channels, half=half)
+    time.sleep(1.1)  # EXR tells time in seconds
+    save_exr(tmp_path / "b.exr", channels, half=half)
+    assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
 
 
 @pytest.mark.parametrize("mode", ["L", "LA", "P", "RGB", "RGBA", "I;16", "1", "CMYK"])

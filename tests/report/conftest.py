@@ -98,7 +98,7 @@ def make_evaluated(names: tuple[str, ...] = ("sedan_1", "van_2"), views: int = 2
     )
     guides = torch.zeros(count * views, HEIGHT, WIDTH, 6)
     buffers = torch.stack([subject.geometry] * count)
-    feed = Feed(exemplars, stages, buffers, exemplars.images, exemplars.coverage, guides)
+    feed = Feed(exemplars, stages, stages, buffers, exemplars.images, exemplars.coverage, guides)
     constant = (0.4, 0.3, 0.2, 0.5)
     layers = {
         "generated": (truth + 0.1).clamp(0, 1),

@@ -1,5 +1,6 @@
 """The views that are shown, the discriminator's colours, the curves and the numbers in words."""
 
+import warnings
 from dataclasses import replace
 
 import matplotlib
@@ -85,6 +86,13 @@ def test_a_chart_has_the_colours_of_the_page_and_leaves_matplotlib_alone() -> No
     assert "<metadata>" not in svg
     assert "<b>" not in svg
     assert dict(matplotlib.rcParams) == before
+
+
+def test_a_value_far_below_a_chart_leaves_it_its_size() -> None:
+    low = Chart("low", "x", (Curve("a", [4], [-9]),), (Level("l", -9, "#010203", x=4),), limits=(-0.25, 1.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert draw(low).startswith("<svg ")
 
 
 def test_charts_count_images_and_the_oracle_is_a_level(evaluated) -> None:

@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.scoring.evaluate import Evaluated, Evaluation, evaluate, pictures
+from svbrdfgan.scoring.evaluate import Evaluated, Evaluation, evaluate, pictures, share
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.oracle import OracleConfig
 from svbrdfgan.training.trainer import train
@@ -37,7 +37,7 @@ def test_the_verdict_is_written_down(run: Path, evaluated: Evaluated) -> None:
     assert Evaluation.model_validate_json((run / "evaluation.json").read_text()) == verdict
     assert (verdict.split, verdict.subjects, verdict.exemplars) == ("validation", 1, 2)
     assert verdict.oracle is not None
-    assert verdict.fraction == pytest.approx(verdict.recovered / verdict.oracle)
+    assert verdict.fraction == share(verdict.recovered, verdict.oracle)
     assert verdict.oracle_steps == 20
     assert verdict.oracle_plateau is False
     assert 0 < verdict.seen < 1
@@ -92,6 +92,12 @@ def test_lights_of_the_training_need_not_be_found_again(
     shutil.rmtree(tmp_path / "lights")
     verdict = evaluate(tmp_path / "run", split="validation", oracle=False, device="cpu").evaluation
     assert verdict.oracle is verdict.fraction is verdict.oracle_plateau is None
+
+
+def test_a_share_of_an_oracle_that_recovered_nothing_says_nothing() -> None:
+    assert share(0.5, 0.8) == 0.625
+    assert share(-0.2, 0.8) == -0.25
+    assert share(0.5, 0.0) is share(0.5, -0.4) is share(0.5, None) is None
 
 
 def test_what_is_told() -> None:

@@ -253,3 +253,13 @@ def test_guides_are_of_the_exemplars_own_scenes(
     assert moved.guides is not None
     assert (moved.guides - feed.guides).float().abs().mean() < 0.05 * feed.guides.float().abs().mean()
     assert replace(feed, guides=None).real([0])[2] is None
+    assert all(torch.equal(moved.seen(index), feed.seen(index)) for index in range(len(feed)))
+    assert moved.own is not moved.stages
+
+
+@pytest.mark.parametrize("pool", [1, 2])
+def test_scenes_that_are_not_perturbed_serve_as_the_exemplars_own(
+    pool: int, config: Callable[..., TrainConfig], tiny_dataset: Path
+) -> None:
+    matched = make_feed(config(scenes={"pool": pool}), tiny_dataset, "train", load_renderer("numpy"), CPU)
+    assert matched.own is matched.stages

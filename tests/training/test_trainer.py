@@ -11,6 +11,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -239,6 +240,17 @@ def test_time_can_run_out(config: Callable[..., TrainConfig], tmp_path: Path) ->
     assert 1 <= state.step < 10**5
     assert checkpoints(tmp_path / "run")
     assert load_model(tmp_path / "run").score is not None
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_the_first_of_several_processes_says_when_time_is_out(told: bool, config: Callable[..., TrainConfig]) -> None:
+    fabric = SimpleNamespace(world_size=2, broadcast=lambda mine: told)
+    session: Any = SimpleNamespace(fabric=fabric, config=config(minutes=1.0))
+    state = State.fresh(config(), torch.device("cpu"))
+    state.seconds = 0.0 if told else 1e9
+    assert trainer._out_of_time(session, state) is told
+    state.step = 1  # between reports nobody asks
+    assert trainer._out_of_time(session, state) is False
 
 
 def test_no_data_set_is_told_before_anything_is_written(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
