@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from svbrdfgan.data.scene import Scene
     from svbrdfgan.data.subject import Subject, make_subject
     from svbrdfgan.errors import SvbrdfganError
+    from svbrdfgan.evaluation import evaluate
     from svbrdfgan.export import write_weathered
     from svbrdfgan.io import load_environment, load_mesh, save_image
     from svbrdfgan.plugins import load_embedding, load_renderer
     from svbrdfgan.procedural import build_sky, build_vehicle, sample_sky, sample_vehicle
     from svbrdfgan.render_layer import RenderLayer
     from svbrdfgan.report import write_report
-    from svbrdfgan.scoring.evaluate import evaluate
     from svbrdfgan.training.config import TrainConfig, train_config
     from svbrdfgan.training.run import load_model
     from svbrdfgan.training.trainer import train
@@ -97,7 +97,7 @@ _MODULES = {
     "training.config": ("TrainConfig", "train_config"),
     "training.trainer": ("train",),
     "training.run": ("load_model",),
-    "scoring.evaluate": ("evaluate",),
+    "evaluation": ("evaluate",),
     "report": ("write_report",),
     "apply": ("paint",),
     "export": ("write_weathered",),

@@ -34,9 +34,10 @@ COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
 """Where each command is, and what `--help` says of it."""
 
 
-_PATIENCE = ("OMP_WAIT_POLICY", "PASSIVE")
-"""Tells torch's threads to sleep while they wait for each other. By default they spin: on two cores that other programs
-use as well, a training step then took eight times as long. It counts only if set before torch is imported."""
+_PATIENCE = ("GOMP_SPINCOUNT", "3000")
+"""Lets torch's threads sleep when they have waited some microseconds for each other. By default they spin much longer: on
+two cores that other programs use as well, a training step then took ten times as long, and alone it takes no less.
+It counts only if set before torch is imported."""
 
 
 class LazyGroup(click.Group):

@@ -20,8 +20,8 @@ def command(
     from rich.console import Console
 
     from svbrdfgan.cli.display import terminal_display
+    from svbrdfgan.evaluation import evaluate
     from svbrdfgan.report import write_report
-    from svbrdfgan.scoring.evaluate import evaluate
 
     with terminal_display(Console(stderr=True)) as display:
         evaluated = evaluate(run, split=split, oracle=not no_oracle, device=device, display=display)

@@ -11,10 +11,10 @@ from svbrdfgan.apply import paint
 from svbrdfgan.data.config import dataset_config
 from svbrdfgan.data.generate import generate
 from svbrdfgan.display import Display
+from svbrdfgan.evaluation import Evaluation, evaluate
 from svbrdfgan.export import write_weathered
 from svbrdfgan.io import load_mesh
 from svbrdfgan.report import write_hero, write_report
-from svbrdfgan.scoring.evaluate import Evaluation, evaluate
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.run import CONFIG, load_model
 from svbrdfgan.training.trainer import train

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from svbrdfgan.data.plan import PLAN, DatasetPlan
-from svbrdfgan.scoring.evaluate import Evaluated, Evaluation
+from svbrdfgan.evaluation import Evaluated, Evaluation
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.run import RunConfig
 

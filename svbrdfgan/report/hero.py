@@ -6,10 +6,10 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from svbrdfgan.evaluation import Evaluated, pictures
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.report.pictures import Picture, framed, over_checker, signed_as_color, to_pillow, upright
 from svbrdfgan.report.vehicles import choose_views
-from svbrdfgan.scoring.evaluate import Evaluated, pictures
 from svbrdfgan.scoring.flip import display
 
 if TYPE_CHECKING:

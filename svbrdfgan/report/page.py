@@ -7,6 +7,7 @@ from typing import Any
 
 import yaml
 
+from svbrdfgan.evaluation import Evaluated
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.options import StrictModel
 from svbrdfgan.report.curves import draw
@@ -15,7 +16,6 @@ from svbrdfgan.report.patches import patch_maps
 from svbrdfgan.report.pictures import data_uri
 from svbrdfgan.report.progress import charts
 from svbrdfgan.report.vehicles import choose_views, error_scale, rendered, textured
-from svbrdfgan.scoring.evaluate import Evaluated
 from svbrdfgan.training.journal import read_journal
 
 REPORT = "report.html"

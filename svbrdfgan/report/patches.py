@@ -15,10 +15,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.errors import SvbrdfganError
+from svbrdfgan.evaluation import Evaluated
 from svbrdfgan.networks import Discriminator
 from svbrdfgan.report.pictures import Picture
 from svbrdfgan.report.vehicles import Titled, Vehicle, subject_name
-from svbrdfgan.scoring.evaluate import Evaluated
 from svbrdfgan.scoring.flip import display
 from svbrdfgan.training.picture import present
 from svbrdfgan.training.state import State, checkpoints

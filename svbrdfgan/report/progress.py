@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from svbrdfgan.evaluation import Evaluation
 from svbrdfgan.report.curves import INK, SERIES, Chart, Curve, Level
 from svbrdfgan.report.facts import Journal
-from svbrdfgan.scoring.evaluate import Evaluation
 from svbrdfgan.training.config import TrainConfig
 
 _IMAGES = "images seen"

@@ -14,8 +14,8 @@ from torch import Tensor
 from svbrdfgan.compositing import composite
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.scene import Scene
+from svbrdfgan.evaluation import Evaluated, pictures
 from svbrdfgan.report.pictures import Picture, framed, heat, over_checker, signed_as_color, upright
-from svbrdfgan.scoring.evaluate import Evaluated, pictures
 from svbrdfgan.scoring.flip import display, flip
 
 Layer = Float[Tensor, "rows cols 4"]

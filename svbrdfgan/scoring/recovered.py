@@ -17,6 +17,7 @@ from torch import Tensor
 from svbrdfgan.compositing import composite
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError
+from svbrdfgan.io import srgb_from_linear
 
 SeenTexels = Callable[[int], Float[Tensor, "rows cols"]]
 """For an exemplar, a positive number wherever its picture shows the outermost learnable surface."""
@@ -135,6 +136,14 @@ class Scorer:
         """What a generator paints on each subject."""
         with torch.no_grad():
             return torch.cat([generator(chunk).float() for chunk in self.geometry.split(batch)])
+
+    def picture(self, layers: Float[Tensor, "subjects rows cols 4"], count: int = 6) -> Float[Tensor, "height width 3"]:
+        """The first subjects' layers over grey, side by side, above the truth; sRGB, v upwards."""
+        first = {target.subject: target.truth for target in reversed(self.targets)}
+        chosen = sorted(first)[:count]
+        learned, truth = layers[chosen], torch.stack([first[subject] for subject in chosen])
+        rows = [composite(torch.full_like(x[..., :3], 0.2), x).flip(1) for x in (learned, truth)]
+        return srgb_from_linear(torch.cat([torch.cat(list(row), dim=1) for row in rows]).cpu())
 
     def recovered(self, generator: Callable[[Tensor], Tensor]) -> float:
         """1 - E(generator) / E(constant)."""

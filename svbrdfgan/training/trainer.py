@@ -203,7 +203,9 @@ def _score(session: _Session, state: State) -> None:
     if session.scorer is None or session.journal is None:
         return
     with session.fabric.autocast():
-        score = session.scorer.recovered(state.averaged)
+        layers = session.scorer.layers(state.averaged)
+    score = session.scorer.recovered_by(layers)
+    session.journal.show(state.step, "learned above truth", session.scorer.picture(layers))
     state.history.append({"step": state.step, "seconds": state.seconds, "recovered": score})
     session.journal.write(state.step, {"recovered": score, "seconds": state.seconds})
     if score > state.best[0]:

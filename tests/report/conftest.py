@@ -14,7 +14,7 @@ from svbrdfgan.data.config import DatasetConfig, MeshSource, SplitConfig
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.scene import AssetRef, OrbitCamera, Scene, SceneEnvironment
 from svbrdfgan.data.subject import Subject
-from svbrdfgan.scoring.evaluate import Evaluated, Evaluation
+from svbrdfgan.evaluation import Evaluated, Evaluation
 from svbrdfgan.training.config import DiscriminatorConfig, GeneratorConfig, TrainConfig
 from svbrdfgan.training.feed import Feed
 from svbrdfgan.training.run import RunConfig

@@ -165,3 +165,13 @@ def test_a_generator_is_scored_by_what_it_paints(tiny_exemplars: Exemplars, targ
     assert torch.equal(scorer.layers(knows, batch=1), truth)
     assert scorer.recovered(knows) == 1.0
     assert scorer.recovered(lambda geometry: 1 - knows(geometry)) < 0.5
+
+
+def test_picture_shows_learned_layers_above_the_truth(tiny_exemplars) -> None:  # noqa: ANN001
+    targets, _ = make_targets(tiny_exemplars, lambda index: torch.ones(32, 32), torch.device("cpu"))
+    subjects = len(tiny_exemplars.subjects)
+    scorer = Scorer(torch.zeros(subjects, 6, 32, 32), targets, 1.0, 1.0)
+    picture = scorer.picture(torch.zeros(subjects, 32, 32, 4))
+    assert picture.shape == (64, 32 * subjects, 3)
+    assert picture[:32].std() < 1e-6, "transparent layers are plain grey"
+    assert picture[32:].std() > 0, "the truth is not"

@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.scoring.evaluate import Evaluated, Evaluation, evaluate, pictures, share
+from svbrdfgan.evaluation import Evaluated, Evaluation, evaluate, pictures, share
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.oracle import OracleConfig
 from svbrdfgan.training.trainer import train
