@@ -35,8 +35,8 @@ COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
 
 
 _PATIENCE = ("GOMP_SPINCOUNT", "3000")
-"""Lets torch's threads sleep when they have waited some microseconds for each other. By default they spin much longer: on
-two cores that other programs use as well, a training step then took ten times as long, and alone it takes no less.
+"""Lets torch's threads sleep when they have waited some microseconds for each other; by default they spin far longer.
+On two cores that other programs use as well, a training step then took ten times as long; alone it takes no less.
 It counts only if set before torch is imported."""
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import torch
@@ -14,24 +13,12 @@ from torch import Tensor, nn
 
 from svbrdfgan.losses import LOSSES, gradient_penalty, gradient_square
 from svbrdfgan.training.config import LossConfig, TrainConfig
+from svbrdfgan.training.feed import Feed
 from svbrdfgan.training.picture import present
-from svbrdfgan.training.stages import Stage
 from svbrdfgan.training.state import State
 
 Diagnostics = dict[str, Tensor]
 Pictures = Float[Tensor, "batch channels height width"]
-
-
-class Material(Protocol):
-    """What a step is fed: exemplars by index, as tensors on the device, and the stages of fakes."""
-
-    def geometry(self, indices: Sequence[int]) -> Float[Tensor, "batch 6 rows cols"]: ...
-
-    def real(self, indices: Sequence[int]) -> tuple[Tensor, Tensor, Tensor | None]:
-        """Image, coverage and guide."""
-        ...
-
-    def stage(self, indices: Sequence[int], rng: np.random.Generator) -> Stage: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +30,7 @@ class Round:
 
 
 def training_step(
-    fabric: Fabric, config: TrainConfig, state: State, feed: Material, batches: Sequence[Sequence[int]]
+    fabric: Fabric, config: TrainConfig, state: State, feed: Feed, batches: Sequence[Sequence[int]]
 ) -> Diagnostics:
     """Updates the discriminator once for each batch of exemplars and then the generator once.
 
@@ -60,7 +47,7 @@ def training_step(
 
 
 def _play(
-    fabric: Fabric, config: TrainConfig, state: State, feed: Material, indices: Sequence[int], rng: np.random.Generator
+    fabric: Fabric, config: TrainConfig, state: State, feed: Feed, indices: Sequence[int], rng: np.random.Generator
 ) -> Round:
     with fabric.autocast():
         layers = state.generator(feed.geometry(indices))

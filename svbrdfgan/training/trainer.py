@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import logging
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -205,6 +206,8 @@ def _score(session: _Session, state: State) -> None:
     with session.fabric.autocast():
         layers = session.scorer.layers(state.averaged)
     score = session.scorer.recovered_by(layers)
+    if not math.isfinite(score):
+        raise _not_finite(state)
     session.journal.show(state.step, "learned above truth", session.scorer.picture(layers))
     state.history.append({"step": state.step, "seconds": state.seconds, "recovered": score})
     session.journal.write(state.step, {"recovered": score, "seconds": state.seconds})
@@ -234,7 +237,11 @@ def _finish(session: _Session, state: State) -> None:
 def _require_finite(state: State, diagnostics: Diagnostics) -> None:
     weights = {name: parameter.sum() for name, parameter in state.generator.named_parameters()}
     if not finite(diagnostics | weights):
-        raise TrainingError(
-            f"training stopped at step {state.step}: a loss or weight is not finite; the last checkpoint is good. "
-            "Lower optimizer.generator_rate or optimizer.discriminator_rate, or raise loss.r1, and resume."
-        )
+        raise _not_finite(state)
+
+
+def _not_finite(state: State) -> TrainingError:
+    return TrainingError(
+        f"training stopped at step {state.step}: a loss or weight is not finite; the last checkpoint is good. "
+        "Lower optimizer.generator_rate or optimizer.discriminator_rate, or raise loss.r1, and resume."
+    )

@@ -167,7 +167,7 @@ def test_a_generator_is_scored_by_what_it_paints(tiny_exemplars: Exemplars, targ
     assert scorer.recovered(lambda geometry: 1 - knows(geometry)) < 0.5
 
 
-def test_picture_shows_learned_layers_above_the_truth(tiny_exemplars) -> None:  # noqa: ANN001
+def test_picture_shows_learned_layers_above_the_truth(tiny_exemplars) -> None:
     targets, _ = make_targets(tiny_exemplars, lambda index: torch.ones(32, 32), torch.device("cpu"))
     subjects = len(tiny_exemplars.subjects)
     scorer = Scorer(torch.zeros(subjects, 6, 32, 32), targets, 1.0, 1.0)
