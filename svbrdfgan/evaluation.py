@@ -28,6 +28,7 @@ from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.feed import Feed, make_feed
 from svbrdfgan.training.oracle import OracleConfig, train_oracle
 from svbrdfgan.training.run import ORACLE, RunConfig, load_generator, load_model, save_generator
+from svbrdfgan.training.trainer import auto_precision
 
 EVALUATION = "evaluation.json"
 _ORACLE_TARGETS = 2048
@@ -114,7 +115,7 @@ def evaluate(
     shown = display or Silent()
     model = load_model(run)
     config = model.config.train.model_copy(update={"scenes": ScenesConfig()})  # the exemplars' own
-    fabric = Fabric(accelerator=device, devices=1, precision="bf16-mixed" if _cuda(device) else "32-true")
+    fabric = Fabric(accelerator=device, devices=1, precision=auto_precision(device))
     renderer = resolve_renderer(config.renderer, "cuda" if fabric.device.type == "cuda" else "cpu")
     folder = Path(model.config.dataset_folder)
 
@@ -242,7 +243,3 @@ def pictures(feed: Feed, index: int, layers: dict[str, Tensor]) -> dict[str, Flo
                 image = stage.render(layer.unsqueeze(0).to(feed.buffers.device))[0]
             shown[name] = as_displayed(image.cpu(), coverage=stage.coverage[0].cpu().float())
     return shown
-
-
-def _cuda(device: str) -> bool:
-    return device == "cuda" or (device == "auto" and torch.cuda.is_available())

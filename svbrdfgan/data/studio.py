@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -132,8 +131,3 @@ def _recipe(weathering: SceneWeathering) -> Any:
 def _digest(*records: Any) -> str:
     plain = [record.model_dump() if hasattr(record, "model_dump") else record for record in records]
     return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:12]
-
-
-def default_device() -> torch.device:
-    """A GPU where there is one."""
-    return torch.device("cuda" if torch.cuda.is_available() else "cpu")

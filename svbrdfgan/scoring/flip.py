@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -27,8 +26,3 @@ def flip(truth: Picture, picture: Picture) -> float:
     pair = [image.detach().cpu().float().contiguous().numpy() for image in (truth, picture)]
     _, mean, _ = flip_evaluator.evaluate(pair[0], pair[1], "LDR", applyMagma=False)
     return float(mean)
-
-
-def mean_flip(truths: list[Picture], pictures: list[Picture]) -> float:
-    """The mean over pairs."""
-    return float(torch.tensor([flip(a, b) for a, b in zip(truths, pictures, strict=True)]).mean())

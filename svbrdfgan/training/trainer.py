@@ -52,7 +52,7 @@ def train(
         TrainingError: a loss is not finite.
     """
     resolved = _resolve(config, run, base, resume)
-    precision = config.precision if config.precision != "auto" else _precision(config.device)
+    precision = config.precision if config.precision != "auto" else auto_precision(config.device)
     fabric = Fabric(
         accelerator=config.device,
         devices=config.devices,
@@ -103,7 +103,8 @@ def _resolve(config: TrainConfig, run: Path, base: Path, resume: bool) -> RunCon
     return resolved
 
 
-def _precision(device: str) -> Literal["bf16-mixed", "32-true"]:
+def auto_precision(device: str) -> Literal["bf16-mixed", "32-true"]:
+    """What `precision: auto` means on a device."""
     cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
     return "bf16-mixed" if cuda else "32-true"
 

@@ -47,9 +47,6 @@ class Material:
     def base_color(self) -> Float[Tensor, "*shape"]:
         return self.maps["base_color"]
 
-    def is_textured(self) -> bool:
-        return any(value.ndim == 3 for value in self.maps.values())
-
 
 @dataclass(frozen=True)
 class Materials:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import pytest
 import torch
 
-from svbrdfgan.scoring.flip import display, flip, mean_flip
+from svbrdfgan.scoring.flip import display, flip
 
 
 def a_picture() -> torch.Tensor:
@@ -27,12 +26,6 @@ def test_more_noise_is_more() -> None:
     errors = [flip(picture, (picture + scale * noise).clamp(0, 1)) for scale in (0.0, 0.02, 0.1, 0.3)]
     assert errors == sorted(errors)
     assert errors[1] > 0
-
-
-def test_the_mean_is_over_pairs() -> None:
-    picture, black = a_picture(), torch.zeros(24, 20, 3)
-    both = mean_flip([picture, picture], [picture, black])
-    assert both == pytest.approx(flip(picture, black) / 2, rel=1e-6)
 
 
 def test_displayed_before_grey() -> None:
