@@ -6,6 +6,7 @@ import json
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -119,6 +120,7 @@ def evaluate(
     renderer = resolve_renderer(config.renderer, "cuda" if fabric.device.type == "cuda" else "cpu")
     folder = Path(model.config.dataset_folder)
 
+    @cache
     def feed(of: Split) -> Feed:
         shown.begin(f"light transport of the {of} scenes")
         return make_feed(config, folder, of, renderer, fabric.device, progress=shown.advance)

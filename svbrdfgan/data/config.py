@@ -12,7 +12,6 @@ from svbrdfgan.options import StrictModel, validate
 from svbrdfgan.types import Part
 
 Split = Literal["train", "validation", "test"]
-Fraction = Annotated[float, Field(ge=0, le=1)]
 
 
 class PluginChoice(StrictModel):

@@ -17,8 +17,9 @@ from svbrdfgan.data.generate import exemplar_paths, generate, render_scene
 from svbrdfgan.data.plan import make_plan
 from svbrdfgan.data.studio import Studio, resolve_renderer
 
-_TRANSPORT_BYTES = 40
-"""For each pixel of a picture, on average, in half precision: measured on cars that fill a third of it."""
+_TRANSPORT_BYTES = 55
+"""For each pixel of a picture, in half precision. Measured on vehicles: 53 over 504 views at 64x64 and 32 samples,
+55 over 2,028 views at 256x256."""
 
 
 @dataclass(frozen=True)
