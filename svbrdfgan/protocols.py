@@ -75,7 +75,10 @@ class Renderer(Protocol[Prepared]):
         spp: int,
         seed: int,
     ) -> Gradients:
-        """The gradient of sum(image * grad_image). Given the `spp` and `seed` of a `render`, exactly that picture's.
+        """The gradient of sum(image * grad_image): unbiased for any `spp` and `seed`.
+
+        For base_color, given the `spp` and `seed` of a `render`, it is exactly that picture's. Other inputs may decide
+        where samples are drawn, as the environment does; there it takes the drawn samples as given.
 
         Raises:
             UnsupportedError: `wrt` names something that `capabilities.differentiable` does not.

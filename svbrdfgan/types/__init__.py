@@ -1,11 +1,13 @@
 """The records that every part of the project speaks in. They hold data and check it; they do nothing else."""
 
 from svbrdfgan.types.geometry import Mesh, Part, Surface
-from svbrdfgan.types.material import Material, Materials
+from svbrdfgan.types.material import DIELECTRIC_REFLECTANCE, LEAST_ROUGHNESS, Material, Materials
 from svbrdfgan.types.render import Gradients, Rendering, TransportSamples
 from svbrdfgan.types.view import Camera, Environment, View
 
 __all__ = [
+    "DIELECTRIC_REFLECTANCE",
+    "LEAST_ROUGHNESS",
     "Camera",
     "Environment",
     "Gradients",

@@ -15,12 +15,18 @@ from svbrdfgan.errors import AssetError
 CHANNELS: Mapping[str, int] = MappingProxyType({"base_color": 3, "roughness": 1, "metallic": 1, "normal": 3})
 """The names of the maps a material may have, and the channels of each (`docs/conventions.md` gives their meaning)."""
 
+DIELECTRIC_REFLECTANCE = 0.04
+"""Fresnel reflectance at normal incidence, F0, of a material with `roughness`."""
+
+LEAST_ROUGHNESS = 0.05
+"""Smoother materials are rendered as if they were as rough as this: a mirror has no density to sample."""
+
 
 @dataclass(frozen=True, eq=False)
 class Material:
     """Named maps, each a constant (channels,) or a texture (rows, cols, channels) with row 0 at v = 0.
 
-    A material with `base_color` alone is Lambertian and two-sided.
+    A material with `base_color` alone is Lambertian and two-sided; `roughness` adds a dielectric's gloss.
 
     Raises:
         AssetError: a map of an unknown name or shape, or no `base_color`.
