@@ -1,14 +1,16 @@
 """Warp kernels: trace camera samples to records, look textures up through them, and the transpose of that.
 
-A record is a camera sample's part (-1 where it met nothing), uv and weight. Record `i` of a chunk of neighbouring
-pixels is sample `i % spp` of pixel `first + i / spp`.
+A record is a camera sample's part (-1 where it met nothing), uv and weight, and two arrivals of light where gradients
+want them. Record `i` of a chunk of neighbouring pixels is sample `i % spp` of pixel `first + i / spp`.
+
+Gradients are summed in float64: in float32 a constant colour's stands still after 2^24 equal additions.
 """
 
 # mypy: ignore-errors
 
 import warp as wp
 
-from svbrdfgan_warp import chance
+from svbrdfgan_warp import chance, emitter
 
 wp.set_module_options({"enable_backward": False})
 
@@ -36,14 +38,6 @@ class Lens:
 
 
 @wp.struct
-class Light:
-    texels: wp.array2d(dtype=wp.vec4)  # radiance, and density of being drawn per solid angle, times sin(polar)
-    row_first: wp.array2d(dtype=wp.uint32)  # (1, rows): row i is drawn by the numbers from [0, i] to before [0, i + 1]
-    col_first: wp.array2d(dtype=wp.uint32)  # (rows, cols): likewise the columns within each row
-    rotation: wp.float32
-
-
-@wp.struct
 class Atlas:
     layout: wp.array(dtype=wp.vec3i)  # per part: first texel, rows, cols
     repeat_u: wp.bool
@@ -58,129 +52,103 @@ class Samples:
     seed_high: wp.uint32
 
 
-@wp.func
-def light_direction(light: Light, x: float, y: float):
-    """The world's direction to continuous pixel coordinates of the environment."""
-    azimuth = (x / float(light.texels.shape[1]) - 0.5) * wp.tau - light.rotation
-    polar = y / float(light.texels.shape[0]) * wp.pi
-    return wp.vec3(wp.sin(polar) * wp.sin(azimuth), wp.cos(polar), -wp.sin(polar) * wp.cos(azimuth))
+@wp.struct
+class Point:
+    p: wp.vec3
+    n: wp.vec3  # shading normal, on the viewer's side
+    away: wp.vec3  # geometric normal, as long as rays must start away from the surface
 
 
 @wp.func
-def light_coordinates(light: Light, d: wp.vec3):
-    """The inverse of `light_direction`, with columns in [0, cols) and rows in [0, rows]."""
-    turn = (wp.atan2(d[0], -d[2]) + light.rotation) / wp.tau + 0.5
-    polar = wp.atan2(wp.sqrt(d[0] * d[0] + d[2] * d[2]), d[1]) / wp.pi
-    return (turn - wp.floor(turn)) * float(light.texels.shape[1]), polar * float(light.texels.shape[0])
+def met(geometry: Geometry, corners: wp.vec3i, inside: wp.vec3, normal: wp.vec3, d: wp.vec3):
+    """The point with the barycentrics `inside` of a face with this geometric normal, met by a ray along `d`."""
+    a = geometry.points[corners[0]]
+    b = geometry.points[corners[1]]
+    c = geometry.points[corners[2]]
+    n = geometry.normals[corners[0]] * inside[0] + geometry.normals[corners[1]] * inside[1]
+    n = wp.normalize(n + geometry.normals[corners[2]] * inside[2])
+    if wp.dot(n, n) < 0.5:  # corner normals that cancel
+        n = normal
+    # The corners' size bounds the rounding error of the point between them.
+    reach = wp.max(wp.max(wp.max(wp.abs(a)), wp.max(wp.abs(b))), wp.max(wp.abs(c)))
+    point = Point()
+    point.p = a * inside[0] + b * inside[1] + c * inside[2]
+    point.n = n * wp.where(wp.dot(n, d) > 0.0, -1.0, 1.0)
+    point.away = normal * (reach * 1.0e-5)
+    return point
 
 
 @wp.func
-def light_texel(light: Light, row: int, col: int):
-    rows = light.texels.shape[0]
-    cols = light.texels.shape[1]
-    return light.texels[wp.clamp(row, 0, rows - 1), (col + cols) % cols]
+def arriving(mesh: wp.uint64, light: emitter.Light, point: Point, at: wp.vec2, d: wp.vec3, black: bool):
+    """Radiance from the direction `d`, which leads to the place `at`, and its share in the irradiance at a point.
 
-
-@wp.func
-def light_radiance(light: Light, x: float, y: float):
-    """Bilinear between pixel centres, around the seam and clamped at the poles."""
-    col = int(wp.floor(x - 0.5))
-    row = int(wp.floor(y - 0.5))
-    a = x - 0.5 - float(col)
-    b = y - 0.5 - float(row)
-    upper = light_texel(light, row, col) * (1.0 - a) + light_texel(light, row, col + 1) * a
-    lower = light_texel(light, row + 1, col) * (1.0 - a) + light_texel(light, row + 1, col + 1) * a
-    mixed = upper * (1.0 - b) + lower * b
-    return wp.vec3(mixed[0], mixed[1], mixed[2])
-
-
-@wp.func
-def drawn(first: wp.array2d(dtype=wp.uint32), row: int, number: wp.uint32):
-    """The column that a random number draws in a row: the last whose numbers begin at or before it."""
-    low = int(0)  # noqa: UP018, RUF046 - Warp's way to declare a variable
-    high = first.shape[1] - 1
-    while low < high:
-        middle = (low + high + 1) / 2
-        if first[row, middle] <= number:
-            low = middle
-        else:
-            high = middle - 1
-    return low
-
-
-@wp.func
-def arriving(geometry: Geometry, light: Light, x: float, y: float, d: wp.vec3, p: wp.vec3, n: wp.vec3, g: wp.vec3):
-    """Radiance times cosine over the summed densities of both techniques: the balance heuristic's share of irradiance.
-
-    `g` is the geometric normal, as long as rays must start away from the surface.
+    The share is cosine over the summed densities of both techniques (balance heuristic), zero under the horizon and in
+    shadow. Where the environment is black it is not worth a ray, and zero, unless `black` asks for it.
     """
-    cosine = wp.dot(n, d)
+    cosine = wp.dot(point.n, d)
     if cosine <= 0.0:
-        return wp.vec3(0.0)
-    radiance = light_radiance(light, x, y)
-    if wp.max(radiance) <= 0.0:
-        return wp.vec3(0.0)
-    start = p + g * wp.where(wp.dot(g, d) >= 0.0, 1.0, -1.0)
-    if wp.mesh_query_ray_anyhit(geometry.mesh, start, d, FAR):
-        return wp.vec3(0.0)
-    sine = wp.max(wp.sqrt(d[0] * d[0] + d[2] * d[2]), 1.0e-7)
-    density = light_texel(light, int(y), int(x))[3] / sine + cosine / wp.pi
-    return radiance * (cosine / density)
+        return wp.vec3(0.0), 0.0
+    radiance = emitter.radiance(light, at)
+    if wp.max(radiance) <= 0.0 and not black:
+        return radiance, 0.0
+    start = point.p + point.away * wp.where(wp.dot(point.away, d) >= 0.0, 1.0, -1.0)
+    if wp.mesh_query_ray_anyhit(mesh, start, d, FAR):
+        return radiance, 0.0
+    return radiance, cosine / (emitter.density(light, at, d) + cosine / wp.pi)
 
 
 @wp.func
-def irradiance(geometry: Geometry, light: Light, p: wp.vec3, n: wp.vec3, g: wp.vec3, u: wp.vec4ui, v: wp.vec4ui):
-    """An unbiased estimate of the irradiance at `p`, from one direction drawn by light and one by cosine."""
-    row = drawn(light.row_first, 0, u[2])
-    x = float(drawn(light.col_first, row, u[3])) + chance.unit(v[2])
-    y = float(row) + chance.unit(v[3])
-    by_light = arriving(geometry, light, x, y, light_direction(light, x, y), p, n, g)
-    d = chance.cosine_direction(n, chance.unit(v[0]), chance.unit(v[1]))
-    x, y = light_coordinates(light, d)
-    return by_light + arriving(geometry, light, x, y, d, p, n, g)
+def camera_ray(lens: Lens, pixel: int, a: float, b: float):
+    """The direction through a place in a pixel, from its upper left corner."""
+    x = (float(pixel % lens.width) + a) / float(lens.width) * 2.0 - 1.0
+    y = 1.0 - (float(pixel / lens.width) + b) / float(lens.height) * 2.0
+    return wp.normalize(lens.forward + lens.right * x + lens.top * y)
 
 
 @wp.kernel
 def trace(
     geometry: Geometry,
     lens: Lens,
-    light: Light,
+    light: emitter.Light,
     samples: Samples,
     part: wp.array(dtype=wp.int32),
     uv: wp.array(dtype=wp.vec2),
     weight: wp.array(dtype=wp.vec3),
+    arrivals: wp.array2d(dtype=wp.vec3),
 ):
-    """One record for each camera sample: where it meets the surface, and irradiance / pi / spp there."""
+    """One record for each camera sample: where it meets the surface, and irradiance / pi / spp there.
+
+    The irradiance is estimated from two directions, drawn by light and by cosine. `arrivals`, unless it is empty,
+    takes for each the place in the environment, and the share that its radiance has in the weight.
+    """
     i = wp.tid()
     pixel = samples.first + i / samples.spp
     u, v = chance.numbers(pixel, i % samples.spp, samples.seed_low, samples.seed_high)
-    x = (float(pixel % lens.width) + chance.unit(u[0])) / float(lens.width) * 2.0 - 1.0
-    y = 1.0 - (float(pixel / lens.width) + chance.unit(u[1])) / float(lens.height) * 2.0
-    d = wp.normalize(lens.forward + lens.right * x + lens.top * y)
+    d = camera_ray(lens, pixel, chance.unit(u[0]), chance.unit(u[1]))
     hit = wp.mesh_query_ray(geometry.mesh, lens.origin, d, FAR)
     if not hit.result:
         part[i] = -1
         return
-    a = geometry.corners[hit.face * 3]
-    b = geometry.corners[hit.face * 3 + 1]
-    c = geometry.corners[hit.face * 3 + 2]
-    s = hit.u
-    t = hit.v
-    r = 1.0 - s - t
-    pa = geometry.points[a]
-    pb = geometry.points[b]
-    pc = geometry.points[c]
-    n = wp.normalize(geometry.normals[a] * s + geometry.normals[b] * t + geometry.normals[c] * r)
-    if wp.dot(n, n) < 0.5:  # corner normals that cancel
-        n = hit.normal
-    n = n * wp.where(wp.dot(n, d) > 0.0, -1.0, 1.0)
-    # The corners' size bounds the rounding error of the point between them.
-    reach = wp.max(wp.max(wp.max(wp.abs(pa)), wp.max(wp.abs(pb))), wp.max(wp.abs(pc)))
-    p = pa * s + pb * t + pc * r
-    e = irradiance(geometry, light, p, n, hit.normal * (reach * 1.0e-5), u, v)
+    corner = hit.face * 3
+    corners = wp.vec3i(geometry.corners[corner], geometry.corners[corner + 1], geometry.corners[corner + 2])
+    inside = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
+    point = met(geometry, corners, inside, hit.normal, d)
+
+    keep = arrivals.shape[0] > 0
+    bright = emitter.sampled(light, u[2], u[3], v[2], v[3])
+    by_light, light_share = arriving(geometry.mesh, light, point, bright, emitter.direction(light, bright), keep)
+    upward = chance.cosine_direction(point.n, chance.unit(v[0]), chance.unit(v[1]))
+    facing = emitter.place(light, upward)
+    by_cosine, cosine_share = arriving(geometry.mesh, light, point, facing, upward, keep)
+
+    scale = 1.0 / (wp.pi * float(samples.spp))
     part[i] = geometry.face_part[hit.face]
-    uv[i] = geometry.uv[a] * s + geometry.uv[b] * t + geometry.uv[c] * r
-    weight[i] = e / (wp.pi * float(samples.spp))
+    where = geometry.uv[corners[0]] * inside[0] + geometry.uv[corners[1]] * inside[1]
+    uv[i] = where + geometry.uv[corners[2]] * inside[2]
+    weight[i] = (by_light * light_share + by_cosine * cosine_share) * scale
+    if keep:
+        arrivals[i, 0] = wp.vec3(bright[0], bright[1], light_share * scale)
+        arrivals[i, 1] = wp.vec3(facing[0], facing[1], cosine_share * scale)
 
 
 @wp.func
@@ -208,6 +176,12 @@ def taps(atlas: Atlas, part: int, uv: wp.vec2):
     return texels, wp.vec4((1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b)
 
 
+@wp.func
+def albedo(atlas: Atlas, texels: wp.array(dtype=wp.vec3), part: int, uv: wp.vec2):
+    t, w = taps(atlas, part, uv)
+    return texels[t[0]] * w[0] + texels[t[1]] * w[1] + texels[t[2]] * w[2] + texels[t[3]] * w[3]
+
+
 @wp.kernel
 def gather(
     atlas: Atlas,
@@ -226,23 +200,21 @@ def gather(
     for sample in range(samples.spp):
         i = pixel * samples.spp + sample
         if part[i] >= 0:
-            t, w = taps(atlas, part[i], uv[i])
-            colour = texels[t[0]] * w[0] + texels[t[1]] * w[1] + texels[t[2]] * w[2] + texels[t[3]] * w[3]
-            total += wp.cw_mul(weight[i], colour)
+            total += wp.cw_mul(weight[i], albedo(atlas, texels, part[i], uv[i]))
             met += 1
     image[samples.first + pixel] = total
     coverage[samples.first + pixel] = float(met) / float(samples.spp)
 
 
 @wp.kernel
-def scatter(
+def scatter_texels(
     atlas: Atlas,
     samples: Samples,
     part: wp.array(dtype=wp.int32),
     uv: wp.array(dtype=wp.vec2),
     weight: wp.array(dtype=wp.vec3),
     grad_image: wp.array(dtype=wp.vec3),
-    grad_texels: wp.array(dtype=wp.vec3),
+    grad_texels: wp.array(dtype=wp.vec3d),
 ):
     """The transpose of `gather`: adds weight * grad_image to the texels of each record."""
     i = wp.tid()
@@ -250,4 +222,28 @@ def scatter(
         t, w = taps(atlas, part[i], uv[i])
         g = wp.cw_mul(weight[i], grad_image[samples.first + i / samples.spp])
         for k in range(4):
-            wp.atomic_add(grad_texels, t[k], g * w[k])
+            wp.atomic_add(grad_texels, t[k], wp.vec3d(g * w[k]))
+
+
+@wp.kernel
+def scatter_light(
+    atlas: Atlas,
+    samples: Samples,
+    part: wp.array(dtype=wp.int32),
+    uv: wp.array(dtype=wp.vec2),
+    arrivals: wp.array2d(dtype=wp.vec3),
+    texels: wp.array(dtype=wp.vec3),
+    grad_image: wp.array(dtype=wp.vec3),
+    grad_light: wp.array2d(dtype=wp.vec3d),
+):
+    """The transpose of `trace` and `gather`: adds share * base_color * grad_image to the pixels of each arrival."""
+    i = wp.tid()
+    if part[i] >= 0:
+        g = wp.cw_mul(albedo(atlas, texels, part[i], uv[i]), grad_image[samples.first + i / samples.spp])
+        for j in range(2):
+            arrival = arrivals[i, j]
+            if arrival[2] > 0.0:
+                at = wp.vec2(arrival[0], arrival[1])
+                row, col, w = emitter.taps(grad_light.shape[0], grad_light.shape[1], at)
+                for k in range(4):
+                    wp.atomic_add(grad_light, row[k], col[k], wp.vec3d(g * (arrival[2] * w[k])))

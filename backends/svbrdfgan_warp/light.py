@@ -13,28 +13,28 @@ from torch import Tensor
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.types import Environment
-from svbrdfgan_warp import kernels
+from svbrdfgan_warp.emitter import Light
 
 _NUMBERS = 2**32
 
 
-def upload(environment: Environment, device: torch.device) -> kernels.Light:
+def upload(environment: Environment, device: torch.device) -> Light:
     """The environment as the kernels read it.
 
     Raises:
-        AssetError: the radiance is not finite.
+        AssetError: radiance that is negative or not finite.
     """
     radiance = environment.radiance.detach().to(device, torch.float32)
     rows, cols, _ = radiance.shape
     importance = _importance(radiance)
     by_row = importance.sum(dim=1, keepdim=True).T
-    if not torch.isfinite(by_row).all():
-        raise AssetError("environment holds values that are not finite; repair the picture or clip it.")
+    if not ((radiance >= 0).all() & by_row.isfinite().all()):
+        raise AssetError("environment holds radiance that is negative or not finite; wanted light: clean the image.")
     row_share, row_first = _table(by_row)
     col_share, col_first = _table(importance)
     density = row_share.T * col_share * (rows * cols / (2 * math.pi**2))
 
-    light: Any = kernels.Light()
+    light: Any = Light()
     light.texels = wp.from_torch(torch.cat([radiance, density.float()[..., None]], dim=2), dtype=wp.vec4)
     light.row_first = wp.from_torch(row_first, dtype=wp.uint32)
     light.col_first = wp.from_torch(col_first, dtype=wp.uint32)
@@ -43,9 +43,13 @@ def upload(environment: Environment, device: torch.device) -> kernels.Light:
 
 
 def _importance(radiance: Float[Tensor, "rows cols 3"]) -> Float[Tensor, "rows cols"]:
-    """Light per pixel times its solid angle, spread over 3x3 pixels because bilinear lookup spreads light likewise."""
+    """Light per pixel times its solid angle, spread over 3x3 pixels because bilinear lookup spreads light likewise.
+
+    A black environment counts as an even one.
+    """
     rows = radiance.shape[0]
-    grey = radiance.mean(dim=2).clamp_min(0)[None, None]
+    grey = radiance.mean(dim=2)[None, None]
+    grey = torch.where(grey.any(), grey, 1.0)
     padded = F.pad(F.pad(grey, (1, 1, 0, 0), mode="circular"), (0, 0, 1, 1), mode="replicate")
     polar = (torch.arange(rows, device=radiance.device) + 0.5) * (math.pi / rows)
     return (F.avg_pool2d(padded, 3, stride=1)[0, 0] * polar.sin()[:, None]).double()
@@ -55,9 +59,9 @@ def _table(weight: Float[Tensor, "rows cols"]) -> tuple[Float[Tensor, "rows cols
     """The probability of each column in its row, and the first of the 2^32 numbers that draw it, as uint32 bits.
 
     Probabilities are whole numbers of 2^-32, so that the density used is exactly the one drawn from, and sums do not
-    depend on their order. What is rounded off goes to the last column.
+    depend on their order. What is rounded off goes to the last column; in a row without weight, that is all.
     """
-    share = (weight * ((_NUMBERS - 1) / weight.sum(dim=1, keepdim=True).clamp_min(1e-300))).long()
+    share = (weight / weight.sum(dim=1, keepdim=True).clamp_min(1e-300) * (_NUMBERS - 1)).long()
     first = F.pad(share[:, :-1].cumsum(dim=1), (1, 0))
     share[:, -1] = _NUMBERS - first[:, -1]
     return share.double() / _NUMBERS, first.int()

@@ -11,13 +11,13 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from svbrdfgan.types import TransportSamples, View
-from svbrdfgan_warp import kernels
+from svbrdfgan_warp import emitter, kernels
 from svbrdfgan_warp.device import launch
 from svbrdfgan_warp.light import upload
 from svbrdfgan_warp.scene import PreparedSurface, lens
 
 CHUNK = {"cpu": 2**15, "cuda": 2**24}
-"""Samples traced at a time; a record takes 24 bytes."""
+"""Samples traced at a time; a record takes 24 bytes, and 24 more with its arrivals."""
 
 
 @dataclass(frozen=True)
@@ -63,17 +63,23 @@ class Records:
         part: the part met; -1, with uv and weight undefined, where there was nothing.
         uv: where it was met.
         weight: irradiance / pi / spp.
+        arrivals: of each of the sample's two directions, the place in the environment (x, y in pixels) and the share
+            of the radiance there in `weight`; undefined where there was nothing. Empty unless asked for.
     """
 
     run: Run
     part: Int[Tensor, " records"]
     uv: Float[Tensor, "records 2"]
     weight: Float[Tensor, "records 3"]
+    arrivals: Float[Tensor, "kept 2 3"]
 
     def arguments(self) -> tuple[Any, ...]:
-        """The records as kernels take them."""
-        uv, weight = wp.from_torch(self.uv, dtype=wp.vec2), wp.from_torch(self.weight, dtype=wp.vec3)
-        return self.run.samples(), wp.from_torch(self.part), uv, weight
+        """The records as kernels take them, but for the arrivals."""
+        return *self.met(), wp.from_torch(self.weight, dtype=wp.vec3)
+
+    def met(self) -> tuple[Any, ...]:
+        """What was met where, as kernels take it."""
+        return self.run.samples(), wp.from_torch(self.part), wp.from_torch(self.uv, dtype=wp.vec2)
 
     def transport(self) -> TransportSamples:
         """Those that met the surface."""
@@ -84,21 +90,24 @@ class Records:
 
 @dataclass(frozen=True, eq=False)
 class Tracer:
-    """Traces a view of a surface. May be used from several threads at once."""
+    """Traces a view of a surface, and keeps arrivals if told. May be used from several threads at once."""
 
     surface: PreparedSurface
     lens: kernels.Lens
-    light: kernels.Light
+    light: emitter.Light
+    arrivals: bool
 
     @classmethod
-    def of(cls, surface: PreparedSurface, view: View) -> Tracer:
-        return cls(surface, lens(view, surface.centre), upload(view.environment, surface.device))
+    def of(cls, surface: PreparedSurface, view: View, *, arrivals: bool = False) -> Tracer:
+        return cls(surface, lens(view, surface.centre), upload(view.environment, surface.device), arrivals)
 
     def __call__(self, run: Run) -> Records:
         device = self.surface.device
         part = torch.empty(len(run), dtype=torch.int32, device=device)
         uv, weight = (torch.empty(len(run), n, dtype=torch.float32, device=device) for n in (2, 3))
-        records = Records(run, part, uv, weight)
+        arrivals = torch.empty(len(run) if self.arrivals else 0, 2, 3, dtype=torch.float32, device=device)
+        records = Records(run, part, uv, weight, arrivals)
         scene = (self.surface.geometry, self.lens, self.light)
-        launch(kernels.trace, len(run), (*scene, *records.arguments()), device)
+        kept = wp.from_torch(arrivals, dtype=wp.vec3)
+        launch(kernels.trace, len(run), (*scene, *records.arguments(), kept), device)
         return records

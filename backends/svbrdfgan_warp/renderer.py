@@ -1,4 +1,4 @@
-"""The renderer: direct light, its gradient with respect to base colours, and its transport."""
+"""The renderer: direct light, its gradients with respect to base colours and environment, and its transport."""
 
 from __future__ import annotations
 
@@ -14,11 +14,14 @@ from svbrdfgan.errors import ConfigError, UnsupportedError
 from svbrdfgan.protocols import RendererCapabilities
 from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan_warp import kernels, scene, textures
+from svbrdfgan_warp.adjoint import Adjoint
 from svbrdfgan_warp.device import choose, in_order, launch
 from svbrdfgan_warp.records import Run, Tracer, runs
 from svbrdfgan_warp.scene import PreparedSurface
 
-CAPABILITIES = RendererCapabilities(transport=True)
+CAPABILITIES = RendererCapabilities(
+    maps=frozenset({"base_color"}), differentiable=frozenset({"base_color", "environment"}), transport=True
+)
 
 
 @dataclass(frozen=True, init=False)
@@ -77,21 +80,20 @@ class WarpRenderer:
         spp: int,
         seed: int,
     ) -> Gradients:
-        """The gradient of sum(image * grad_image): the transpose of `render` on the same samples, which is exact."""
+        """The gradient of sum(image * grad_image): the transpose of `render` on the same samples.
+
+        That of the environment takes the drawn directions as given.
+        """
         self._check(prepared, spp)
         _check_materials(prepared, materials)
         _check_gradient(wrt, view, grad_image)
         if not wrt:
             return Gradients(tuple({} for _ in materials.parts))
-        sizes = textures.shapes(materials)
-        atlas = textures.atlas(sizes, prepared.repeat, self.device)
-        count = sum(rows * cols for rows, cols in sizes)
-        texels = torch.zeros(count, 3, dtype=torch.float32, device=self.device)
-        given = grad_image.detach().to(self.device, torch.float32).reshape(-1, 3).contiguous()
-        ends = wp.from_torch(given, wp.vec3), wp.from_torch(texels, wp.vec3)
-        for records in in_order(Tracer.of(prepared, view), runs(view, spp, seed, self.device), self.device):
-            launch(kernels.scatter, len(records.run), (atlas, *records.arguments(), *ends), self.device)
-        return Gradients(tuple({"base_color": gradient} for gradient in textures.unpack(texels, materials)))
+        tracer = Tracer.of(prepared, view, arrivals="environment" in wrt)
+        adjoint = Adjoint.of(prepared, materials, view, grad_image, wrt)
+        for records in in_order(tracer, runs(view, spp, seed, self.device), self.device):
+            adjoint.add(records)
+        return adjoint.gradients(materials)
 
     def transport(self, prepared: PreparedSurface, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
         """The samples that `render` makes, before materials; sorted by pixel."""
@@ -117,15 +119,16 @@ def _check_materials(prepared: PreparedSurface, materials: Materials) -> None:
     for part, material in zip(prepared.parts, materials.parts, strict=True):
         if unread := sorted(material.maps.keys() - CAPABILITIES.maps):
             raise UnsupportedError(
-                f"warp renderer: the material of part {part!r} has {', '.join(unread)}; only base_color is read: "
-                "drop the map or choose another renderer."
+                f"warp renderer: the material of part {part!r} has {', '.join(unread)}, but this renderer reads "
+                "base_color alone: drop the map, or take a renderer that reads it (`svbrdfgan backends` shows maps)."
             )
 
 
 def _check_gradient(wrt: frozenset[str], view: View, grad_image: Tensor) -> None:
     if unknown := sorted(wrt - CAPABILITIES.differentiable):
         raise UnsupportedError(
-            f"warp renderer: there is no gradient for {', '.join(unknown)}; wrt may name base_color."
+            f"warp renderer: there is no gradient for {', '.join(unknown)}; "
+            f"wrt may name {', '.join(sorted(CAPABILITIES.differentiable))}."
         )
     film = (view.height, view.width, 3)
     if grad_image.shape != film:

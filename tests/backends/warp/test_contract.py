@@ -30,12 +30,25 @@ def threads() -> Iterator[None]:
     torch.set_num_threads(before)
 
 
-def test_it_is_a_renderer_with_transport(renderer: WarpRenderer) -> None:
+def test_it_is_a_renderer_with_transport(device: str) -> None:
+    renderer = WarpRenderer(device)
     assert isinstance(renderer, Renderer)
     assert isinstance(renderer, TransportRenderer)
     assert renderer.capabilities.transport
-    assert renderer.device == torch.device("cpu")
-    assert renderer == WarpRenderer("cpu")
+    assert renderer.device.type == device
+    assert renderer == WarpRenderer(device)
+
+
+def test_results_live_on_its_device(device: str) -> None:
+    renderer, wrt = WarpRenderer(device), frozenset({"base_color", "environment"})
+    prepared = renderer.prepare(scenes.plane())
+    rendering = renderer.render(prepared, WHITE, VIEW, spp=1, seed=0)
+    gradients = renderer.render_vjp(prepared, WHITE, VIEW, ONES, wrt=wrt, spp=1, seed=0)
+    (samples,) = renderer.transport(prepared, VIEW, spp=1, seed=0)
+    results = [rendering.image, rendering.coverage, gradients.environment, gradients.materials[0]["base_color"]]
+    results += [samples.weight, samples.uv]
+    assert all(result.device == renderer.device and result.dtype == torch.float32 for result in results)
+    assert samples.pixel.device == samples.part.device == renderer.device
 
 
 @pytest.mark.parametrize("name", ["gpu", "cuda:", "CPU", "", "cuda:-1"])
@@ -60,13 +73,17 @@ def test_materials_must_be_as_many_as_parts(renderer: WarpRenderer, prepared: Pr
 
 def test_maps_that_are_not_read_are_refused(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
     rough = Materials((Material({"base_color": torch.ones(3), "roughness": torch.ones(1)}),))
-    with pytest.raises(UnsupportedError, match=r"part0.*roughness"):
+    wrt = frozenset({"base_color"})
+    with pytest.raises(UnsupportedError, match=r"part0.*roughness.*reads base_color alone"):
         renderer.render(prepared, rough, VIEW, spp=1, seed=0)
+    with pytest.raises(UnsupportedError, match=r"part0.*roughness.*reads base_color alone"):
+        renderer.render_vjp(prepared, rough, VIEW, ONES, wrt=wrt, spp=1, seed=0)
 
 
 def test_gradients_that_are_not_declared_are_refused(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
-    with pytest.raises(UnsupportedError, match="environment"):
-        renderer.render_vjp(prepared, WHITE, VIEW, ONES, wrt=frozenset({"environment"}), spp=1, seed=0)
+    assert renderer.capabilities.differentiable == {"base_color", "environment"}
+    with pytest.raises(UnsupportedError, match="no gradient for roughness; wrt may name base_color, environment"):
+        renderer.render_vjp(prepared, WHITE, VIEW, ONES, wrt=frozenset({"base_color", "roughness"}), spp=1, seed=0)
 
 
 def test_a_gradient_of_another_film_is_refused(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
@@ -79,13 +96,11 @@ def test_no_samples_are_refused(renderer: WarpRenderer, prepared: PreparedSurfac
         renderer.transport(prepared, VIEW, spp=0, seed=0)
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf")])
-def test_an_environment_that_is_not_finite_is_refused(
-    renderer: WarpRenderer, prepared: PreparedSurface, value: float
-) -> None:
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
+def test_impossible_light_is_refused(renderer: WarpRenderer, prepared: PreparedSurface, value: float) -> None:
     radiance = torch.ones(4, 8, 3)
     radiance[1, 2, 0] = value
-    with pytest.raises(AssetError, match="not finite"):
+    with pytest.raises(AssetError, match="negative or not finite"):
         renderer.render(prepared, WHITE, scenes.front_view(Environment(radiance)), spp=1, seed=0)
 
 
@@ -105,27 +120,26 @@ def test_the_seed_alone_decides(renderer: WarpRenderer, prepared: PreparedSurfac
     assert not torch.equal(a, d)
 
 
-def test_the_number_of_threads_changes_nothing(
-    renderer: WarpRenderer, prepared: PreparedSurface, threads: None
-) -> None:
-    materials, wrt = scenes.lambertian(scenes.random_texture(9, 5)), frozenset({"base_color"})
-    results = []
+def test_the_number_of_threads_changes_nothing(threads: None) -> None:
+    materials, wrt = scenes.lambertian(scenes.random_texture(9, 5)), frozenset({"base_color", "environment"})
+    renderer, results = WarpRenderer("cpu"), []
+    prepared = renderer.prepare(scenes.sphere())
     for count in (1, 3):
         torch.set_num_threads(count)
         image = renderer.render(prepared, materials, VIEW, spp=64, seed=1).image
         gradients = renderer.render_vjp(prepared, materials, VIEW, ONES, wrt=wrt, spp=64, seed=1)
         weight = torch.cat([s.weight for s in renderer.transport(prepared, VIEW, spp=64, seed=1)])
-        results.append((image, gradients.materials[0]["base_color"], weight))
+        results.append((image, gradients.materials[0]["base_color"], gradients.environment, weight))
     assert all(torch.equal(one, three) for one, three in zip(*results, strict=True))
 
 
-def test_a_caller_s_settings_are_left_alone(renderer: WarpRenderer, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_caller_s_settings_are_left_alone(device: str, capfd: pytest.CaptureFixture[str]) -> None:
     level, default = wp.config.log_level, torch.get_default_dtype()
     wp.config.log_level = wp.LOG_DEBUG
     torch.set_default_dtype(torch.float64)
     try:
         with wp.Tape() as tape:
-            rendering = scenes.picture(WarpRenderer("cpu"), scenes.plane(), WHITE, scenes.front_view(VIEW.environment))
+            rendering = scenes.picture(WarpRenderer(device), scenes.plane(), WHITE, scenes.front_view(VIEW.environment))
         assert wp.config.log_level == wp.LOG_DEBUG
     finally:
         wp.config.log_level = level

@@ -86,4 +86,17 @@ def test_a_gradient_needs_no_contiguous_float32(renderer: WarpRenderer, view: Vi
     given = torch.rand(3, 11, 7, dtype=torch.float64).permute(2, 1, 0)
     plain = given.float().contiguous()
     a, b = (renderer.render_vjp(prepared, materials, view, g, wrt=BASE, spp=2, seed=0) for g in (given, plain))
-    assert torch.equal(a.materials[0]["base_color"], b.materials[0]["base_color"])
+    assert torch.allclose(a.materials[0]["base_color"], b.materials[0]["base_color"], rtol=1e-6)
+
+
+def test_sums_of_very_many_samples_stay_exact(renderer: WarpRenderer) -> None:
+    """A constant colour and a constant light gather a million and two million small parts in one number each."""
+    prepared, colour = renderer.prepare(scenes.plane(2.0)), torch.tensor([0.5, 0.25, 1.0])
+    view = scenes.front_view(scenes.constant_light((3.0, 2.0, 1.0), 1, 1), distance=1.0)
+    args = (prepared, scenes.lambertian(colour), view)
+    image = renderer.render(*args, spp=1024, seed=0).image.double().sum(dim=(0, 1))
+    both = BASE | {"environment"}
+    gradients = renderer.render_vjp(*args, torch.ones(16, 16, 3), wrt=both, spp=1024, seed=0)
+    assert gradients.environment is not None
+    assert torch.allclose(gradients.materials[0]["base_color"].double() * colour, image, rtol=1e-5)
+    assert torch.allclose(gradients.environment.double() * view.environment.radiance, image, rtol=1e-5)
