@@ -12,7 +12,7 @@ from svbrdfgan.training.run import Model
 from svbrdfgan.types import Mesh
 
 
-def paint(mesh: Mesh, model: Model) -> tuple[Subject, Float[Tensor, "rows cols 4"]]:
+def paint(mesh: Mesh, model: Model) -> tuple[Subject, Float[Tensor, "rows cols channels"]]:
     """The mesh under the embedding and resolution that the model learned on, and the layer that it paints there."""
     learned = model.config.dataset
     embedding = load_embedding(learned.embedding.name, learned.embedding.options)

@@ -2,14 +2,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from svbrdfgan.errors import AssetError
+from svbrdfgan.types.material import CHANNELS
 
-def composite(base: Float[Tensor, "*shape 3"], layer: Float[Tensor, "*shape 4"]) -> Float[Tensor, "*shape 3"]:
-    """The reflectance of `base` under a layer of straight-alpha linear RGBA (thesis 3.1). Shapes may broadcast."""
-    color, alpha = layer[..., :3], layer[..., 3:]
-    return base + alpha * (color - base)
+RGBA = 4
+"""Channels of a layer before those of further maps."""
+
+
+def layer_channels(maps: Iterable[str]) -> int:
+    """The channels of a layer that paints these maps beside base_color: RGBA, then theirs, ordered as `CHANNELS`."""
+    return RGBA + sum(CHANNELS[name] for name in maps)
+
+
+def composite(base: Float[Tensor, "*shape values"], layer: Float[Tensor, "*shape channels"]) -> Float[Tensor, ...]:
+    """`base` under a layer of straight alpha (thesis 3.1), shaped as both together. Shapes may broadcast.
+
+    A base of three values is the reflectance alone; one of more has a value for each channel of the layer but alpha.
+    """
+    values, alpha = layer[..., :3], layer[..., 3:RGBA]
+    if base.shape[-1] > 3:
+        values = torch.cat([values, layer[..., RGBA:]], dim=-1)
+    return _blend(base, values, alpha)
+
+
+def composite_maps(base: Mapping[str, Tensor], layer: Float[Tensor, "rows cols channels"]) -> dict[str, Tensor]:
+    """A material's maps under a layer that paints all of them.
+
+    Raises:
+        AssetError: the layer has channels for other maps.
+    """
+    names = [name for name in CHANNELS if name in base]
+    wanted = layer_channels(names[1:])
+    if layer.shape[-1] != wanted:
+        raise AssetError(f"a layer has {layer.shape[-1]} channels; wanted {wanted}, for {', '.join(names)} and alpha.")
+    color, alpha, *further = layer.split([3, 1, *(CHANNELS[name] for name in names[1:])], dim=-1)
+    return {name: _blend(base[name], values, alpha) for name, values in zip(names, (color, *further), strict=True)}
 
 
 def over(
@@ -17,3 +50,7 @@ def over(
 ) -> Float[Tensor, "*shape 3"]:
     """A premultiplied picture of a surface before any background."""
     return image + (1.0 - coverage).unsqueeze(-1) * background
+
+
+def _blend(base: Tensor, values: Tensor, alpha: Tensor) -> Tensor:
+    return base + alpha * (values - base)

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from lightning_fabric import Fabric
 from torch import Tensor
 
+from svbrdfgan.compositing import RGBA
 from svbrdfgan.data.config import Split
 from svbrdfgan.data.studio import resolve_renderer
 from svbrdfgan.display import Display, Silent
@@ -24,7 +25,7 @@ from svbrdfgan.networks import Generator
 from svbrdfgan.options import StrictModel
 from svbrdfgan.scoring.flip import display as as_displayed
 from svbrdfgan.scoring.flip import flip
-from svbrdfgan.scoring.recovered import Scorer, best_constant, make_targets
+from svbrdfgan.scoring.recovered import Scorer, best_constant, make_targets, mean_errors
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.feed import Feed, make_feed
 from svbrdfgan.training.oracle import OracleConfig, train_oracle
@@ -49,6 +50,7 @@ class Evaluation(StrictModel):
             noise alone makes of it is `flip_truth`, with G0's own layers.
         seen: share of the learnable area that the split's pictures show; only that is scored.
         constant: the layer of least error on the training subjects.
+        maps: mean absolute error of the generator in each further map that layers paint.
     """
 
     split: Split
@@ -65,6 +67,7 @@ class Evaluation(StrictModel):
     constant: tuple[float, float, float, float]
     subjects: int
     exemplars: int
+    maps: dict[str, float] = {}
 
     def lines(self) -> list[str]:
         """What to tell a user."""
@@ -78,7 +81,7 @@ class Evaluation(StrictModel):
         told.append(
             f"FLIP:      {self.flip:.3f} (constant layer {self.flip_constant:.3f}, noise alone {self.flip_truth:.3f})"
         )
-        return told
+        return told + [f"{name}: {error:.3f} mean absolute error" for name, error in self.maps.items()]
 
     def save(self, run: Path) -> None:
         with atomic_path(run / EVALUATION) as temporary:
@@ -96,7 +99,7 @@ class Evaluated:
     evaluation: Evaluation
     config: RunConfig
     feed: Feed
-    layers: dict[str, Float[Tensor, "subjects rows cols 4"]]
+    layers: dict[str, Float[Tensor, "subjects rows cols channels"]]
 
 
 def evaluate(
@@ -138,6 +141,8 @@ def evaluate(
     layers["constant"] = constant.expand_as(layers["generated"])
     shown.begin("comparing pictures", len(scored))
     evaluation = _judge(split, scorer, layers, found, constant, _flips(scored, layers, shown))
+    further = mean_errors(scorer.targets, layers["generated"])[1:]
+    evaluation = evaluation.model_copy(update={"maps": dict(zip(model.config.maps, further, strict=True))})
     evaluation.save(run)
     return Evaluated(evaluation, model.config, scored, layers)
 
@@ -191,7 +196,7 @@ def _judge(
 ) -> Evaluation:
     recovered = scorer.recovered_by(layers["generated"])
     best = scorer.recovered_by(layers["oracle"]) if oracle else None
-    red, green, blue, alpha = constant.tolist()
+    red, green, blue, alpha = constant[:RGBA].tolist()
     return Evaluation(
         split=split,
         recovered=recovered,
@@ -215,7 +220,7 @@ def share(recovered: float, oracle: float | None) -> float | None:
     return recovered / oracle if oracle is not None and oracle > 0 else None
 
 
-def _layers(fabric: Fabric, scorer: Scorer, generator: Generator) -> Float[Tensor, "subjects rows cols 4"]:
+def _layers(fabric: Fabric, scorer: Scorer, generator: Generator) -> Float[Tensor, "subjects rows cols channels"]:
     with fabric.autocast():
         return scorer.layers(generator.to(fabric.device))
 

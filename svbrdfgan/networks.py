@@ -9,15 +9,16 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from svbrdfgan.compositing import RGBA
+
 GEOMETRY_CHANNELS = 6
-LAYER_CHANNELS = 4
 
 Norm = Literal["instance", "group", "none"]
 Upsampling = Literal["nearest", "strided"]
 
 
 class Generator(nn.Module):
-    """Johnson et al.'s ResNet (2016): a geometry buffer in, an RGBA layer out, at the same size.
+    """Johnson et al.'s ResNet (2016): a geometry buffer in, a layer out, at the same size.
 
     One 7x7 convolution, two strided ones, residual blocks, two upsampling convolutions, one 7x7.
 
@@ -27,23 +28,30 @@ class Generator(nn.Module):
         norm: "instance" is the thesis's.
         upsampling: "strided" convolutions, fractionally, are the thesis's, and leave a pattern of four texels in what
             they paint; "nearest" doubles the features and convolves (Odena et al. 2016), and does not.
+        channels: of the layer: RGBA, and those of further maps (`layer_channels`).
     """
 
     def __init__(
-        self, width: int = 64, blocks: int = 6, norm: Norm = "instance", upsampling: Upsampling = "nearest"
+        self,
+        width: int = 64,
+        blocks: int = 6,
+        norm: Norm = "instance",
+        upsampling: Upsampling = "nearest",
+        channels: int = RGBA,
     ) -> None:
         super().__init__()
+        self.channels = channels
         layers: list[nn.Module] = [*_conv(GEOMETRY_CHANNELS, width, 7, norm)]
         layers += _conv(width, 2 * width, 3, norm, stride=2)
         layers += _conv(2 * width, 4 * width, 3, norm, stride=2)
         layers += [ResidualBlock(4 * width, norm) for _ in range(blocks)]
         layers += _upconv(4 * width, 2 * width, norm, upsampling)
         layers += _upconv(2 * width, width, norm, upsampling)
-        layers += [nn.Conv2d(width, LAYER_CHANNELS, 7, padding=3, padding_mode="reflect")]
+        layers += [nn.Conv2d(width, channels, 7, padding=3, padding_mode="reflect")]
         self.layers = nn.Sequential(*layers)
 
-    def forward(self, geometry: Float[Tensor, "batch 6 rows cols"]) -> Float[Tensor, "batch rows cols 4"]:
-        """Straight-alpha linear RGBA in (0, 1). Rows and columns must be multiples of four, and at least 16."""
+    def forward(self, geometry: Float[Tensor, "batch 6 rows cols"]) -> Float[Tensor, "batch rows cols channels"]:
+        """Straight-alpha linear values in (0, 1). Rows and columns must be multiples of four, and at least 16."""
         return torch.sigmoid(self.layers(geometry).float()).permute(0, 2, 3, 1)
 
 

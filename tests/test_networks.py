@@ -17,6 +17,10 @@ def test_layer_has_the_buffer_s_size_and_range(size: tuple[int, int], norm: str)
     assert 0 < layer.min() <= layer.max() < 1
 
 
+def test_a_layer_has_a_channel_for_each_value_of_its_maps() -> None:
+    assert Generator(width=4, blocks=0, channels=6)(torch.randn(1, 6, 16, 16)).shape == (1, 16, 16, 6)
+
+
 def test_thesis_generator() -> None:
     generator = Generator(upsampling="strided")
     assert sum(isinstance(m, ResidualBlock) for m in generator.modules()) == 6

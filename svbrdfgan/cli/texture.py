@@ -18,6 +18,7 @@ def command(mesh: Path, run: Path, out: Path) -> None:
     from svbrdfgan.io import load_mesh
     from svbrdfgan.training.run import load_model
 
-    subject, layer = paint(load_mesh(mesh), load_model(run))
-    alone = write_weathered(out, subject, layer)
+    model = load_model(run)
+    subject, layer = paint(load_mesh(mesh), model)
+    alone = write_weathered(out, subject, layer, model.config.maps)
     click.echo(f"{out}\n{alone}")

@@ -15,6 +15,9 @@ from svbrdfgan.cli.options import key_values
 @click.option("--amount", default=1.0, show_default=True, type=click.FloatRange(0, 1), help="0 is clean.")
 @click.option("--seed", default=0, show_default=True, help="Another seed, another pattern.")
 @click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the recipe; repeatable.")
+@click.option(
+    "--map", "maps", multiple=True, metavar="NAME=BARE", help="Paint this map too, as roughness=0.3; repeatable."
+)
 @click.option("--embedding", default="hemispherical", show_default=True, help="See `svbrdfgan embeddings`.")
 @click.option(
     "--resolution", default=512, show_default=True, type=click.IntRange(16, 8192), help="Texels along a side."
@@ -26,19 +29,22 @@ def command(
     amount: float,
     seed: int,
     options: tuple[str, ...],
+    maps: tuple[str, ...],
     embedding: str,
     resolution: int,
     out: Path,
 ) -> None:
     """Weather MESH by a recipe; write it as GLB, and the layer by itself as PNG beside it."""
     from svbrdfgan.data.config import PartSelection
+    from svbrdfgan.data.scene import map_values
     from svbrdfgan.data.subject import make_subject
     from svbrdfgan.export import write_weathered
     from svbrdfgan.io import load_mesh
     from svbrdfgan.plugins import load_embedding
     from svbrdfgan.weathering import recipe_from_options, weather
 
+    bare = map_values(key_values(maps), "--map")
     chosen = recipe_from_options(recipe, {"amount": amount, "seed": seed, **key_values(options)})
     subject = make_subject(load_mesh(mesh), load_embedding(embedding), resolution, PartSelection())
-    alone = write_weathered(out, subject, weather(subject.surface, subject.buffer, chosen))
+    alone = write_weathered(out, subject, weather(subject.surface, subject.buffer, chosen, bare), bare)
     click.echo(f"{out}\n{alone}")

@@ -3,15 +3,34 @@
 from __future__ import annotations
 
 from fnmatch import fnmatchcase
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from svbrdfgan.data.distributions import Choice, Color, Fixed, Integer, Number, Paint, Uniform
 from svbrdfgan.options import StrictModel, validate
 from svbrdfgan.types import Part
+from svbrdfgan.types.material import CHANNELS
 
 Split = Literal["train", "validation", "test"]
+FURTHER_MAPS = tuple(name for name, channels in CHANNELS.items() if channels == 1)
+"""Maps that layers may paint beside base_color: those of one number in [0, 1]."""
+
+T = TypeVar("T")
+
+
+def _in_order(maps: dict[str, T]) -> dict[str, T]:
+    """As ordered in `CHANNELS`, however written: that is how the channels of a layer lie."""
+    for name in maps:
+        if name not in FURTHER_MAPS:
+            raise ValueError(
+                f"{name!r} is not a map that is painted beside base_color; known: {', '.join(FURTHER_MAPS)}"
+            )
+    return {name: maps[name] for name in FURTHER_MAPS if name in maps}
+
+
+FurtherMaps = Annotated[dict[str, T], AfterValidator(_in_order)]
+"""Something for each of the maps that layers paint beside base_color."""
 
 
 class PluginChoice(StrictModel):
@@ -131,6 +150,7 @@ class DatasetConfig(StrictModel):
     embedding: Plugin = PluginChoice(name="hemispherical")
     learnable: PartSelection = PartSelection()
     paint: Paint | None = Choice[Color](choice=PAINTS)
+    maps: FurtherMaps[Number] = {}
     environments: EnvironmentSource = EnvironmentSource(procedural=ProceduralSkies(count=8))
     environment_rotation_degrees: Number = Uniform(uniform=(0.0, 360.0))
     environment_rows: int = Field(default=256, ge=8, description="larger maps are shrunk, keeping their energy")

@@ -96,6 +96,20 @@ Number = Annotated[
 ]
 """A distribution over numbers."""
 
+
+def mean(declared: Number) -> float:
+    """The expected value."""
+    match declared:
+        case Fixed():
+            return declared.fixed
+        case Uniform():
+            return sum(declared.uniform) / 2
+        case Normal():
+            return declared.normal[0]
+        case Choice():
+            return sum(declared.choice) / len(declared.choice)
+
+
 Integer = Annotated[
     Annotated[Fixed[int], BeforeValidator(_fixed), Tag("plain")]
     | Annotated[Fixed[int], Tag("fixed")]

@@ -57,7 +57,7 @@ def estimate(config: DatasetConfig, base: Path) -> Needs:
         picture = sum(exemplar_paths(folder, "train", n)[0].stat().st_size for n in range(few.views)) / few.views
         subject = sum(file.stat().st_size for file in (folder / "cache").rglob("*") if file.is_file())
     pixels, texels = config.image[0] * config.image[1], config.texture**2
-    transport = exemplars * pixels * _TRANSPORT_BYTES
+    transport = 0 if config.maps else exemplars * pixels * _TRANSPORT_BYTES  # none is stored of what is not linear
     return Needs(
         exemplars=exemplars,
         meshes=meshes,

@@ -37,7 +37,7 @@ class Exemplars:
     scenes: tuple[Scene, ...]
     subjects: tuple[Subject, ...]
     subject_of: Int[Tensor, " exemplars"]
-    layers: tuple[Float[Tensor, "rows cols 4"] | None, ...]
+    layers: tuple[Float[Tensor, "rows cols channels"] | None, ...]
     studio: Studio
 
     def __len__(self) -> int:

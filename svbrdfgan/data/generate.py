@@ -13,10 +13,10 @@ from lightning_fabric import Fabric
 from svbrdfgan.data.config import DatasetConfig, Split
 from svbrdfgan.data.plan import DatasetPlan, make_plan
 from svbrdfgan.data.scene import Scene
-from svbrdfgan.data.studio import Studio, resolve_renderer
+from svbrdfgan.data.studio import Studio, require_maps, resolve_renderer
 from svbrdfgan.display import Display, Silent
 from svbrdfgan.io.exr import save_exr
-from svbrdfgan.plugins import load_embedding, load_renderer
+from svbrdfgan.plugins import load_embedding
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.types import Rendering
 from svbrdfgan.weathering import recipe_from_options
@@ -66,7 +66,7 @@ def render_scene(studio: Studio, renderer: Renderer[Any], scene: Scene, prepared
     """The picture of a scene, its weathering included."""
     subject = studio.subject(scene)
     surface = renderer.prepare(subject.surface) if prepared is None else prepared
-    materials = subject.materials(scene.materials, studio.layer(scene))
+    materials = subject.materials(scene.materials, studio.layer(scene), scene.maps)
     return renderer.render(surface, materials, studio.view(scene), spp=scene.spp, seed=scene.seed)
 
 
@@ -78,10 +78,10 @@ def save_exemplar(path: Path, rendering: Rendering) -> None:
 
 def _require_plugins(config: DatasetConfig) -> None:
     """Refuses what no exemplar could be made with, before anything is written that would have to be deleted."""
-    if config.renderer.name != "auto":
-        load_renderer(config.renderer.name, config.renderer.options)
+    if config.renderer.name != "auto" or config.maps:
+        require_maps(resolve_renderer(config.renderer), config.maps)
     load_embedding(config.embedding.name, config.embedding.options)
-    recipe_from_options(config.weathering.recipe, config.weathering.options)
+    recipe_from_options(config.weathering.recipe, config.weathering.options, config.maps)
 
 
 def _by_mesh(plan: DatasetPlan, folder: Path) -> list[list[tuple[Split, int]]]:

@@ -70,6 +70,7 @@ class ConfigSampler:
             learnable=config.learnable,
             materials={} if paint is None else dict.fromkeys(mesh.painted, paint),
             weathering=self._weathering(rng),
+            maps={name: min(max(value.sample(rng), 0.0), 1.0) for name, value in config.maps.items()},
         )
 
     def draw_environment(

@@ -9,12 +9,15 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from svbrdfgan.data.config import PartSelection, Plugin, PluginChoice
+from svbrdfgan.data.config import FurtherMaps, PartSelection, Plugin, PluginChoice
 from svbrdfgan.data.distributions import Color
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.options import StrictModel, validate
 from svbrdfgan.types import Camera
+
+MapValues = FurtherMaps[Annotated[float, Field(ge=0, le=1)]]
+"""By name, what lies beneath the layer in each map that it paints beside base_color."""
 
 
 class AssetRef(StrictModel):
@@ -63,7 +66,8 @@ class SceneWeathering(StrictModel):
 class Scene(StrictModel):
     """The thesis's scene description Phi: what `svbrdfgan render` reads and every exemplar keeps.
 
-    `materials` overrides the base colours of the named parts; parts not named keep the mesh's own.
+    `materials` overrides the base colours of the named parts; parts not named keep the mesh's own. `maps` are those
+    that the layer paints beside base_color, with their values on the learnable parts beneath it.
     """
 
     mesh: AssetRef
@@ -78,6 +82,7 @@ class Scene(StrictModel):
     embedding: Plugin = PluginChoice(name="hemispherical")
     learnable: PartSelection = PartSelection()
     materials: dict[str, Color] = {}
+    maps: MapValues = {}
     weathering: SceneWeathering | None = None
 
     def save(self, path: Path) -> None:
@@ -93,6 +98,19 @@ class Scene(StrictModel):
             ConfigError: a key is unknown or a value wrong.
         """
         return validate(cls, load_json(path), str(path))
+
+
+class _Maps(StrictModel):
+    maps: MapValues
+
+
+def map_values(data: dict[str, Any], source: str) -> dict[str, float]:
+    """The values that the data give to further maps; `source` opens every message.
+
+    Raises:
+        ConfigError: a name is unknown or a value not in [0, 1].
+    """
+    return validate(_Maps, {"maps": data}, source).maps
 
 
 def load_json(path: Path) -> Any:

@@ -50,12 +50,12 @@ def load_subject(path: Path) -> Subject:
     return Subject(surface, buffer, tuple(header["learnable"]), base)
 
 
-def save_layer(path: Path, layer: Float[Tensor, "rows cols 4"]) -> None:
-    """Writes an RGBA layer in single precision."""
+def save_layer(path: Path, layer: Float[Tensor, "rows cols channels"]) -> None:
+    """Writes a layer in single precision."""
     _save(path, {"layer": layer.float()}, {"format": _LAYER})
 
 
-def load_layer(path: Path) -> Float[Tensor, "rows cols 4"]:
+def load_layer(path: Path) -> Float[Tensor, "rows cols channels"]:
     """Reads what `save_layer` wrote.
 
     Raises:

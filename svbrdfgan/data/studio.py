@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -18,7 +18,7 @@ from svbrdfgan.data.config import PluginChoice
 from svbrdfgan.data.scene import AssetRef, Scene, SceneWeathering
 from svbrdfgan.data.store import load_layer, load_subject, save_layer, save_subject
 from svbrdfgan.data.subject import Subject, make_subject
-from svbrdfgan.errors import AssetError
+from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io import load_environment, load_mesh
 from svbrdfgan.plugins import load_embedding, load_renderer
 from svbrdfgan.protocols import Renderer
@@ -36,6 +36,23 @@ def resolve_renderer(choice: PluginChoice, device: Literal["auto", "cpu", "cuda"
     return load_renderer(choice.name, choice.options)
 
 
+def require_maps(renderer: Renderer[Any], maps: Iterable[str], *, differentiable: bool = False) -> None:
+    """Refuses a renderer that does not read these maps, or has no gradients for them where those are wanted.
+
+    Raises:
+        ConfigError: names what it lacks.
+    """
+    able = renderer.capabilities.maps
+    if differentiable:
+        able = able & renderer.capabilities.differentiable
+    lacking = [name for name in maps if name not in able]
+    if lacking:
+        raise ConfigError(
+            f"{type(renderer).__name__} cannot {'learn' if differentiable else 'render'} {', '.join(lacking)}, which "
+            "the data set's layers paint: choose a renderer that can (`svbrdfgan backends` shows what each can do)."
+        )
+
+
 @dataclass
 class Studio:
     """Everything that scenes of one folder need, made at most once.
@@ -48,7 +65,7 @@ class Studio:
     folder: Path
     keep: bool = True
     _subjects: dict[str, Subject] = field(default_factory=dict)
-    _layers: dict[str, Float[Tensor, "rows cols 4"]] = field(default_factory=dict)
+    _layers: dict[str, Float[Tensor, "rows cols channels"]] = field(default_factory=dict)
     _lights: dict[str, Float[Tensor, "rows cols 3"]] = field(default_factory=dict)
 
     def subject(self, scene: Scene) -> Subject:
@@ -59,17 +76,17 @@ class Studio:
             self._subjects[key] = self._stored(path, load_subject, save_subject, lambda: self._make_subject(scene))
         return self._subjects[key]
 
-    def layer(self, scene: Scene) -> Float[Tensor, "rows cols 4"] | None:
+    def layer(self, scene: Scene) -> Float[Tensor, "rows cols channels"] | None:
         """What G0 paints on the scene's surface; None where it is not weathered."""
         if scene.weathering is None:
             return None
-        key = f"{subject_key(scene)}-{_digest(scene.weathering)}"
+        key = f"{subject_key(scene)}-{_digest(scene.weathering, *scene.maps)}"
         if key not in self._layers:
             path = self.folder / _CACHE / "layers" / f"{key}.safetensors"
             recipe = _recipe(scene.weathering)
             subject = self.subject(scene)
             self._layers[key] = self._stored(
-                path, load_layer, save_layer, lambda: weather(subject.surface, subject.buffer, recipe)
+                path, load_layer, save_layer, lambda: weather(subject.surface, subject.buffer, recipe, scene.maps)
             )
         return self._layers[key]
 

@@ -11,12 +11,13 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from svbrdfgan.bake import GeometryBuffer, bake, bake_base_color
-from svbrdfgan.compositing import composite
+from svbrdfgan.compositing import composite, composite_maps
 from svbrdfgan.data.config import PartSelection
 from svbrdfgan.errors import AssetError
 from svbrdfgan.geometry.layers import hide_inner_layers
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.types import Material, Materials, Mesh, Surface
+from svbrdfgan.types.material import CHANNELS
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,17 +55,36 @@ class Subject:
         )
 
     def materials(
-        self, override: Mapping[str, tuple[float, float, float]], layer: Float[Tensor, "rows cols 4"] | None
+        self,
+        override: Mapping[str, tuple[float, float, float]],
+        layer: Float[Tensor, "rows cols channels"] | None,
+        maps: Mapping[str, float] | None = None,
     ) -> Materials:
-        """Lambertian materials of all parts, with the layer over the learnable ones."""
-        colors = list(self.base_colors(override))
-        if layer is not None:
-            for part in self.learnable:
-                colors[part] = composite(colors[part], layer)
-        return Materials(tuple(Material.lambertian(color) for color in colors))
+        """Materials of all parts, with the layer over the learnable ones, on its device.
+
+        Args:
+            maps: the further maps that the layer paints, with what lies beneath it on learnable parts and on their
+                hidden halves. Other parts have none of them: they stay Lambertian.
+
+        Raises:
+            AssetError: the layer has channels for other maps.
+        """
+        device = None if layer is None else layer.device
+        further = {name: torch.full((CHANNELS[name],), float(v), device=device) for name, v in (maps or {}).items()}
+        names = [self.surface.parts[part].name for part in self.learnable]
+        own = {*names, *(f"{name} (hidden)" for name in names)}
+        made = []
+        for part, color in enumerate(self.base_colors(override)):
+            base = {"base_color": color.to(device)}
+            if self.surface.parts[part].name in own:
+                base |= further
+            if layer is not None and part in self.learnable:
+                base = composite_maps(base, layer)
+            made.append(Material(base))
+        return Materials(tuple(made))
 
     def albedo(
-        self, override: Mapping[str, tuple[float, float, float]], layer: Float[Tensor, "rows cols 4"]
+        self, override: Mapping[str, tuple[float, float, float]], layer: Float[Tensor, "rows cols channels"]
     ) -> Float[Tensor, "rows cols 3"]:
         """The composited reflectance of each texel's own part: what errors are measured on."""
         return composite(self.base_albedo(override), layer)

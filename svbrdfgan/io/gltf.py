@@ -12,6 +12,7 @@ import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from torch import Tensor
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.io.image import texture_png
+from svbrdfgan.io.image import linear_from_srgb, texture_png
 from svbrdfgan.io.rows import merge_rows
 from svbrdfgan.types import Mesh, Part, Surface
 
@@ -48,31 +49,35 @@ class _Document:
     image_of: dict[int, int] = field(default_factory=dict)
 
 
-def save_glb(path: str | os.PathLike[str], surface: Surface, textures: Mapping[int, Texture]) -> None:
+def save_glb(
+    path: str | os.PathLike[str],
+    surface: Surface,
+    textures: Mapping[int, Texture],
+    gloss: Mapping[int, Float[Tensor, "rows cols 2"]] = MappingProxyType({}),
+) -> None:
     """Writes a surface as GLB: one mesh for each part, with the texture given for it or else its base colour.
 
     A texture is linear base colour in [0, 1] with row 0 at v = 0, by index of its part: RGB is opaque, RGBA is blended
     by its straight alpha. One given for several parts is stored once. A part that is given none gets its base colour,
     times the mean of its own texture, which has no place in the surface's UVs.
 
+    Args:
+        gloss: roughness and metallic in [0, 1], by index of the part; others are matt and not metallic.
+
     Raises:
         AssetError: the name does not end in .glb, a texture's part or shape is wrong, or the disk refuses.
     """
     _check_suffix(path)
-    for index, given in textures.items():
-        if not 0 <= index < len(surface.parts):
-            raise AssetError(
-                f"{path}: a texture is given for part {index}, but the surface has {len(surface.parts)} parts."
-            )
-        if given.ndim != 3 or given.shape[2] not in (3, 4) or given.numel() == 0:
-            raise AssetError(f"{path}: texture {index} has shape {tuple(given.shape)}; wanted (rows, cols, 3 | 4).")
+    for given, channels in ((textures, (3, 4)), (gloss, (2,))):
+        for index, picture in given.items():
+            _check_texture(path, surface, index, picture, channels)
     document = _Document(surface.repeat)
     for index, part in enumerate(surface.parts):
         used, faces = np.unique(surface.faces[surface.face_part == index], return_inverse=True)
         if len(used):
             texture = textures.get(index)
             color = _mean_color(part) if texture is None else (1.0, 1.0, 1.0)
-            material = _add_material(document, part.name, color, texture)
+            material = _add_material(document, part.name, color, texture, gloss.get(index))
             attributes = {"POSITION": surface.positions, "NORMAL": surface.normals, "TEXCOORD_0": _top_left(surface.uv)}
             _add_mesh(document, part.name, {name: a[used] for name, a in attributes.items()}, faces, material)
     _write(path, document)
@@ -97,6 +102,18 @@ def save_mesh_glb(path: str | os.PathLike[str], mesh: Mesh) -> None:
             material = _add_material(document, part.name, part.base_color, texture)
             _add_mesh(document, part.name, attributes, faces, material)
     _write(path, document)
+
+
+def _check_texture(
+    path: str | os.PathLike[str], surface: Surface, index: int, texture: Texture, channels: tuple[int, ...]
+) -> None:
+    if not 0 <= index < len(surface.parts):
+        raise AssetError(
+            f"{path}: a texture is given for part {index}, but the surface has {len(surface.parts)} parts."
+        )
+    if texture.ndim != 3 or texture.shape[2] not in channels or texture.numel() == 0:
+        wanted = " | ".join(map(str, channels))
+        raise AssetError(f"{path}: texture {index} has shape {tuple(texture.shape)}; wanted (rows, cols, {wanted}).")
 
 
 def _check_suffix(path: str | os.PathLike[str]) -> None:
@@ -162,11 +179,21 @@ def _add_mesh(
     document.meshes.append({"name": name, "primitives": [primitive]})
 
 
-def _add_material(document: _Document, name: str, color: tuple[float, float, float], texture: Texture | None) -> int:
+def _add_material(
+    document: _Document,
+    name: str,
+    color: tuple[float, float, float],
+    texture: Texture | None,
+    gloss: Texture | None = None,
+) -> int:
     pbr: dict[str, Any] = {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
     blend = texture is not None and texture.shape[2] == 4
     if texture is not None:
-        pbr["baseColorTexture"] = {"index": _add_image(document, texture)}
+        pbr["baseColorTexture"] = {"index": _add_image(document, texture, texture)}
+    if gloss is not None:  # glTF reads green as roughness and blue as metallic, and neither as sRGB
+        numbers = linear_from_srgb(torch.cat([torch.zeros_like(gloss[..., :1]), gloss.clamp(0, 1)], dim=-1))
+        pbr |= {"metallicFactor": 1.0, "roughnessFactor": 1.0}
+        pbr["metallicRoughnessTexture"] = {"index": _add_image(document, gloss, numbers)}
     document.materials.append(
         {
             "name": name,
@@ -178,12 +205,13 @@ def _add_material(document: _Document, name: str, color: tuple[float, float, flo
     return len(document.materials) - 1
 
 
-def _add_image(document: _Document, texture: Texture) -> int:
-    if id(texture) not in document.image_of:
-        document.image_of[id(texture)] = len(document.images)
-        view = _add_view(document, texture_png(texture))
+def _add_image(document: _Document, given: Texture, shown: Texture) -> int:
+    """The number of the picture `shown`, stored once for all parts that were given the same texture."""
+    if id(given) not in document.image_of:
+        document.image_of[id(given)] = len(document.images)
+        view = _add_view(document, texture_png(shown))
         document.images.append({"bufferView": view, "mimeType": "image/png"})
-    return document.image_of[id(texture)]
+    return document.image_of[id(given)]
 
 
 def _header(document: _Document) -> dict[str, Any]:

@@ -67,7 +67,7 @@ def signed_as_color(values: Float[Tensor, "3 rows cols"]) -> Float[Tensor, "rows
     return (values * 0.5 + 0.5).clamp(0, 1).permute(1, 2, 0)
 
 
-def over_checker(layer: Float[Tensor, "rows cols 4"]) -> Float[Tensor, "rows cols 3"]:
+def over_checker(layer: Float[Tensor, "rows cols channels"]) -> Float[Tensor, "rows cols 3"]:
     """A layer of straight-alpha linear RGBA over a grey checker."""
     rows, cols = layer.shape[:2]
     row = torch.arange(rows) * _CHECKS // rows

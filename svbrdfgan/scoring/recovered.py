@@ -14,8 +14,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.compositing import composite
+from svbrdfgan.compositing import RGBA, composite
 from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.data.scene import Scene
+from svbrdfgan.data.subject import Subject
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io import srgb_from_linear
 
@@ -30,19 +32,24 @@ class Target:
     Attributes:
         subject: index among the exemplars' subjects.
         truth: G0's layer.
-        base: the reflectance beneath it.
+        base: what lies beneath it: the reflectance, and the values of the further maps that the layer paints.
         weight: square metres of each texel that counts; zero for the others.
     """
 
     subject: int
-    truth: Float[Tensor, "rows cols 4"]
-    base: Float[Tensor, "rows cols 3"]
+    truth: Float[Tensor, "rows cols channels"]
+    base: Float[Tensor, "rows cols values"]
     weight: Float[Tensor, "rows cols"]
 
-    def error(self, layer: Float[Tensor, "*#size 4"]) -> Float[Tensor, ""]:
+    def error(self, layer: Float[Tensor, "*#size channels"]) -> Float[Tensor, ""]:
         """E of a layer."""
-        difference = (composite(self.base, layer) - composite(self.base, self.truth)).abs().mean(dim=-1)
-        return (difference * self.weight).sum() / self.weight.sum()
+        return self.errors(layer)[0]
+
+    def errors(self, layer: Float[Tensor, "*#size channels"]) -> Float[Tensor, " maps"]:
+        """E of a layer, and the same of each further map."""
+        difference = (composite(self.base, layer) - composite(self.base, self.truth)).abs()
+        maps = torch.stack([difference[..., :3].mean(dim=-1), *difference[..., 3:].unbind(dim=-1)])
+        return (maps * self.weight).sum(dim=(1, 2)) / self.weight.sum()
 
 
 def make_targets(
@@ -67,8 +74,7 @@ def make_targets(
         for view in views:
             truth = exemplars.layers[view]
             if truth is not None:
-                base = subject.base_albedo(exemplars.scenes[view].materials)
-                targets.append(Target(number, truth, base, weight))
+                targets.append(Target(number, truth, _base(subject, exemplars.scenes[view]), weight))
     if not targets:
         raise AssetError("no exemplar is weathered and shows a learnable part, so that nothing can be scored.")
     if limit is not None and len(targets) > limit:
@@ -77,22 +83,35 @@ def make_targets(
     return moved, sum(shares) / len(shares)
 
 
-def mean_error(targets: Sequence[Target], layers: Float[Tensor, "subjects rows cols 4"]) -> float:
-    """E over all targets, with one layer for each subject."""
+def _base(subject: Subject, scene: Scene) -> Float[Tensor, "rows cols values"]:
+    albedo = subject.base_albedo(scene.materials)
+    return torch.cat([albedo, torch.tensor(list(scene.maps.values())).expand(*albedo.shape[:2], -1)], dim=-1)
+
+
+def mean_errors(targets: Sequence[Target], layers: Float[Tensor, "subjects rows cols channels"]) -> list[float]:
+    """E over all targets, with one layer for each subject, and the same of each further map."""
     with torch.no_grad():
-        return float(torch.stack([target.error(layers[target.subject]) for target in targets]).mean())
+        return torch.stack([target.errors(layers[target.subject]) for target in targets]).mean(dim=0).tolist()
 
 
-def best_constant(targets: Sequence[Target], steps: int = 400) -> Float[Tensor, 4]:
-    """The one RGBA layer of least E on these targets."""
+def mean_error(targets: Sequence[Target], layers: Float[Tensor, "subjects rows cols channels"]) -> float:
+    """E over all targets, with one layer for each subject."""
+    return mean_errors(targets, layers)[0]
+
+
+def best_constant(targets: Sequence[Target], steps: int = 400) -> Float[Tensor, " channels"]:
+    """The one layer of least E on these targets; in further maps, the mean of what the true layers lay down."""
     device = targets[0].truth.device
     truth = torch.stack([target.truth for target in targets])
-    base = torch.stack([target.base for target in targets])
+    base = torch.stack([target.base[..., :3] for target in targets])
     weight = torch.stack([target.weight / target.weight.sum() for target in targets])
     albedo = composite(base, truth)
     picked = (weight > 0).flatten()
     base, albedo, weight = base.reshape(-1, 3)[picked], albedo.reshape(-1, 3)[picked], weight.flatten()[picked]
-    mean = (truth.reshape(-1, 4)[picked] * weight[:, None]).sum(0) / weight.sum()
+    truth = truth.flatten(0, 2)[picked]
+    mean = (truth[:, :RGBA] * weight[:, None]).sum(0) / weight.sum()
+    laid = weight * truth[:, 3]
+    further = (truth[:, RGBA:] * laid[:, None]).sum(0) / laid.sum().clamp(min=1e-12)
     logits = torch.logit(mean.clamp(0.01, 0.99)).to(device).requires_grad_(True)
     adam = torch.optim.Adam([logits], lr=0.05)
     best = (float("inf"), mean)
@@ -105,7 +124,7 @@ def best_constant(targets: Sequence[Target], steps: int = 400) -> Float[Tensor, 
         adam.zero_grad()
         error.backward()
         adam.step()
-    return best[1]
+    return torch.cat([best[1], further])
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,19 +144,25 @@ class Scorer:
     seen: float
 
     @classmethod
-    def make(cls, exemplars: Exemplars, seen: SeenTexels, constant: Float[Tensor, 4], device: torch.device) -> Scorer:
+    def make(
+        cls, exemplars: Exemplars, seen: SeenTexels, constant: Float[Tensor, " channels"], device: torch.device
+    ) -> Scorer:
         """A scorer of these exemplars, against the constant that training subjects gave."""
         targets, share = make_targets(exemplars, seen, device)
         geometry = torch.stack([subject.geometry for subject in exemplars.subjects]).to(device)
-        size = (len(geometry), *geometry.shape[2:], 4)
+        size = (len(geometry), *geometry.shape[2:], -1)
         return cls(geometry, targets, mean_error(targets, constant.to(device).expand(size)), share)
 
-    def layers(self, generator: Callable[[Tensor], Tensor], batch: int = 8) -> Float[Tensor, "subjects rows cols 4"]:
+    def layers(
+        self, generator: Callable[[Tensor], Tensor], batch: int = 8
+    ) -> Float[Tensor, "subjects rows cols channels"]:
         """What a generator paints on each subject."""
         with torch.no_grad():
             return torch.cat([generator(chunk).float() for chunk in self.geometry.split(batch)])
 
-    def picture(self, layers: Float[Tensor, "subjects rows cols 4"], count: int = 6) -> Float[Tensor, "height width 3"]:
+    def picture(
+        self, layers: Float[Tensor, "subjects rows cols channels"], count: int = 6
+    ) -> Float[Tensor, "height width 3"]:
         """The first subjects' layers over grey, side by side, above the truth; sRGB, v upwards."""
         first = {target.subject: target.truth for target in reversed(self.targets)}
         chosen = sorted(first)[:count]
@@ -149,6 +174,6 @@ class Scorer:
         """1 - E(generator) / E(constant)."""
         return self.recovered_by(self.layers(generator))
 
-    def recovered_by(self, layers: Float[Tensor, "subjects rows cols 4"]) -> float:
+    def recovered_by(self, layers: Float[Tensor, "subjects rows cols channels"]) -> float:
         """1 - E(layers) / E(constant)."""
         return 1.0 - mean_error(self.targets, layers) / self.constant_error

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,8 @@ from torch import Tensor
 from svbrdfgan.data.config import EnvironmentSource, Split
 from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.plan import DatasetPlan, gather_environments
+from svbrdfgan.data.studio import require_maps
+from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.render_layer import RenderLayer
 from svbrdfgan.training.config import ScenesConfig, TrainConfig
@@ -78,8 +80,9 @@ def make_feed(
         AssetError: the data set is not there, not finished, or damaged.
         ConfigError: the renderer cannot do what the configuration asks.
     """
-    exemplars = load_exemplars(folder, split)
     plan = DatasetPlan.load(folder)
+    _require_possible(config, plan.config.maps, renderer)
+    exemplars = load_exemplars(folder, split)
     scenes = config.scenes if split == "train" else ScenesConfig()
     lights = None
     if isinstance(scenes.environment, EnvironmentSource):
@@ -97,6 +100,15 @@ def make_feed(
         coverage=exemplars.coverage.to(device),
         guides=_guides(config, own, device),
     )
+
+
+def _require_possible(config: TrainConfig, maps: Collection[str], renderer: Renderer[Any]) -> None:
+    if maps and config.rendering == "transport":
+        raise ConfigError(
+            f"rendering: transport is for base_color alone, and the data set's layers paint {', '.join(maps)} too: "
+            "set rendering: fresh, discriminator.guide: false, and a renderer whose capabilities name these maps."
+        )
+    require_maps(renderer, maps, differentiable=True)
 
 
 def _stages(

@@ -66,8 +66,8 @@ def train_oracle(
     schedule: OracleConfig,
     watch: Watch | None = None,
 ) -> Oracle:
-    """Minimises E on the training targets themselves, until the score of `scorer` stops rising; keeps the best."""
-    generator = Generator(**config.generator.model_dump())
+    """Minimises E, of every map, on the training targets, until the score of `scorer` stops rising; keeps the best."""
+    generator = Generator(**config.generator.model_dump(), channels=targets[0].truth.shape[-1])
     initialise(generator, torch.Generator().manual_seed(config.seed))
     generator.to(geometry.device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
     adam = torch.optim.Adam(generator.parameters(), schedule.rate, betas=(0.9, 0.99))
@@ -77,7 +77,7 @@ def train_oracle(
         picked = [targets[int(i)] for i in rng.integers(len(targets), size=config.batch_size)]
         with fabric.autocast():
             layers = generator(geometry[[target.subject for target in picked]])
-        error = torch.stack([t.error(layer) for t, layer in zip(picked, layers.float(), strict=True)]).mean()
+        error = torch.stack([t.errors(layer).sum() for t, layer in zip(picked, layers.float(), strict=True)]).mean()
         adam.zero_grad(set_to_none=True)
         error.backward()
         adam.step()

@@ -12,7 +12,9 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
+from svbrdfgan.compositing import RGBA
 from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.data.distributions import mean
 from svbrdfgan.data.scene import load_json
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.atomic import atomic_path
@@ -31,6 +33,11 @@ class RunConfig(StrictModel):
     dataset: DatasetConfig
     dataset_folder: str
     versions: dict[str, str]
+
+    @property
+    def maps(self) -> dict[str, float]:
+        """What layers paint beside base_color, and what usually lies beneath: the mean of what was learned on."""
+        return {name: min(max(mean(value), 0.0), 1.0) for name, value in self.dataset.maps.items()}
 
     def save(self, run: Path) -> None:
         with atomic_path(run / CONFIG) as temporary:
@@ -73,6 +80,7 @@ class Model:
 def save_generator(path: Path, generator: Generator, config: GeneratorConfig, score: float | None) -> None:
     """Writes a generator's weights with what is needed to build it."""
     meta = {"format": _FORMAT, "generator": config.model_dump_json(), "score": json.dumps(score)}
+    meta["channels"] = json.dumps(generator.channels)
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in generator.state_dict().items()}
     with atomic_path(path) as temporary:
         save_file(tensors, temporary, meta)
@@ -92,7 +100,8 @@ def load_generator(path: Path) -> tuple[Generator, float | None]:
             weights: dict[str, Tensor] = {n: file.get_tensor(n) for n in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError) as error:
         raise AssetError(f"{path} cannot be read ({error}); train the run until it has saved a model.") from error
-    generator = Generator(**validate(GeneratorConfig, json.loads(meta["generator"]), str(path)).model_dump())
+    built = validate(GeneratorConfig, json.loads(meta["generator"]), str(path)).model_dump()
+    generator = Generator(**built, channels=json.loads(meta.get("channels", str(RGBA))))
     generator.load_state_dict(weights)
     return generator.eval().requires_grad_(False), json.loads(meta["score"])
 

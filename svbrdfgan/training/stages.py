@@ -21,9 +21,8 @@ from svbrdfgan.protocols import Renderer, TransportRenderer
 from svbrdfgan.render_layer import RenderLayer
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.transport import LightTransport, TransportBatch, build_transport
-from svbrdfgan.types import Material, Materials
 
-Layers = Float[Tensor, "batch rows cols 4"]
+Layers = Float[Tensor, "batch rows cols channels"]
 Images = Float[Tensor, "batch height width 3"]
 
 log = logging.getLogger(__name__)
@@ -140,7 +139,7 @@ class Transports:
     def _key(self, scene: Scene) -> str:
         """A name for all that the transport depends on."""
         renderer = f"{type(self.renderer).__qualname__}{self.renderer.capabilities.max_bounces}"
-        described = scene.model_dump_json(exclude={"weathering", "renderer", "spp"})
+        described = scene.model_dump_json(exclude={"weathering", "renderer", "spp", "maps"})
         return hashlib.sha256(f"{described}{renderer}{self.spp}".encode()).hexdigest()[:24]
 
     def _trace(self, index: int, scene: Scene) -> LightTransport:
@@ -189,12 +188,9 @@ class FreshStage:
         images = [self._render(n, layer).image for n, layer in enumerate(layers)]
         return torch.stack(images).to(layers.device)
 
-    def _render(self, n: int, layer: Float[Tensor, "rows cols 4"]) -> Any:
+    def _render(self, n: int, layer: Float[Tensor, "rows cols channels"]) -> Any:
         subject, scene = self.exemplars.subject(self.indices[n]), self.scenes[n]
-        colors = [base.to(layer.device) for base in subject.base_colors(scene.materials)]
-        for part in subject.learnable:
-            colors[part] = composite(colors[part], layer.float())
-        materials = Materials(tuple(Material({"base_color": color}) for color in colors))
+        materials = subject.materials(scene.materials, layer.float(), scene.maps)
         return self.layer(self.prepared[n], materials, self.exemplars.studio.view(scene), seed=scene.seed)
 
 

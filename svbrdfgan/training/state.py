@@ -15,6 +15,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
+from svbrdfgan.compositing import RGBA
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.networks import Discriminator, Generator, initialise
 from svbrdfgan.training.config import TrainConfig
@@ -44,10 +45,10 @@ class State:
     history: list[dict[str, float]] = field(default_factory=list)
 
     @classmethod
-    def fresh(cls, config: TrainConfig, device: torch.device) -> State:
-        """The state before the first step, the same for the same seed on any device."""
+    def fresh(cls, config: TrainConfig, device: torch.device, channels: int = RGBA) -> State:
+        """The state before the first step, for layers of so many channels; the same for the same seed on any device."""
         rng = torch.Generator().manual_seed(config.seed)
-        generator = Generator(**config.generator.model_dump())
+        generator = Generator(**config.generator.model_dump(), channels=channels)
         shown = config.discriminator.model_dump(exclude={"guide"})
         discriminator = Discriminator(channels=9 if config.discriminator.guide else 3, **shown)
         for network in (generator, discriminator):

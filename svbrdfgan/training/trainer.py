@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from lightning_fabric import Fabric
 
+from svbrdfgan.compositing import layer_channels
 from svbrdfgan.data.plan import DatasetPlan
 from svbrdfgan.data.studio import resolve_renderer
 from svbrdfgan.display import Display, Silent
@@ -61,7 +62,7 @@ def train(
     )
     if config.devices > 1:
         fabric.launch(partial(_train_apart, resolved=resolved, run=run, base=base))
-        state = State.fresh(config, torch.device("cpu"))
+        state = State.fresh(config, torch.device("cpu"), layer_channels(resolved.dataset.maps))
         state.load(checkpoints(run)[-1])
         return state
     return _train(fabric, resolved, run, base, display or Silent())
@@ -112,7 +113,7 @@ def auto_precision(device: str) -> Literal["bf16-mixed", "32-true"]:
 def _train(fabric: Fabric, resolved: RunConfig, run: Path, base: Path, display: Display) -> State:
     session = _open(fabric, resolved, run, base, display)
     config, device = session.config, fabric.device
-    state = State.fresh(config, device)
+    state = State.fresh(config, device, layer_channels(resolved.dataset.maps))
     found = checkpoints(run)
     if found:
         state.load(found[-1])

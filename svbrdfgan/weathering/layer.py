@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,7 +15,8 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.faults import did_you_mean
 from svbrdfgan.options import build
 from svbrdfgan.types import Surface
-from svbrdfgan.weathering.recipes import RECIPES, Recipe
+from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.weathering.recipes import RECIPES, Recipe, matter
 from svbrdfgan.weathering.site import survey
 
 
@@ -33,26 +34,47 @@ class TexelGeometry(Protocol):
         ...
 
 
-def weather(surface: Surface, buffer: TexelGeometry, recipe: Recipe) -> Float[Tensor, "rows cols 4"]:
-    """The weathering layer over a buffer's texels: linear RGB and straight alpha in [0, 1], float32.
+def weather(
+    surface: Surface, buffer: TexelGeometry, recipe: Recipe, maps: Collection[str] = ()
+) -> Float[Tensor, "rows cols channels"]:
+    """The weathering layer over a buffer's texels: linear RGB, straight alpha, then these maps, in [0, 1], float32.
 
     A pure function, the same for a model of any size. Gutters go on smoothly where the buffer's do. Takes about
     two seconds at 256 x 256, most of it for openness and edges.
+
+    Raises:
+        ConfigError: the recipe does not say what its matter is like in one of the maps.
     """
+    _require_maps(recipe, maps)
     rows, cols, _ = buffer.position.shape
     position = np.asarray(buffer.position, dtype=np.float64).reshape(-1, 3)
     normal = np.asarray(buffer.normal, dtype=np.float64).reshape(-1, 3)
-    painted = recipe.paint(survey(surface, position, normal))
-    return torch.from_numpy(painted.reshape(rows, cols, 4).astype(np.float32))
+    site = survey(surface, position, normal)
+    painted = np.column_stack([recipe.paint(site), *(matter(recipe, site, name) for name in CHANNELS if name in maps)])
+    return torch.from_numpy(painted.reshape(rows, cols, -1).astype(np.float32))
 
 
-def recipe_from_options(name: str, options: Mapping[str, Any]) -> Recipe:
+def recipe_from_options(name: str, options: Mapping[str, Any], maps: Collection[str] = ()) -> Recipe:
     """The recipe of that name, with these options in place of its defaults.
 
+    Args:
+        maps: what it will have to paint beside base_color.
+
     Raises:
-        ConfigError: no such recipe, no such option, a wrong type, or a value out of range.
+        ConfigError: no such recipe, no such option, a wrong type, a value out of range, or a map that it cannot paint.
     """
     if name not in RECIPES:
         hint = did_you_mean(name, RECIPES) or "."
         raise ConfigError(f"weathering recipe {name!r} is unknown{hint} Known are {', '.join(RECIPES)}.")
-    return build(RECIPES[name], options, f"weathering {name}")
+    recipe = build(RECIPES[name], options, f"weathering {name}")
+    _require_maps(recipe, maps)
+    return recipe
+
+
+def _require_maps(recipe: Recipe, maps: Collection[str]) -> None:
+    for name in maps:
+        if name not in recipe.matter:
+            known = ", ".join(recipe.matter)
+            raise ConfigError(
+                f"weathering {type(recipe).__name__} says nothing of {name}, only of {known}: take it out of 'maps'."
+            )

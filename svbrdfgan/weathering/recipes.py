@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from jaxtyping import Float
@@ -20,12 +20,23 @@ from svbrdfgan.weathering.noise import fbm
 from svbrdfgan.weathering.ranges import check_ranges, number
 from svbrdfgan.weathering.site import Site
 
+Matter = Mapping[str, tuple[float, float]]
+"""By the name of a further map, the least and the greatest value that the matter has in it."""
+
 
 class Recipe(Protocol):
     """A frozen record of options that can paint a site."""
 
+    matter: ClassVar[Matter]
+
     @property
     def amount(self) -> float: ...
+
+    @property
+    def seed(self) -> int: ...
+
+    @property
+    def scale(self) -> float: ...
 
     def paint(self, site: Site) -> Float[ndarray, "texels 4"]:
         """Linear RGB and straight alpha in [0, 1], a pure function of the site; alpha is 0 where `amount` is 0."""
@@ -46,6 +57,8 @@ class RoadDirt:
     Raises:
         ConfigError: an option out of its range.
     """
+
+    matter: ClassVar[Matter] = MappingProxyType({"roughness": (0.85, 0.95)})
 
     amount: float = number(0.8, 0.0, 1.0)
     seed: int = number(0, 0, 2**31 - 1)
@@ -87,6 +100,8 @@ class Dust:
         ConfigError: an option out of its range.
     """
 
+    matter: ClassVar[Matter] = MappingProxyType({"roughness": (0.92, 0.98)})
+
     amount: float = number(0.8, 0.0, 1.0)
     seed: int = number(0, 0, 2**31 - 1)
     scale: float = number(1.0, 0.25, 4.0)
@@ -124,6 +139,8 @@ class Rust:
         ConfigError: an option out of its range.
     """
 
+    matter: ClassVar[Matter] = MappingProxyType({"roughness": (0.7, 0.9)})
+
     amount: float = number(0.8, 0.0, 1.0)
     seed: int = number(0, 0, 2**31 - 1)
     scale: float = number(1.0, 0.25, 4.0)
@@ -155,12 +172,18 @@ class Rust:
         return 2.2 * np.maximum(np.max(above, axis=0), 0.0) * np.maximum(narrow, 0.0)
 
 
+def matter(recipe: Recipe, site: Site, name: str) -> Float[ndarray, " texels"]:
+    """The value of a further map in what the recipe lays down, varying slowly from place to place."""
+    least, greatest = recipe.matter[name]
+    return least + (greatest - least) * _ramp(-0.6, 0.6, _noise(recipe, site, (6.0, 6.0, 6.0), 7))
+
+
 RECIPES: Mapping[str, type[Recipe]] = MappingProxyType({"road-dirt": RoadDirt, "dust": Dust, "rust": Rust})
 """The recipes by the name that configurations and the command line use."""
 
 
 def _noise(
-    recipe: RoadDirt | Dust | Rust,
+    recipe: Recipe,
     site: Site,
     frequency: tuple[float, float, float],
     stream: int,

@@ -89,6 +89,20 @@ def test_weather(car: Path, tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) == 2
 
 
+def test_weather_with_a_further_map(car: Path, tmp_path: Path) -> None:
+    words = ("weather", car, "--resolution", 32, "-o", tmp_path / "dull.glb")
+    succeeded(invoke(*words, "--map", "roughness=0.2"))
+    with Image.open(tmp_path / "dull.layer.png") as layer, Image.open(tmp_path / "dull.roughness.png") as rough:
+        alpha, values = np.asarray(layer)[..., 3], np.asarray(rough) / 255
+    assert values.min() == pytest.approx(0.2, abs=0.01)
+    assert values.max() > 0.8
+    assert np.corrcoef(alpha.ravel(), values.ravel())[0, 1] > 0.99
+    failed(
+        invoke(*words, "--map", "roughness=2"), "--map: maps.roughness: 2 is not allowed; wanted a number of at most 1"
+    )
+    failed(invoke(*words, "--map", "metallic=0"), "says nothing of metallic")
+
+
 def test_weather_by_no_amount_is_clear(car: Path, tmp_path: Path) -> None:
     succeeded(invoke("weather", car, "--amount", 0, "--resolution", 32, "-o", tmp_path / "clean.glb"))
     with Image.open(tmp_path / "clean.layer.png") as layer:

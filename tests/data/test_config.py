@@ -33,6 +33,12 @@ def test_json_and_back(dataset_data: Data) -> None:
         assert validate(DatasetConfig, config.model_dump(mode="json"), "there") == config
 
 
+def test_maps_are_ordered_alike_however_written() -> None:
+    one, other = ({"maps": {"metallic": 0, "roughness": 0.5}}, {"maps": {"roughness": 0.5, "metallic": 0}})
+    configs = [validate(DatasetConfig, MINIMAL | maps, "here") for maps in (one, other)]
+    assert [list(config.maps) for config in configs] == [["roughness", "metallic"]] * 2
+
+
 @pytest.mark.parametrize(
     "written", ["warp", {"name": "warp"}, {"name": "warp", "options": {}}, {"name": "warp", "device": "cpu"}]
 )
@@ -62,6 +68,10 @@ def test_a_plugin_is_a_name_or_a_name_with_options(written: Any, dataset_data: D
         ({"splits": {"training": {"meshes": {"files": ["a"]}}}}, "splits"),
         ({"splits": {"train": {"views": 0}}}, r"splits\.train\.views.*at least 1"),
         ({"environment_brightness": float("nan")}, "environment_brightness"),
+        ({"maps": {"rough": 0.5}}, r"maps: 'rough' is not a map .* known: roughness, metallic"),
+        ({"maps": {"base_color": 0.5}}, "maps: 'base_color' is not a map that is painted beside base_color"),
+        ({"maps": {"roughness": "high"}}, r"maps\.roughness"),
+        ({"maps": ["roughness"]}, "maps"),
     ],
 )
 def test_a_mistake_is_one_line_with_its_key(changes: dict[str, Any], said: str, dataset_data: Data) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from svbrdfgan.data.distributions import Fixed, Integer, Number, Paint
+from svbrdfgan.data.distributions import Fixed, Integer, Number, Paint, mean
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.options import StrictModel, validate
 
@@ -44,6 +44,15 @@ def test_normal_has_its_mean_and_deviation() -> None:
     values = np.array(drawn(number={"normal": [20, 5]}))
     assert values.mean() == pytest.approx(20, abs=5 * 5 / np.sqrt(COUNT))
     assert values.std() == pytest.approx(5, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "written", [3, {"fixed": 3}, {"uniform": [-2, 6]}, {"normal": [20, 5]}, {"choice": [1.5, 2, 9]}]
+)
+def test_the_mean_is_that_of_what_is_drawn(written: Any) -> None:
+    values = np.array(drawn(number=written))
+    expected = mean(validate(Record, {"number": written}, "here").number)
+    assert values.mean() == pytest.approx(expected, abs=5 * values.std() / np.sqrt(COUNT) + 1e-12)
 
 
 @pytest.mark.parametrize(

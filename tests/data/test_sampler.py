@@ -45,6 +45,14 @@ def test_a_scene_does_not_depend_on_what_was_drawn_before(sampler: Callable[...,
     assert len({scene.model_dump_json() for scene in forward}) == len(forward) == 12
 
 
+def test_further_maps_are_drawn_and_nothing_else_changes(sampler: Callable[..., ConfigSampler]) -> None:
+    plain, glossy = sampler(), sampler(maps={"roughness": {"uniform": [0.2, 0.5]}, "metallic": {"fixed": 7}})
+    drawn = [glossy.scene(n) for n in range(len(glossy))]
+    assert len({scene.maps["roughness"] for scene in drawn}) == len(drawn)
+    assert all(0.2 <= scene.maps["roughness"] <= 0.5 and scene.maps["metallic"] == 1.0 for scene in drawn)
+    assert [scene.model_copy(update={"maps": {}}) for scene in drawn] == [plain.scene(n) for n in range(len(plain))]
+
+
 def test_more_views_or_another_seed_are_other_scenes(sampler: Callable[..., ConfigSampler]) -> None:
     one, other = sampler(), sampler(seed=4)
     assert all(one.scene(n) != other.scene(n) for n in range(len(one)))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -165,6 +167,47 @@ def test_paint_covers_the_named_parts_alone(tiny_exemplars: Exemplars) -> None:
     assert torch.equal(colors[body], torch.tensor([0.9, 0.1, 0.2]))
     assert torch.equal(colors[names.index("body (hidden)")], colors[body])
     assert torch.equal(colors[glass], subject.base[glass])
+
+
+def test_further_maps_are_of_learnable_parts_and_their_hidden_halves(tiny_exemplars: Exemplars) -> None:
+    subject, layer = tiny_exemplars.subjects[0], torch.rand(32, 32, 5)
+    names = [part.name for part in subject.surface.parts]
+    bare, made = (subject.materials({}, over, {"roughness": 0.25}) for over in (None, layer))
+    for part, name in enumerate(names):
+        if name in ("body", "body (hidden)"):
+            assert torch.equal(bare[part].maps["roughness"], torch.tensor([0.25]))
+        else:
+            assert bare[part].maps.keys() == made[part].maps.keys() == {"base_color"}
+    alpha = layer[..., 3:4]
+    rough = made[names.index("body")].maps["roughness"]
+    torch.testing.assert_close(rough, 0.25 * (1 - alpha) + layer[..., 4:] * alpha)
+    assert torch.equal(made[names.index("body (hidden)")].maps["roughness"], torch.tensor([0.25]))
+    assert torch.equal(made[names.index("body")].base_color, subject.materials({}, layer[..., :4])[0].base_color)
+
+
+def test_files_that_know_of_no_further_maps_are_read(dataset_copy: Path, tiny_exemplars: Exemplars) -> None:
+    """As they were written before there were any; nothing that is kept is made anew."""
+    for path in dataset_copy.rglob("*.json"):
+        path.write_text(json.dumps(without_maps(json.loads(path.read_text()))))
+    kept = {path: path.stat().st_mtime_ns for path in (dataset_copy / "cache").rglob("*")}
+    again = load_exemplars(dataset_copy, "train")
+    assert again.scenes == tiny_exemplars.scenes
+    assert kept == {path: path.stat().st_mtime_ns for path in (dataset_copy / "cache").rglob("*")}
+
+
+def without_maps(data: dict[str, Any]) -> dict[str, Any]:
+    inner = {"config": without_maps(data["config"])} if "config" in data else {}
+    assert inner or data["maps"] == {}
+    return {name: value for name, value in data.items() if name != "maps"} | inner
+
+
+def test_a_layer_is_kept_apart_for_other_maps(tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
+    studio, scene = Studio(tiny_dataset, keep=False), tiny_exemplars.scenes[0]
+    plain, glossy = studio.layer(scene), studio.layer(scene.model_copy(update={"maps": {"roughness": 0.5}}))
+    assert plain is not None
+    assert glossy is not None
+    assert (plain.shape[-1], glossy.shape[-1]) == (4, 5)
+    assert torch.equal(glossy[..., :4], plain)
 
 
 def test_the_layer_lies_on_learnable_parts_alone(tiny_exemplars: Exemplars) -> None:

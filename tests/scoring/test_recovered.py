@@ -41,6 +41,22 @@ def test_the_truth_recovers_everything(tiny_exemplars: Exemplars, targets: list[
     assert scorer.recovered_by(truth_of(tiny_exemplars)) == 1.0
 
 
+def test_further_maps_are_judged_apart() -> None:
+    """Half covered by alpha 1, half by alpha 0: an error of the map counts where it shows alone."""
+    truth, base = torch.full((2, 2, 5), 0.5), torch.full((2, 2, 4), 0.2)
+    truth[..., 3] = torch.tensor([[1.0, 0.0], [1.0, 0.0]])
+    truth[..., 4] = torch.tensor([[0.9, 0.1], [0.7, 0.1]])
+    target = Target(0, truth, base, torch.tensor([[1.0, 1.0], [3.0, 0.0]]))
+    made = truth.clone()
+    made[..., 4] = 0.4
+    torch.testing.assert_close(target.errors(made), torch.tensor([0.0, (1 * 0.5 + 3 * 0.3) / 5]))
+    assert float(target.error(made)) == 0.0
+    constant = best_constant([target])
+    assert float(constant[4]) == pytest.approx((1 * 0.9 + 3 * 0.7) / 4)
+    plain = Target(0, truth[..., :4], base[..., :3], target.weight)
+    assert torch.equal(constant[:4], best_constant([plain]))
+
+
 def test_the_constant_recovers_nothing_of_what_it_was_chosen_on(
     tiny_exemplars: Exemplars, targets: list[Target]
 ) -> None:

@@ -16,17 +16,18 @@ from typing import Any
 
 import pytest
 import torch
-from safetensors.torch import load_file
+from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from svbrdfgan.apply import paint
 from svbrdfgan.data.plan import DatasetPlan
 from svbrdfgan.errors import AssetError, ConfigError, TrainingError
 from svbrdfgan.io import load_mesh
+from svbrdfgan.networks import Generator
 from svbrdfgan.training import trainer
-from svbrdfgan.training.config import TrainConfig, train_config
+from svbrdfgan.training.config import GeneratorConfig, TrainConfig, train_config
 from svbrdfgan.training.journal import read_journal
-from svbrdfgan.training.run import MODEL, RunConfig, load_generator, load_model
+from svbrdfgan.training.run import MODEL, RunConfig, load_generator, load_model, save_generator
 from svbrdfgan.training.state import State, checkpoints
 from svbrdfgan.training.trainer import batch_indices, train
 
@@ -257,6 +258,27 @@ def test_no_data_set_is_told_before_anything_is_written(config: Callable[..., Tr
     with pytest.raises(AssetError, match="is not a data set"):
         train(config(dataset="nowhere"), tmp_path / "run", base=tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("channels", [4, 5])
+def test_a_generator_returns_with_its_channels(channels: int, tmp_path: Path) -> None:
+    small = GeneratorConfig(width=4, blocks=0)
+    generator = Generator(**small.model_dump(), channels=channels).eval()
+    save_generator(tmp_path / MODEL, generator, small, 0.5)
+    geometry = torch.randn(1, 6, 16, 16)
+    with torch.no_grad():
+        assert torch.equal(load_generator(tmp_path / MODEL)[0](geometry), generator(geometry))
+
+
+def test_a_generator_that_says_no_channels_paints_rgba(tmp_path: Path) -> None:
+    """As they were written before there were further maps."""
+    small = GeneratorConfig(width=4, blocks=0)
+    generator = Generator(**small.model_dump())
+    meta = {"format": "svbrdfgan generator 1", "generator": small.model_dump_json(), "score": "0.5"}
+    save_file(generator.state_dict(), tmp_path / MODEL, meta)
+    again, score = load_generator(tmp_path / MODEL)
+    assert (again.channels, score) == (4, 0.5)
+    assert again.state_dict().keys() == generator.state_dict().keys()
 
 
 def test_a_line_cut_off_by_a_kill_is_left_out(tmp_path: Path) -> None:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from svbrdfgan.weathering import RECIPES, RoadDirt, Rust, weather
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.weathering import RECIPES, RoadDirt, Rust, recipe_from_options, weather
 
 
 def test_layer_has_the_buffer_s_shape(vehicle, texels):
@@ -16,6 +17,25 @@ def test_layer_has_the_buffer_s_shape(vehicle, texels):
 def test_torch_buffers_give_the_same_layer(vehicle, texels, shapes):
     buffer = shapes.Texels(torch.from_numpy(texels.position), torch.from_numpy(texels.normal))
     assert torch.equal(weather(vehicle, buffer, RoadDirt()), weather(vehicle, texels, RoadDirt()))
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_further_maps_follow_alpha_and_stay_in_their_range(vehicle, texels, name):
+    recipe = RECIPES[name](seed=3)
+    layer = weather(vehicle, texels, recipe, ["roughness"])
+    assert layer.shape == (*texels.position.shape[:2], 5)
+    assert torch.equal(layer[..., :4], weather(vehicle, texels, recipe))
+    least, greatest = recipe.matter["roughness"]
+    assert least <= layer[..., 4].min() < layer[..., 4].max() <= greatest
+    assert 0.1 * (greatest - least) < layer[..., 4].std() < 0.4 * (greatest - least)
+
+
+def test_a_map_that_a_recipe_does_not_know_is_refused(vehicle, texels):
+    said = "RoadDirt says nothing of metallic, only of roughness: take it out of 'maps'"
+    with pytest.raises(ConfigError, match=said):
+        weather(vehicle, texels, RoadDirt(), ["metallic"])
+    with pytest.raises(ConfigError, match=said):
+        recipe_from_options("road-dirt", {}, ["metallic"])
 
 
 @pytest.mark.parametrize(("scale", "most", "mean"), [(8.0, 1e-6, 1e-8), (10.0, 0.1, 2e-4)])
