@@ -227,8 +227,8 @@ def test_double_precision_gets_a_double_gradient(stage: Stage) -> None:
 
 
 def test_a_map_that_the_renderer_does_not_know_is_refused(stage: Stage) -> None:
-    rough = torch.tensor([0.5], requires_grad=True)
+    metal = torch.tensor([0.5], requires_grad=True)
     parts = list(stage.materials({}).parts)
-    parts[0] = Material({"base_color": torch.ones(3), "roughness": rough})
-    with pytest.raises(UnsupportedError, match="roughness"):
+    parts[0] = Material({"base_color": torch.ones(3), "metallic": metal})
+    with pytest.raises(UnsupportedError, match="metallic"):
         RenderLayer(stage.renderer, SPP)(stage.prepared, Materials(tuple(parts)), stage.view, seed=SEED)

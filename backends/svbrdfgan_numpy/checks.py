@@ -10,12 +10,12 @@ from svbrdfgan.errors import ConfigError, UnsupportedError
 from svbrdfgan.types import Materials, Surface, View
 
 
-def check_materials(surface: Surface, materials: Materials) -> None:
+def check_materials(surface: Surface, materials: Materials, read: Set[str]) -> None:
     """Refuse materials that do not fit the surface.
 
     Raises:
         ConfigError: not one material for each part.
-        UnsupportedError: a map other than the base colour.
+        UnsupportedError: a map that is not among those `read`.
     """
     if len(materials) != len(surface.parts):
         raise ConfigError(
@@ -23,10 +23,10 @@ def check_materials(surface: Surface, materials: Materials) -> None:
             "wanted one for each part, in the surface's order."
         )
     for part, material in zip(surface.parts, materials.parts, strict=True):
-        if unread := sorted(set(material.maps) - {"base_color"}):
+        if unread := sorted(set(material.maps) - read):
             raise UnsupportedError(
-                f"numpy renderer: the material of part {part.name!r} has {', '.join(unread)}; only base_color is read: "
-                "drop the map or choose another renderer."
+                f"numpy renderer: the material of part {part.name!r} has {', '.join(unread)}; read are only "
+                f"{', '.join(sorted(read))}: drop the map or choose another renderer."
             )
 
 

@@ -1,4 +1,4 @@
-"""The Lambertian BSDF, per unit of base colour. Another BSDF is another file with these three functions.
+"""The Lambertian BSDF, per unit of base colour.
 
 Directions point away from the surface; `normal` is the shading normal, turned to the viewer.
 """
@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from svbrdfgan_numpy.vectors import dot, tangents
+from svbrdfgan_numpy.vectors import dot, from_frame
 
 
 def evaluate(normal: Float[ndarray, "points 3"], incoming: Float[ndarray, "points 3"]) -> Float[ndarray, " points"]:
@@ -24,7 +24,4 @@ def pdf(normal: Float[ndarray, "points 3"], incoming: Float[ndarray, "points 3"]
 
 def sample(normal: Float[ndarray, "points 3"], random: Float[ndarray, "points 2"]) -> Float[ndarray, "points 3"]:
     """Unit directions, distributed as the cosine to the normal."""
-    radius, angle = np.sqrt(random[:, 0]), 2.0 * np.pi * random[:, 1]
-    x, y, z = radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1.0 - random[:, 0])
-    tangent, bitangent = tangents(normal)
-    return x[:, None] * tangent + y[:, None] * bitangent + z[:, None] * normal
+    return from_frame(normal, random[:, 0], 2.0 * np.pi * random[:, 1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,12 +14,17 @@ from torch import Tensor
 from svbrdfgan.errors import ConfigError, UnsupportedError
 from svbrdfgan.protocols import RendererCapabilities
 from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
+from svbrdfgan_numpy.bounce import Bounce
 from svbrdfgan_numpy.checks import check_gradient, check_materials
 from svbrdfgan_numpy.environment import pixels_of, prepare_light
-from svbrdfgan_numpy.integrator import Bounce, trace_paths
-from svbrdfgan_numpy.radiance import radiance, radiance_vjp, shade
+from svbrdfgan_numpy.integrator import Scene, trace_paths
+from svbrdfgan_numpy.radiance import radiance, radiance_vjp
+from svbrdfgan_numpy.shading import shade, shade_vjp
 from svbrdfgan_numpy.surface import PreparedSurface, prepare
-from svbrdfgan_numpy.texture import base_color
+from svbrdfgan_numpy.taps import Taps
+from svbrdfgan_numpy.texture import Texture, texture_of
+
+MAPS = ("base_color", "roughness")
 
 
 @dataclass(frozen=True)
@@ -46,8 +51,8 @@ class NumpyRenderer:
     @property
     def capabilities(self) -> RendererCapabilities:
         return RendererCapabilities(
-            maps=frozenset({"base_color"}),
-            differentiable=frozenset({"base_color", "environment"}),
+            maps=frozenset(MAPS),
+            differentiable=frozenset({*MAPS, "environment"}),
             max_bounces=self.max_bounces,
             transport=self.max_bounces == 1,
             stochastic=True,
@@ -63,12 +68,12 @@ class NumpyRenderer:
 
     def render(self, prepared: PreparedSurface, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
         """The picture; see `Renderer.render`."""
-        check_materials(prepared.surface, materials)
-        texture, environment = base_color(materials, prepared.surface.repeat), pixels_of(view.environment)
+        check_materials(prepared.surface, materials, self.capabilities.maps)
+        maps, environment = _textures(materials, prepared.surface), pixels_of(view.environment)
         image, coverage = np.zeros((view.height * view.width, 3)), np.zeros(view.height * view.width)
-        for pixels, bounces in self._trace(prepared, view, spp, seed):
-            carried = radiance(len(pixels) * spp, bounces, *shade(bounces, texture, environment))
-            image[pixels] = carried.reshape(-1, spp, 3).mean(axis=1)
+        for pixels, bounces in self._trace(_scene(prepared, view, materials), spp, seed):
+            shadings = [shade(bounce, maps, environment) for bounce in bounces]
+            image[pixels] = radiance(len(pixels) * spp, bounces, shadings).reshape(-1, spp, 3).mean(axis=1)
             coverage[pixels] = np.bincount(bounces[0].path // spp, minlength=len(pixels)) / spp
         film = (view.height, view.width)
         return Rendering(_tensor(image.reshape(*film, 3)), _tensor(coverage.reshape(film)))
@@ -85,22 +90,23 @@ class NumpyRenderer:
         seed: int,
     ) -> Gradients:
         """The gradient; see `Renderer.render_vjp`. That of the environment takes the drawn directions as given."""
-        check_materials(prepared.surface, materials)
+        check_materials(prepared.surface, materials, self.capabilities.maps)
         check_gradient(view, grad_image, wrt, self.capabilities.differentiable)
-        texture, environment = base_color(materials, prepared.surface.repeat), pixels_of(view.environment)
+        maps, environment = _textures(materials, prepared.surface), pixels_of(view.environment)
         grad_pixels = grad_image.detach().cpu().double().numpy().reshape(-1, 3) / spp
-        grad_texels, grad_environment = np.zeros_like(texture.texels), np.zeros_like(environment)
-        for pixels, bounces in self._trace(prepared, view, spp, seed):
-            grad_paths = np.repeat(grad_pixels[pixels], spp, axis=0)
-            grads = radiance_vjp(bounces, *shade(bounces, texture, environment), grad_paths)
-            for bounce, grad_albedo, grad_light in zip(bounces, *grads, strict=True):
-                if "base_color" in wrt:
-                    grad_texels += texture.taps(bounce.part, bounce.uv).transpose(grad_albedo, len(grad_texels))
+        grad_maps = {name: np.zeros_like(texture.texels) for name, texture in maps.items() if name in wrt}
+        grad_environment = np.zeros_like(environment)
+        for pixels, bounces in self._trace(_scene(prepared, view, materials), spp, seed):
+            shadings = [shade(bounce, maps, environment) for bounce in bounces]
+            grads = radiance_vjp(bounces, shadings, np.repeat(grad_pixels[pixels], spp, axis=0))
+            for bounce, grad_values, grad_lights in zip(bounces, *grads, strict=True):
+                _add_to_maps(grad_maps, shade_vjp(bounce, maps, grad_values))
                 if "environment" in wrt:
-                    grad_environment += bounce.light.transpose(grad_light, len(grad_environment))
-        maps = [{"base_color": grad} if "base_color" in wrt else {} for grad in texture.split(grad_texels)]
+                    _add_to_environment(grad_environment, bounce, grad_lights)
+        split = {name: maps[name].split(grad) for name, grad in grad_maps.items()}
+        parts = [{n: split[n][i] for n in split if n in material.maps} for i, material in enumerate(materials.parts)]
         light = _tensor(grad_environment.reshape(view.environment.radiance.shape))
-        return Gradients(tuple(maps), light if "environment" in wrt else None)
+        return Gradients(tuple(parts), light if "environment" in wrt else None)
 
     def transport(self, prepared: PreparedSurface, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
         """The samples of `render`'s picture before materials; see `TransportRenderer.transport`.
@@ -112,27 +118,52 @@ class NumpyRenderer:
             raise UnsupportedError(
                 f"numpy renderer: transport is for direct light, and max_bounces is {self.max_bounces}; set it to 1."
             )
-        return _samples(self._trace(prepared, view, spp, seed), pixels_of(view.environment), spp)
+        return _samples(self._trace(_scene(prepared, view), spp, seed), pixels_of(view.environment), spp)
 
-    def _trace(
-        self, prepared: PreparedSurface, view: View, spp: int, seed: int
-    ) -> Iterator[tuple[Int[ndarray, " pixels"], list[Bounce]]]:
+    def _trace(self, scene: Scene, spp: int, seed: int) -> Iterator[tuple[Int[ndarray, " pixels"], list[Bounce]]]:
         """All the paths of a picture, some pixels at a time."""
         if spp < 1:
             raise ConfigError(f"numpy renderer: spp is {spp}; wanted at least 1 sample in each pixel.")
         step = max(1, self.chunk_vertices // (spp * self.max_bounces))
-        return _chunks(prepared, view, step, spp, seed, self.max_bounces)
+        return _chunks(scene, step, spp, seed, self.max_bounces)
+
+
+def _scene(prepared: PreparedSurface, view: View, materials: Materials | None = None) -> Scene:
+    """What paths depend on; without materials all is Lambertian."""
+    glossy = np.zeros(len(prepared.surface.parts), dtype=bool)
+    if materials is not None:
+        glossy |= np.array(["roughness" in material.maps for material in materials.parts])
+    return Scene(prepared, prepare_light(view.environment), view, glossy)
+
+
+def _textures(materials: Materials, surface: Surface) -> dict[str, Texture]:
+    return {name: texture_of(materials, name, surface.repeat) for name in MAPS}
 
 
 def _chunks(
-    prepared: PreparedSurface, view: View, step: int, spp: int, seed: int, max_bounces: int
+    scene: Scene, step: int, spp: int, seed: int, max_bounces: int
 ) -> Iterator[tuple[Int[ndarray, " pixels"], list[Bounce]]]:
-    light, count = prepare_light(view.environment), view.width * view.height
+    count = scene.view.width * scene.view.height
     for start in range(0, count, step):
         stop = min(start + step, count)
-        paths = range(start * spp, stop * spp)
-        bounces = trace_paths(prepared, light, view, paths, spp=spp, seed=seed, max_bounces=max_bounces)
+        bounces = trace_paths(scene, range(start * spp, stop * spp), spp=spp, seed=seed, max_bounces=max_bounces)
         yield np.arange(start, stop), list(bounces)
+
+
+def _add_to_maps(
+    grad_maps: Mapping[str, Float[ndarray, "texels channels"]],
+    lookups: Iterable[tuple[str, Taps, Float[ndarray, "vertices channels"]]],
+) -> None:
+    for name, taps, grad in lookups:
+        if name in grad_maps:
+            grad_maps[name][...] += taps.transpose(grad, len(grad_maps[name]))
+
+
+def _add_to_environment(
+    grad_environment: Float[ndarray, "pixels 3"], bounce: Bounce, grad_lights: Sequence[Float[ndarray, "_ 3"]]
+) -> None:
+    for reflection, grad in zip(bounce.reflections, grad_lights, strict=True):
+        grad_environment += reflection.light.transpose(grad, len(grad_environment))
 
 
 def _samples(
@@ -143,7 +174,7 @@ def _samples(
             pixel=torch.from_numpy(pixels[bounce.path // spp]),
             part=torch.from_numpy(bounce.part),
             uv=_tensor(bounce.uv),
-            weight=_tensor(bounce.light.apply(environment) / spp),
+            weight=_tensor(bounce.diffuse.light.apply(environment) / spp),
         )
 
 

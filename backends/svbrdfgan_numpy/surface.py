@@ -36,6 +36,7 @@ class Points:
 
     Attributes:
         position: in metres.
+        outgoing: unit direction back along the ray.
         normal: unit shading normal, turned to the side that the ray came from.
         geometric: unit normal of the face, on either side.
         part: index into the surface's parts.
@@ -43,6 +44,7 @@ class Points:
     """
 
     position: Float[ndarray, "points 3"]
+    outgoing: Float[ndarray, "points 3"]
     normal: Float[ndarray, "points 3"]
     geometric: Float[ndarray, "points 3"]
     part: Int[ndarray, " points"]
@@ -75,4 +77,4 @@ def points_at(prepared: PreparedSurface, hits: Hits, direction: Float[ndarray, "
     geometric = normalize(cross(second - first, third - first), fallback=normal)
     normal = normalize(normal, fallback=geometric)
     normal = np.where(dot(normal, direction)[:, None] > 0.0, -normal, normal)
-    return Points(position, normal, geometric, surface.face_part[hits.face[found]], uv)
+    return Points(position, -direction, normal, geometric, surface.face_part[hits.face[found]], uv)

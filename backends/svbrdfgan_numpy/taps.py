@@ -26,6 +26,10 @@ class Taps:
         """The weighted sum of its texels at each point."""
         return np.einsum("pt,ptc->pc", self.weight, texels[self.index])
 
+    def at(self, points: Int[ndarray, " chosen"]) -> Taps:
+        """The lookups of some of the points."""
+        return Taps(self.index[points], self.weight[points])
+
     def scaled(self, factor: Float[ndarray, " points"]) -> Taps:
         """The same lookups, each point's result multiplied by its factor."""
         return Taps(self.index, self.weight * factor[:, None])

@@ -11,6 +11,7 @@ from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.types import Materials
+from svbrdfgan.types.material import CHANNELS
 from svbrdfgan_numpy.taps import Taps, bilinear_taps
 
 
@@ -20,29 +21,31 @@ class Texture:
 
     Attributes:
         texels: their values.
-        shapes: of each part's map: (3,) or (rows, cols, 3).
+        shapes: of each part's map: (channels,) or (rows, cols, channels); no rows where the part has no such map.
         repeat: whether to repeat along u and along v, instead of clamping.
     """
 
-    texels: Float[ndarray, "texels 3"]
+    texels: Float[ndarray, "texels channels"]
     shapes: tuple[torch.Size, ...]
     repeat: tuple[bool, bool]
 
     def taps(self, part: Int[ndarray, " points"], uv: Float[ndarray, "points 2"]) -> Taps:
-        """What each point reads."""
+        """What each point reads; its part must have the map."""
         rows, cols = np.array([shape[:-1] or (1, 1) for shape in self.shapes]).T
         first = np.cumsum(rows * cols) - rows * cols
         taps = bilinear_taps(uv, rows[part], cols[part], self.repeat)
         return Taps(first[part, None] + taps.index, taps.weight)
 
-    def split(self, gradient: Float[ndarray, "texels 3"]) -> list[Float[Tensor, "*shape"]]:
+    def split(self, gradient: Float[ndarray, "texels channels"]) -> list[Float[Tensor, "*shape"]]:
         """The gradient of each part's map, float32 and shaped as that map."""
-        pieces = torch.from_numpy(gradient).float().split([shape.numel() // 3 for shape in self.shapes])
+        sizes = [shape.numel() // shape[-1] for shape in self.shapes]
+        pieces = torch.from_numpy(gradient).float().split(sizes)
         return [piece.reshape(shape) for piece, shape in zip(pieces, self.shapes, strict=True)]
 
 
-def base_color(materials: Materials, repeat: tuple[bool, bool]) -> Texture:
-    """The reflectance of every part."""
-    maps = [material.base_color.detach().cpu().double() for material in materials.parts]
-    texels = torch.cat([values.reshape(-1, 3) for values in maps])
+def texture_of(materials: Materials, name: str, repeat: tuple[bool, bool]) -> Texture:
+    """A map of every part that has it."""
+    missing = torch.empty(0, 0, CHANNELS[name])
+    maps = [material.maps.get(name, missing).detach().cpu().double() for material in materials.parts]
+    texels = torch.cat([values.reshape(-1, CHANNELS[name]) for values in maps])
     return Texture(texels.numpy(), tuple(values.shape for values in maps), repeat)

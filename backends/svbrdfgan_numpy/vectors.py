@@ -34,3 +34,13 @@ def tangents(normal: Float[ndarray, "points 3"]) -> tuple[Float[ndarray, "points
     b = x * y * a
     tangent = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=-1)
     return tangent, np.stack([b, sign + y * y * a, -y], axis=-1)
+
+
+def from_frame(
+    normal: Float[ndarray, "points 3"], sine2: Float[ndarray, " points"], azimuth: Float[ndarray, " points"]
+) -> Float[ndarray, "points 3"]:
+    """Unit vectors at an angle to the normal, given by the square of its sine, and at an azimuth about it."""
+    radius = np.sqrt(sine2)
+    x, y, z = radius * np.cos(azimuth), radius * np.sin(azimuth), np.sqrt(1.0 - sine2)
+    tangent, bitangent = tangents(normal)
+    return x[:, None] * tangent + y[:, None] * bitangent + z[:, None] * normal

@@ -20,7 +20,8 @@ def test_it_is_a_renderer_with_transport() -> None:
     assert isinstance(RENDERER, Renderer)
     assert isinstance(RENDERER, TransportRenderer)
     assert RENDERER.device == torch.device("cpu")
-    assert RENDERER.capabilities.differentiable == {"base_color", "environment"}
+    assert RENDERER.capabilities.maps == {"base_color", "roughness"}
+    assert RENDERER.capabilities.differentiable == {"base_color", "roughness", "environment"}
     assert NumpyRenderer(max_bounces=5).capabilities.max_bounces == 5
 
 
@@ -60,9 +61,9 @@ def test_no_samples_are_refused() -> None:
 
 
 def test_a_map_it_does_not_read_is_refused() -> None:
-    shiny = Materials((Material({"base_color": torch.ones(3), "roughness": torch.ones(1)}),))
-    with pytest.raises(UnsupportedError, match="'part0' has roughness"):
-        RENDERER.render(PREPARED, shiny, VIEW, spp=1, seed=0)
+    metal = Materials((Material({"base_color": torch.ones(3), "metallic": torch.ones(1)}),))
+    with pytest.raises(UnsupportedError, match="'part0' has metallic; read are only base_color, roughness"):
+        RENDERER.render(PREPARED, metal, VIEW, spp=1, seed=0)
 
 
 def test_materials_must_fit_the_parts() -> None:

@@ -1,0 +1,137 @@
+"""With gloss too the adjoint is the derivative of the very picture that `render` makes."""
+
+from collections.abc import Callable
+
+import dielectric
+import pytest
+import scenes
+import torch
+from svbrdfgan_numpy import NumpyRenderer, renderer
+from svbrdfgan_numpy.surface import PreparedSurface
+from torch import Tensor
+
+from svbrdfgan.types import Environment, Material, Materials, View
+
+WRT = frozenset({"base_color", "roughness", "environment"})
+SPP, SEED = 4, 3
+
+
+@pytest.fixture(autouse=True)
+def _pictures_in_double(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Finite differences would drown in the rounding of the border."""
+    monkeypatch.setattr(renderer, "_tensor", torch.from_numpy)
+
+
+def _random(*shape: int, seed: int = 0) -> Tensor:
+    return torch.randn(shape, generator=torch.Generator().manual_seed(seed)).double()
+
+
+def _corner(max_bounces: int) -> tuple[NumpyRenderer, PreparedSurface, View, list[dict[str, Tensor]]]:
+    """Parts that see one another: glossy by a texture, Lambertian, and glossy by a constant; and their maps."""
+    maps = [
+        {"base_color": scenes.random_texture(6, 5), "roughness": scenes.random_texture(3, 7, seed=2)[..., :1]},
+        {"base_color": torch.tensor([0.9, 0.5, 0.2])},
+        {"base_color": scenes.random_texture(3, 4, seed=1), "roughness": torch.tensor([0.25])},
+    ]
+    tracer, view = NumpyRenderer(max_bounces), scenes.corner_view(scenes.random_light())
+    maps = [{name: value.double() for name, value in part.items()} for part in maps]
+    return tracer, tracer.prepare(scenes.corner_box()), view, maps
+
+
+def _materials(maps: list[dict[str, Tensor]]) -> Materials:
+    return Materials(tuple(Material(part) for part in maps))
+
+
+def _slope(loss: Callable[[float], float], step: float) -> float:
+    """The derivative at 0 by central differences, extrapolated: the error is of fourth order."""
+    narrow, wide = ((loss(s) - loss(-s)) / (2.0 * s) for s in (step, 2.0 * step))
+    return (4.0 * narrow - wide) / 3.0
+
+
+@pytest.mark.parametrize("max_bounces", [1, 3])
+@pytest.mark.parametrize(
+    ("part", "name"), [(0, "base_color"), (1, "base_color"), (2, "base_color"), (0, "roughness"), (2, "roughness")]
+)
+def test_maps_against_finite_differences(part: int, name: str, max_bounces: int) -> None:
+    tracer, prepared, view, maps = _corner(max_bounces)
+    cotangent, along = _random(view.height, view.width, 3), _random(*maps[part][name].shape, seed=part + 1)
+
+    def loss(step: float) -> float:
+        moved = {**maps[part], name: maps[part][name] + step * along}
+        materials = _materials([*maps[:part], moved, *maps[part + 1 :]])
+        return float((tracer.render(prepared, materials, view, spp=SPP, seed=SEED).image * cotangent).sum())
+
+    gradients = tracer.render_vjp(prepared, _materials(maps), view, cotangent, wrt=WRT, spp=SPP, seed=SEED)
+    gradient = gradients.materials[part][name]
+    slope = float((gradient.double() * along).sum())
+    assert (gradient.dtype, gradient.shape) == (torch.float32, maps[part][name].shape)
+    assert abs(slope) > 1e-3
+    assert _slope(loss, 1e-3) == pytest.approx(slope, rel=1e-5)
+
+
+@pytest.mark.parametrize("max_bounces", [1, 3])
+def test_environment_against_finite_differences(max_bounces: int) -> None:
+    """Where the light's sampling stays as it is: it looks at the mean of the channels, so move light between them."""
+    tracer, prepared, view, maps = _corner(max_bounces)
+    cotangent, radiance = _random(view.height, view.width, 3), view.environment.radiance.double() + 0.5
+    along = _random(*radiance.shape, seed=5)
+    along -= along.mean(dim=-1, keepdim=True)
+
+    def picture(light: Tensor) -> float:
+        lit = View(view.camera, Environment(light), view.width, view.height)
+        return float((tracer.render(prepared, _materials(maps), lit, spp=SPP, seed=SEED).image * cotangent).sum())
+
+    lit = View(view.camera, Environment(radiance), view.width, view.height)
+    gradients = tracer.render_vjp(prepared, _materials(maps), lit, cotangent, wrt=WRT, spp=SPP, seed=SEED)
+    assert gradients.environment is not None
+    slope = float((gradients.environment * along).sum())
+    assert abs(slope) > 1e-2
+    assert _slope(lambda step: picture(radiance + step * along), 0.02) == pytest.approx(slope, rel=1e-5)
+    assert float((gradients.environment * radiance).sum()) == pytest.approx(picture(radiance), rel=1e-9)
+
+
+def test_only_glossy_parts_have_a_gradient_of_roughness_and_only_if_asked() -> None:
+    tracer, prepared, view, maps = _corner(1)
+    ones = torch.ones(view.height, view.width, 3)
+
+    def named(wrt: set[str]) -> list[set[str]]:
+        gradients = tracer.render_vjp(prepared, _materials(maps), view, ones, wrt=frozenset(wrt), spp=1, seed=0)
+        assert (gradients.environment is not None) == ("environment" in wrt)
+        return [set(part) for part in gradients.materials]
+
+    assert named(set(WRT)) == [{"base_color", "roughness"}, {"base_color"}, {"base_color", "roughness"}]
+    assert named({"roughness"}) == [{"roughness"}, set(), {"roughness"}]
+    assert named({"base_color"}) == 3 * [{"base_color"}]
+
+
+def test_unseen_texels_and_unseen_parts_have_exactly_no_gradient() -> None:
+    behind = scenes.quad((-1.0, -1.0, -1.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0))
+    rough = [torch.full((8, 8, 1), 0.3), torch.full((4, 4, 1), 0.3)]
+    materials = Materials(tuple(dielectric.glossy((0.0, 0.0, 0.0), r) for r in rough))
+    tracer, view = NumpyRenderer(), scenes.front_view(scenes.random_light(), 1.0, vertical_fov=0.8)
+    prepared = tracer.prepare(scenes.joined(scenes.plane(2.0), behind))
+    gradients = tracer.render_vjp(prepared, materials, view, torch.ones(16, 16, 3), wrt=WRT, spp=4, seed=0).materials
+    seen = gradients[0]["roughness"][..., 0]
+    assert (gradients[1]["roughness"] == 0.0).all()
+    assert (seen[[0, -1]] == 0.0).all()
+    assert (seen[:, [0, -1]] == 0.0).all()
+    assert (seen[2:6, 2:6] != 0.0).all()
+
+
+def test_roughness_below_the_bound_has_exactly_no_gradient() -> None:
+    tracer, view = NumpyRenderer(), scenes.front_view(scenes.random_light(), vertical_fov=0.2)
+    prepared = tracer.prepare(scenes.plane())
+    below, above = (
+        tracer.render_vjp(
+            prepared,
+            Materials((dielectric.glossy((0.5, 0.5, 0.5), roughness),)),
+            view,
+            torch.ones(16, 16, 3),
+            wrt=WRT,
+            spp=4,
+            seed=0,
+        ).materials[0]["roughness"]
+        for roughness in (0.049, 0.051)
+    )
+    assert (below == 0.0).all()
+    assert (above != 0.0).all()

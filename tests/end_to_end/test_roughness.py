@@ -1,0 +1,169 @@
+"""A second map from configuration to GLB: nothing in the core's training code knows which one it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from click.testing import CliRunner
+from safetensors.torch import load_file
+
+from svbrdfgan.apply import paint
+from svbrdfgan.choose import Choice
+from svbrdfgan.cli import main
+from svbrdfgan.data import studio
+from svbrdfgan.data.config import dataset_config
+from svbrdfgan.data.exemplars import load_exemplars, load_picture
+from svbrdfgan.data.generate import generate
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.evaluation import evaluate
+from svbrdfgan.export import write_weathered
+from svbrdfgan.io import load_image, load_mesh, load_texture, srgb_from_linear
+from svbrdfgan.plugins import load_renderer
+from svbrdfgan.training.config import TrainConfig, train_config
+from svbrdfgan.training.feed import make_feed
+from svbrdfgan.training.oracle import OracleConfig
+from svbrdfgan.training.run import load_model
+from svbrdfgan.training.state import State
+from svbrdfgan.training.trainer import train
+from svbrdfgan.weathering import RoadDirt
+
+Data = Callable[..., dict[str, Any]]
+Settings = Callable[..., TrainConfig]
+CPU = torch.device("cpu")
+FRESH: dict[str, Any] = {
+    "rendering": "fresh",
+    "discriminator": {"guide": False},
+    "spp": 2,
+    "batch_size": 1,
+    "score_every": 10,
+    "save_every": 10,
+}
+
+
+@pytest.fixture(scope="module")
+def declared(dataset_data: Data) -> Data:
+    views = {"train": {"views": 2}, "validation": {"views": 1}}
+    return lambda **changes: dataset_data(maps={"roughness": {"uniform": [0.2, 0.5]}}, spp=4, splits=views, **changes)
+
+
+@pytest.fixture(scope="module")
+def folder(declared: Data, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two vehicles to train on and one to validate with, whose paint and dirt have a roughness."""
+    made = tmp_path_factory.mktemp("glossy") / "dataset"
+    generate(dataset_config(declared(), "here"), made, base=Path())
+    return made
+
+
+@pytest.fixture(scope="module")
+def settings(training_data: Data, folder: Path) -> Settings:
+    return lambda **changes: train_config(training_data(**{"dataset": str(folder), **FRESH, **changes}), "here")
+
+
+@pytest.fixture(scope="module")
+def run(settings: Settings, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("glossy") / "run"
+    train(settings(steps=10), made)
+    return made
+
+
+def test_exemplars_say_how_rough_paint_and_dirt_are(folder: Path) -> None:
+    exemplars = load_exemplars(folder, "train")
+    bare = [scene.maps["roughness"] for scene in exemplars.scenes]
+    assert len(set(bare)) == len(bare) == 4
+    assert all(0.2 <= value <= 0.5 for value in bare)
+    least, greatest = RoadDirt.matter["roughness"]
+    for layer in exemplars.layers:
+        assert layer is not None
+        assert layer.shape == (32, 32, 5)
+        assert least <= layer[..., 4].min() < layer[..., 4].max() <= greatest
+
+
+def test_the_gradient_of_the_channel_is_that_of_finite_differences(settings: Settings, folder: Path) -> None:
+    """With the same samples, through compositing, materials and renderer."""
+    feed = make_feed(settings(), folder, "train", load_renderer("numpy"), CPU)
+    stage = feed.stage([0], np.random.default_rng(0))
+    rng = torch.Generator().manual_seed(1)
+    layers, direction = 0.3 + 0.4 * torch.rand(1, 32, 32, 5, generator=rng), torch.zeros(1, 32, 32, 5)
+    direction[..., 4] = torch.rand(1, 32, 32, generator=rng)
+    cotangent = torch.rand(1, 32, 32, 3, generator=rng)
+    learned = layers.clone().requires_grad_(True)
+    (stage.render(learned) * cotangent).sum().backward()
+    assert learned.grad is not None
+    with torch.no_grad():
+        ends = [(stage.render(layers + h * direction) * cotangent).double().sum() for h in (0.01, -0.01)]
+    slope = float((ends[0] - ends[1]) / 0.02)
+    assert abs(slope) > 0.1
+    assert float((learned.grad * direction).sum()) == pytest.approx(slope, rel=0.01)
+
+
+def test_ten_steps_teach_the_channel(settings: Settings, run: Path) -> None:
+    """Only the gradient of its own map moves the last weights of a channel."""
+    before = State.fresh(settings(steps=10), CPU, channels=5).generator.state_dict()
+    after = load_file(run / "checkpoints" / "step_00000010" / "state.safetensors")
+    last = list(before)[-2]
+    assert last.endswith("weight")
+    moved = (after[f"generator.{last}"] - before[last]).abs()
+    assert moved.shape[0] == 5
+    assert (moved.flatten(1).max(dim=1).values > 1e-4).all()
+
+
+def test_the_model_paints_and_exports_the_map(run: Path, folder: Path, tmp_path: Path) -> None:
+    model = load_model(run)
+    assert model.generator.channels == 5
+    assert model.config.maps == {"roughness": 0.35}
+    subject, layer = paint(load_mesh(next((folder / "assets" / "meshes").iterdir())), model)
+    assert layer.shape == (32, 32, 5)
+    write_weathered(tmp_path / "car.glb", subject, layer, model.config.maps)
+    assert {path.name for path in tmp_path.iterdir()} == {"car.glb", "car.layer.png", "car.roughness.png"}
+    stored = srgb_from_linear(load_texture(tmp_path / "car.roughness.png"))[..., 0]
+    alpha, value = layer[..., 3], layer[..., 4]
+    expected = 0.35 * (1 - alpha) + value * alpha
+    torch.testing.assert_close(stored, expected, atol=0.6 / 255, rtol=0)
+    scene = trimesh.load_scene(tmp_path / "car.glb")
+    painted = [geometry.visual.material.metallicRoughnessTexture for geometry in scene.geometry.values()]
+    (shown,) = {picture.tobytes(): np.asarray(picture) for picture in painted if picture is not None}.values()
+    np.testing.assert_allclose(shown[::-1, :, 1] / 255, expected.numpy(), atol=0.6 / 255)
+    assert not shown[..., 2].any()  # not metallic
+
+
+def test_the_verdict_names_the_map(run: Path) -> None:
+    evaluated = evaluate(run, split="validation", device="cpu", schedule=OracleConfig(every=2, steps=4))
+    assert evaluated.evaluation.maps.keys() == {"roughness"}
+    assert 0 < evaluated.evaluation.maps["roughness"] < 1
+    assert evaluated.evaluation.lines()[-1].startswith("roughness: ")
+    assert all(layer.shape[1:] == (32, 32, 5) for layer in evaluated.layers.values())
+    assert evaluated.evaluation.flip_truth < evaluated.evaluation.flip_constant
+
+
+def test_a_stored_scene_renders_again(folder: Path, tmp_path: Path) -> None:
+    words = ["render", str(folder / "train" / "000001.json"), "-o", str(tmp_path / "again.exr")]
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 0, result.output
+    stored = load_picture(folder / "train" / "000001.exr").float()
+    torch.testing.assert_close(load_image(tmp_path / "again.exr"), stored, rtol=2e-3, atol=2e-3)
+
+
+def test_stored_transport_is_refused(settings: Settings, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"paint roughness too: set rendering: fresh") as caught:
+        train(settings(rendering="transport"), tmp_path / "run")
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("warp", [{"name": "warp", "device": "cpu"}, "auto"])
+def test_a_renderer_without_the_map_is_refused(
+    warp: Any, declared: Data, settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether it was named or is the fastest here; before anything is written that would have to be deleted."""
+    pytest.importorskip("warp", reason="the warp renderer needs warp-lang")
+    monkeypatch.setattr(studio, "choose_renderer", lambda device: Choice("warp", {"device": "cpu"}))
+    with pytest.raises(ConfigError, match=r"^WarpRenderer cannot learn roughness, .*choose a renderer that can"):
+        train(settings(renderer=warp), tmp_path / "run")
+    with pytest.raises(ConfigError, match=r"^WarpRenderer cannot render roughness, .*choose a renderer that can"):
+        generate(dataset_config(declared(renderer=warp), "here"), tmp_path / "data", base=Path())
+    assert not (tmp_path / "data").exists()
