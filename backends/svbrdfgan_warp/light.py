@@ -51,7 +51,7 @@ def _importance(radiance: Float[Tensor, "rows cols 3"]) -> Float[Tensor, "rows c
     grey = radiance.mean(dim=2)[None, None]
     grey = torch.where(grey.any(), grey, 1.0)
     padded = F.pad(F.pad(grey, (1, 1, 0, 0), mode="circular"), (0, 0, 1, 1), mode="replicate")
-    polar = (torch.arange(rows, device=radiance.device) + 0.5) * (math.pi / rows)
+    polar = (torch.arange(rows, dtype=torch.float32, device=radiance.device) + 0.5) * (math.pi / rows)
     return (F.avg_pool2d(padded, 3, stride=1)[0, 0] * polar.sin()[:, None]).double()
 
 

@@ -1,9 +1,10 @@
 """Seeds, samples and chunks."""
 
-import scenes
 import torch
 from svbrdfgan_numpy import NumpyRenderer
 from torch import Tensor
+
+from svbrdfgan.testing import scenes
 
 
 def _plane(spp: int, seed: int) -> Tensor:

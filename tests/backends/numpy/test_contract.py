@@ -1,12 +1,12 @@
 """What the protocol promises, and what is refused."""
 
 import pytest
-import scenes
 import torch
 from svbrdfgan_numpy import NumpyRenderer
 
 from svbrdfgan.errors import ConfigError, UnsupportedError
 from svbrdfgan.protocols import Renderer, TransportRenderer
+from svbrdfgan.testing import scenes
 from svbrdfgan.types import Material, Materials
 
 RENDERER = NumpyRenderer()

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-import scenes
 import torch
 from svbrdfgan_numpy.environment import Light, pixels_of, prepare_light
 
 from svbrdfgan.errors import AssetError
+from svbrdfgan.testing import scenes
 from svbrdfgan.types import Environment
 
 

@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 import dielectric
 import pytest
-import scenes
 import torch
 from svbrdfgan_numpy import NumpyRenderer, renderer
 from svbrdfgan_numpy.surface import PreparedSurface
 from torch import Tensor
 
+from svbrdfgan.testing import scenes
 from svbrdfgan.types import Environment, Material, Materials, View
 
 WRT = frozenset({"base_color", "roughness", "environment"})

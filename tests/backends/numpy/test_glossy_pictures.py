@@ -5,11 +5,11 @@ import math
 import dielectric
 import numpy as np
 import pytest
-import scenes
 import torch
 from svbrdfgan_numpy import NumpyRenderer
 from torch import Tensor
 
+from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, Environment, Material, Materials, Surface, View
 
 DIRECT = NumpyRenderer()

@@ -1,12 +1,12 @@
 """The adjoint is the derivative of the very picture that `render` makes."""
 
 import pytest
-import scenes
 import torch
 from svbrdfgan_numpy import NumpyRenderer
 from svbrdfgan_numpy.surface import PreparedSurface
 from torch import Tensor
 
+from svbrdfgan.testing import scenes
 from svbrdfgan.types import Environment, Materials, View
 
 WRT = frozenset({"base_color", "environment"})

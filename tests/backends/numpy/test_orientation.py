@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 import pytest
-import scenes
 import torch
 from svbrdfgan_numpy import NumpyRenderer
 
+from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, View
 
 DIRECT = NumpyRenderer()

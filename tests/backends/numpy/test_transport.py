@@ -1,12 +1,12 @@
 """Transport samples are the picture before materials."""
 
 import pytest
-import scenes
 import torch
 from svbrdfgan_numpy import NumpyRenderer
 from torch import Tensor
 
 from svbrdfgan.errors import UnsupportedError
+from svbrdfgan.testing import scenes
 
 SPP, SEED = 5, 11
 

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-import scenes
 import torch
 from svbrdfgan_numpy import NumpyRenderer
 
+from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, Environment, View
 
 GREY = (0.6, 0.3, 0.9)

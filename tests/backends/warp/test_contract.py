@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 import pytest
-import scenes
 import torch
 import warp as wp
 from svbrdfgan_warp import WarpRenderer
@@ -11,6 +10,7 @@ from svbrdfgan_warp.scene import PreparedSurface
 
 from svbrdfgan.errors import AssetError, ConfigError, UnsupportedError
 from svbrdfgan.protocols import Renderer, TransportRenderer
+from svbrdfgan.testing import scenes
 from svbrdfgan.types import Environment, Material, Materials
 
 WHITE = scenes.lambertian((1.0, 1.0, 1.0))

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-import scenes
 import torch
 from svbrdfgan_warp import WarpRenderer
 from torch import Tensor
 
 from svbrdfgan.protocols import Renderer
+from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, Environment, Materials, Surface, View
 
 LIGHT, BOTH = frozenset({"environment"}), frozenset({"base_color", "environment"})

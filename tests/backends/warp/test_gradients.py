@@ -1,10 +1,10 @@
 """The gradient is that of the very picture that the same seed renders."""
 
 import pytest
-import scenes
 import torch
 from svbrdfgan_warp import WarpRenderer
 
+from svbrdfgan.testing import scenes
 from svbrdfgan.types import Materials, View
 
 BASE = frozenset({"base_color"})

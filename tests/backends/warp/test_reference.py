@@ -1,11 +1,11 @@
 """Agreement with the reference path tracer, over many seeds."""
 
 import pytest
-import scenes
 import torch
 from svbrdfgan_warp import WarpRenderer
 
 from svbrdfgan.protocols import Renderer
+from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, Materials, Surface, View
 
 SEEDS = 24

@@ -1,12 +1,12 @@
 """The transport is the picture before materials, and its transpose is the gradient."""
 
 import pytest
-import scenes
 import torch
 from svbrdfgan_warp import WarpRenderer
 from svbrdfgan_warp.records import runs
 from svbrdfgan_warp.scene import PreparedSurface
 
+from svbrdfgan.testing import scenes
 from svbrdfgan.texture_filter import bilinear_taps, sample_texture
 from svbrdfgan.types import Camera, Materials, Surface, TransportSamples, View
 

@@ -3,10 +3,10 @@
 import math
 
 import pytest
-import scenes
 import torch
 from svbrdfgan_warp import WarpRenderer
 
+from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, Materials, Surface, View
 
 WHITE = (1.0, 1.0, 1.0)

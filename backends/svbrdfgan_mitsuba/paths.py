@@ -1,0 +1,125 @@
+"""A picture, its gradient and its transport, all from the very same paths.
+
+Not by Mitsuba's `prb` integrator, which agrees with this one (tests/backends/mitsuba/test_prb.py) and was tried here.
+It replays paths by dividing through what their vertices reflect, so that black texels get no gradient of what they
+would pass on; and it calls every BSDF, shape and emitter that is alive in the process, the caller's and ours, so that
+kernels are compiled anew as scenes come and go. Vertices are kept instead, which takes memory for each bounce.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.types import TransportSamples
+from svbrdfgan_mitsuba.exchange import tensor
+from svbrdfgan_mitsuba.film import Run
+from svbrdfgan_mitsuba.jit import dr
+from svbrdfgan_mitsuba.sums import Sums, leaf
+from svbrdfgan_mitsuba.vertex import Hits, Samples, Tracer, Values, Vertex
+
+
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """A view of a surface, under light that meets it up to `bounces` times."""
+
+    tracer: Tracer
+    bounces: int
+
+    def develop(self, run: Run) -> tuple[Float[Tensor, "pixels 3"], Float[Tensor, " pixels"]]:
+        """The mean radiance of each pixel of the run, and its coverage."""
+        mi = self.tracer.mi
+        samples = Samples.of(mi, run)
+        hits = self.tracer.start(samples)
+        seen = hits.found
+        radiance, share = mi.Color3f(0.0), mi.Color3f(1.0)
+        for depth in range(1, self.bounces + 1):
+            vertex = self._meet(hits, samples, depth)
+            gathered, onward = self.tracer.shade(vertex, vertex.values)
+            radiance, share = radiance + share * gathered, share * onward
+            if vertex.hits:
+                hits = vertex.hits
+                dr.eval(radiance, share, hits, seen)
+        dr.eval(radiance, seen)
+        return run.mean(mi, radiance).view(-1, 3), run.mean(mi, mi.Float(seen))
+
+    def backpropagate(self, run: Run, grad_image: Float[Tensor, "pixels 3"], sums: Sums) -> None:
+        """Add the gradient of sum(image * grad_image) over the run's pixels.
+
+        The paths are walked to their ends once, noting what each vertex sends on, and then back, each vertex shaded
+        anew.
+        """
+        samples = Samples.of(self.tracer.mi, run)
+        walked = self._walk(samples, run.spread(self.tracer.mi, grad_image))
+        arriving = self.tracer.mi.Color3f(0.0)
+        for depth in range(self.bounces, 0, -1):
+            hits, grad = walked[depth - 1]
+            vertex = self._meet(hits, samples, depth)
+            with dr.isolate_grad(), dr.resume_grad():
+                leaves = _leaves(vertex.values, sums)
+                gathered, onward = self.tracer.shade(vertex, leaves)
+                leaving = gathered + onward * arriving
+                if dr.grad_enabled(leaving):
+                    dr.set_grad(leaving, grad)
+                    dr.enqueue(dr.ADMode.Backward, leaving)
+                    dr.traverse(dr.ADMode.Backward)
+                arriving = dr.detach(leaving)
+                if depth > 1:
+                    dr.schedule(arriving)
+                _add(sums, vertex, leaves)
+        dr.sync_thread()
+
+    def record(self, run: Run) -> TransportSamples:
+        """The camera samples of the run that met the surface, under direct light."""
+        mi, samples = self.tracer.mi, Samples.of(self.tracer.mi, run)
+        vertex = self._meet(self.tracer.start(samples), samples, 1)
+        weight = self.tracer.shade(vertex, vertex.values)[0] / dr.opaque(mi.Float, run.spp)
+        dr.eval(vertex.found, vertex.part, vertex.uv, weight)
+        index = tensor(vertex.found).nonzero().squeeze(1)
+        return TransportSamples(
+            pixel=index // run.spp + run.first,
+            part=tensor(mi.Int32(vertex.part))[index].long(),
+            uv=torch.stack([tensor(channel)[index] for channel in vertex.uv], dim=1),
+            weight=torch.stack([tensor(channel)[index] for channel in weight], dim=1),
+        )
+
+    def _walk(self, samples: Samples, grad: Any) -> list[tuple[Hits, Any]]:
+        """For each depth the hits there, and the gradient of what leaves them towards the camera."""
+        walked = [(self.tracer.start(samples), grad)]
+        for depth in range(1, self.bounces):
+            hits, grad = walked[-1]
+            vertex = self._meet(hits, samples, depth)
+            onward = self.tracer.shade(vertex, vertex.values)[1]
+            assert vertex.hits is not None
+            walked.append((vertex.hits, grad * onward))
+            dr.eval(walked[-1])
+        return walked
+
+    def _meet(self, hits: Hits, samples: Samples, depth: int) -> Vertex:
+        return self.tracer.meet(hits, samples, depth, last=depth == self.bounces)
+
+
+def _leaves(values: Values, sums: Sums) -> Values:
+    """The values, those differentiated as leaves of a new graph."""
+    light = sums.environment is not None
+    return Values(
+        leaf(values.base_color, sums.base_color is not None),
+        leaf(values.roughness, sums.roughness is not None),
+        (leaf(values.radiance[0], light), leaf(values.radiance[1], light)),
+    )
+
+
+def _add(sums: Sums, vertex: Vertex, leaves: Values) -> None:
+    """What the gradients at the leaves amount to at the texels."""
+    if sums.base_color is not None:
+        vertex.color.add(sums.base_color, list(dr.grad(leaves.base_color)))
+    if sums.roughness is not None and vertex.rough:
+        vertex.rough.add(sums.roughness, [dr.grad(leaves.roughness)])
+    if sums.environment is not None:
+        for taps, radiance in zip(vertex.lights, leaves.radiance, strict=True):
+            taps.add(sums.environment, list(dr.grad(radiance)))
+    dr.eval(sums.base_color, sums.roughness, sums.environment)

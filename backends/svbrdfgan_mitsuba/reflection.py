@@ -1,0 +1,102 @@
+"""How light is reflected at many points at once: Lambert's law, and glTF's dielectric (`docs/conventions.md`).
+
+Directions are unit vectors away from the surface, in the frame of the shading normal turned to the viewer. `value` is
+the BSDF times the cosine; it may be differentiated. `sample` and `density` may not: samples are taken as drawn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from svbrdfgan.types import DIELECTRIC_REFLECTANCE, LEAST_ROUGHNESS
+from svbrdfgan_mitsuba.jit import dr, mitsuba
+
+GLOSS = 0.25
+"""Share of the samples of glossy parts that are drawn from the mirror lobe. It reflects little: F0 is 0.04."""
+
+
+class Reflection(Protocol):
+    """What a point does with light."""
+
+    def sample(self, choice: Any, random: Any) -> Any:
+        """A direction, from a number and a pair of numbers in [0, 1)."""
+        ...
+
+    def density(self, incoming: Any) -> Any:
+        """Of `sample`, per steradian."""
+        ...
+
+    def value(self, incoming: Any) -> Any:
+        """The BSDF times the cosine; zero below the surface."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Lambertian:
+    """base_color / pi."""
+
+    mi: Any
+    base_color: Any
+
+    def sample(self, choice: Any, random: Any) -> Any:
+        return self.mi.warp.square_to_cosine_hemisphere(random)
+
+    def density(self, incoming: Any) -> Any:
+        return dr.maximum(incoming.z, 0.0) * dr.inv_pi
+
+    def value(self, incoming: Any) -> Any:
+        return self.base_color * (dr.maximum(incoming.z, 0.0) * dr.inv_pi)
+
+
+@dataclass(frozen=True, eq=False)
+class Dielectric:
+    """f = (1 - F) base_color / pi + F D G / (4 |n.w_o| |n.w_i|), or Lambertian where `glossy` does not hold.
+
+    Attributes:
+        roughness: as read from the map, not yet bounded.
+        glossy: which points have a roughness.
+        viewer: towards the viewer; its z is not negative.
+    """
+
+    mi: Any
+    base_color: Any
+    roughness: Any
+    glossy: Any
+    viewer: Any
+
+    def sample(self, choice: Any, random: Any) -> Any:
+        normal = self._facets(dr.detach(self.roughness)).sample(self.viewer, random)[0]
+        mirrored = self.mi.reflect(self.viewer, normal)
+        diffuse = self.mi.warp.square_to_cosine_hemisphere(random)
+        return dr.select(self.glossy & (choice < GLOSS), mirrored, diffuse)
+
+    def density(self, incoming: Any) -> Any:
+        half, facing = self._half(incoming)
+        facets = self._facets(dr.detach(self.roughness))
+        mirrored = facets.pdf(self.viewer, half) / (4.0 * dr.maximum(facing, 1e-12))
+        diffuse = dr.maximum(incoming.z, 0.0) * dr.inv_pi
+        mixed = dr.lerp(diffuse, dr.select(facing > 0.0, mirrored, 0.0), GLOSS)
+        return dr.select(self.glossy, mixed, diffuse)
+
+    def value(self, incoming: Any) -> Any:
+        half, facing = self._half(incoming)
+        cosine = dr.maximum(incoming.z, 0.0)
+        grazing = dr.power(dr.maximum(1.0 - facing, 0.0), 5)
+        fresnel = dr.lerp(DIELECTRIC_REFLECTANCE, 1.0, grazing)
+        fresnel = dr.select(self.glossy, fresnel, 0.0)
+        facets = self._facets(self.roughness)
+        shape = facets.eval(half) * facets.G(self.viewer, incoming, half)
+        mirrored = fresnel * shape / (4.0 * dr.maximum(self.viewer.z, 1e-7))  # the cosine to the light cancels
+        lit = (cosine > 0.0) & (self.viewer.z > 0.0)
+        diffuse = self.base_color * ((1.0 - fresnel) * cosine * dr.inv_pi)
+        return diffuse + dr.select(lit & self.glossy, mirrored, 0.0)
+
+    def _half(self, incoming: Any) -> tuple[Any, Any]:
+        """The vector halfway to the viewer, and its cosine to either."""
+        half = dr.normalize(self.viewer + incoming)
+        return half, dr.dot(half, self.viewer)
+
+    def _facets(self, roughness: Any) -> Any:
+        alpha = dr.square(dr.maximum(roughness, LEAST_ROUGHNESS))
+        return self.mi.MicrofacetDistribution(mitsuba.MicrofacetType.GGX, alpha)

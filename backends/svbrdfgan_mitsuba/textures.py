@@ -1,0 +1,155 @@
+"""One map of all the parts of a surface as one list of texels, so that one kernel serves every surface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.types import Materials
+from svbrdfgan_mitsuba.exchange import floats, tensor, unsigned
+from svbrdfgan_mitsuba.jit import dr
+
+
+@dataclass(frozen=True, eq=False)
+class Taps:
+    """For each point, the four texels of a bilinear lookup and how much of each: a linear map and its transpose.
+
+    Attributes:
+        index: which texels.
+        weight: of each of them.
+        active: points that do not count read zero.
+    """
+
+    index: tuple[Any, ...]
+    weight: tuple[Any, ...]
+    active: Any
+
+    def read(self, kind: type[Any], texels: Any) -> Any:
+        """The weighted sum at each point, of `kind` with as many components as a texel has."""
+        values = [dr.gather(kind, texels, i, self.active) * w for i, w in zip(self.index, self.weight, strict=True)]
+        return (values[0] + values[1]) + (values[2] + values[3])
+
+    def add(self, sums: Any, values: Sequence[Any]) -> None:
+        """Add to `sums`, float64, what values at the points, one for each channel, amount to at the texels."""
+        number, mode = type(sums), dr.ReduceMode.Local  # others compile the size of `sums` into the kernel
+        add = dr.ReduceOp.Add
+        for index, weight in zip(self.index, self.weight, strict=True):
+            for channel, value in enumerate(values):
+                place = index * len(values) + channel
+                dr.scatter_reduce(add, sums, number(weight * value), place, self.active, mode)
+
+
+def taps(uv: Any, first: Any, cols: Any, rows: Any, repeat: tuple[Any, Any], active: Any) -> Taps:
+    """The lookup at `uv` in an image of rows x cols texels of which `first` is the first.
+
+    Texel (row, col) is centred at u = (col + 0.5) / cols, v = (row + 0.5) / rows; beyond the border it is clamped, or
+    repeated, along u and along v, as `repeat` says.
+    """
+    left, right, x = _neighbours(uv.x, cols, repeat[0])
+    lower, upper, y = _neighbours(uv.y, rows, repeat[1])
+    below, above = dr.fma(lower, cols, first), dr.fma(upper, cols, first)
+    index = (below + left, below + right, above + left, above + right)
+    return Taps(index, ((1 - y) * (1 - x), (1 - y) * x, y * (1 - x), y * x), active)
+
+
+@dataclass(frozen=True, eq=False)
+class Atlas:
+    """The texels of every part, one part after the other, row by row; a constant is one texel.
+
+    Attributes:
+        texels: their values, the channels of each together.
+        layout: four numbers for each part: its first texel, its columns, its rows, and whether it has the map.
+        repeat: whether to repeat along u and along v, instead of clamping.
+        shapes: of the parts' maps; None for a part that lacks it.
+    """
+
+    texels: Any
+    layout: Any
+    repeat: tuple[Any, Any]
+    shapes: tuple[torch.Size | None, ...]
+    channels: int
+
+    @classmethod
+    def of(
+        cls,
+        mi: Any,
+        maps: Sequence[Float[Tensor, "*shape"] | None],
+        missing: Float[Tensor, " channels"],
+        repeat: tuple[bool, bool],
+        device: torch.device,
+    ) -> Atlas:
+        """The parts' maps; `missing` is read from a part that has none."""
+        values = [missing if value is None else value for value in maps]
+        layout, first = [], 0
+        for value, given in zip(values, maps, strict=True):
+            rows, cols = value.shape[:-1] or (1, 1)
+            layout.append((first, cols, rows, int(given is not None)))
+            first += rows * cols
+        pieces = [value.detach().to(device, torch.float32).reshape(-1) for value in values]
+        return cls(
+            texels=floats(mi, torch.cat(pieces) if len(pieces) > 1 else pieces[0], device),
+            layout=unsigned(mi, torch.tensor(layout), device),
+            repeat=(dr.opaque(mi.Bool, repeat[0]), dr.opaque(mi.Bool, repeat[1])),
+            shapes=tuple(None if value is None else value.shape for value in maps),
+            channels=len(missing),
+        )
+
+    def taps(self, mi: Any, part: Any, uv: Any, active: Any) -> tuple[Taps, Any]:
+        """What each point of a part reads, and whether the part has the map."""
+        place = dr.gather(mi.Vector4u, self.layout, part, active)
+        return taps(uv, place.x, place.y, place.z, self.repeat, active), place.w != 0
+
+    def zeros(self, mi: Any) -> Any:
+        """Sums for `Taps.add`: float64, since in float32 a constant's stands still after 2^24 equal additions."""
+        return dr.zeros(mi.Float64, dr.width(self.texels))
+
+    def split(self, sums: Any) -> list[Tensor | None]:
+        """The sums of each part, float32 and shaped as its map; None for a part that lacks it."""
+        sizes = [self.channels if shape is None else shape.numel() for shape in self.shapes]
+        pieces = tensor(type(self.texels)(sums)).split(sizes)
+        return [
+            None if shape is None else piece.reshape(shape) for piece, shape in zip(pieces, self.shapes, strict=True)
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class Maps:
+    """The maps of all parts.
+
+    Attributes:
+        rough: None if no part has a roughness.
+    """
+
+    color: Atlas
+    rough: Atlas | None
+
+    @classmethod
+    def of(cls, mi: Any, materials: Materials, repeat: tuple[bool, bool], device: torch.device) -> Maps:
+        """Those of the materials."""
+        color = [material.base_color for material in materials.parts]
+        rough = [material.maps.get("roughness") for material in materials.parts]
+        none, (white, smooth) = all(value is None for value in rough), torch.ones(4, device=device).split([3, 1])
+        return cls(
+            Atlas.of(mi, color, white, repeat, device), None if none else Atlas.of(mi, rough, smooth, repeat, device)
+        )
+
+
+def _neighbours(coordinate: Any, size: Any, repeat: Any) -> tuple[Any, Any, Any]:
+    """The texels before and after along one axis, and the weight of the latter."""
+    whole = type(size)
+    signed = dr.int32_array_t(whole)
+    position = dr.fma(coordinate, size, -0.5)
+    floor = dr.floor(position)
+    before, last = signed(floor), signed(size) - 1
+    after = before + 1
+    periods = signed(size) * signed(dr.floor((floor + 0.5) / size))
+    around = before - periods
+    beyond = dr.select(around == last, 0, around + 1)
+    before = dr.select(repeat, around, dr.clip(before, 0, last))
+    after = dr.select(repeat, beyond, dr.clip(after, 0, last))
+    return whole(before), whole(after), position - floor

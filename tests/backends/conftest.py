@@ -1,6 +1,0 @@
-"""Lets the tests of every backend say `import scenes`."""
-
-import sys
-from pathlib import Path
-
-sys.path.append(str(Path(__file__).parent))
