@@ -22,6 +22,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
             "The installed renderers: whether they work, what they can do.",
         ),
         "embeddings": ("svbrdfgan.cli.backends:embeddings", "The installed UV embeddings, likewise."),
+        "check": ("svbrdfgan.cli.check:command", "Run the conformance kit on an installed plugin."),
         "bake": ("svbrdfgan.cli.bake:command", "Unwrap a mesh and write its geometry buffer."),
         "weather": ("svbrdfgan.cli.weather:command", "Weather a mesh by a procedural recipe."),
         "dataset": ("svbrdfgan.cli.dataset:command", "Make exemplar images with their scenes."),

@@ -44,7 +44,7 @@ def test_help_is_quick_and_imports_nothing_heavy() -> None:
 
 
 def test_the_names_are_fixed() -> None:
-    names = "demo backends embeddings bake weather dataset train evaluate texture render"
+    names = "demo backends embeddings check bake weather dataset train evaluate texture render"
     assert list(cli.COMMANDS) == names.split()
 
 

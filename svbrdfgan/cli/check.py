@@ -1,0 +1,155 @@
+"""`svbrdfgan check`: the conformance kit on an installed plugin."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from svbrdfgan.cli.options import key_values
+from svbrdfgan.errors import ConfigError, PluginError
+from svbrdfgan.plugins import EMBEDDINGS, RENDERERS, Plugin, find_plugin, list_plugins
+
+if TYPE_CHECKING:
+    from svbrdfgan.testing import Outcome
+    from svbrdfgan.testing.kit import Kit, Status
+
+_STYLES: Mapping[Status, str] = {
+    "passed": "green",
+    "failed": "bold red",
+    "known failure": "yellow",
+    "not declared": "dim",
+}
+_GROUPS = {"renderer": RENDERERS, "embedding": EMBEDDINGS}
+
+
+@click.command("check")
+@click.argument("name", required=False)
+@click.option("--renderer", "kind", flag_value="renderer", help="NAME is a renderer, where an embedding shares it.")
+@click.option("--embedding", "kind", flag_value="embedding", help="NAME is a UV embedding, likewise.")
+@click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the plugin; repeatable.")
+@click.option("--only", default="", metavar="TEXT", help="Only tests whose group.name contains TEXT.")
+@click.option("--json", "as_json", is_flag=True, help="Print a list of objects instead of a table.")
+@click.option("--pairs", is_flag=True, help="Compare the installed renderers with each other, or NAME with all others.")
+@click.option("--profile", type=click.Choice(["ci", "slow"]), default="ci", show_default=True, help="Of --pairs.")
+@click.option("--scene", "scenes", multiple=True, metavar="SCENE", help="One of those of --pairs; repeatable.")
+@click.option("--markdown", is_flag=True, help="Print the table of --pairs as Markdown.")
+def command(
+    name: str | None,
+    kind: str | None,
+    options: tuple[str, ...],
+    only: str,
+    as_json: bool,
+    pairs: bool,
+    profile: str,
+    scenes: tuple[str, ...],
+    markdown: bool,
+) -> None:
+    """Run the conformance kit on the renderer or UV embedding NAME, and say what holds and what does not.
+
+    It is tried in a process of its own first, so that one that aborts is told from one that fails. Exits with 1 where
+    a test failed. With --pairs it is the table of `docs/consistency.md`: whether renderers agree with each other.
+    """
+    if pairs:
+        from svbrdfgan.cli.pairs import show_pairs
+
+        return show_pairs(name, profile, scenes, "json" if as_json else "markdown" if markdown else "table")
+    if name is None:
+        raise click.UsageError("say the NAME of a renderer or UV embedding, or --pairs.")
+    plugin = _plugin(name, kind)
+    outcomes = _outcomes(_kit(plugin, key_values(options)), plugin, only)
+    if as_json:
+        click.echo(json.dumps([dataclasses.asdict(outcome) for outcome in outcomes], indent=2))
+    else:
+        console = Console()
+        console.print(table(outcomes))
+        console.print(summary(outcomes), highlight=False)
+    if any(outcome.status == "failed" for outcome in outcomes):
+        raise click.exceptions.Exit(1)
+
+
+def table(outcomes: Sequence[Outcome]) -> Table:
+    """A row for each test: what it claims, what became of it, and beneath the claim why it did not pass."""
+    result = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    result.add_column("what holds")
+    result.add_column("status", no_wrap=True)
+    result.add_column("s", justify="right", no_wrap=True)
+    for group, tests in itertools.groupby(outcomes, key=lambda outcome: outcome.group):
+        result.add_row(f"[bold]{group}[/]")
+        for outcome in tests:
+            status = f"[{_STYLES[outcome.status]}]{outcome.status}[/]"
+            result.add_row(_claim(outcome), status, f"{outcome.seconds:.1f}")
+        result.add_section()
+    return result
+
+
+def summary(outcomes: Sequence[Outcome]) -> str:
+    """How many of each status, in one line."""
+    counts = Counter(outcome.status for outcome in outcomes)
+    parts = [f"[{style}]{counts[status]} {status}[/]" for status, style in _STYLES.items() if counts[status]]
+    return f"{', '.join(parts)} in {sum(outcome.seconds for outcome in outcomes):.1f} s"
+
+
+def _claim(outcome: Outcome) -> Table:
+    """What the test claims, and beneath it why it failed, and how to run it again; after a dash, lines in a column."""
+    style = {"failed": "bold", "not declared": "dim"}.get(outcome.status, "")
+    lines = Table.grid(padding=(0, 1))
+    lines.add_row(Text("-", "dim"), Text(outcome.claim, style))
+    if outcome.status == "failed":
+        lines.add_row("", Text(outcome.message, "red"))
+        lines.add_row("", Text(f"again: --only {outcome.group}.{outcome.name}", "dim"))
+    elif outcome.status == "known failure":
+        lines.add_row("", Text(outcome.message, "yellow"))
+    return lines
+
+
+def _plugin(name: str, kind: str | None) -> Plugin:
+    """The plugin of that name, of the only kind that has it unless one is named."""
+    names = {noun: sorted(plugin.name for plugin in list_plugins(group)) for noun, group in _GROUPS.items()}
+    having = [kind] if kind else [noun for noun in _GROUPS if name in names[noun]]
+    if len(having) > 1:
+        raise ConfigError(f"{name!r} is a renderer and an embedding; say --renderer or --embedding.")
+    if not having:
+        known = "; ".join(f"{noun}s: {', '.join(found) or 'none'}" for noun, found in names.items())
+        raise PluginError(f"no renderer and no embedding is called {name!r}; installed are {known}.")
+    return find_plugin(_GROUPS[having[0]], name)
+
+
+def _kit(plugin: Plugin, options: dict[str, Any]) -> type[Kit]:
+    """The tests of the plugin, once it has shown that it can be made with the options."""
+    from svbrdfgan.plugins import make
+    from svbrdfgan.probe import probe
+
+    outcome = probe(plugin)
+    if outcome.status != "ok":
+        raise PluginError(outcome.reason or f"{plugin.title} does not work.")
+    make(plugin, options)
+    from svbrdfgan.testing import RendererTests, UVEmbeddingTests
+
+    tests: type[Kit] = RendererTests if plugin.group == RENDERERS else UVEmbeddingTests
+    return type("Checked", (tests,), {"name": plugin.name, "options": options})
+
+
+def _outcomes(kit: type[Kit], plugin: Plugin, only: str) -> list[Outcome]:
+    """What became of each test, with a bar on the terminal meanwhile."""
+    from svbrdfgan.cli.display import terminal_display
+    from svbrdfgan.testing.kit import names_of_tests, run_kit
+
+    outcomes: list[Outcome] = []
+    with terminal_display(Console(stderr=True)) as display:
+        display.begin(plugin.title, None if only else len(names_of_tests(kit)))
+        for outcome in run_kit(kit, only):
+            outcomes.append(outcome)
+            display.advance()
+    if not outcomes:
+        raise ConfigError(f"--only {only!r} names no test; run without it to see their groups.")
+    return outcomes

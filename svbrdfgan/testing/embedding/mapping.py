@@ -1,0 +1,167 @@
+"""The map: what an embedding's UVs may and may not do, and what its capabilities promise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from svbrdfgan.bake import bake
+from svbrdfgan.geometry.layers import hide_inner_layers
+from svbrdfgan.geometry.normals import face_areas
+from svbrdfgan.geometry.rasterize import rasterize
+from svbrdfgan.testing.embedding.base import EmbeddingKit
+from svbrdfgan.testing.embedding.meshes import body, moved, nested, shell, sphere, with_unused_vertices
+from svbrdfgan.testing.embedding.points import Points, find
+from svbrdfgan.testing.embedding.surface import turns
+from svbrdfgan.testing.kit import check, declared
+from svbrdfgan.types import Mesh, Surface
+
+_TEXELS = 64
+_LEAST_FILLED = 0.1
+_MOST_OVERLAPPING = 0.005
+_MOST_COLLAPSED = 0.01
+_MOST_MIRRORED = 0.6  # what sees both sides of a thing from one side mirrors half of it
+_SAME_UV = 1e-3  # a quarter of a texel at 256
+_FEW = 0.01
+
+
+class MappingTests(EmbeddingKit):
+    """What can be said of any embedding. How true it is to a formula of its own is for its author to test."""
+
+    def test_the_square_is_used(self) -> None:
+        """A tenth of the texels, or more, show a closed body."""
+        filled = float(bake(self.embedding.embed(body()), _TEXELS, _TEXELS).mask.double().mean())
+        check(filled >= _LEAST_FILLED, f"{filled:.1%} of the texels show the body; wanted {_LEAST_FILLED:.0%}.")
+
+    def test_one_to_one_means_no_overlap(self) -> None:
+        """Under an injective embedding no texel's centre lies in two faces; one in 200 may, by rounding at borders."""
+        declared(self.capabilities.injective, "injective")
+        for name, _, surface in self.surfaces():
+            layers = rasterize(surface, 4 * _TEXELS, 4 * _TEXELS).layers
+            share = (layers > 1).sum() / max((layers > 0).sum(), 1)
+            check(share <= _MOST_OVERLAPPING, f"{name}: {share:.1%} of the texels in use lie in two faces or more.")
+
+    def test_one_to_one_means_no_face_collapses(self) -> None:
+        """Under an injective embedding all faces but a hundredth of the area keep an area in UV."""
+        declared(self.capabilities.injective, "injective")
+        for name, _, surface in self.surfaces():
+            area = face_areas(surface.positions, surface.faces)
+            share = area[np.abs(uv_areas(surface)) < 1e-12].sum() / area.sum()
+            check(share <= _MOST_COLLAPSED, f"{name}: faces of {share:.1%} of the area are a line or a point in UV.")
+
+    def test_outer_faces_are_not_mirrored(self) -> None:
+        """Faces that are wound counter-clockwise seen from outside stay so in UV."""
+        mirrored = self._share_mirrored()
+        check(
+            mirrored <= _MOST_MIRRORED,
+            f"{mirrored:.0%} of the map of a shell are mirrored: seen from outside, u runs to the right and v up.",
+        )
+
+    def test_no_face_is_smeared_across_the_square(self) -> None:
+        """On a sphere, no piece of a face (a 432nd of it) is more than half the square wide: seams are cut."""
+        surface = self.embedding.embed(sphere(6))
+        extent = np.ptp(surface.uv[surface.faces], axis=1).max(axis=1)
+        check(
+            extent.max() <= 0.5,
+            f"{(extent > 0.5).sum()} of {len(extent)} faces are up to {extent.max():.2f} wide in UV: they join points "
+            "on the two sides of a seam.",
+        )
+
+    def test_outer_sides_lie_on_top(self) -> None:
+        """Where both sides of a closed body share texels, elevation puts on top the one that is seen from outside."""
+        declared(not self.capabilities.injective, "sharing of texels")
+        mirrored = self._share_mirrored()
+        # otherwise winding does not tell inside from outside
+        declared(not _FEW < mirrored < 1 - _FEW, "seeing a shell from one side")
+        surface = self.embedding.embed(body())
+        top = rasterize(surface, _TEXELS, _TEXELS)
+        inward = (_unmirrored(surface) > 0)[top.face[top.mask]] == (mirrored > 0.5)
+        check(
+            inward.mean() <= 5 * _FEW,
+            f"at {inward.mean():.0%} of the texels the inside of a closed body lies on top; is elevation upside down?",
+        )
+
+    def test_what_encloses_lies_on_top(self) -> None:
+        """Where a body and one inside it share texels, elevation puts the outer one on top, and the inner is hidden."""
+        declared(not self.capabilities.injective, "sharing of texels")
+        mesh = nested()
+        surface = self.embedding.embed(mesh)
+        wrong, both = _hidden_by(surface, mesh, rasterize(surface, _TEXELS, _TEXELS).face)
+        check(
+            wrong <= _FEW * both, f"the inner body is on top at {wrong} of {both} texels; does elevation grow outward?"
+        )
+        surface = hide_inner_layers(surface, _TEXELS)
+        exposed = ~np.array([part.hidden for part in surface.parts])[surface.face_part]
+        inner = _mask(surface, exposed & _inner(surface, mesh)) & _mask(surface, ~_inner(surface, mesh))
+        check(inner.sum() <= 5 * _FEW * both, f"the inner body is still exposed at {inner.sum()} of {both} texels.")
+
+    def test_place_and_size_do_not_matter(self) -> None:
+        """The same vehicle elsewhere, or in other units, has the same map: thesis 4.1, as weathering goes by shape."""
+        for what, mesh in (
+            ("four times as large", moved(body(), 4.0)),
+            ("a thousandth as large", moved(body(), 2.0**-10)),
+            ("8 m to the left", moved(body(), 1.0, (8.0, 0.0, 0.0))),
+            ("16 m up and 32 m back", moved(body(), 1.0, (0.0, 16.0, -32.0))),
+        ):
+            self._check_same_map(mesh, f"a body {what}")
+
+    def test_unused_vertices_do_not_count(self) -> None:
+        """Vertices that no face names do not change the map."""
+        self._check_same_map(with_unused_vertices(body(), 50.0), "a body with unused vertices 50 m away")
+
+    def test_textures_repeat_only_where_the_map_does(self) -> None:
+        """An axis that repeats is one along which the map reaches both borders, since those meet there."""
+        declared(self._repeats(body), "repeating")
+        surface = self.embedding.embed(body())
+        for axis, repeats in zip("uv", surface.repeat, strict=True):
+            low, high = (f(surface.uv[:, "uv".index(axis)]) for f in (np.min, np.max))
+            check(
+                not repeats or (low < 1 / _TEXELS and high > 1 - 1 / _TEXELS),
+                f"textures repeat along {axis}, but the map runs from {low:.3f} to {high:.3f}: nothing meets there.",
+            )
+
+    def _repeats(self, make: Callable[[], Mesh]) -> bool:
+        return any(self.embedding.embed(make()).repeat)
+
+    def _share_mirrored(self) -> float:
+        """How much of the map of an open shell, all of it seen from outside, is mirrored."""
+        area = _unmirrored(self.embedding.embed(shell()))
+        return float(-area[area < 0].sum() / np.abs(area).sum())
+
+    def _check_same_map(self, mesh: Mesh, what: str) -> None:
+        """Fails unless the mesh has the UVs of `body` at all but a hundredth of its points."""
+        points = Points.on_every_face(body(), 8)
+        one, other = (find(self.embedding.embed(each), points).uv for each in (body(), mesh))
+        apart = np.linalg.norm(one - other, axis=1)
+        share = float((apart > _SAME_UV).mean())
+        check(share <= _FEW, f"{what} has another map: {share:.0%} of its points moved, by up to {apart.max():.3f}.")
+
+
+def uv_areas(surface: Surface) -> Float[ndarray, " faces"]:
+    """Areas in the unit square; negative for faces that are wound clockwise there."""
+    a, b, c = (surface.uv[surface.faces[:, k]] for k in range(3))
+    return 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+
+
+def _unmirrored(surface: Surface) -> Float[ndarray, " faces"]:
+    """Areas in the unit square; negative for faces that are wound there otherwise than on the mesh."""
+    return uv_areas(surface) * np.sign(turns(surface))
+
+
+def _inner(surface: Surface, mesh: Mesh) -> Bool[ndarray, " faces"]:
+    """Which faces of a surface of `nested` belong to the inner body."""
+    return mesh.face_part[surface.source_face] == 0
+
+
+def _mask(surface: Surface, only: Bool[ndarray, " faces"]) -> Bool[ndarray, "rows cols"]:
+    return rasterize(surface, _TEXELS, _TEXELS, only).mask
+
+
+def _hidden_by(surface: Surface, mesh: Mesh, top: ndarray) -> tuple[int, int]:
+    """At how many texels the inner body is on top of the outer one, and how many both share."""
+    inner = _inner(surface, mesh)
+    both = _mask(surface, inner) & _mask(surface, ~inner)
+    return int((both & inner[top]).sum()), int(both.sum())

@@ -1,0 +1,123 @@
+"""What a conformance kit is: a class of tests about one plugin, run by pytest or by `svbrdfgan check`.
+
+A test is a method named `test_*`, whose docstring says what holds. Where that does not hold it raises `AssertionError`,
+with the numbers; where it is about a power that a plugin may lack, it calls `declared` first. No test needs pytest:
+`unittest.SkipTest`, which pytest knows, says "not declared".
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import time
+import unittest
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, ClassVar, Literal
+
+Status = Literal["passed", "failed", "known failure", "not declared"]
+
+
+class KnownFailure(unittest.SkipTest):
+    """A test failed as its kit says it would."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one test.
+
+    Attributes:
+        group: the part of the kit that the test belongs to, such as "gradients".
+        claim: what the test states, its docstring's first line.
+        message: why it did not pass; empty if it did.
+    """
+
+    group: str
+    name: str
+    claim: str
+    status: Status
+    message: str
+    seconds: float
+
+
+class Kit:
+    """Tests of one plugin. Subclass a kit, and say which plugin.
+
+    Attributes:
+        name: of its entry point.
+        options: given to its constructor.
+        known_failures: tests that fail, and why. Strict: one that passes fails for being listed.
+    """
+
+    name: ClassVar[str] = ""
+    options: ClassVar[Mapping[str, object]] = MappingProxyType({})
+    known_failures: ClassVar[Mapping[str, str]] = MappingProxyType({})
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        for test, reason in cls.__dict__.get("known_failures", {}).items():
+            if test not in names_of_tests(cls):
+                raise TypeError(f"{cls.__name__}.known_failures names {test!r}, which is no test of this kit.")
+            setattr(cls, test, _failing(getattr(cls, test), reason))
+
+
+def declared(power: bool, what: str) -> None:
+    """Ends the test as "not declared" unless the plugin claims the power."""
+    if not power:
+        raise unittest.SkipTest(f"{what} is not declared")
+
+
+def check(holds: bool, message: str) -> None:
+    """Fails the test with a message, also where Python runs without assertions."""
+    if not holds:
+        raise AssertionError(message)
+
+
+def names_of_tests(kit: type[Kit]) -> list[str]:
+    """The kit's tests: those of its bases in the order in which it lists these, then its own, each as written."""
+    inherited = [name for base in kit.__bases__ if issubclass(base, Kit) for name in names_of_tests(base)]
+    return list(dict.fromkeys([*inherited, *(name for name in vars(kit) if name.startswith("test_"))]))
+
+
+def run_kit(kit: type[Kit], only: str = "") -> Iterator[Outcome]:
+    """Runs the tests whose group or name contains `only`, each on an object of its own."""
+    for name in names_of_tests(kit):
+        group = _group(kit, name)
+        if only in f"{group}.{name}":
+            yield _run(kit, group, name)
+
+
+def _run(kit: type[Kit], group: str, name: str) -> Outcome:
+    claim = (inspect.getdoc(getattr(kit, name)) or name).splitlines()[0]
+    status: Status
+    status, message, start = "passed", "", time.perf_counter()
+    try:
+        getattr(kit(), name)()
+    except unittest.SkipTest as reason:
+        status, message = "known failure" if isinstance(reason, KnownFailure) else "not declared", str(reason)
+    except AssertionError as error:
+        status, message = "failed", str(error)
+    except Exception as error:
+        status, message = "failed", f"{type(error).__name__}: {error}"
+    return Outcome(group, name, claim, status, message, time.perf_counter() - start)
+
+
+def _group(kit: type[Kit], name: str) -> str:
+    """The module of the class that wrote the test first."""
+    first = next(owner for owner in reversed(kit.__mro__) if name in vars(owner))
+    return first.__module__.rpartition(".")[2]
+
+
+def _failing(test: Callable[[Any], None], reason: str) -> Callable[[Any], None]:
+    @functools.wraps(test)
+    def run(self: Any) -> None:
+        try:
+            test(self)
+        except unittest.SkipTest:
+            raise
+        except Exception as error:
+            raise KnownFailure(reason) from error
+        raise AssertionError(f"it passes, but known_failures says: {reason}; remove it there.")
+
+    return run

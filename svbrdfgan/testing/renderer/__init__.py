@@ -1,0 +1,35 @@
+"""The conformance kit of renderers.
+
+class TestMine(RendererTests):
+    name = "mine"
+"""
+
+from svbrdfgan.testing.renderer.agreement import AgreementTests
+from svbrdfgan.testing.renderer.contract import ContractTests
+from svbrdfgan.testing.renderer.endurance import EnduranceTests
+from svbrdfgan.testing.renderer.gradients import GradientTests
+from svbrdfgan.testing.renderer.layers import LayerTests
+from svbrdfgan.testing.renderer.orientation import OrientationTests
+from svbrdfgan.testing.renderer.purity import PurityTests
+from svbrdfgan.testing.renderer.radiometry import RadiometryTests
+from svbrdfgan.testing.renderer.randomness import RandomnessTests
+from svbrdfgan.testing.renderer.roughness import RoughnessTests
+from svbrdfgan.testing.renderer.shapes import ShapeTests
+
+__all__ = ["RendererTests"]
+
+
+class RendererTests(
+    ContractTests,
+    PurityTests,
+    ShapeTests,
+    RadiometryTests,
+    RoughnessTests,
+    OrientationTests,
+    GradientTests,
+    LayerTests,
+    RandomnessTests,
+    AgreementTests,
+    EnduranceTests,
+):
+    """What every renderer must do: `svbrdfgan.protocols` and `docs/conventions.md`."""

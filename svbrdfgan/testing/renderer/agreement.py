@@ -1,0 +1,147 @@
+"""The renderer against sums without chance, and against `numpy` where light goes from surface to surface."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+
+from svbrdfgan.plugins import load_renderer
+from svbrdfgan.testing import scenes
+from svbrdfgan.testing.kit import declared
+from svbrdfgan.testing.renderer import settings
+from svbrdfgan.testing.renderer.base import RendererKit
+from svbrdfgan.testing.renderer.judging import Known, unbiased
+from svbrdfgan.testing.renderer.settings import Setting, Stage
+from svbrdfgan.testing.statistics import block_sums
+from svbrdfgan.types import Environment
+
+_BLOCK = 4
+
+
+class AgreementTests(RendererKit):
+    """Pictures in blocks of 4 x 4 pixels, and gradients in blocks of texels and of the environment's pixels.
+
+    Every test finds an error of 3 % in pictures, and of 5 % in gradients and at several bounces (8 % in shadow and of
+    roughness), in any block and channel that holds 2 % of the sum, with a probability of 95 %; and is a false alarm
+    once in 10,000 times.
+    """
+
+    def test_image_of_a_textured_plane(self) -> None:
+        """A textured plane looks as quadrature says, to 3 % in every block."""
+        self._image(settings.sheet(scenes.random_light(rotation=0.9)))
+
+    def test_image_of_a_floor_under_a_lid(self) -> None:
+        """A half shadowed floor looks as quadrature says, to 3 % in every block."""
+        self._image(settings.lidded(scenes.random_light(rotation=0.9)), split=8)
+
+    def test_image_of_three_parts(self) -> None:
+        """Three parts look as quadrature says, to 3 % in every block."""
+        self._image(settings.strips(scenes.random_light(rotation=0.9)))
+
+    def test_image_under_a_strong_sun(self) -> None:
+        """A plane in a strong sun looks as quadrature says, to 3 % in every block."""
+        self._image(settings.sheet(scenes.sun(30, 5, rotation=0.4)))
+
+    def test_image_in_low_light(self) -> None:
+        """A plane in very low light looks as quadrature says, to 3 % in every block."""
+        self._image(settings.sheet(_dim(scenes.random_light(rotation=0.9))))
+
+    def test_image_of_gloss(self) -> None:
+        """A plane of varying roughness looks as quadrature says, to 3 % in blocks."""
+        declared("roughness" in self.capabilities.maps, "roughness")
+        roughness = torch.tensor([[0.3, 0.9, 0.5], [0.7, 0.4, 1.0]]).reshape(2, 3, 1)
+        self._image(settings.glossy(roughness, scenes.random_light(rotation=0.9)))
+
+    def test_texel_gradients_of_three_parts(self) -> None:
+        """Every texel's gradient on three parts is as quadrature says, to 5 %."""
+        setting = settings.strips(scenes.random_light(rotation=0.9))
+        for part in range(3):
+            self._texels(setting, part, grid=8)
+
+    def test_texel_gradients_in_shadow(self) -> None:
+        """Every texel's gradient on a half shadowed floor is as quadrature says, to 8 %."""
+        self._texels(settings.lidded(scenes.random_light(rotation=0.9)), 0, grid=8, claim=0.08)
+
+    def test_texel_gradients_under_a_strong_sun(self) -> None:
+        """Every texel's gradient in a strong sun is as quadrature says, to 5 %."""
+        self._texels(settings.sheet(scenes.sun(30, 5, rotation=0.4)), 0)
+
+    def test_roughness_gradients_of_gloss(self) -> None:
+        """Every texel's gradient of roughness is as quadrature says, to 8 %."""
+        declared("roughness" in self.capabilities.differentiable, "the gradient of roughness")
+        setting = settings.glossy(torch.tensor([[0.5, 0.9, 0.6], [0.7, 0.4, 0.8]])[..., None])
+        grads = (setting.smooth(), 1.0 + 0.5 * setting.random())
+        known = Known.by_quadrature(setting, lambda scene: scene.roughness_gradients(grads, 0), split=16)
+        largest = np.broadcast_to(known.size.max(axis=(1, 2, 3), keepdims=True), known.size.shape)
+        stage = Stage(self.renderer, setting)
+
+        def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
+            return np.stack([stage.map_gradient(grad, "roughness", 0, spp=spp, seed=seed) for grad in grads])
+
+        unbiased("gradient of roughness", stage, measure, replace(known, size=largest), claim=0.08, spp=64)
+
+    def test_environment_gradient_in_the_open(self) -> None:
+        """The environment's gradient is as quadrature says, to 5 % in pairs of pixels."""
+        self._light(settings.sheet())
+
+    def test_environment_gradient_through_shadow(self) -> None:
+        """The environment's gradient through shadow is as quadrature says, to 8 %."""
+        self._light(settings.lidded(), grid=8, claim=0.08)
+
+    def test_interreflection_as_numpy(self) -> None:
+        """Parts that light one another look as `numpy` renders them, to 5 % in blocks."""
+        bounces = self.capabilities.max_bounces
+        declared(bounces > 1, "a second bounce")
+        declared(self.name != "numpy", "another renderer than numpy")
+        mine = Stage(self.renderer, settings.corner())
+        other = Stage(load_renderer("numpy", {"max_bounces": bounces}), mine.setting)
+        size = block_sums(other.image(spp=16), _BLOCK)
+
+        def apart(spp: int, seed: int) -> Float[ndarray, "*shape"]:
+            return block_sums(mine.image(spp=spp, seed=seed) - other.image(spp=spp, seed=seed + 10**6), _BLOCK)
+
+        unbiased("image less that of numpy", mine, apart, Known.zero(size), claim=0.05, spp=16)
+
+    def _image(self, setting: Setting, split: int = 4) -> None:
+        known = Known.by_quadrature(setting, lambda scene: block_sums(scene.image(), _BLOCK), split=split)
+        stage = Stage(self.renderer, setting)
+
+        def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
+            return block_sums(stage.image(spp=spp, seed=seed), _BLOCK)
+
+        unbiased("image, by blocks", stage, measure, known, claim=0.03, spp=16)
+
+    def _texels(self, setting: Setting, part: int, grid: int = 4, claim: float = 0.05) -> None:
+        grad = setting.smooth()
+        known = Known.by_quadrature(setting, lambda scene: scene.texel_gradients(grad)[part], grid)
+        stage = Stage(self.renderer, setting)
+
+        def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
+            return stage.map_gradient(grad, "base_color", part, spp=spp, seed=seed)
+
+        unbiased(f"gradient of the base colour of part {part}", stage, measure, known, claim=claim, spp=16)
+
+    def _light(self, setting: Setting, grid: int = 4, claim: float = 0.05) -> None:
+        declared("environment" in self.capabilities.differentiable, "the environment's gradient")
+        grad = setting.smooth()
+        known = Known.by_quadrature(setting, lambda scene: _pairs(scene.environment_gradient(grad)), grid, split=8)
+        stage = Stage(self.renderer, setting)
+
+        def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
+            return _pairs(stage.light_gradient(grad, spp=spp, seed=seed))
+
+        unbiased("gradient of the environment, by pairs of columns", stage, measure, known, claim=claim, spp=16)
+
+
+def _pairs(gradient: Float[ndarray, "rows cols 3"]) -> Float[ndarray, "rows pairs 3"]:
+    """Two columns at a time, so that each holds enough."""
+    rows, cols, channels = gradient.shape
+    return gradient.reshape(rows, cols // 2, 2, channels).sum(axis=2)
+
+
+def _dim(light: Environment) -> Environment:
+    return replace(light, radiance=1e-4 * light.radiance)

@@ -1,0 +1,113 @@
+"""What shows only after many pictures: memory that grows, surfaces that go stale, sizes that are too much."""
+
+from __future__ import annotations
+
+import dataclasses
+import gc
+from typing import Any
+
+import numpy as np
+import torch
+
+from svbrdfgan.protocols import Renderer
+from svbrdfgan.testing import scenes
+from svbrdfgan.testing.kit import check
+from svbrdfgan.testing.renderer.base import RendererKit
+from svbrdfgan.testing.renderer.memory import memory
+from svbrdfgan.types import View
+
+WHITE = scenes.lambertian((1.0, 1.0, 1.0))
+SCENES, ROUNDS, LATER = 2, 10, 6
+
+
+class EnduranceTests(RendererKit):
+    """Many renders, many surfaces, large surfaces."""
+
+    def test_memory_does_not_grow(self) -> None:
+        """Renders of ever new scenes leave no memory behind, not even their pictures."""
+        levels = [memory()]
+        for number in range(ROUNDS):
+            made = _round(self.renderer, number)
+            levels.append(memory())
+        for place in levels[0]:
+            later = np.diff([level[place] for level in levels])[-LATER:] / 1e6
+            grown = f"grew by {', '.join(f'{each:.3f}' for each in later)} MB with each of the last rounds"
+            check(
+                float(np.median(later)) < 0.5 * made / 1e6,
+                f"What is allocated {place} {grown}, of {SCENES} new scenes and {made / 1e6:.3f} MB of pictures each; "
+                "what keeps hold of surfaces, textures or pictures?",
+            )
+
+    def test_prepared_surfaces_stay_valid(self) -> None:
+        """A prepared surface renders the same after many others came and went."""
+        view = scenes.front_view(scenes.random_light(), width=12, height=8)
+        first = self.renderer.prepare(scenes.sphere())
+        before = self.renderer.render(first, WHITE, view, spp=2, seed=1)
+        for rows in range(3, 9):
+            other = self.renderer.prepare(scenes.sphere(0.5, rows, 2 * rows))
+            self.renderer.render(other, scenes.lambertian(scenes.random_texture(rows, 3)), view, spp=1, seed=rows)
+            del other
+        gc.collect()
+        after = self.renderer.render(first, WHITE, view, spp=2, seed=1)
+        same = torch.equal(before.image, after.image) and torch.equal(before.coverage, after.coverage)
+        check(
+            same, "the same surface, view and seed give another picture after other surfaces were prepared and dropped."
+        )
+
+    def test_scenes_may_alternate(self) -> None:
+        """Pictures of two scenes in turn are those of each scene by itself."""
+        pairs = [(self.renderer.prepare(s), _view(seed)) for seed, s in enumerate((scenes.sphere(), scenes.plane()))]
+        alone = [_image(self.renderer, prepared, view) for prepared, view in pairs]
+        for _ in range(3):
+            for what, (prepared, view), wanted in zip(("first", "second"), pairs, alone, strict=True):
+                image = _image(self.renderer, prepared, view)
+                check(torch.equal(image, wanted), f"the {what} of two scenes changes when they are rendered in turn.")
+
+    def test_a_hundred_thousand_faces(self) -> None:
+        """A plane of 100,352 triangles has no gaps."""
+        view = scenes.front_view(scenes.constant_light(), 1.0, 24, 24, 0.8)
+        coverage = self.render(scenes.grid(224), WHITE, view, spp=4).coverage
+        missing = float((1.0 - coverage).sum()) * 4
+        check(
+            missing < 3.0, f"{missing:.0f} of {24 * 24 * 4} camera samples pass through a plane of 100,352 triangles."
+        )
+
+    def test_large_textures(self) -> None:
+        """A texture of 2048 x 1024 texels is looked up where it should be."""
+        texture = torch.zeros(1024, 2048, 3)
+        texture[:, 1024:] = 1.0
+        prepared = self.renderer.prepare(scenes.plane())
+        for x, wanted in ((-0.01, 0.0), (0.01, 1.0)):
+            view = scenes.spot_view((x, 0.3, 0.0), (0.0, 0.0, 1.0), scenes.constant_light(), extent=0.001)
+            seen, white = (
+                float(self.renderer.render(prepared, m, view, spp=4, seed=1).image.mean())
+                for m in (scenes.lambertian(texture), WHITE)
+            )
+            check(
+                abs(seen - wanted * white) <= 1e-3 * white,
+                f"a hundredth beside the middle it is {seen / white:.3f}; wanted {wanted}.",
+            )
+
+
+def _round(renderer: Renderer[Any], number: int) -> int:
+    """Pictures and gradients of scenes that never were before, their sizes the same each round; the pictures' bytes."""
+    made = 0
+    for size in range(SCENES):
+        seed = SCENES * number + size
+        texture, light = scenes.random_texture(300 + size, 200, seed), scenes.random_light(60 + size, 130, seed)
+        view = scenes.front_view(light, 1.0, 96, 96 + size, 0.8)
+        materials = scenes.lambertian(texture)
+        prepared = renderer.prepare(scenes.shuffled(scenes.grid(40 + size), seed))
+        rendering = renderer.render(prepared, materials, view, spp=1, seed=seed)
+        film, wrt = dataclasses.replace(view, width=16, height=16), renderer.capabilities.differentiable
+        renderer.render_vjp(prepared, materials, film, torch.ones(16, 16, 3), wrt=wrt, spp=1, seed=seed)
+        made += rendering.image.nbytes + rendering.coverage.nbytes
+    return made
+
+
+def _view(seed: int) -> View:
+    return scenes.front_view(scenes.random_light(6 + seed, 9, seed), width=8 + 3 * seed, height=7)
+
+
+def _image(renderer: Renderer[Any], prepared: object, view: View) -> torch.Tensor:
+    return renderer.render(prepared, scenes.lambertian(scenes.RED), view, spp=2, seed=3).image

@@ -1,0 +1,178 @@
+"""Gradients: those of the very picture where the contract says so, unbiased elsewhere; and shaped, placed and named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+
+from svbrdfgan.testing import scenes
+from svbrdfgan.testing.kit import check, declared
+from svbrdfgan.testing.renderer import settings
+from svbrdfgan.testing.renderer.base import RendererKit
+from svbrdfgan.testing.renderer.judging import Known, exactly, unbiased
+from svbrdfgan.testing.renderer.settings import Setting, Stage, flat
+from svbrdfgan.testing.renderer.slopes import slopes
+from svbrdfgan.testing.statistics import numbers
+from svbrdfgan.types import Material, Materials
+
+
+class GradientTests(RendererKit):
+    """`render_vjp` against the renderer's own pictures: whether those are right is for others to say."""
+
+    def test_base_color_of_every_texel_of_every_part(self) -> None:
+        """At the same seed each texel's and constant's gradient is that of the picture."""
+        self._own_slopes(settings.strips())
+
+    def test_base_color_of_textures_that_repeat(self) -> None:
+        """At a border the gradient goes to the other side where textures repeat."""
+        for repeat in ((True, False), (False, True)):
+            self._own_slopes(settings.whole_sheet(repeat))
+
+    def test_base_color_where_parts_light_one_another(self) -> None:
+        """The gradient counts as many bounces as the picture."""
+        self._own_slopes(settings.corner())
+
+    def test_base_color_beneath_gloss(self) -> None:
+        """Beneath gloss, too, the base colour's gradient is that of the picture."""
+        declared("roughness" in self.capabilities.maps, "roughness")
+        self._own_slopes(settings.glossy(torch.tensor([[0.3, 0.9], [0.6, 0.4]])[..., None]))
+
+    def test_unseen_texels_have_no_gradient(self) -> None:
+        """Texels and parts that are lit, but not seen, have a gradient of exactly zero."""
+        self._declared("base_color")
+        setting = settings.screened()
+        stage = Stage(self.renderer, setting)
+        plane, behind = (stage.map_gradient(setting.smooth(), "base_color", part, spp=16) for part in (0, 1))
+        unseen = np.ones((8, 8), dtype=bool)
+        unseen[1:7, 1:7] = False
+        check(
+            not plane[unseen].any(), f"Texels outside the picture have gradients up to {abs(plane[unseen]).max():.3g}."
+        )
+        check(bool((plane[2:6, 2:6] > 0.0).all()), "Some texels in the picture, and lit, have no positive gradient.")
+        check(not behind.any(), f"A part hidden behind another has gradients up to {abs(behind).max():.3g}; wanted 0.")
+
+    def test_unlit_texels_have_no_gradient(self) -> None:
+        """What is seen, but lit from behind alone, has a gradient of exactly zero."""
+        self._declared("base_color")
+        setting = settings.lidded(scenes.random_light(8, 4))
+        radiance = setting.view.environment.radiance.clone()
+        radiance[:5] = 0.0  # light from below, and bilinear lookups stay there
+        stage = Stage(self.renderer, setting.lit_by(radiance))
+        gradient = stage.map_gradient(setting.smooth(), "base_color", 0, spp=16)
+        check(not gradient.any(), f"In the dark there are gradients up to {abs(gradient).max():.3g}; wanted 0.")
+
+    def test_environment_sums_to_the_picture(self) -> None:
+        """At the same seed sum(gradient * environment) is sum(image * grad_image)."""
+        self._declared("environment")
+        for setting in self._lit_settings():
+            stage, grad = Stage(self.renderer, setting), setting.smooth()
+            radiance = numbers(setting.view.environment.radiance)
+            found, wanted = (stage.light_gradient(grad) * radiance).sum(), (stage.image() * grad).sum()
+            exactly("sum(environment gradient * environment)", np.array([found]), np.array([wanted]))
+
+    def test_environment_moves_the_picture(self) -> None:
+        """On average the environment's gradient is what each row does to the picture.
+
+        To 10 % of each row's share, or of a quarter of the largest.
+        """
+        self._declared("environment")
+        setting = settings.corner()
+        stage, grad = Stage(self.renderer, setting), setting.smooth()
+        radiance = setting.view.environment.radiance
+        lights = [
+            setting.lit_by(torch.zeros_like(radiance).index_copy(0, i, radiance[i])) for i in torch.arange(4).split(1)
+        ]
+
+        def apart(spp: int, seed: int) -> Float[ndarray, " rows"]:
+            rows = (stage.light_gradient(grad, spp=spp, seed=seed) * numbers(radiance)).sum(axis=(1, 2))
+            images = [stage.image(light, spp=spp, seed=seed + 1000 * i) for i, light in enumerate(lights, start=1)]
+            return np.array([row - (image * grad).sum() for row, image in zip(rows, images, strict=True)])
+
+        size = np.array([abs((stage.image(light, spp=16) * grad).sum()) for light in lights])
+        size = np.maximum(size, 0.25 * size.max())
+        unbiased(
+            "environment gradient less the picture's change, by rows",
+            stage,
+            apart,
+            Known.zero(size),
+            claim=0.1,
+            spp=16,
+        )
+
+    def test_roughness_below_its_bound_has_no_gradient(self) -> None:
+        """The gradient of roughness is exactly zero below 0.05, and not at 0.3."""
+        self._declared("roughness")
+        for roughness, moves in ((0.02, False), (0.3, True)):
+            setting = settings.glossy(roughness)
+            gradient = Stage(self.renderer, setting).map_gradient(setting.smooth(), "roughness", 0, spp=64)
+            check(gradient.any() == moves, f"At roughness {roughness} the gradient is {gradient}.")
+
+    def test_linear_in_the_cotangent(self) -> None:
+        """The gradient for 2 a - 3 b is 2 times that for a less 3 times that for b."""
+        setting = settings.rich("roughness" in self.capabilities.maps)
+        stage, wrt, a, b = (
+            Stage(self.renderer, setting),
+            settings.differentiable(self.capabilities),
+            setting.smooth(),
+            setting.random(),
+        )
+        of_a, of_b, of_both, of_none = (flat(stage.gradients(g, *wrt)) for g in (a, b, 2.0 * a - 3.0 * b, 0.0 * a))
+        for name, both in of_both.items():
+            exactly(f"The gradient of 2 a - 3 b in {name}", both, 2.0 * of_a[name] - 3.0 * of_b[name])
+            check(
+                not of_none[name].any(),
+                f"A cotangent of zero has a gradient of {abs(of_none[name]).max():.3g} in {name}.",
+            )
+
+    def test_inputs_together_are_as_each_alone(self) -> None:
+        """The gradient of one input is the same whatever else is asked for."""
+        setting = settings.rich("roughness" in self.capabilities.maps)
+        stage = Stage(self.renderer, setting)
+        together = flat(stage.gradients(setting.smooth(), *settings.differentiable(self.capabilities)))
+        for name in settings.differentiable(self.capabilities):
+            for place, gradient in flat(stage.gradients(setting.smooth(), name)).items():
+                check(place in together, f"{place} has a gradient when asked for alone, and none among others.")
+                exactly(f"The gradient of {place}, asked for alone", gradient, together[place])
+
+    def test_finite_in_the_dark_and_on_black(self) -> None:
+        """On black and in the dark gradients are finite; of what is unlit, zero."""
+        setting = settings.rich("roughness" in self.capabilities.maps)
+        black = settings.Setting(setting.surface, _blackened(setting.materials), setting.view)
+        dark = setting.lit_by(torch.zeros_like(setting.view.environment.radiance))
+        for name, scene in (("on black", black), ("in the dark", dark)):
+            for place, gradient in flat(
+                Stage(self.renderer, scene).gradients(setting.smooth(), *settings.differentiable(self.capabilities))
+            ).items():
+                check(bool(np.isfinite(gradient).all()), f"The gradient of {place} {name} is not finite.")
+                if scene is dark and place != "environment":
+                    check(not gradient.any(), f"The gradient of {place} {name} is {abs(gradient).max():.3g}; wanted 0.")
+
+    def _own_slopes(self, setting: Setting) -> None:
+        """Fails unless the gradient of each base colour is the slope of the picture at the same seed."""
+        self._declared("base_color")
+        stage = Stage(self.renderer, setting)
+        for part in range(len(setting.materials)):
+            own = slopes(stage, part, spp=4, seed=3)
+            for kind, grad in (("smooth", setting.smooth()), ("random", setting.random())):
+                found = stage.map_gradient(grad, "base_color", part)
+                exactly(f"gradient of the base colour of part {part} for a {kind} cotangent", found, own.pulled(grad))
+
+    def _declared(self, name: str) -> None:
+        declared(name in self.capabilities.differentiable, f"the gradient of {name}")
+
+    def _lit_settings(self) -> Iterator[Setting]:
+        yield settings.strips()
+        yield settings.corner()
+        yield settings.sheet(scenes.sun(30, 5, rotation=0.4))
+        if "roughness" in self.capabilities.maps:
+            yield settings.glossy(0.4)
+
+
+def _blackened(materials: Materials) -> Materials:
+    """Without any base colour, but otherwise the same."""
+    parts = [{**material.maps, "base_color": torch.zeros_like(material.base_color)} for material in materials.parts]
+    return Materials(tuple(Material(maps) for maps in parts))

@@ -1,0 +1,91 @@
+"""What the core makes of a renderer: stored light transport, and a layer for torch; both say what the renderer says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+
+from svbrdfgan.protocols import Renderer, TransportRenderer
+from svbrdfgan.render_layer import RenderLayer
+from svbrdfgan.testing.kit import check, declared
+from svbrdfgan.testing.renderer import settings
+from svbrdfgan.testing.renderer.base import RendererKit
+from svbrdfgan.testing.renderer.judging import exactly
+from svbrdfgan.testing.renderer.settings import Picture, Setting, Stage, flat
+from svbrdfgan.testing.statistics import numbers
+from svbrdfgan.texture_filter import sample_texture
+from svbrdfgan.types import Material, Materials
+
+
+class LayerTests(RendererKit):
+    """One set of samples, whichever way it is asked for."""
+
+    def test_transport_times_texture_is_the_picture(self) -> None:
+        """Transport times base colours is the picture; its records are the coverage."""
+        for stage in self._transported():
+            image, coverage, _ = _from_samples(self.renderer, stage)
+            exactly("transport times base colour", image, stage.image())
+            shown = self.renderer.render(stage.prepared, stage.setting.materials, stage.setting.view, spp=4, seed=3)
+            exactly("the share of samples that met the surface", coverage, numbers(shown.coverage))
+
+    def test_transport_transposed_is_the_gradient(self) -> None:
+        """Transport, transposed, makes the gradient that `render_vjp` gives."""
+        declared("base_color" in self.capabilities.differentiable, "the gradient of base_color")
+        for stage in self._transported():
+            grad = stage.setting.random()
+            _, _, colors = _from_samples(self.renderer, stage, grad)
+            for part, wanted in enumerate(colors):
+                exactly(f"gradient of part {part}", stage.map_gradient(grad, "base_color", part), wanted)
+
+    def test_render_layer_gives_torch_these_gradients(self) -> None:
+        """`RenderLayer` gives torch the picture, and `render_vjp` as its gradient."""
+        wrt = settings.differentiable(self.capabilities)
+        setting = settings.rich("roughness" in self.capabilities.maps)
+        stage, grad = Stage(self.renderer, setting), setting.random()
+        maps = [{n: v.clone().requires_grad_(n in wrt) for n, v in m.maps.items()} for m in setting.materials.parts]
+        light = setting.view.environment.radiance.clone().requires_grad_("environment" in wrt)
+        lit = Setting(setting.surface, Materials(tuple(map(Material, maps))), setting.lit_by(light).view)
+        layer = RenderLayer(self.renderer, spp=4)
+        image = layer(stage.prepared, lit.materials, lit.view, seed=3).image
+        exactly("RenderLayer's picture", numbers(image), stage.image())
+        (image.double() * torch.from_numpy(grad).to(image.device)).sum().backward()
+        for place, wanted in flat(stage.gradients(grad, *wrt)).items():
+            part, _, name = place.rpartition(" ")
+            leaf = light if name == "environment" else maps[int(part.removeprefix("part "))][name]
+            check(leaf.grad is not None, f"torch has no gradient for {place}.")
+            assert leaf.grad is not None
+            exactly(f"torch's gradient for {place}", numbers(leaf.grad), wanted)
+
+    def _transported(self) -> Iterator[Stage]:
+        declared(self.capabilities.transport, "transport")
+        for setting in (settings.strips(), settings.whole_sheet((True, False)), settings.lidded(), settings.screened()):
+            yield Stage(self.renderer, setting)
+
+
+def _from_samples(
+    renderer: Renderer[Any], stage: Stage, grad: Picture | None = None
+) -> tuple[Picture, Float[ndarray, "height width"], list[ndarray]]:
+    """The picture and its coverage, by the samples of `transport`; and for each part the base colour's gradient."""
+    check(isinstance(renderer, TransportRenderer), "transport is declared, but there is no such method.")
+    assert isinstance(renderer, TransportRenderer)
+    setting, (height, width) = stage.setting, (stage.setting.view.height, stage.setting.view.width)
+    colors = [material.base_color.double().requires_grad_() for material in setting.materials.parts]
+    image, count = (torch.zeros(height * width, n, dtype=torch.float64) for n in (3, 1))
+    for chunk in renderer.transport(stage.prepared, setting.view, spp=4, seed=3):
+        pixel, owner, uv = chunk.pixel.cpu().long(), chunk.part.cpu(), chunk.uv.cpu().double()
+        weight = chunk.weight.cpu().double()
+        count.index_add_(0, pixel, torch.ones(len(pixel), 1, dtype=torch.float64))
+        for part, color in enumerate(colors):
+            mine = owner == part
+            textured = color if color.ndim == 3 else color.reshape(1, 1, 3)
+            seen = sample_texture(textured, uv[mine], setting.surface.repeat)
+            image = image.index_add(0, pixel[mine], weight[mine] * seen)
+    film = (height, width, 3)
+    if grad is not None:
+        (image * torch.from_numpy(grad).reshape(-1, 3)).sum().backward()
+    grads = [numbers(torch.zeros_like(color) if color.grad is None else color.grad) for color in colors]
+    return numbers(image).reshape(film), numbers(count / 4).reshape(height, width), grads

@@ -1,0 +1,97 @@
+"""Brightness, measured over independent seeds, and compared with what it should be."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from svbrdfgan.testing.kit import check
+from svbrdfgan.testing.quadrature import Quadrature
+from svbrdfgan.testing.renderer.base import RendererKit
+from svbrdfgan.testing.statistics import Estimate, estimate, margin
+from svbrdfgan.types import Materials, Rendering, Surface, View
+
+Case = tuple[Surface, Materials, View]
+Radiances = Float[ndarray, "runs cases 3"]
+Brightnesses = Float[ndarray, "runs cases"]
+
+RUNS = 16
+ROUNDING = 2e-3
+"""Beside chance, a value may be off by this share of it: single precision, and rays that start beside the surface."""
+GRAIN = 2e-2
+"""The same for renderers without chance, whose samples lie on some grid."""
+
+
+class MeasuredKit(RendererKit):
+    """A renderer whose pictures are compared with known answers, by their means over seeds."""
+
+    @cached_property
+    def seeds(self) -> Iterator[int]:
+        """A fresh seed for each picture, so that all of them are independent."""
+        return itertools.count(1)
+
+    @property
+    def slack(self) -> float:
+        return ROUNDING if self.capabilities.stochastic else GRAIN
+
+    def pictures(self, *cases: Case, spp: int = 16, runs: int = RUNS) -> list[list[Rendering]]:
+        """For each run a picture of each case, each with a seed of its own."""
+        runs = runs if self.capabilities.stochastic else 2
+        ready = [(self.renderer.prepare(surface), materials, view) for surface, materials, view in cases]
+        return [[self.renderer.render(*case, spp=spp, seed=next(self.seeds)) for case in ready] for _ in range(runs)]
+
+    def radiances(self, *cases: Case, spp: int = 16, runs: int = RUNS) -> Radiances:
+        """The mean over the film of each picture; the views should show nothing but surface."""
+        pictures = self.pictures(*cases, spp=spp, runs=runs)
+        return np.array([[p.image.double().mean(dim=(0, 1)).cpu().numpy() for p in run] for run in pictures])
+
+    def brightnesses(self, *cases: Case, spp: int = 16, runs: int = RUNS) -> Brightnesses:
+        """As `radiances`, the mean of the channels."""
+        return self.radiances(*cases, spp=spp, runs=runs).mean(axis=-1)
+
+    def check_values(self, runs: ndarray, truth: Sequence[float] | ndarray, message: str) -> None:
+        """Fails unless the mean over the runs is the truth, but for chance and rounding."""
+        wanted = np.asarray(truth, dtype=np.float64)
+        _compare(estimate(list(runs)), wanted, self.slack * np.abs(wanted).max(), message)
+
+    def check_ratios(self, runs: Brightnesses, truth: Sequence[float] | ndarray, message: str) -> None:
+        """Fails unless the cases are to one another as the truth says, whatever the scale of all."""
+        wanted = np.asarray(truth, dtype=np.float64)
+        total = runs.mean(axis=0).sum()
+        check(bool(np.isfinite(total) and total > 0.0), f"All is black or not finite (sum of means {total:.4g}).")
+        share = wanted / wanted.sum()
+        excess = estimate(list(runs - share * runs.sum(axis=1, keepdims=True)))
+        found = Estimate(excess.mean / total + share, excess.error / total, excess.freedom)
+        _compare(found, share, self.slack * share.max(), message)
+
+
+def expected(*cases: Case, split: int = 16) -> Float[ndarray, "cases 3"]:
+    """What `radiances` should be, by quadrature of direct light."""
+    pictures = [Quadrature(*case, grid=1, split=split).image() for case in cases]
+    return np.array([picture.mean(axis=(0, 1)) for picture in pictures])
+
+
+def check_zero(values: ndarray, message: str) -> None:
+    """Fails unless every value is exactly zero."""
+    check(not np.any(values), f"{message} Found up to {np.abs(values).max():.4g}; wanted exactly 0.")
+
+
+def _compare(found: Estimate, wanted: ndarray, slack: float, message: str) -> None:
+    allowed = margin(found) + slack
+    off = ~(np.abs(found.mean - wanted) <= allowed)  # what is not a number is off as well
+    worst = zip(*_worst(found.mean, wanted, allowed), strict=True)
+    values = ", ".join(f"{mean:.4g} (wanted {truth:.4g} +- {room:.2g})" for mean, truth, room in worst)
+    check(not off.any(), f"{message} Found {values}.")
+
+
+def _worst(found: ndarray, wanted: ndarray, allowed: ndarray, count: int = 3) -> tuple[ndarray, ndarray, ndarray]:
+    """Those entries that are furthest off, as flat arrays."""
+    found, wanted, allowed = (values.ravel() for values in np.broadcast_arrays(found, wanted, allowed))
+    excess = np.nan_to_num(np.abs(found - wanted) / np.maximum(allowed, 1e-12), nan=np.inf)
+    order = np.argsort(-excess)[:count]
+    return found[order], wanted[order], allowed[order]

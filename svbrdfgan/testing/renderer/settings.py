@@ -1,0 +1,170 @@
+"""What gradients and means are tested on: small settings, and a renderer before one of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+from torch import Tensor
+
+from svbrdfgan.protocols import Renderer, RendererCapabilities
+from svbrdfgan.testing import scenes
+from svbrdfgan.testing.statistics import numbers
+from svbrdfgan.types import Camera, Environment, Gradients, Material, Materials, Surface, View
+
+Picture = Float[ndarray, "height width 3"]
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """A surface, its materials and a view of it."""
+
+    surface: Surface
+    materials: Materials
+    view: View
+
+    def with_map(self, part: int, name: str, value: Tensor) -> Setting:
+        """The same, but for one map of one part."""
+        parts = list(self.materials.parts)
+        parts[part] = Material({**parts[part].maps, name: value})
+        return replace(self, materials=Materials(tuple(parts)))
+
+    def lit_by(self, radiance: Tensor) -> Setting:
+        """The same under other light."""
+        environment = Environment(radiance, self.view.environment.rotation)
+        return replace(self, view=replace(self.view, environment=environment))
+
+    def smooth(self) -> Picture:
+        """A cotangent that is positive and changes little from pixel to pixel."""
+        y, x, channel = np.indices((self.view.height, self.view.width, 3))
+        return 1.0 + 0.4 * np.cos(2.0 * x / self.view.width + channel) * np.sin(1.0 + 2.0 * y / self.view.height)
+
+    def random(self) -> Picture:
+        """A cotangent of independent normal numbers."""
+        return np.random.default_rng(7).normal(size=(self.view.height, self.view.width, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A renderer with a surface prepared; what it says comes in NumPy, double precision."""
+
+    renderer: Renderer[Any]
+    setting: Setting
+
+    @cached_property
+    def prepared(self) -> Any:
+        return self.renderer.prepare(self.setting.surface)
+
+    def image(self, setting: Setting | None = None, *, spp: int = 4, seed: int = 3) -> Picture:
+        """The picture; if of another setting, then one with this surface."""
+        shown = setting or self.setting
+        return numbers(self.renderer.render(self.prepared, shown.materials, shown.view, spp=spp, seed=seed).image)
+
+    def gradients(
+        self, grad: Picture, *wrt: str, setting: Setting | None = None, spp: int = 4, seed: int = 3
+    ) -> Gradients:
+        """The gradient of sum(image * grad)."""
+        shown, names, cotangent = setting or self.setting, frozenset(wrt), torch.from_numpy(grad).float()
+        return self.renderer.render_vjp(
+            self.prepared, shown.materials, shown.view, cotangent, wrt=names, spp=spp, seed=seed
+        )
+
+    def map_gradient(self, grad: Picture, name: str, part: int, *, spp: int = 4, seed: int = 3) -> ndarray:
+        return numbers(self.gradients(grad, name, spp=spp, seed=seed).materials[part][name])
+
+    def light_gradient(self, grad: Picture, *, spp: int = 4, seed: int = 3) -> Float[ndarray, "rows cols 3"]:
+        gradient = self.gradients(grad, "environment", spp=spp, seed=seed).environment
+        if gradient is None:
+            raise AssertionError("wrt names the environment, but Gradients.environment is None.")
+        return numbers(gradient)
+
+
+def flat(gradients: Gradients) -> dict[str, ndarray]:
+    """All of them, by names such as "part 0 base_color" and "environment"."""
+    maps = {
+        f"part {part} {name}": numbers(value)
+        for part, material in enumerate(gradients.materials)
+        for name, value in material.items()
+    }
+    light = {} if gradients.environment is None else {"environment": numbers(gradients.environment)}
+    return maps | light
+
+
+def differentiable(capabilities: RendererCapabilities) -> list[str]:
+    """What these settings hold, of all that a renderer declares."""
+    return sorted(capabilities.differentiable & {"base_color", "roughness", "environment"})
+
+
+def soft_light(rows: int = 4, cols: int = 8, rotation: float = 0.6) -> Environment:
+    """A random environment without dark pixels."""
+    light = scenes.random_light(rows, cols, seed=5, rotation=rotation)
+    return replace(light, radiance=light.radiance + 0.3)
+
+
+def sheet(light: Environment | None = None, size: int = 8, texels: tuple[int, int] = (4, 4)) -> Setting:
+    """A textured plane that fills the picture."""
+    view = scenes.front_view(light or soft_light(), width=size, height=size, vertical_fov=0.5)
+    return Setting(scenes.plane(2.0), scenes.lambertian(scenes.random_texture(*texels)), view)
+
+
+def whole_sheet(repeat: tuple[bool, bool]) -> Setting:
+    """A textured plane with its edges in the picture, whose texture repeats or not."""
+    view = scenes.front_view(soft_light(), width=12, height=12, vertical_fov=0.7)
+    surface = replace(scenes.plane(2.0), repeat=repeat)
+    return Setting(surface, scenes.lambertian(scenes.random_texture(3, 4)), view)
+
+
+def strips(light: Environment | None = None) -> Setting:
+    """Three parts side by side that fill the picture: two with textures shaped alike, one constant.
+
+    They meet between pixels, where no quadrature errs.
+    """
+    view = scenes.front_view(light or soft_light(), 3.0, width=8, height=8, vertical_fov=0.5)
+    pixel = 3.0 * math.tan(0.25) / 4.0
+    places = ((-4.0 * pixel, 3.0 * pixel), (-pixel, 3.0 * pixel), (2.0 * pixel, 3.0 * pixel))
+    parts = [scenes.quad((x, -1.0, 0.0), (width, 0.0, 0.0), (0.0, 2.0, 0.0)) for x, width in places]
+    textures = [scenes.random_texture(2, 3, seed) for seed in (0, 1)]
+    return Setting(scenes.joined(*parts), scenes.lambertian(*textures, (0.3, 0.5, 0.7)), view)
+
+
+def corner() -> Setting:
+    """Three parts that light one another, where paths have several bounces."""
+    colors: Sequence[Tensor] = (scenes.random_texture(2, 3), torch.tensor([0.9, 0.5, 0.3]), scenes.random_texture(2, 2))
+    return Setting(scenes.corner_box(), scenes.lambertian(*colors), scenes.corner_view(soft_light(), 8, 8))
+
+
+def rich(gloss: bool) -> Setting:
+    """`corner`, with all maps that there may be."""
+    texture = 0.3 + 0.6 * scenes.random_texture(3, 2, seed=3)[..., :1]
+    return corner().with_map(0, "roughness", texture) if gloss else corner()
+
+
+def screened() -> Setting:
+    """A plane (part 0) of which the picture shows the middle, and a larger one behind it, which it hides whole."""
+    behind = scenes.quad((-1.5, -1.5, -1.0), (3.0, 0.0, 0.0), (0.0, 3.0, 0.0))
+    materials = scenes.lambertian(scenes.random_texture(8, 8), scenes.random_texture(4, 4))
+    view = scenes.front_view(soft_light(), 1.0, width=8, height=8, vertical_fov=0.8)
+    return Setting(scenes.joined(scenes.plane(2.0), behind), materials, view)
+
+
+def lidded(light: Environment | None = None) -> Setting:
+    """A floor from above, half of it beneath a black lid, so that nothing but shadow depends on the lid."""
+    camera = Camera((0.0, 3.0, 0.0), up=(0.0, 0.0, -1.0), vertical_fov=0.5)
+    materials = scenes.lambertian(scenes.random_texture(4, 4), (0.0, 0.0, 0.0))
+    return Setting(scenes.occluder(), materials, View(camera, light or soft_light(), 8, 8))
+
+
+def glossy(roughness: Tensor | float, light: Environment | None = None) -> Setting:
+    """`sheet` as a dielectric, seen aslant."""
+    setting = sheet(light)
+    camera = Camera((1.5, 0.6, 2.0), vertical_fov=0.35)
+    value = torch.as_tensor(roughness, dtype=torch.float32)
+    value = value.reshape(1) if value.ndim == 0 else value
+    return replace(setting.with_map(0, "roughness", value), view=replace(setting.view, camera=camera))

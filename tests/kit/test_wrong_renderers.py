@@ -1,0 +1,114 @@
+"""The kit of renderers catches each of these wrong ones, by the tests meant for it and by no other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from wrong import WHOLE, WRONG, OnNumpy, Right, Wrong
+from wrong.base import Call
+
+from svbrdfgan.testing.kit import Outcome, names_of_tests, run_kit
+from svbrdfgan.testing.renderer import RendererTests
+
+NEIGHBOURS = (
+    "test_its_repr_is_one_line",
+    "test_gradients_are_of_what_is_asked",
+    "test_inputs_are_only_read",
+    "test_pictures_are_shaped_as_the_film",
+    "test_gradients_are_shaped_as_the_maps",
+    "test_no_light_is_black",
+    "test_channels_do_not_mix",
+    "test_pictures_are_multiplied_by_coverage",
+    "test_textures_are_clamped_at_the_border",
+    "test_right_is_right",
+    "test_texture_row_0_is_at_the_bottom",
+    "test_surfaces_have_two_sides",
+    "test_each_part_has_its_own_material",
+    "test_linear_in_the_cotangent",
+    "test_same_seed_same_picture",
+    "test_transport_times_texture_is_the_picture",
+)
+"""One or two quick tests from each group: what the quick half of this page runs beside the tests that should fail."""
+
+
+class WithoutChance(Right):
+    """A right renderer that takes the same samples each time, so many that chance is small."""
+
+    claims = MappingProxyType({"stochastic": False, "transport": False})
+
+    def asked(self, call: Call) -> Call:
+        return replace(call, seed=0, spp=8 * call.spp)
+
+
+def each(wrongs: list[Wrong]) -> Any:
+    return pytest.mark.parametrize("wrong", wrongs, ids=lambda wrong: wrong.renderer.__name__)
+
+
+@each([wrong for wrong in WRONG if not issubclass(wrong.renderer, OnNumpy)])
+def test_each_wrong_one_is_caught(wrong: Wrong) -> None:
+    """The quick half of the proof: by all the tests meant for it, and by none of their neighbours."""
+    failed = failures(wrong.renderer, *wrong.tests, *NEIGHBOURS)
+    assert failed.keys() == wrong.tests, failed
+
+
+@pytest.mark.slow
+@each(WRONG)
+def test_each_wrong_one_is_caught_by_no_other_test(wrong: Wrong) -> None:
+    failed = failures(wrong.renderer)
+    assert wrong.expects(failed.keys()), failed
+
+
+@pytest.mark.slow
+def test_the_right_one_passes() -> None:
+    assert failures(Right) == {}
+
+
+def test_one_without_chance_passes() -> None:
+    """The kit can be passed without chance, and without being exact."""
+    found = {outcome.name: outcome for outcome in outcomes(WithoutChance)}
+    assert {name: o.message for name, o in found.items() if o.status == "failed"} == {}
+    assert sum(outcome.status == "passed" for outcome in found.values()) > 90
+
+
+def test_the_table_names_tests_of_the_kit() -> None:
+    named = {name for wrong in WRONG for name in wrong.tests}
+    assert {*named, *NEIGHBOURS, *WHOLE} <= set(names_of_tests(RendererTests))
+
+
+def failures(renderer: type[Right], *tests: str) -> dict[str, str]:
+    """The tests of the kit that a renderer fails, with their messages; of all, or of some."""
+    return {o.name: o.message for o in outcomes(renderer, *tests) if o.status == "failed"}
+
+
+def outcomes(renderer: type[Right], *tests: str) -> Iterator[Outcome]:
+    class Kit(RendererTests):
+        def make_renderer(self) -> Any:
+            return renderer()
+
+    for test in tests or ("",):
+        running = run_kit(Kit, test)
+        while True:
+            with process_left_alone():
+                outcome = next(running, None)
+            if outcome is None:
+                break
+            yield outcome
+
+
+@contextmanager
+def process_left_alone() -> Iterator[None]:
+    """Undoes what wrong renderers do to the process."""
+    dtype, state, other = torch.get_default_dtype(), torch.random.get_rng_state(), np.random.get_state()
+    try:
+        yield
+    finally:
+        torch.set_default_dtype(dtype)
+        torch.random.set_rng_state(state)
+        np.random.set_state(other)

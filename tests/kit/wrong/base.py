@@ -1,0 +1,158 @@
+"""A right renderer, to be made wrong in one of its steps; and what its heirs change results with."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, ClassVar
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.errors import PluginError, UnsupportedError
+from svbrdfgan.plugins import load_renderer
+from svbrdfgan.protocols import Renderer, RendererCapabilities
+from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
+
+
+@functools.cache
+def fast_renderer() -> Renderer[Any]:
+    """The fastest that there is on any machine."""
+    try:
+        return load_renderer("warp", {"device": "cpu"})
+    except PluginError:
+        return load_renderer("numpy")
+
+
+@functools.cache
+def slow_renderer(max_bounces: int) -> Renderer[Any]:
+    """The one that can be read, and bent."""
+    return load_renderer("numpy", {"max_bounces": max_bounces})
+
+
+@dataclass(frozen=True, eq=False)
+class Call:
+    """What is asked of a renderer: a picture, its gradient, or its transport."""
+
+    surface: Surface
+    prepared: Any
+    materials: Materials
+    view: View
+    spp: int
+    seed: int
+    wrt: frozenset[str] = frozenset()
+    grad_image: Tensor | None = None
+
+    def seen_with(self, environment: Environment) -> Call:
+        return replace(self, view=replace(self.view, environment=environment))
+
+
+@dataclass(frozen=True)
+class Right:
+    """A right renderer. Its heirs are wrong in one of the steps below, which here do nothing."""
+
+    claims: ClassVar[Mapping[str, Any]] = MappingProxyType({})
+
+    def surface(self, surface: Surface) -> Surface:
+        """What is prepared."""
+        return surface
+
+    def asked(self, call: Call) -> Call:
+        """What is rendered, differentiated or sampled."""
+        return call
+
+    def picture(self, rendering: Rendering, call: Call) -> Rendering:
+        return rendering
+
+    def cotangent(self, grad_image: Tensor, call: Call) -> Tensor:
+        return grad_image
+
+    def gradient(self, gradients: Gradients, call: Call) -> Gradients:
+        return gradients
+
+    def samples(self, samples: TransportSamples, call: Call) -> TransportSamples:
+        return samples
+
+    @property
+    def right(self) -> Renderer[Any]:
+        return fast_renderer()
+
+    @property
+    def capabilities(self) -> RendererCapabilities:
+        return replace(self.right.capabilities, **self.claims)
+
+    @property
+    def device(self) -> torch.device:
+        return self.right.device
+
+    def prepare(self, surface: Surface) -> tuple[Surface, Any]:
+        changed = self.surface(surface)
+        return changed, self.right.prepare(changed)
+
+    def render(self, prepared: Any, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
+        call = Call(*prepared, materials, view, spp, seed)
+        c = self.asked(call)
+        return self.picture(self.right.render(c.prepared, c.materials, c.view, spp=c.spp, seed=c.seed), call)
+
+    def render_vjp(
+        self,
+        prepared: Any,
+        materials: Materials,
+        view: View,
+        grad_image: Float[Tensor, "height width 3"],
+        *,
+        wrt: frozenset[str],
+        spp: int,
+        seed: int,
+    ) -> Gradients:
+        call = Call(*prepared, materials, view, spp, seed, wrt, grad_image)
+        asked = replace(self.asked(call), grad_image=self.cotangent(grad_image, call))
+        return self.gradient(self.vjp(asked), call)
+
+    def vjp(self, call: Call, renderer: Renderer[Any] | None = None) -> Gradients:
+        """The right gradient."""
+        c, right = call, renderer or self.right
+        assert c.grad_image is not None
+        return right.render_vjp(c.prepared, c.materials, c.view, c.grad_image, wrt=c.wrt, spp=c.spp, seed=c.seed)
+
+    def transport(self, prepared: Any, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
+        if not self.capabilities.transport:
+            raise UnsupportedError("this renderer has no transport.")
+        call = Call(*prepared, Materials(()), view, spp, seed)
+        c = self.asked(call)
+        for samples in self.right.transport(c.prepared, c.view, spp=c.spp, seed=c.seed):
+            yield self.samples(samples, call)
+
+
+def each_map(gradients: Gradients, change: Callable[[Tensor], Tensor]) -> Gradients:
+    """The gradients with every map's changed."""
+    parts = tuple({name: change(value) for name, value in part.items()} for part in gradients.materials)
+    return replace(gradients, materials=parts)
+
+
+def light_of(gradients: Gradients, change: Callable[[Tensor], Tensor]) -> Gradients:
+    """The gradients with the environment's changed."""
+    light = gradients.environment
+    return replace(gradients, environment=None if light is None else change(light))
+
+
+def with_colors(materials: Materials, change: Callable[[Tensor], Tensor]) -> Materials:
+    """The materials with every base colour changed."""
+    return Materials(tuple(Material({**m.maps, "base_color": change(m.base_color)}) for m in materials.parts))
+
+
+def scaled(rendering: Rendering, factor: float) -> Rendering:
+    return replace(rendering, image=rendering.image * factor)
+
+
+class OnNumpy(Right):
+    """The slow renderer instead of the fast one."""
+
+    bounces: ClassVar[int] = 1
+
+    @property
+    def right(self) -> Renderer[Any]:
+        return slow_renderer(self.bounces)

@@ -1,0 +1,70 @@
+"""The table: which tests of the kit catch which wrong renderer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Set
+from dataclasses import dataclass
+
+from wrong.base import Right
+
+SLOPES = (
+    "test_base_color_of_every_texel_of_every_part",
+    "test_base_color_of_textures_that_repeat",
+    "test_base_color_where_parts_light_one_another",
+)
+"""One law, on three scenes."""
+
+WHOLE = (
+    "test_image_of_a_textured_plane",
+    "test_image_of_a_floor_under_a_lid",
+    "test_image_of_three_parts",
+    "test_image_under_a_strong_sun",
+    "test_image_in_low_light",
+    "test_image_of_gloss",
+    "test_texel_gradients_of_three_parts",
+    "test_texel_gradients_in_shadow",
+    "test_texel_gradients_under_a_strong_sun",
+    "test_roughness_gradients_of_gloss",
+    "test_environment_gradient_in_the_open",
+    "test_environment_gradient_through_shadow",
+    "test_one_sample_is_unbiased",
+    "test_sixteen_samples_are_unbiased",
+    "test_gradients_of_one_sample_are_unbiased",
+    "test_backward_samples_are_independent",
+)
+"""Those that hold whole pictures and gradients of textured scenes against quadrature: the last line of the kit, which
+sees that something is wrong, but cannot say what. A test that can is to catch a wrong renderer as well."""
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """A wrong renderer.
+
+    Attributes:
+        tests: all that catch it, but for those of `WHOLE`; of these only if it is for them to catch.
+        whole: whether any other of `WHOLE` sees it, too. Which of them is a matter of the scenes.
+        reason: what is wrong; and why several tests catch it, where they do.
+    """
+
+    renderer: type[Right]
+    tests: frozenset[str]
+    whole: bool
+    reason: str
+
+    def expects(self, failed: Set[str]) -> bool:
+        """Whether these are the tests that should fail."""
+        others = failed - self.tests
+        return self.tests <= failed and others <= set(WHOLE) and bool(others) == self.whole
+
+
+WRONG: list[Wrong] = []
+
+
+def caught_by(*tests: str, whole: bool = False, reason: str = "") -> Callable[[type[Right]], type[Right]]:
+    """Enters a wrong renderer in the table."""
+
+    def note(renderer: type[Right]) -> type[Right]:
+        WRONG.append(Wrong(renderer, frozenset(tests), whole, f"{renderer.__doc__} {reason}".strip()))
+        return renderer
+
+    return note
