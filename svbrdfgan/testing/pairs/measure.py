@@ -1,0 +1,199 @@
+"""What is compared: a picture and its derivatives, as sums over blocks, from one run of a renderer.
+
+All are sums of terms of one sign, so that a share of the total, and a bias relative to it, have a meaning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from numpy import ndarray
+from torch import Tensor
+
+from svbrdfgan.protocols import Renderer, TransportRenderer
+from svbrdfgan.testing.pairs.scenes import TEXTURE, PairScene
+from svbrdfgan.testing.statistics import numbers
+from svbrdfgan.texture_filter import bilinear_taps
+from svbrdfgan.types import TransportSamples
+
+BLOCKS = 4
+"""Along each side of the film, of each texture, and of the environment."""
+
+_CELLS = BLOCKS * BLOCKS
+_SIGNS = (1.0, -1.0, 1.0)  # of cotangents, by channel
+_CHANNELS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A renderer with a scene prepared, from which measurements are taken."""
+
+    name: str
+    renderer: Renderer[Any]
+    prepared: Any
+    scene: PairScene
+
+    def gradients(self, cotangent: Float[Tensor, "height width 3"], spp: int, seed: int) -> Float[ndarray, "_ cells 3"]:
+        """The gradient of base colour, summed over the blocks of the textures of each group of parts."""
+        wrt = frozenset({"base_color"})
+        scene, total = self.scene, np.zeros((self.scene.group_count, _CELLS, _CHANNELS))
+        found = self.renderer.render_vjp(
+            self.prepared, scene.materials, scene.view, cotangent, wrt=wrt, spp=spp, seed=seed
+        )
+        for group, maps in zip(scene.groups, found.materials, strict=True):
+            total[group] += block_sums(maps["base_color"])
+        return total
+
+
+Measure = Callable[[Subject, int, int], Float[ndarray, " blocks"]]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A picture or a derivative, in blocks.
+
+    Attributes:
+        measure: from a subject, samples per pixel and seed to an unbiased estimate of every block.
+        axes: what the blocks are of, outermost first, and how many of each; `groups` of parts are counted as 0.
+        needs: what the renderer must differentiate; empty for the picture.
+    """
+
+    name: str
+    measure: Measure
+    axes: tuple[tuple[str, int], ...]
+    needs: str = ""
+
+    def shape(self, scene: PairScene) -> tuple[int, ...]:
+        return tuple(count or scene.group_count for _, count in self.axes)
+
+    def size(self, scene: PairScene) -> int:
+        return int(np.prod(self.shape(scene)))
+
+    def label(self, scene: PairScene, block: int) -> str:
+        """Where a block is, such as "pixels 2,1 part 1 texels 0,3": rows and columns of blocks."""
+        at = np.unravel_index(block, self.shape(scene))
+        return " ".join(self.place(axis, int(index)) for axis, index in enumerate(at))
+
+    def place(self, axis: int, index: int) -> str:
+        """One axis of a label."""
+        name = self.axes[axis][0]
+        if name == "channel":
+            return "RGB"[index]
+        return f"part {index}" if name == "part" else f"{name} {index // BLOCKS},{index % BLOCKS}"
+
+
+def offered(renderer: Renderer[Any], quantity: Quantity) -> bool:
+    """Whether the renderer can give it."""
+    return not quantity.needs or quantity.needs in renderer.capabilities.differentiable
+
+
+def _image(subject: Subject, spp: int, seed: int) -> Float[ndarray, " blocks"]:
+    scene = subject.scene
+    image = subject.renderer.render(subject.prepared, scene.materials, scene.view, spp=spp, seed=seed).image
+    return block_sums(image).ravel()
+
+
+def _gradient(subject: Subject, spp: int, seed: int) -> Float[ndarray, " blocks"]:
+    return (subject.gradients(cotangent(subject.scene), spp, seed) * _SIGNS).ravel()
+
+
+def _environment(subject: Subject, spp: int, seed: int) -> Float[ndarray, " blocks"]:
+    scene, wrt = subject.scene, frozenset({"environment"})
+    found = subject.renderer.render_vjp(
+        subject.prepared, scene.materials, scene.view, cotangent(scene), wrt=wrt, spp=spp, seed=seed
+    )
+    assert found.environment is not None, f"{subject.name} declares environment gradients and gives none"
+    return (block_sums(found.environment) * _SIGNS).ravel()
+
+
+def _jacobian(subject: Subject, spp: int, seed: int) -> Float[ndarray, " blocks"]:
+    if isinstance(subject.renderer, TransportRenderer) and subject.renderer.capabilities.transport:
+        return jacobian_of_transport(subject, spp, seed).ravel()
+    return jacobian_of_vjps(subject, spp, seed).ravel()
+
+
+def jacobian_of_transport(subject: Subject, spp: int, seed: int) -> Float[ndarray, "cells _ cells"]:
+    """The Jacobian of the sum over each image block, in one channel, by the sum over each texel block, in the same.
+
+    From image block i it takes channel i % 3: no renderer mixes channels, and so three blocks fit in one cotangent.
+    """
+    assert isinstance(subject.renderer, TransportRenderer)
+    scene, groups = subject.scene, torch.tensor(subject.scene.groups)
+    shape = (_CELLS, scene.group_count, _CELLS)
+    total = np.zeros(int(np.prod(shape)))
+    for samples in subject.renderer.transport(subject.prepared, scene.view, spp=spp, seed=seed):
+        total += _binned(samples, scene, groups.to(samples.part.device), len(total))
+    return total.reshape(shape)
+
+
+def jacobian_of_vjps(subject: Subject, spp: int, seed: int) -> Float[ndarray, "cells _ cells"]:
+    """The same by six gradients, of three image blocks each: for several bounces, or without transport."""
+    scene = subject.scene
+    total = np.zeros((_CELLS, scene.group_count, _CELLS))
+    block = torch.from_numpy(film_blocks(scene))
+    for call, first in enumerate(range(0, _CELLS, _CHANNELS)):
+        chosen = range(first, min(first + _CHANNELS, _CELLS))
+        indicator = torch.zeros(*block.shape, _CHANNELS)
+        for cell in chosen:
+            indicator[..., cell % _CHANNELS][block == cell] = 1.0
+        found = subject.gradients(indicator, spp, seed * 8 + call)
+        for cell in chosen:
+            total[cell] = found[..., cell % _CHANNELS]
+    return total
+
+
+def _binned(samples: TransportSamples, scene: PairScene, groups: Tensor, bins: int) -> Float[ndarray, " bins"]:
+    """The samples' weights in one channel, shared among the blocks of the texels that they look up."""
+    device = samples.uv.device
+    cell = torch.from_numpy(film_blocks(scene)).to(device).reshape(-1)[samples.pixel.long()]
+    texel, tap = bilinear_taps(samples.uv, TEXTURE, TEXTURE, scene.surface.repeat)
+    texel_cell = torch.from_numpy(block_index(TEXTURE, TEXTURE)).to(device).reshape(-1)[texel]
+    key = ((cell * scene.group_count + groups[samples.part.long()]) * _CELLS).unsqueeze(1) + texel_cell
+    weight = samples.weight.gather(1, (cell % _CHANNELS).unsqueeze(1)).double() * tap
+    return numbers(torch.bincount(key.reshape(-1), weight.reshape(-1), minlength=bins))
+
+
+def cotangent(scene: PairScene) -> Float[Tensor, "height width 3"]:
+    """Random in size, from 0.5 to 1.5; of one sign in each channel, so that nothing cancels."""
+    generator = torch.Generator().manual_seed(scene.view.width)
+    size = 0.5 + torch.rand((scene.view.height, scene.view.width, _CHANNELS), generator=generator)
+    return size * torch.tensor(_SIGNS)
+
+
+def block_index(rows: int, cols: int) -> Int[ndarray, "rows cols"]:
+    """The block, row * BLOCKS + column, in which each element lies."""
+    row, col = (np.arange(count) * BLOCKS // count for count in (rows, cols))
+    return row[:, None] * BLOCKS + col
+
+
+def film_blocks(scene: PairScene) -> Int[ndarray, "height width"]:
+    return block_index(scene.view.height, scene.view.width)
+
+
+def block_sums(values: Float[Tensor, "rows cols channels"]) -> Float[ndarray, "cells channels"]:
+    """The sum over each block, blocks row by row."""
+    array = numbers(values)
+    total = np.zeros((_CELLS, array.shape[2]))
+    np.add.at(total, block_index(*array.shape[:2]).ravel(), array.reshape(-1, array.shape[2]))
+    return total
+
+
+_PIXELS, _TEXELS, _PART, _CHANNEL = ("pixels", _CELLS), ("texels", _CELLS), ("part", 0), ("channel", _CHANNELS)
+
+QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
+    {
+        quantity.name: quantity
+        for quantity in (
+            Quantity("image", _image, (_PIXELS, _CHANNEL)),
+            Quantity("gradient", _gradient, (_PART, _TEXELS, _CHANNEL), "base_color"),
+            Quantity("jacobian", _jacobian, (_PIXELS, _PART, _TEXELS), "base_color"),
+            Quantity("environment", _environment, (("sky", _CELLS), _CHANNEL), "environment"),
+        )
+    }
+)

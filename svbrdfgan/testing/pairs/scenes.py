@@ -1,0 +1,206 @@
+"""The scenes in which renderers are compared: each is made where two of them may well disagree."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+from torch import Tensor
+
+from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.geometry.layers import hide_inner_layers
+from svbrdfgan.io import load_environment, load_mesh
+from svbrdfgan.plugins import load_embedding
+from svbrdfgan.procedural import SkyParameters, build_sky, build_vehicle, sample_vehicle
+from svbrdfgan.testing.scenes import bowl, corner_box, floor, joined, lambertian, quad, random_light, random_texture
+from svbrdfgan.testing.scenes import sphere as ball
+from svbrdfgan.types import Camera, Environment, Materials, Mesh, Surface, View
+
+ASSETS = "SVBRDFGAN_ASSETS"
+FILM = 64
+TEXTURE = 16
+_REAL_CAR = ("cars/quaternius_real_normalcar1.glb", "envmaps/pmndrs_sunset.hdr")
+_REFINED = 32  # resolution of the embedding of vehicles: coarse, so that the slowest renderer can follow
+
+
+class SceneUnavailableError(AssetError):
+    """What a scene is made of is not on this machine."""
+
+
+@dataclass(frozen=True, eq=False)
+class PairScene:
+    """One row of the table.
+
+    Attributes:
+        surface: every part has its own texture, of TEXTURE x TEXTURE texels.
+        groups: for each part, the group that its texels are counted in.
+        max_bounces: of the paths to compare.
+    """
+
+    name: str
+    surface: Surface
+    materials: Materials
+    view: View
+    groups: tuple[int, ...]
+    max_bounces: int = 1
+
+    @property
+    def group_count(self) -> int:
+        return max(self.groups) + 1
+
+    @property
+    def pixels(self) -> int:
+        return self.view.width * self.view.height
+
+    def fingerprint(self) -> str:
+        """The same on every machine for the same scene: rounding that differs between processors is left out."""
+        digest = hashlib.sha256(f"{self.groups} {self.max_bounces} {self.surface.repeat}".encode())
+        for array in self._arrays():
+            scale = float(np.abs(array).max()) or 1.0
+            steps = np.rint(array / scale * 777_777.7).astype(np.int64)  # no round number: few values lie on an edge
+            digest.update(f"{array.shape} {scale:.5e}".encode() + steps.tobytes())
+        return digest.hexdigest()[:16]
+
+    def _arrays(self) -> Iterator[Float[ndarray, "*shape"]]:
+        surface, view = self.surface, self.view
+        yield from (surface.positions, surface.normals, surface.uv, surface.faces, surface.face_part)
+        yield from (material.base_color.double().numpy() for material in self.materials.parts)
+        yield view.environment.radiance.double().numpy()
+        camera = view.camera
+        yield np.array([*camera.origin, *camera.target, *camera.up, camera.vertical_fov, view.environment.rotation])
+        yield np.array([view.width, view.height])
+
+
+def _scene(
+    name: str, surface: Surface, camera: Camera, light: Environment, *, groups: tuple[int, ...] = (), bounces: int = 1
+) -> PairScene:
+    """The scene with a random texture on every part, and each part a group of its own unless `groups` says more."""
+    parts = range(len(surface.parts))
+    materials = lambertian(*(random_texture(TEXTURE, TEXTURE, seed=part) for part in parts))
+    return PairScene(name, surface, materials, View(camera, light, FILM, FILM), groups or tuple(parts), bounces)
+
+
+def ellipsoid(axes: tuple[float, float, float], centre: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Surface:
+    """A closed convex surface with smooth normals."""
+    unit = ball(1.0, 24, 48)
+    normals = unit.normals / axes
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return replace(unit, positions=unit.positions * axes + centre, normals=normals)
+
+
+def soft_light(seed: int, rows: int = 16, strength: float = 1.0) -> Environment:
+    """Light from everywhere, in large coloured patches of about equal brightness, turned by half a radian."""
+    coarse = 0.3 + random_light(4, 8, seed).radiance.double().numpy()
+    smooth = np.einsum("ri,cj,ijk->rck", _stretched(4, rows), _stretched(8, 2 * rows), coarse)
+    steps = np.rint(256.0 * smooth) / 256.0  # so that no processor's rounding shows
+    return Environment(strength * torch.from_numpy(steps).float(), rotation=0.5)
+
+
+def _stretched(count: int, size: int) -> Float[ndarray, "size count"]:
+    """The weights that stretch `count` values over `size`, linear in between."""
+    at = np.linspace(0.0, count - 1.0, size)
+    return np.stack([np.interp(at, np.arange(count), unit) for unit in np.eye(count)], axis=1)
+
+
+def sunlit(seed: int, rows: int = 64, ratio: float = 1e4) -> Environment:
+    """Soft light with a single pixel that is `ratio` times as bright as the rest, whose mean is 0.8."""
+    light = soft_light(seed, rows)
+    radiance = light.radiance.clone()
+    radiance[rows // 5, 2 * rows // 3] = ratio * 0.8
+    return replace(light, radiance=radiance)
+
+
+def _convex() -> PairScene:
+    camera = Camera((1.1, 0.9, 2.6), vertical_fov=0.48)
+    return _scene("convex", ellipsoid((1.0, 0.6, 0.8)), camera, soft_light(1))
+
+
+def _occluding() -> PairScene:
+    lid = quad((-0.6, 0.45, 0.7), (1.2, 0.0, 0.0), (0.0, 0.0, -1.2))
+    return _scene(
+        "occluding", joined(floor(2.0), lid), Camera((0.5, 1.3, 2.1), (0.0, 0.1, 0.0), vertical_fov=0.68), soft_light(2)
+    )
+
+
+def _multi_part() -> PairScene:
+    wall = quad((-1.0, 0.0, -0.8), (2.0, 0.0, 0.0), (0.0, 1.3, 0.0))
+    surface = joined(floor(2.0), ellipsoid((0.6, 0.4, 0.4), (0.0, 0.45, 0.0)), wall)
+    return _scene("multi-part", surface, Camera((0.6, 1.1, 2.6), (0.0, 0.4, 0.0), vertical_fov=0.6), soft_light(3))
+
+
+def _interreflecting() -> PairScene:
+    camera = Camera((1.6, 1.4, 1.8), (0.3, 0.3, 0.3), vertical_fov=0.42)
+    return _scene("interreflecting", corner_box(), camera, soft_light(4), bounces=3)
+
+
+def _strong_sun() -> PairScene:
+    surface = joined(floor(2.0), ellipsoid((0.6, 0.5, 0.5), (0.0, 0.5, 0.0)))
+    return _scene("strong sun", surface, Camera((1.0, 1.5, 2.4), (0.0, 0.3, 0.0), vertical_fov=0.6), sunlit(5))
+
+
+def _low_light() -> PairScene:
+    return _scene("low light", bowl(16, 32), Camera((0.4, 1.9, 1.5), (0.0, -0.3, 0.0), vertical_fov=0.74), _dim(6))
+
+
+def _dim(seed: int) -> Environment:
+    return soft_light(seed, strength=1e-4)
+
+
+def _vehicle() -> PairScene:
+    sky = SkyParameters(sun_elevation=math.radians(40.0), sun_azimuth=0.6, cloud_cover=0.3, seed=7)
+    return _on_wheels("vehicle", build_vehicle(sample_vehicle("hatchback", 7)), build_sky(sky, 32, 64))
+
+
+def _real_car() -> PairScene:
+    folder = os.environ.get(ASSETS)
+    if not folder:
+        raise SceneUnavailableError(f"{ASSETS} is not set: point it at a folder with cars/ and envmaps/ to compare it.")
+    mesh, light = (Path(folder) / name for name in _REAL_CAR)
+    return _on_wheels("real car", load_mesh(mesh), load_environment(light))
+
+
+def _on_wheels(name: str, mesh: Mesh, light: Float[Tensor, "rows cols 3"]) -> PairScene:
+    """A vehicle of length 1, embedded and peeled as for learning; its paint is one group, all else the other."""
+    embedded = load_embedding("hemispherical", {"resolution": _REFINED}).embed(mesh)
+    surface = hide_inner_layers(embedded, _REFINED)
+    camera = Camera.orbit(0.5, 0.35, 1.9, (0.0, 0.14, 0.0), vertical_fov=0.36)
+    groups = tuple(int(part > 0) for part in range(len(surface.parts)))
+    return _scene(name, surface, camera, Environment(light), groups=groups)
+
+
+SCENES: Mapping[str, Callable[[], PairScene]] = MappingProxyType(
+    {
+        "convex": _convex,
+        "occluding": _occluding,
+        "multi-part": _multi_part,
+        "interreflecting": _interreflecting,
+        "strong sun": _strong_sun,
+        "low light": _low_light,
+        "vehicle": _vehicle,
+        "real car": _real_car,
+    }
+)
+"""What the table has rows for, in its order."""
+
+
+@cache
+def make_scene(name: str) -> PairScene:
+    """The scene of that name; made once in a process, and never changed.
+
+    Raises:
+        ConfigError: there is none of that name.
+        SceneUnavailableError: it needs files that this machine does not have.
+    """
+    if name not in SCENES:
+        raise ConfigError(f"scene {name!r} is unknown; known are {', '.join(SCENES)}.")
+    return SCENES[name]()

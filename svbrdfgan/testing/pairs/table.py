@@ -1,0 +1,193 @@
+"""The table: every pair of renderers in every scene, and whether they agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import combinations
+from typing import Any, Literal
+
+import numpy as np
+
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.plugins import RENDERERS, list_plugins, load_renderer
+from svbrdfgan.probe import probe_all
+from svbrdfgan.protocols import Renderer
+from svbrdfgan.testing.pairs.compare import Comparison, Runs, compare
+from svbrdfgan.testing.pairs.measure import QUANTITIES, Subject, offered
+from svbrdfgan.testing.pairs.references import Reference
+from svbrdfgan.testing.pairs.sampling import Aim, Profile, sample
+from svbrdfgan.testing.pairs.scenes import SCENES, PairScene, SceneUnavailableError, make_scene
+
+Verdict = Literal["agree", "differ", "underpowered", "stale", "skipped"]
+
+STORED = "*"
+"""Follows the name of a renderer of which a reference is meant."""
+
+LIVE_SCENES = ("convex", "occluding")
+"""Where a renderer that has a reference is held against it, in its sums alone: a reference of another time shows."""
+
+_LIVE = Profile("live", of_sum=0.01, of_block=np.inf, runs=24, limit=2**21)
+
+Measured = Mapping[str, Runs]  # by quantity
+Maker = Callable[[int], "Renderer[Any] | None"]
+"""Makes a renderer whose paths have so many bounces; None if it cannot."""
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One pair in one scene.
+
+    Attributes:
+        pair: their names; empty where there was nothing to compare.
+        comparisons: one for each quantity that both have.
+        samples: of each of the two, for the quantity that took most.
+        reason: why there are no comparisons; empty where there are.
+    """
+
+    scene: str
+    pair: tuple[str, ...]
+    verdict: Verdict
+    comparisons: tuple[Comparison, ...] = ()
+    samples: tuple[int, ...] = ()
+    reason: str = ""
+
+    @property
+    def failed(self) -> bool:
+        return self.verdict not in ("agree", "skipped")
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """What is compared, and how strictly.
+
+    Attributes:
+        makers: of every renderer to run, by name.
+        reference: stored runs of one renderer; it is then run only to see that they are still true.
+        only: pairs that have none of these renderers are left out; empty means all.
+    """
+
+    profile: Profile
+    makers: Mapping[str, Maker]
+    reference: Reference | None = None
+    only: frozenset[str] = field(default_factory=frozenset)
+
+    @property
+    def stored_name(self) -> str:
+        return self.reference.renderer if self.reference else ""
+
+    @cached_property
+    def family(self) -> int:
+        """Comparisons in the whole table at most: it does not matter which of its rows are asked for."""
+        return comparisons(len({*self.makers, self.stored_name} - {""}))
+
+    def rows(self, scene_name: str) -> Iterator[Row]:
+        """The rows of one scene, as they are found."""
+        try:
+            scene = make_scene(scene_name)
+        except SceneUnavailableError as error:
+            yield Row(scene_name, (), "skipped", reason=str(error))
+            return
+        stored, reason = self.reference.of(scene) if self.reference else ({}, "")
+        live = [name for name in self.makers if name != self.stored_name]
+        subjects = [subject for subject in (prepared(name, self.makers[name], scene) for name in live) if subject]
+        if reason:
+            yield Row(scene_name, (self.stored_name,), "stale", reason=reason)
+        if len(subjects) + bool(stored) < 2 or not subjects:
+            names = ", ".join([subject.name for subject in subjects] + [self.stored_name + STORED] * bool(stored))
+            reason = f"no two renderers follow {scene.max_bounces} bounces: only {names or 'none'}."
+            yield Row(scene_name, (), "skipped", reason=reason)
+        else:
+            yield from self._compared(scene, subjects, stored)
+        if stored and scene_name in LIVE_SCENES and self.stored_name in self.makers and self._wanted(self.stored_name):
+            yield from self._against_itself(scene, stored)
+
+    def _wanted(self, *pair: str) -> bool:
+        return not self.only or bool(self.only & set(pair))
+
+    def _compared(self, scene: PairScene, subjects: Sequence[Subject], stored: Measured) -> Iterator[Row]:
+        """Each renderer is sampled once, well enough for all its pairs."""
+        measured: dict[str, Measured] = {self.stored_name + STORED: stored} if stored else {}
+        for subject in subjects:
+            rivals = [rival for rival in subjects if rival is not subject and self._wanted(subject.name, rival.name)]
+            against = stored if self._wanted(subject.name, self.stored_name) else {}
+            if not rivals and not against:
+                continue
+            measured[subject.name] = self._measured(self.profile, subject, rivals, against)
+        for a, b in combinations(sorted(measured, key=lambda name: name.endswith(STORED)), 2):
+            if self._wanted(a, b.removesuffix(STORED)):
+                yield self._row(self.profile, scene, (a, b), measured)
+
+    def _against_itself(self, scene: PairScene, stored: Measured) -> Iterator[Row]:
+        name = self.stored_name
+        if subject := prepared(name, self.makers[name], scene):
+            measured = {name: self._measured(_LIVE, subject, [], stored), name + STORED: stored}
+            yield self._row(_LIVE, scene, (name, name + STORED), measured)
+
+    def _measured(
+        self, profile: Profile, subject: Subject, rivals: Sequence[Subject], stored: Measured
+    ) -> dict[str, Runs]:
+        """Runs of every quantity that another has too."""
+        runs = {}
+        for name, quantity in QUANTITIES.items():
+            contested = any(offered(rival.renderer, quantity) for rival in rivals)
+            references = [stored[name]] if name in stored else []
+            if offered(subject.renderer, quantity) and (contested or references):
+                runs[name] = sample(subject, quantity, Aim(profile, self.family, contested, references))
+        return runs
+
+    def _row(self, profile: Profile, scene: PairScene, pair: tuple[str, str], measured: Mapping[str, Measured]) -> Row:
+        a, b = (measured[name] for name in pair)
+        shared = [name for name in QUANTITIES if name in a and name in b]
+        found = tuple(
+            compare(a[name], b[name], QUANTITIES[name], scene, profile.tolerances, self.family) for name in shared
+        )
+        most = tuple(max(side[name].samples for name in shared) for side in (a, b))
+        return Row(scene.name, pair, _verdict(found), found, most)
+
+
+def comparisons(renderers: int) -> int:
+    """How many a table of so many renderers makes at most: each pair, and one more for the reference's own."""
+    scenes = [scene for scene in map(_available, SCENES) if scene]
+    blocks = sum(quantity.size(scene) + 1 for scene in scenes for quantity in QUANTITIES.values())
+    return blocks * (renderers * (renderers - 1) // 2 + 1)
+
+
+def installed_renderers(device: str | None = None) -> dict[str, Maker]:
+    """Makers of the renderers that work here, on the device if one is named. Each is tried in a process of its own."""
+    plugins = list_plugins(RENDERERS)
+    probes = zip(plugins, probe_all(plugins, device), strict=True)
+    return {plugin.name: maker(plugin.name, probe.options) for plugin, probe in probes if probe.status == "ok"}
+
+
+def maker(name: str, options: Mapping[str, object]) -> Maker:
+    """Makes the installed renderer of that name; what it is told of bounces, it may not understand."""
+
+    def make(max_bounces: int) -> Renderer[Any] | None:
+        try:
+            renderer = load_renderer(name, {**options, "max_bounces": max_bounces})
+        except ConfigError:  # it has no such option, or not that far
+            renderer = load_renderer(name, options)
+        return renderer if renderer.capabilities.max_bounces == max_bounces else None
+
+    return make
+
+
+def prepared(name: str, make: Maker, scene: PairScene) -> Subject | None:
+    """The renderer, ready for the scene; None if it cannot follow as many bounces."""
+    renderer = make(scene.max_bounces)
+    return None if renderer is None else Subject(name, renderer, renderer.prepare(scene.surface), scene)
+
+
+def _verdict(found: Sequence[Comparison]) -> Verdict:
+    if any(comparison.differs.any() for comparison in found):
+        return "differ"
+    return "underpowered" if any(comparison.underpowered.any() for comparison in found) else "agree"
+
+
+def _available(name: str) -> PairScene | None:
+    try:
+        return make_scene(name)
+    except SceneUnavailableError:
+        return None
