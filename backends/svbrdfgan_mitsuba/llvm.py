@@ -19,7 +19,8 @@ from typing import Any
 from svbrdfgan.errors import PluginError
 
 LEAST = 19
-"""Tried on a CPU with AVX-512: 15 and 16 end the process ("Cannot select: fminimum"), 19 and 23 work."""
+"""On a CPU with AVX-512, 15 and 16 end the process ("Cannot select: fminimum"); 23 works, and 19 is said to. Those in
+between were not tried."""
 
 VARIABLE = "DRJIT_LIBLLVM_PATH"
 _ADVICE = "pip install 'svbrdfgan[mitsuba]' brings one, which is found by itself"
