@@ -2,6 +2,7 @@
 
 import logging
 import os
+import subprocess
 import sys
 import time
 import zipfile
@@ -139,6 +140,19 @@ class TestListing:
         assert [bool(plugin.problem) for plugin in rows()["mine"]] == [True, True]
         assert isinstance(load_embedding("other"), UVEmbedding)
 
+    def test_no_distribution_owns_its_names(self, install: Install) -> None:
+        install("intruder", RENDERER, entry="numpy = plug_intruder:Made", group=RENDERERS)
+        with pytest.raises(PluginError, match=r"claimed by intruder 1\.0 and svbrdfgan [0-9.]+; uninstall one of them"):
+            load_renderer("numpy")
+        assert "plug_intruder" not in sys.modules
+        assert [plugin.problem for plugin in rows(RENDERERS)["warp"]] == [None]
+
+    def test_a_renderer_and_an_embedding_may_share_a_name(self, install: Install) -> None:
+        install("both")
+        install("second", RENDERER, entry="both = plug_second:Made", group=RENDERERS)
+        assert isinstance(load_embedding("both"), UVEmbedding)
+        assert isinstance(load_renderer("both"), Renderer)
+
 
 class TestLoading:
     def test_makes_the_chosen_one_with_its_options(self, install: Install) -> None:
@@ -193,6 +207,40 @@ class TestLoading:
         assert wanted in text
         assert "embedding 'bad' (bad 1.0)" in text
         assert "\n" not in text
+
+    @pytest.mark.parametrize(
+        ("source", "wanted"),
+        [
+            (
+                "import nowhere_to_be_found",
+                "needs nowhere_to_be_found, which is not installed: pip install 'bad[bad]'.",
+            ),
+            ("raise RuntimeError('no LLVM')", "cannot be imported: RuntimeError: no LLVM"),
+            (EMBEDDING, "it is not a svbrdfgan.protocols.Renderer; it lacks device, prepare, render, render_vjp."),
+            (RENDERER.replace("RendererCapabilities()", "'all'"), "its capabilities are no svbrdfgan.protocols."),
+        ],
+    )
+    def test_a_broken_renderer_likewise(self, install: Install, source: str, wanted: str) -> None:
+        install("bad", source, group=RENDERERS)
+        with pytest.raises(PluginError) as caught:
+            load_renderer("bad")
+        assert wanted in str(caught.value)
+        assert "renderer 'bad' (bad 1.0)" in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+    def test_a_backend_without_its_package_names_its_extra(self) -> None:
+        code = (
+            "import sys; sys.modules['warp'] = None\n"
+            "from svbrdfgan.plugins import load_renderer\n"
+            "try: load_renderer('warp')\n"
+            "except Exception as error: print(type(error).__name__, error)\n"
+            "print(load_renderer('numpy').capabilities.max_bounces)"
+        )
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        refused, works = done.stdout.splitlines()
+        assert refused.startswith("MissingDependencyError renderer 'warp' (svbrdfgan ")
+        assert refused.endswith("needs warp, which is not installed: pip install 'svbrdfgan[warp]'.")
+        assert works == "1"
 
 
 CRASHES = {
@@ -256,7 +304,7 @@ class TestChoice:
     ) -> None:
         install("fast", "import os; os.abort()", group=RENDERERS)
         install("able", RENDERER, group=RENDERERS)
-        monkeypatch.setattr(choose, "RANKING", ("absent", "fast", "able"))
+        monkeypatch.setattr(choose, "RANKING", dict.fromkeys(("cpu", "cuda"), ("absent", "fast", "able")))
         caplog.set_level(logging.INFO)
         assert choose.choose_renderer("cpu") == choose.Choice("able", {})
         assert "'fast' is passed over on cpu" in caplog.text
@@ -274,7 +322,7 @@ class TestChoice:
         plugins = tuple(
             Plugin(name, RENDERERS, "d", None, "m:o") for name in ("zeta", "numpy", "alpha", "warp", "mitsuba")
         )
-        assert [p.name for p in choose._ranked(plugins)] == ["warp", "mitsuba", "numpy", "alpha", "zeta"]
+        assert [p.name for p in choose._ranked(plugins, "cuda")] == ["warp", "mitsuba", "numpy", "alpha", "zeta"]
 
 
 def test_required_backends_work() -> None:

@@ -1,7 +1,9 @@
 """What `svbrdfgan backends` and `embeddings` print."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -11,12 +13,14 @@ from svbrdfgan.cli import main
 
 @pytest.fixture
 def plugins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two embeddings that do not work, each in a distribution of its own."""
+    """Four embeddings that do not work, each in a distribution of its own; two claim the same name."""
     monkeypatch.syspath_prepend(str(tmp_path))
-    for name, source in {"crash": "import os; os.abort()", "lacks": "import nowhere_to_be_found"}.items():
+    sources = {"crash": "import os; os.abort()", "lacks": "import nowhere_to_be_found", "one": "", "two": ""}
+    for name, source in sources.items():
         (tmp_path / f"plug_{name}.py").write_text(source)
         (tmp_path / f"{name}-1.0.dist-info").mkdir()
-        entry = f"[svbrdfgan.uv_embeddings]\n{name} = plug_{name}:Made\n"
+        claimed = "twin" if name in ("one", "two") else name
+        entry = f"[svbrdfgan.uv_embeddings]\n{claimed} = plug_{name}:Made\n"
         (tmp_path / f"{name}-1.0.dist-info/entry_points.txt").write_text(entry)
 
 
@@ -28,7 +32,30 @@ def test_json_lists_the_broken_beside_the_rest() -> None:
     assert [found[name]["status"] for name in ("crash", "lacks")] == ["broken", "missing"]
     assert "pip install 'lacks[lacks]'" in found["lacks"]["reason"]
     assert found["hemispherical"]["distribution"] == "svbrdfgan"
+    twins = [row for row in json.loads(result.stdout) if row["name"] == "twin"]
+    assert [(row["distribution"], row["status"]) for row in twins] == [("one", "broken"), ("two", "broken")]
+    assert all("claimed by one 1.0 and two 1.0" in row["reason"] for row in twins)
     assert (result.exit_code, result.stderr) == (0, "")
+
+
+@pytest.mark.usefixtures("plugins")
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("twin", "is claimed by one 1.0 and two 1.0; uninstall one of them."),
+        ("lacks", "needs nowhere_to_be_found, which is not installed: pip install 'lacks[lacks]'."),
+        ("hemisperical", "did you mean 'hemispherical'?"),
+    ],
+)
+def test_naming_one_in_a_configuration_is_one_sentence(
+    name: str, said: str, dataset_data: Callable[..., dict[str, Any]], tmp_path: Path
+) -> None:
+    (tmp_path / "dataset.yaml").write_text(json.dumps(dataset_data(embedding=name)))
+    result = CliRunner().invoke(main, ["dataset", str(tmp_path / "dataset.yaml"), "-o", str(tmp_path / "out")])
+    assert result.exit_code == 1
+    (line,) = result.stderr.strip().splitlines()
+    assert said in line
+    assert not (tmp_path / "out" / "train").exists()
 
 
 @pytest.mark.usefixtures("plugins")

@@ -15,6 +15,7 @@ from svbrdfgan.errors import ConfigError, EmbeddingError, UnsupportedError
 from svbrdfgan.plugins import load_embedding, load_renderer
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
 from svbrdfgan.protocols import Renderer
+from svbrdfgan.testing import RendererTests, UVEmbeddingTests, run_kit
 from svbrdfgan.types import Camera, Environment, Material, Materials, Mesh, Part, Surface, View
 
 Install = Callable[[str], None]
@@ -109,6 +110,33 @@ def test_the_example_renderer_refuses_what_it_cannot_do(renderer: Renderer) -> N
         renderer.render_vjp(prepared, textured(), view, torch.ones(8, 10, 3), wrt=wrt, spp=1, seed=0)
     with pytest.raises(ConfigError, match="epsilon"):
         load_renderer("brute-force", {"epsilon": -1.0})
+
+
+@pytest.mark.parametrize("group", ["contract", "purity", "shapes", "radiometry", "orientation"])
+def test_the_example_renderer_passes_the_kit(install: Install, group: str) -> None:
+    """All groups but those that call for many samples or faces, which this one has no time for."""
+    install("docs/write-a-renderer.md")
+    kit = type("Kit", (RendererTests,), {"name": "brute-force"})
+    outcomes = list(run_kit(kit, f"{group}."))
+    assert [f"{o.name}: {o.message}" for o in outcomes if o.status == "failed"] == []
+    assert len([o for o in outcomes if o.status == "passed"]) > len(outcomes) / 2
+
+
+def test_the_example_embedding_passes_the_kit(install: Install) -> None:
+    install("docs/write-a-uv-embedding.md")
+    outcomes = list(run_kit(type("Kit", (UVEmbeddingTests,), {"name": "top-down"})))
+    assert [f"{o.name}: {o.message}" for o in outcomes if o.status == "failed"] == []
+    assert len([o for o in outcomes if o.status == "passed"]) > 40
+
+
+def test_the_test_files_of_the_pages_name_their_plugins(code_blocks: Callable[[str, str], list[str]]) -> None:
+    for page in ("docs/write-a-renderer.md", "docs/write-a-uv-embedding.md"):
+        (test,), (declared,) = code_blocks(page, "py"), code_blocks(page, "toml")
+        names: dict[str, object] = {}
+        exec(compile(test, page, "exec"), names)  # a known failure that is no test of the kit raises
+        kit = next(v for k, v in names.items() if k.startswith("Test"))
+        (entries,) = tomllib.loads(declared)["project"]["entry-points"].values()
+        assert [kit.name] == list(entries)  # type: ignore[attr-defined]
 
 
 def test_the_example_embedding_unwraps_a_vehicle(install: Install) -> None:

@@ -1,15 +1,12 @@
 """The wheel holds what is needed and no more, and its entry points are found where it is installed."""
 
 import os
-import shutil
 import subprocess
 import sys
 import sysconfig
 import tomllib
 import zipfile
 from pathlib import Path
-
-import pytest
 
 from svbrdfgan import __version__
 
@@ -21,27 +18,6 @@ PACKAGES = {
 }
 METADATA = f"svbrdfgan-{__version__}.dist-info"
 STRAY = ("backends", "tests", "parameterizations", "docs", "examples", "benchmarks")
-
-
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel, made from a copy of the sources alone."""
-    folder = tmp_path_factory.mktemp("wheel")
-    ignore = shutil.ignore_patterns(".*", "__pycache__", "out", "runs", "dist", "build", "*.egg-info")
-    shutil.copytree(REPOSITORY, folder / "source", ignore=ignore)
-    shutil.copy(REPOSITORY / ".gitignore", folder / "source")
-    command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(folder), str(folder / "source")]
-    subprocess.run(command, check=True, capture_output=True)  # the wheel is built from the sdist
-    return next(folder.glob("*.whl"))
-
-
-@pytest.fixture(scope="module")
-def site(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the wheel alone, as pip installs it."""
-    folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "pip", "install", "--no-deps", "--no-index", "--quiet", "--target", str(folder)]
-    subprocess.run([*command, str(wheel)], check=True, capture_output=True)
-    return folder
 
 
 def run(site: Path, code: str) -> list[str]:

@@ -1,0 +1,205 @@
+"""A renderer in plain torch: direct light on diffuse surfaces, in double precision, with gradients and transport."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from svbrdfgan.errors import ConfigError, UnsupportedError
+from svbrdfgan.protocols import RendererCapabilities
+from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
+from svbrdfgan_example.grid import Grid, meet
+from svbrdfgan_example.light import Light, bilinear
+
+_READ = frozenset({"base_color"})
+_DIFFERENTIATED = frozenset({"base_color", "environment"})
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A surface as tensors: normals (faces, 3, 3), uv (faces, 3, 2) and part (faces,) of each face's corners."""
+
+    grid: Grid
+    normals: Tensor
+    uv: Tensor
+    part: Tensor
+    parts: int
+    repeat: tuple[bool, bool]
+
+
+@dataclass(frozen=True)
+class GridRenderer:
+    """Rays through a uniform grid; from each point one follows the cosine and one the environment.
+
+    Attributes:
+        density: cells of the grid for each triangle.
+        chunk: camera samples at a time.
+
+    Raises:
+        ConfigError: an option is not positive.
+    """
+
+    density: float = 4.0
+    chunk: int = 65536
+
+    capabilities: ClassVar[RendererCapabilities] = RendererCapabilities(
+        maps=_READ, differentiable=_DIFFERENTIATED, max_bounces=1, transport=True, stochastic=True
+    )
+    device: ClassVar[torch.device] = torch.device("cpu")
+
+    def __post_init__(self) -> None:
+        if not self.density > 0.0:
+            raise ConfigError(f"density is {self.density}; wanted a positive number of cells for each triangle.")
+        if self.chunk < 1:
+            raise ConfigError(f"chunk is {self.chunk}; wanted 1 camera sample or more.")
+
+    def prepare(self, surface: Surface) -> Prepared:
+        """The surface as tensors, in a grid."""
+        positions, normals, uv = (
+            torch.from_numpy(a[surface.faces]).double() for a in (surface.positions, surface.normals, surface.uv)
+        )
+        grid = Grid.of_triangles(positions, self.density)
+        part = torch.tensor(surface.face_part)
+        return Prepared(grid, normals, uv, part, len(surface.parts), surface.repeat)
+
+    def render(self, prepared: Prepared, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
+        """The picture: transport, times the textures."""
+        film = torch.zeros(view.height * view.width, 4, dtype=torch.float64)
+        with torch.no_grad():
+            colors = _base_colors(prepared, materials)
+            for samples in self._samples(prepared, view, _radiance(view), spp, seed):
+                seen = torch.cat([samples.weight * _albedo(prepared, colors, samples), samples.share], dim=1)
+                film.index_add_(0, samples.pixel, seen)
+        film = film.float().reshape(view.height, view.width, 4)
+        return Rendering(film[..., :3].contiguous(), film[..., 3].clamp(max=1.0))
+
+    def render_vjp(
+        self,
+        prepared: Prepared,
+        materials: Materials,
+        view: View,
+        grad_image: Tensor,
+        *,
+        wrt: frozenset[str],
+        spp: int,
+        seed: int,
+    ) -> Gradients:
+        """By torch's own differentiation of the lookups; directions are constants."""
+        if unknown := wrt - _DIFFERENTIATED:
+            raise UnsupportedError(f"grid renderer: there is no gradient for {', '.join(sorted(unknown))}.")
+        if grad_image.shape != (view.height, view.width, 3):
+            shape = tuple(grad_image.shape)
+            raise ConfigError(f"grid renderer: grad_image has shape {shape}; wanted {(view.height, view.width, 3)}.")
+        grad = grad_image.detach().cpu().double().reshape(-1, 3)
+        colors = [color.requires_grad_("base_color" in wrt) for color in _base_colors(prepared, materials)]
+        light = _radiance(view).requires_grad_("environment" in wrt)
+        inputs = [value for value in (*colors, light) if value.requires_grad]
+        totals = [torch.zeros_like(value) for value in inputs]
+        with torch.enable_grad():
+            for samples in self._samples(prepared, view, light, spp, seed):
+                product = (samples.weight * _albedo(prepared, colors, samples) * grad[samples.pixel]).sum()
+                if inputs:
+                    parts = torch.autograd.grad(product, inputs, materialize_grads=True)
+                    totals = [total + part for total, part in zip(totals, parts, strict=True)]
+        found = iter(total.float() for total in totals)
+        maps = tuple({"base_color": next(found)} if "base_color" in wrt else {} for _ in colors)
+        return Gradients(maps, next(found) if "environment" in wrt else None)
+
+    def transport(self, prepared: Prepared, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
+        """The samples that `render` multiplies with the textures."""
+        for samples in self._samples(prepared, view, _radiance(view), spp, seed):
+            yield TransportSamples(samples.pixel, samples.part, samples.uv.float(), samples.weight.float())
+
+    def _samples(self, prepared: Prepared, view: View, radiance: Tensor, spp: int, seed: int) -> Iterator[_Samples]:
+        if spp < 1:
+            raise ConfigError(f"grid renderer: spp is {spp}; wanted 1 or more.")
+        mixed = np.random.SeedSequence(seed % 2**64).generate_state(1)  # torch alone takes only the lower 32 bits
+        rng = torch.Generator().manual_seed(int(mixed[0]))
+        light = Light.of(view.environment, radiance)
+        total = view.height * view.width * spp
+        for start in range(0, total, self.chunk):
+            pixel = torch.arange(start, min(start + self.chunk, total)) // spp
+            yield _trace(prepared, view, light, pixel, spp, rng)
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """Camera samples that met the surface, as `TransportSamples`; `share` (n, 1) is one over the sample count."""
+
+    pixel: Tensor
+    part: Tensor
+    uv: Tensor
+    weight: Tensor
+    share: Tensor
+
+
+def _trace(prepared: Prepared, view: View, light: Light, pixel: Tensor, spp: int, rng: torch.Generator) -> _Samples:
+    origin, ray = _camera_rays(view, pixel, rng)
+    face = prepared.grid.nearest(origin, ray)
+    seen = torch.nonzero(face >= 0)[:, 0]
+    pixel, face, origin, ray = pixel[seen], face[seen], origin[seen], ray[seen]
+    t, v, w = meet(prepared.grid.corners[face], origin, ray)
+    weights = torch.stack([1 - v - w, v, w], dim=1).clamp(0, 1)[..., None]
+    normal = F.normalize((weights * prepared.normals[face]).sum(1), dim=1)
+    normal = torch.where((normal * ray).sum(1, keepdim=True) > 0, -normal, normal)
+    point, weight = origin + t[:, None] * ray, torch.zeros(len(seen), 3, dtype=torch.float64)
+    for bounce in (_by_cosine(normal, rng), light.sample(len(normal), rng)):
+        lit = prepared.grid.nearest(point, bounce) < 0
+        cosine = (bounce * normal).sum(1).clamp(min=0) / math.pi
+        # the balance heuristic (Veach 1997): over both densities, whichever drew the direction
+        share = cosine / (cosine + light.density(bounce)).clamp(min=1e-300)
+        weight = weight + light.arriving(bounce) * (share * lit / spp)[:, None]
+    uv = (weights * prepared.uv[face]).sum(1).clamp(0, 1)
+    return _Samples(pixel, prepared.part[face], uv, weight, torch.full((len(pixel), 1), 1 / spp, dtype=torch.float64))
+
+
+def _by_cosine(normal: Tensor, rng: torch.Generator) -> Tensor:
+    """A direction for each normal, as likely as its cosine."""
+    scattered = torch.randn(normal.shape, generator=rng, dtype=torch.float64)
+    return F.normalize(normal + F.normalize(scattered, dim=1), dim=1)
+
+
+def _camera_rays(view: View, pixel: Tensor, rng: torch.Generator) -> tuple[Tensor, Tensor]:
+    """Rays through random points of these pixels."""
+    jitter = torch.rand(len(pixel), 2, generator=rng, dtype=torch.float64)
+    scale = 2 * math.tan(view.camera.vertical_fov / 2) / view.height
+    x = (pixel % view.width + jitter[:, 0] - view.width / 2) * scale
+    y = (view.height / 2 - pixel // view.width - jitter[:, 1]) * scale
+    right, up, back = torch.from_numpy(view.camera.basis())
+    ray = F.normalize(x[:, None] * right + y[:, None] * up - back, dim=1)
+    return torch.tensor(view.camera.origin, dtype=torch.float64).expand_as(ray), ray
+
+
+def _albedo(prepared: Prepared, colors: list[Tensor], samples: _Samples) -> Tensor:
+    """The base color (n, 3) that each sample met."""
+    albedo = torch.zeros_like(samples.weight)
+    for part, color in enumerate(colors):
+        mine = torch.nonzero(samples.part == part)[:, 0]
+        if len(mine):
+            found = (
+                bilinear(color, samples.uv[mine], prepared.repeat) if color.ndim == 3 else color.expand(len(mine), 3)
+            )
+            albedo = albedo.index_put((mine,), found)
+    return albedo
+
+
+def _base_colors(prepared: Prepared, materials: Materials) -> list[Tensor]:
+    """Of each part, in double precision, apart from the caller's tensors."""
+    if len(materials) != prepared.parts:
+        wanted = f"one for each of the surface's {prepared.parts} parts"
+        raise ConfigError(f"grid renderer: got {len(materials)} materials; wanted {wanted}.")
+    for material in materials.parts:
+        if unread := material.maps.keys() - _READ:
+            raise UnsupportedError(f"grid renderer: it does not read {', '.join(sorted(unread))}; drop the map.")
+    return [material.base_color.detach().cpu().double().clone() for material in materials.parts]
+
+
+def _radiance(view: View) -> Tensor:
+    return view.environment.radiance.detach().cpu().double().clone()
