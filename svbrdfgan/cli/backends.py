@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import click
@@ -25,9 +26,40 @@ def backends(as_json: bool) -> None:
 
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print a list of objects instead of a table.")
-def embeddings(as_json: bool) -> None:
-    """List the installed UV embeddings. Each is tried in a process of its own, so a broken one disturbs nothing."""
-    _show(EMBEDDINGS, as_json)
+@click.option(
+    "--compare",
+    "folder",
+    metavar="DIR",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Measure them over the meshes in DIR instead: medians and worst; minutes for tens of meshes.",
+)
+@click.option(
+    "--embedding",
+    "names",
+    multiple=True,
+    metavar="NAME",
+    help="With --compare: one to measure, repeatable; else all that work, and xatlas where it is installed.",
+)
+@click.option(
+    "--resolution",
+    default=256,
+    show_default=True,
+    type=click.IntRange(16, 8192),
+    help="With --compare: texels along a side, at which inner layers are found and hidden.",
+)
+def embeddings(as_json: bool, folder: Path | None, names: tuple[str, ...], resolution: int) -> None:
+    """List the installed UV embeddings, or measure them side by side with --compare.
+
+    Each is tried in a process of its own, so a broken one disturbs nothing.
+    """
+    if folder is not None:
+        from svbrdfgan.cli.uv_comparison import compare
+
+        compare(folder, names, resolution, as_json)
+    elif names:
+        raise click.UsageError("--embedding goes with --compare DIR.")
+    else:
+        _show(EMBEDDINGS, as_json)
 
 
 def _show(group: str, as_json: bool) -> None:

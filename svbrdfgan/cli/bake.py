@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
@@ -18,11 +19,16 @@ from svbrdfgan.cli.options import key_values
 )
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder to write.")
 def command(mesh: Path, embedding: str, options: tuple[str, ...], resolution: int, out: Path) -> None:
-    """Unwrap MESH and write its geometry buffer: EXR, PNG previews, the mesh with its UVs as GLB, and metrics.json."""
+    """Unwrap MESH and write its geometry buffer: EXR, PNG previews, the mesh with its UVs as GLB, and metrics.json.
+
+    card.json and card.png measure the map of what is seen from outside: stretch, distortion of angles and areas,
+    mirrored and overlapping area, coverage, seams, and whether neighbours stay neighbours.
+    """
     from svbrdfgan.bake import bake, write_bake
     from svbrdfgan.geometry.layers import hide_inner_layers
     from svbrdfgan.io import load_mesh
     from svbrdfgan.plugins import load_embedding
+    from svbrdfgan.report.uv_card import write_card
 
     loaded = load_mesh(mesh)
     chosen = load_embedding(embedding, key_values(options))
@@ -30,6 +36,13 @@ def command(mesh: Path, embedding: str, options: tuple[str, ...], resolution: in
     if not chosen.capabilities.injective:
         surface = hide_inner_layers(surface, resolution)
     written = write_bake(out, loaded, surface, bake(surface, resolution, resolution))
-    for name, value in written.items():
-        click.echo(f"{name}: {value:.4g}" if isinstance(value, float) else f"{name}: {value}")
+    card = write_card(out, surface, f"{embedding}, {mesh.stem}")
+    _tell(written)
+    click.echo("the map of what is seen from outside:")
+    _tell(card.flat())
     click.echo(f"written to {out}")
+
+
+def _tell(measures: Mapping[str, float]) -> None:
+    for name, value in measures.items():
+        click.echo(f"  {name}: {value:.4g}" if isinstance(value, float) else f"  {name}: {value}")

@@ -1,0 +1,103 @@
+"""The charts of a map: faces that hang together in UV, are turned the same way, and do not lie on each other."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from svbrdfgan_given.overlap import overlapping_pairs
+
+_STEPS = 1 << 20  # corners that agree to this fraction of the square are the same
+_FLAT = 1e-12  # of the square of the longest edge
+
+
+def signed_areas(uv: Float[ndarray, "faces 3 2"]) -> Float[ndarray, " faces"]:
+    """Areas in the square, negative where mirrored; exactly zero for a face that is a line or a point."""
+    p, q = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    twice = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
+    longest = np.max([(e * e).sum(axis=1) for e in (p, q, q - p)], axis=0)
+    return np.where(np.abs(twice) > np.maximum(_FLAT * longest, 1e-300), twice / 2.0, 0.0)
+
+
+def find_charts(faces: Int[ndarray, "faces 3"], uv: Float[ndarray, "faces 3 2"]) -> Int[ndarray, " faces"]:
+    """The chart of each face, numbered from 0; -1 for faces that are a line or a point in UV."""
+    area = signed_areas(uv)
+    graph = _neighbours(faces, uv, np.sign(area).astype(np.int64))
+    label = connected_components(graph, directed=False)[1].astype(np.int64)
+    good = area != 0.0
+    label = _parted(label, good, graph, _unmirrored(uv, area))
+    chart = np.full(len(faces), -1, dtype=np.int64)
+    chart[good] = np.unique(label[good], return_inverse=True)[1]
+    return chart
+
+
+def charts_overlap(uv: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> bool:
+    """Whether two charts, or two faces of one, lie on each other."""
+    good = chart >= 0
+    corners = _unmirrored(uv[good], signed_areas(uv[good]))
+    return any(len(pairs) > 0 for pairs in overlapping_pairs(corners, np.zeros(len(corners), dtype=np.int64)))
+
+
+def _unmirrored(uv: Float[ndarray, "faces 3 2"], area: Float[ndarray, " faces"]) -> Float[ndarray, "faces 3 2"]:
+    """The triangles, wound counter-clockwise."""
+    return np.where((area < 0)[:, None, None], uv[:, [0, 2, 1]], uv)
+
+
+def _neighbours(
+    faces: Int[ndarray, "faces 3"], uv: Float[ndarray, "faces 3 2"], side: Int[ndarray, " faces"]
+) -> csr_matrix:
+    """Which faces share an edge in space and in UV, and are turned the same way."""
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    place = np.round(np.stack([uv, np.roll(uv, -1, axis=1)], axis=2).reshape(-1, 2, 2) * _STEPS).astype(np.int64)
+    swap = ends[:, 0] > ends[:, 1]
+    ends, place = np.where(swap[:, None], ends[:, ::-1], ends), np.where(swap[:, None, None], place[:, ::-1], place)
+    owner = np.repeat(np.arange(len(faces)), 3)
+    rows = np.column_stack([ends, place.reshape(-1, 4), side[owner]])
+    order = np.lexsort(rows.T)
+    same = (rows[order][1:] == rows[order][:-1]).all(axis=1)
+    one, other = owner[order[:-1][same]], owner[order[1:][same]]
+    graph = coo_matrix((np.ones(len(one), dtype=np.int8), (one, other)), shape=(len(faces), len(faces)))
+    return (graph + graph.T).tocsr()
+
+
+def _parted(
+    label: Int[ndarray, " faces"],
+    good: Bool[ndarray, " faces"],
+    graph: csr_matrix,
+    corners: Float[ndarray, "faces 3 2"],
+) -> Int[ndarray, " faces"]:
+    """The labels, with each chart that lies on itself cut into charts that do not."""
+    index = np.flatnonzero(good)
+    found = [index[pairs] for pairs in overlapping_pairs(corners[index], label[index])] if len(index) else []
+    pairs = np.unique(np.concatenate(found), axis=0) if found else np.zeros((0, 2), dtype=np.int64)
+    rivals: dict[int, set[int]] = {}
+    for one, other in pairs.tolist():
+        rivals.setdefault(one, set()).add(other)
+        rivals.setdefault(other, set()).add(one)
+    label, free = label.copy(), int(label.max(initial=0)) + 1
+    for chart in np.unique(label[pairs[:, 0]]):
+        left = set(np.flatnonzero(good & (label == chart)).tolist())
+        while left:
+            grown = _grow(min(left), left, graph, rivals)
+            label[list(grown)] = free
+            free += 1
+            left -= grown
+    return label
+
+
+def _grow(seed: int, allowed: set[int], graph: csr_matrix, rivals: dict[int, set[int]]) -> set[int]:
+    """The faces that hang together with the seed, nearest first, but for those that would lie on others of them."""
+    grown, barred, queue = {seed}, set(rivals.get(seed, ())), deque([seed])
+    while queue:
+        face = queue.popleft()
+        for neighbour in graph.indices[graph.indptr[face] : graph.indptr[face + 1]].tolist():
+            if neighbour in allowed and neighbour not in grown and neighbour not in barred:
+                grown.add(neighbour)
+                barred |= rivals.get(neighbour, set())
+                queue.append(neighbour)
+    return grown

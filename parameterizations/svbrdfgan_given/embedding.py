@@ -1,0 +1,159 @@
+"""The embedding itself: keep what is good, mend what is not."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from svbrdfgan.errors import ConfigError, EmbeddingError
+from svbrdfgan.geometry.normals import corner_normals, face_areas
+from svbrdfgan.geometry.split import split_corners
+from svbrdfgan.protocols import UVCapabilities
+from svbrdfgan.types import Mesh, Surface
+from svbrdfgan_given.charts import charts_overlap, find_charts, signed_areas
+from svbrdfgan_given.pack import pack
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class GivenEmbedding:
+    """The mesh's own texture coordinates, one-to-one.
+
+    Where they lie in the unit square, no two places share one, nothing is mirrored (counter-clockwise faces stay so)
+    and no face with an area is a line or a point, they come back bit for bit. Otherwise, and no more than is needed:
+    mirrored charts are turned over in place; charts in other tiles of a repeating texture are moved by whole tiles; the
+    layout is scaled as one where it sticks out of the square; and if charts lie on each other, all are scaled alike and
+    packed, without being turned. A chart that lies on itself is cut. Faces that are a line or a point in UV get half a
+    texel each, in a block that is packed with the rest.
+
+    Attributes:
+        resolution: texels along a side that `gutter` counts.
+        gutter: texels between charts, where they are packed.
+
+    Raises:
+        ConfigError: an option is out of range.
+    """
+
+    resolution: int = 256
+    gutter: float = 2.0
+
+    capabilities: ClassVar[UVCapabilities] = UVCapabilities(injective=True, subdivides=False)
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.resolution <= 16384:
+            raise ConfigError(f"resolution is {self.resolution}; wanted texels along a side, from 1 to 16384.")
+        if not (math.isfinite(self.gutter) and 0.0 <= self.gutter < self.resolution / 2):
+            raise ConfigError(f"gutter is {self.gutter}; wanted texels, at least 0 and below half of the resolution.")
+
+    def embed(self, mesh: Mesh) -> Surface:
+        """The mesh over its own UVs, mended where they are not one-to-one. Faces are not cut.
+
+        Raises:
+            EmbeddingError: the mesh has no UVs, they have no area, or there are too many charts for the resolution.
+        """
+        if mesh.uv is None:
+            raise EmbeddingError("the mesh has no UVs of its own; export it with UVs, or choose another embedding.")
+        if not signed_areas(mesh.uv).any():
+            raise EmbeddingError("the mesh's own UVs have no area; unwrap it again, or choose another embedding.")
+        return _surface(mesh, self._mended(mesh, mesh.uv))
+
+    def _mended(self, mesh: Mesh, uv: Float[ndarray, "faces 3 2"]) -> Float[ndarray, "faces 3 2"]:
+        chart = find_charts(mesh.faces, uv)
+        lost = (chart < 0) & (face_areas(mesh.positions, mesh.faces) > 0.0)
+        mended = _into_tile(_turned_over(uv, chart), chart)
+        if lost.any() or charts_overlap(mended, chart):
+            log.info("own UVs: %d charts packed anew, %d faces without UV area", chart.max() + 1, lost.sum())
+            mended = self._packed(mended, chart)
+        return np.clip(_into_square(mended, mended[chart >= 0]), 0.0, 1.0)
+
+    def _packed(self, uv: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> Float[ndarray, "faces 3 2"]:
+        """All charts side by side, and a block of the faces that have none: two to a texel."""
+        texel = 1.0 / self.resolution
+        low, high = _boxes(uv, chart)
+        lost = np.flatnonzero(chart < 0)
+        side = math.ceil(math.sqrt(len(lost) / 2))
+        sizes = np.concatenate([high - low, np.zeros((1, 2))])
+        fixed = np.concatenate([np.zeros_like(low), np.full((1, 2), side * texel)])
+        found = pack(sizes, fixed, self.gutter * texel)
+        if found is None or found[0] <= 0.0:
+            raise EmbeddingError(
+                f"the mesh's own UVs are {len(low)} charts and {len(lost)} faces without area, which do not fit "
+                f"{self.resolution} texels with gutters of {self.gutter:g}; raise resolution or lower gutter."
+            )
+        scale, corners = found
+        packed = corners[chart][:, None] + scale * (uv - low[chart][:, None])
+        packed[lost] = corners[-1] + texel * _halves(len(lost), side)
+        return packed
+
+
+def _turned_over(uv: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> Float[ndarray, "faces 3 2"]:
+    """Mirrored charts mirrored again, in their own boxes."""
+    mirrored = np.bincount(chart[chart >= 0], signed_areas(uv)[chart >= 0]) < 0
+    chosen = np.flatnonzero((chart >= 0) & mirrored[chart])
+    if not len(chosen):
+        return uv
+    low, high = _boxes(uv, chart)
+    turned = uv.copy()
+    turned[chosen, :, 0] = (low + high)[chart[chosen], 0][:, None] - uv[chosen, :, 0]
+    return turned
+
+
+def _into_tile(uv: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> Float[ndarray, "faces 3 2"]:
+    """Charts moved by whole tiles, so that the middle of each lies in the unit square."""
+    low, high = _boxes(uv, chart)
+    tile = np.where((low >= 0.0) & (high <= 1.0), 0.0, np.floor((low + high) / 2))
+    return np.where((chart >= 0)[:, None, None], uv - tile[chart][:, None], uv) if tile.any() else uv
+
+
+def _into_square(uv: Float[ndarray, "faces 3 2"], used: Float[ndarray, "used 3 2"]) -> Float[ndarray, "faces 3 2"]:
+    """The layout moved, and made smaller, by as much as `used` asks for."""
+    low, high = used.min(axis=(0, 1)), used.max(axis=(0, 1))
+    if low.min() >= 0.0 and high.max() <= 1.0:
+        return uv
+    return (uv - low) / max(float((high - low).max()), 1.0)
+
+
+def _boxes(
+    uv: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]
+) -> tuple[Float[ndarray, "charts 2"], Float[ndarray, "charts 2"]]:
+    """Lower and upper corner of each chart's box."""
+    good = chart >= 0
+    low = np.full((int(chart.max()) + 1, 2), np.inf)
+    high = -low
+    np.minimum.at(low, chart[good], uv[good].min(axis=1))
+    np.maximum.at(high, chart[good], uv[good].max(axis=1))
+    return low, high
+
+
+def _halves(count: int, side: int) -> Float[ndarray, "faces 3 2"]:
+    """Triangles, two in each unit cell of a grid that is `side` cells wide, not touching each other."""
+    index = np.arange(count)
+    corner = np.array([[0.1, 0.1], [0.8, 0.1], [0.1, 0.8]])
+    triangle = np.where((index % 2 == 0)[:, None, None], corner, 1.0 - corner)
+    cell = index // 2
+    return triangle + np.stack([cell % max(side, 1), cell // max(side, 1)], axis=1)[:, None]
+
+
+def _surface(mesh: Mesh, uv: Float[ndarray, "faces 3 2"]) -> Surface:
+    """The surface with exactly these UVs: corners share a vertex only if theirs are equal to the last bit."""
+    normals = corner_normals(mesh.positions, mesh.faces)
+    rank = np.unique(uv.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 3, 1)
+    corner, faces = split_corners(mesh.faces, mesh.face_part, normals, rank.astype(np.float64))
+    return Surface(
+        positions=mesh.positions[mesh.faces.ravel()[corner]],
+        normals=normals.reshape(-1, 3)[corner],
+        uv=uv.reshape(-1, 2)[corner],
+        faces=faces,
+        face_part=mesh.face_part,
+        parts=mesh.parts,
+        elevation=np.zeros(len(corner)),
+        source_face=np.arange(len(faces)),
+        source_barycentric=np.tile(np.eye(3), (len(faces), 1, 1)),
+    )

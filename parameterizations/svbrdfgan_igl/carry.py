@@ -1,0 +1,218 @@
+"""From a wrap to the mesh that it wraps: each place of the mesh takes the UV of the wrap's closest place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import igl
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from svbrdfgan.geometry.normals import face_areas, face_normals
+from svbrdfgan.geometry.subdivide import EdgePredicate, Pieces, refine
+from svbrdfgan.types import Mesh
+from svbrdfgan_igl.chart import Chart
+from svbrdfgan_igl.relax import Planes, relaxed
+
+_LEAN = 0.15
+"""How far a place moves along its normal for each unit that it lies below the wrap, before the closest place is taken.
+
+So that walls that stand upright on the wrap start with an area; `relax` does the rest.
+"""
+_AIM = 0.5  # texels by which interpolation may err along an edge
+_SMALL = 2.5  # texels: edges shorter than this are not cut
+_SMALL_BELOW = 12.0  # texels: the same for edges deep below the wrap, which nobody sees
+_DEEP = 0.03  # of the longest side
+_ROUNDS = 12
+_TORN = 1.0  # times a piece's size, or two texels, by which its corners may lie from where its middle puts them
+_FACING_AWAY = -0.3  # cosine between a piece's normal and the wrap's, below which it is rightly mirrored
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Points of the mesh in the chart's coordinates, with the mean normals around them (not of unit length)."""
+
+    positions: Float[ndarray, "points 3"]
+    normals: Float[ndarray, "points 3"]
+
+    @classmethod
+    def of(cls, pieces: Pieces, normals: Float[ndarray, "source_faces 3 3"]) -> Places:
+        """The vertices of pieces."""
+        found = np.zeros_like(pieces.positions)
+        found[pieces.faces] = pieces.interpolate(normals)
+        return cls(pieces.positions, found)
+
+    def mixed(self, groups: Int[ndarray, "n corners"], weights: Float[ndarray, " corners"]) -> Places:
+        """Weighted means of groups of points."""
+        return Places(*(np.einsum("c,ncx->nx", weights, x[groups]) for x in (self.positions, self.normals)))
+
+
+@dataclass(frozen=True, eq=False)
+class Carrier:
+    """A wrap with UVs, ready to be asked for the closest place.
+
+    Attributes:
+        texel: side of one in a square of one texel, in sides of the wrap: the square root of area over area in UV.
+    """
+
+    chart: Chart
+    tree: igl.AABB
+    normals: Float[ndarray, "faces 3"]
+    texel: float
+
+    @classmethod
+    def of(cls, chart: Chart) -> Carrier:
+        """A carrier by this chart."""
+        positions, faces = chart.disk.positions, chart.disk.faces
+        tree = igl.AABB()
+        tree.init(positions, faces)
+        flat = np.column_stack([chart.uv, np.zeros(len(chart.uv))])
+        texel = float(np.sqrt(face_areas(positions, faces).sum() / face_areas(flat, faces).sum()))
+        return cls(chart, tree, face_normals(positions, faces), texel)
+
+    def at(self, places: Places) -> tuple[Float[ndarray, "points 2"], Float[ndarray, " points"]]:
+        """The UV of each place, and its signed height over the wrap, in the chart's coordinates."""
+        _, height = self._closest(places.positions)
+        face, nearest = self._nearest(places.positions - _LEAN * height[:, None] * places.normals)
+        corners = self.chart.disk.faces[face]
+        weights = np.clip(_barycentric(self.chart.disk.positions[corners], nearest), 0.0, 1.0)
+        uv = np.einsum("pk,pkx->px", weights / weights.sum(axis=1, keepdims=True), self.chart.uv[corners])
+        return np.asarray(uv), height
+
+    def leaning(self, places: Places) -> tuple[Float[ndarray, "points 3"], Int[ndarray, " points"]]:
+        """The places as they are looked up, and the wrap's face that each comes to lie on."""
+        _, height = self._closest(places.positions)
+        shifted = places.positions - _LEAN * height[:, None] * places.normals
+        return shifted, self._nearest(shifted)[0]
+
+    def _closest(self, points: Float[ndarray, "points 3"]) -> tuple[Int[ndarray, " points"], Float[ndarray, " points"]]:
+        face, nearest = self._nearest(points)
+        away = points - nearest
+        side = np.where(np.einsum("px,px->p", away, self.normals[face]) < 0.0, -1.0, 1.0)
+        return face, side * np.linalg.norm(away, axis=1)
+
+    def _nearest(
+        self, points: Float[ndarray, "points 3"]
+    ) -> tuple[Int[ndarray, " points"], Float[ndarray, "points 3"]]:
+        disk = self.chart.disk
+        _, face, nearest = self.tree.squared_distance(disk.positions, disk.faces, np.ascontiguousarray(points))
+        return np.asarray(face, dtype=np.int64).ravel(), nearest
+
+    def beside(self, points: Float[ndarray, "n corners 3"], face: Int[ndarray, " n"]) -> Float[ndarray, "n corners 2"]:
+        """The UV of points by the linear map of a given face of the wrap, continued beyond it."""
+        corners = self.chart.disk.faces[face]
+        triangles = np.repeat(self.chart.disk.positions[corners], points.shape[1], axis=0)
+        weights = _barycentric(triangles, points.reshape(-1, 3)).reshape(*points.shape)
+        return np.asarray(np.clip(np.einsum("nck,nkx->ncx", weights, self.chart.uv[corners]), 0.0, 1.0))
+
+
+def carried(
+    carrier: Carrier, mesh: Mesh, resolution: int
+) -> tuple[Pieces, Float[ndarray, "pieces 3 2"], Float[ndarray, "pieces 3"]]:
+    """The mesh's faces cut until interpolating UV errs by less than half a texel, or they are about as small as one.
+
+    With the UV and the height over the wrap (metres) at each corner. Pieces whose corners are closest to places of the
+    wrap far from each other, as on the two sides of a seam, go whole to where their middle is.
+    """
+    place = carrier.chart.place
+    positions = place.inward(mesh.positions)
+    normals = _vertex_normals(positions, mesh.faces)[mesh.faces]
+    pieces = refine(Pieces.whole(positions, mesh.faces), _errs(carrier, normals, resolution), _ROUNDS)
+    places = Places.of(pieces, normals)
+    uv, height = carrier.at(places)
+    _, under = carrier.leaning(places.mixed(pieces.faces, np.full(3, 1 / 3)))
+    faces, uv = _apart(carrier, pieces.faces, carrier.leaning(places)[0], uv, under, resolution)
+    uv = _roomier(carrier, pieces, faces, uv, under)
+    return _in_metres(pieces, mesh), uv[faces], height[pieces.faces] * place.size
+
+
+def _apart(
+    carrier: Carrier,
+    faces: Int[ndarray, "pieces 3"],
+    points: Float[ndarray, "vertices 3"],
+    uv: Float[ndarray, "vertices 2"],
+    under: Int[ndarray, " pieces"],
+    resolution: int,
+) -> tuple[Int[ndarray, "pieces 3"], Float[ndarray, "more_vertices 2"]]:
+    """Torn pieces with vertices of their own, by the map of the wrap's face that their middle lies on."""
+    corners = points[faces]
+    expected = carrier.beside(corners, under)
+    apart = np.linalg.norm(uv[faces] - expected, axis=2).max(axis=1)
+    size = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1) / carrier.texel
+    torn = np.flatnonzero(apart > _TORN * np.maximum(size, 2.0 / resolution))
+    parted = faces.copy()
+    parted[torn] = len(uv) + np.arange(3 * len(torn)).reshape(-1, 3)
+    return parted, np.concatenate([uv, expected[torn].reshape(-1, 2)])
+
+
+def _roomier(
+    carrier: Carrier,
+    pieces: Pieces,
+    faces: Int[ndarray, "pieces 3"],
+    uv: Float[ndarray, "vertices 2"],
+    under: Int[ndarray, " pieces"],
+) -> Float[ndarray, "vertices 2"]:
+    """The UV with room for what stands upright on the wrap; within the wrap's own bounds."""
+    wrap = carrier.chart.disk.positions[carrier.chart.disk.faces[under]]
+    local = Planes.of(wrap).jacobians(carrier.chart.uv[carrier.chart.disk.faces[under]])
+    cosine = np.einsum("px,px->p", face_normals(pieces.positions, pieces.faces), carrier.normals[under])
+    planes = Planes.of(pieces.positions[pieces.faces])
+    moved = relaxed(planes, faces, uv, local, cosine < _FACING_AWAY)
+    return np.asarray(np.clip(moved, carrier.chart.uv.min(axis=0), carrier.chart.uv.max(axis=0)))
+
+
+def _vertex_normals(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> Float[ndarray, "v 3"]:
+    """The mean of the normals of the faces around each vertex, weighted by area; sheets that face each other cancel."""
+    weighted = face_normals(positions, faces) * face_areas(positions, faces)[:, None]
+    total, weight = np.zeros_like(positions), np.zeros(len(positions))
+    for k in range(3):
+        np.add.at(total, faces[:, k], weighted)
+        np.add.at(weight, faces[:, k], np.linalg.norm(weighted, axis=1))
+    return np.asarray(total / np.maximum(weight, 1e-300)[:, None])
+
+
+def _in_metres(pieces: Pieces, mesh: Mesh) -> Pieces:
+    """The pieces with vertices where their source faces have them: exact, as the chart's coordinates are not."""
+    positions = np.zeros_like(pieces.positions)
+    positions[pieces.faces] = pieces.interpolate(mesh.positions[mesh.faces])
+    return replace(pieces, positions=positions)
+
+
+def _errs(carrier: Carrier, normals: Float[ndarray, "source_faces 3 3"], resolution: int) -> EdgePredicate:
+    """Edges along which interpolation errs at the quarters, if they are longer than some texels on the wrap."""
+    texel = carrier.texel / resolution
+
+    def wanted(
+        pieces: Pieces, edges: Int[ndarray, "edges 2"], face_edges: Int[ndarray, "faces 3"]
+    ) -> Bool[ndarray, " edges"]:
+        ends = pieces.positions[edges]
+        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        long = np.flatnonzero(length > _SMALL * texel)
+        places = Places.of(pieces, normals)
+        uv, height = carrier.at(places)
+        deep = height[edges[long]].max(axis=1) < -_DEEP
+        long = long[~deep | (length[long] > _SMALL_BELOW * texel)]
+        worst = np.zeros(len(long))
+        for t in (0.25, 0.5, 0.75):
+            weights = np.array([1 - t, t])
+            true = carrier.at(places.mixed(edges[long], weights))[0]
+            worst = np.maximum(worst, np.linalg.norm(true - np.einsum("c,ecx->ex", weights, uv[edges[long]]), axis=1))
+        cut = np.zeros(len(edges), dtype=bool)
+        cut[long[worst * resolution > _AIM]] = True
+        return cut
+
+    return wanted
+
+
+def _barycentric(
+    corners: Float[ndarray, "points 3 3"], points: Float[ndarray, "points 3"]
+) -> Float[ndarray, "points 3"]:
+    """Of each point's projection onto the plane of its triangle."""
+    a, p, q = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(p, q)
+    square = np.maximum(np.einsum("px,px->p", normal, normal), 1e-300)
+    to = points - a
+    b = np.einsum("px,px->p", np.cross(to, q), normal) / square
+    c = np.einsum("px,px->p", np.cross(p, to), normal) / square
+    return np.stack([1.0 - b - c, b, c], axis=1)

@@ -1,0 +1,81 @@
+"""The surface of a mesh that is spread out, and how it lies in the square."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from svbrdfgan.errors import EmbeddingError
+from svbrdfgan.types import Mesh
+from svbrdfgan_igl.flatten import Boundary, Flatten, one_to_one, packed
+from svbrdfgan_igl.topology import Disk
+from svbrdfgan_igl.whole import cut_to_disk, is_one_surface
+from svbrdfgan_igl.wrap import wrap
+
+_STEPS = 1 << 30  # positions are rounded to this fraction of the size, so that place and unit of the mesh do not count
+_WRAP_FACES = 6000
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """From metres to coordinates in which the longest side is one and the lower corner zero, and back."""
+
+    low: Float[ndarray, " 3"]
+    size: float
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> Place:
+        """The place of a mesh.
+
+        Raises:
+            EmbeddingError: it is a point, or hardly more beside the distance to the origin.
+        """
+        low, high = mesh.bounds
+        size = float((high - low).max())
+        if size <= 1e-12 * np.abs(mesh.bounds).max():
+            raise EmbeddingError(f"the mesh is {size:.3g} m in size; an embedding needs a surface with an area.")
+        return cls(low, size)
+
+    def inward(self, points: Float[ndarray, "*n 3"]) -> Float[ndarray, "*n 3"]:
+        """Metres to these coordinates, rounded."""
+        return np.asarray(np.round((points - self.low) / self.size * _STEPS) / _STEPS)
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """A disk over the square.
+
+    Attributes:
+        disk: in the coordinates of `place`.
+        uv: of its vertices, in [0, 1]; no triangle is flipped and none overlaps another.
+        is_wrap: whether it only surrounds the mesh; otherwise its faces are the mesh's own, in order.
+    """
+
+    disk: Disk
+    uv: Float[ndarray, "vertices 2"]
+    place: Place
+    is_wrap: bool
+
+
+def chart_of(mesh: Mesh, flatten: Flatten, boundary: Boundary, seams: int | None, margin: float, cells: int) -> Chart:
+    """See `StretchEmbedding.chart`."""
+    place = Place.of(mesh)
+    used, index = np.unique(mesh.faces, return_inverse=True)
+    positions, weld = np.unique(place.inward(mesh.positions[used]), axis=0, return_inverse=True)
+    faces = weld.reshape(-1)[index.reshape(-1, 3)].astype(np.int64)
+    is_wrap = not is_one_surface(positions, faces)
+    disk = _wrapped(positions, faces, cells, seams) if is_wrap else cut_to_disk(positions, faces, seams)[0]
+    uv = flatten(disk, boundary, margin)
+    if not one_to_one(disk, uv):
+        raise EmbeddingError("the mesh has parts too thin and long to be spread out; allow more 'seams', or split it.")
+    return Chart(disk, packed(uv, margin), place, is_wrap)
+
+
+def _wrapped(
+    positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"], cells: int, seams: int | None
+) -> Disk:
+    disk = wrap(positions, faces, cells, _WRAP_FACES)
+    return cut_to_disk(disk.positions, disk.faces, seams)[0] if seams else disk

@@ -1,0 +1,88 @@
+"""What keeps a chart's border apart from itself: a barrier between its vertices and edges (after Li et al. 2020)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from svbrdfgan_igl.crossing import close_pairs
+
+_OF_START = 0.5  # of their distance at the start: pairs nearer than this feel each other, whatever the gap
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """-stiffness * sum of weight * (s - 1)^2 log(s), s = distance / gap, over vertices and edges within a gap.
+
+    Attributes:
+        border: the vertices around the chart.
+        weight: share of the border that each stands for.
+        start: of the border, where the descent begins: neighbours along it may be closer than the gap.
+        gap: in units of the plane.
+    """
+
+    border: Int[ndarray, " loop"]
+    weight: Float[ndarray, " loop"]
+    start: Float[ndarray, "loop 2"]
+    gap: float
+    stiffness: float
+
+    def value(self, uv: Float[ndarray, "vertices 2"]) -> float:
+        """Zero if nothing is close."""
+        pairs, distance, gap, _ = self._near(uv[self.border])
+        s = np.maximum(distance, 1e-300) / gap
+        return float(-self.stiffness * (self.weight[pairs[:, 0]] * (s - 1) ** 2 * np.log(s)).sum())
+
+    def derivatives(
+        self, uv: Float[ndarray, "vertices 2"]
+    ) -> tuple[Int[ndarray, "pairs 3"], Float[ndarray, "pairs 6"], Float[ndarray, "pairs 6 6"]]:
+        """Of each pair: its vertices, gradient, and a positive Hessian."""
+        pairs, distance, gap, slope = self._near(uv[self.border])
+        s = np.maximum(distance, 1e-300) / gap
+        scale = self.stiffness * self.weight[pairs[:, 0]]
+        first = scale * (-2 * (s - 1) * np.log(s) - (s - 1) ** 2 / s) / gap
+        second = scale * (-2 * np.log(s) - 4 * (s - 1) / s + (s - 1) ** 2 / s**2) / gap**2
+        outer = slope[:, :, None] * slope[:, None, :]
+        return self.border[pairs], first[:, None] * slope, second[:, None, None] * outer
+
+    def _near(
+        self, points: Float[ndarray, "loop 2"]
+    ) -> tuple[Int[ndarray, "pairs 3"], ndarray, ndarray, Float[ndarray, "pairs 6"]]:
+        """Vertex and edge (as places along the border), distance, gap, and the distance's slope."""
+        pairs = _vertices_and_edges(points, self.gap)
+        before, _, _ = _distances(self.start, pairs)
+        distance, normal, along = _distances(points, pairs)
+        gap = np.minimum(self.gap, _OF_START * before)
+        near = distance < gap
+        share = np.stack([np.ones_like(along), along - 1.0, -along], axis=1)[near]
+        slope = (share[:, :, None] * normal[near][:, None, :]).reshape(-1, 6)
+        return pairs[near], distance[near], gap[near], slope
+
+
+def _vertices_and_edges(points: Float[ndarray, "loop 2"], gap: float) -> Int[ndarray, "pairs 3"]:
+    """A vertex and both ends of an edge that it does not bound, for all that may be less than a gap apart."""
+    count = len(points)
+    one, other = close_pairs(points, gap)
+    vertex = np.concatenate([one, one + 1, other, other + 1]) % count
+    edge = np.concatenate([other, other, one, one])
+    keys = np.unique(vertex * count + edge)
+    vertex, edge = np.divmod(keys, count)
+    after = (edge + 1) % count
+    apart = (vertex != edge) & (vertex != after)
+    return np.stack([vertex, edge, after], axis=1)[apart]
+
+
+def _distances(
+    points: Float[ndarray, "loop 2"], pairs: Int[ndarray, "pairs 3"]
+) -> tuple[Float[ndarray, " pairs"], Float[ndarray, "pairs 2"], Float[ndarray, " pairs"]]:
+    """Distance, its direction, and where along the edge."""
+    p, a, b = (points[pairs[:, k]] for k in range(3))
+    edge = b - a
+    along = np.einsum("nx,nx->n", p - a, edge) / np.maximum(np.einsum("nx,nx->n", edge, edge), 1e-300)
+    along = np.clip(along, 0.0, 1.0)
+    away = p - a - along[:, None] * edge
+    distance = np.linalg.norm(away, axis=1)
+    return distance, away / np.maximum(distance, 1e-300)[:, None], along

@@ -1,0 +1,121 @@
+"""The two embeddings: least-squares conformal, and least stretch. Both spread out the outer surface alone."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.geometry.normals import corner_normals
+from svbrdfgan.geometry.split import surface_from_corners
+from svbrdfgan.geometry.subdivide import Pieces
+from svbrdfgan.protocols import UVCapabilities
+from svbrdfgan.types import Mesh, Surface
+from svbrdfgan_igl.carry import Carrier, carried
+from svbrdfgan_igl.chart import Chart, chart_of
+from svbrdfgan_igl.flatten import Boundary, Flatten, conformal, least_stretch
+from svbrdfgan_igl.whole import MOST_SEAMS
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class _Options:
+    """What both embeddings take; see `StretchEmbedding`."""
+
+    resolution: int = 256
+    boundary: Boundary = "free"
+    seams: int | None = None
+    gutter: float = 1.0
+    cells: int = 96
+
+    capabilities: ClassVar[UVCapabilities] = UVCapabilities(injective=False, subdivides=True)
+    _flatten: ClassVar[Flatten]
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.resolution <= 16384:
+            raise ConfigError(f"resolution is {self.resolution}; wanted texels along a side, from 1 to 16384.")
+        if self.boundary not in ("free", "square", "disk"):
+            raise ConfigError(f"boundary is {self.boundary!r}; wanted 'free', 'square' or 'disk'.")
+        if self.seams is not None and not 0 <= self.seams <= MOST_SEAMS:
+            raise ConfigError(f"seams is {self.seams}; wanted None, or a number from 0 to {MOST_SEAMS}.")
+        if not (math.isfinite(self.gutter) and 0.0 <= self.gutter <= self.resolution / 8):
+            raise ConfigError(f"gutter is {self.gutter}; wanted texels, from 0 to an eighth of resolution.")
+        if not 16 <= self.cells <= 512:
+            raise ConfigError(f"cells is {self.cells}; wanted voxels along the longest side, from 16 to 512.")
+
+    def chart(self, mesh: Mesh) -> Chart:
+        """The surface that is spread out, with its UVs: the mesh itself where it is one manifold, else a wrap.
+
+        Raises:
+            EmbeddingError: there is no such surface, or it cannot be spread out.
+        """
+        margin = self.gutter / self.resolution
+        return chart_of(mesh, type(self)._flatten, self.boundary, self.seams, margin, self.cells)
+
+    def embed(self, mesh: Mesh) -> Surface:
+        """The mesh over the unit square; subdivided where it is carried by a wrap.
+
+        Raises:
+            EmbeddingError: the mesh has no outer surface that can be spread out.
+        """
+        chart = self.chart(mesh)
+        if chart.is_wrap:
+            pieces, uv, elevation = carried(Carrier.of(chart), mesh, self.resolution)
+        else:
+            pieces = Pieces.whole(mesh.positions, mesh.faces)
+            uv, elevation = chart.uv[chart.disk.faces], np.zeros((len(mesh.faces), 3))
+        log.info("%s: %d faces became %d", type(self).__name__, len(mesh.faces), len(pieces.faces))
+        return surface_from_corners(
+            pieces,
+            normals=pieces.interpolate(corner_normals(mesh.positions, mesh.faces)),
+            uv=uv,
+            elevation=elevation,
+            face_part=mesh.face_part[pieces.source_face],
+            parts=mesh.parts,
+        )
+
+
+@dataclass(frozen=True)
+class StretchEmbedding(_Options):
+    """The outer surface with the least L2 stretch (Sander et al. 2001), without flips or overlaps.
+
+    A mesh that is one manifold surface is spread out itself: cut open where it is closed or has handles and holes, and
+    further until its stretch is at most 1.15. Any other mesh, as vehicles are, gets a wrap: a disk around all of it,
+    open at the ground, which is spread out in its stead, and to which every place of the mesh is carried.
+    `v` runs from the nose (+Z) to the tail and `u` from the vehicle's right to its left, so that vehicles share one
+    layout and outer faces keep their winding. What lies further out has the greater elevation.
+
+    Attributes:
+        resolution: texels along a side for which interpolation errs by about half a texel, down to pieces of a texel.
+        boundary: "free" fills most of the square where that costs little stretch; "square" all of it; "disk" a disk.
+        seams: further cuts through the places of greatest stretch; None for none on wraps and open disks, and as many
+            as it takes on closed surfaces.
+        gutter: texels that stay free between the chart and the square's border, and between the two sides of a seam.
+        cells: voxels of the wrap along the longest side. Gaps narrower than a few of these are bridged.
+
+    Raises:
+        ConfigError: an option is out of range.
+    """
+
+    _flatten: ClassVar[Flatten] = staticmethod(least_stretch)
+
+
+@dataclass(frozen=True)
+class LscmEmbedding(_Options):
+    """The outer surface by the least-squares conformal map (Levy et al. 2002): true to angles, less to areas.
+
+    The map is then scaled along u and v to fill the square, as every vehicle's is, so texels are alike but not square.
+
+    Where that would flip or overlap, the conformal energy of Hormann and Greiner (2000) is minimised without either.
+    Surfaces, layout and options are those of `StretchEmbedding`; a free boundary takes the shape that angles give it.
+
+    Raises:
+        ConfigError: an option is out of range.
+    """
+
+    _flatten: ClassVar[Flatten] = staticmethod(conformal)

@@ -1,0 +1,101 @@
+"""A disk over the unit square: conformal (Levy et al. 2002), or with the least L2 stretch (Sander et al. 2001)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import igl
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from svbrdfgan_igl.contact import Contact
+from svbrdfgan_igl.crossing import loop_crosses_itself
+from svbrdfgan_igl.energy import Distortion, Triangles
+from svbrdfgan_igl.minimise import Objective, minimise
+from svbrdfgan_igl.start import tutte
+from svbrdfgan_igl.topology import Disk
+from svbrdfgan_igl.walls import Walls
+
+Boundary = Literal["free", "square", "disk"]
+Flatten = Callable[[Disk, Boundary, float], Float[ndarray, "vertices 2"]]
+
+_ROUNDS = 60
+_TOLERANCE = 1e-6
+_STIFFNESS = 0.02
+_LEAST_GAP = 1e-3  # between two stretches of a border, in sides of the square
+_PRESSURE = 0.5  # of what a unit of area in the square costs at rest: less of it fills more of the square
+
+
+def least_stretch(disk: Disk, boundary: Boundary, gap: float, rounds: int = _ROUNDS) -> Float[ndarray, "vertices 2"]:
+    """A one-to-one map into [-0.5, 0.5]^2 with as little L2 stretch as the boundary lets it have.
+
+    A free boundary is pressed against a square, half as hard as would fill all of it.
+
+    Args:
+        gap: what stays free between stretches of the border that come close, in sides of the square.
+    """
+    distortion = Distortion(power=2, weight=_PRESSURE if boundary == "free" else 0.0)
+    return _minimised(disk, distortion, boundary, gap, rounds)
+
+
+def conformal(disk: Disk, boundary: Boundary, gap: float) -> Float[ndarray, "vertices 2"]:
+    """A one-to-one map that keeps angles: the least-squares conformal map where that is one-to-one.
+
+    Where it is not, and where the boundary is not free, the energy of Hormann and Greiner (2000) is minimised instead.
+    """
+    if boundary != "free":
+        return _minimised(disk, Distortion(power=1, weight=-1.0), boundary, gap, _ROUNDS)
+    found = _least_squares(disk)
+    if found is not None and one_to_one(disk, found):
+        return found
+    return _minimised(disk, Distortion(power=1), boundary, gap, _ROUNDS)
+
+
+def _minimised(
+    disk: Disk, distortion: Distortion, boundary: Boundary, gap: float, rounds: int
+) -> Float[ndarray, "vertices 2"]:
+    triangles = Triangles.of(disk.positions, disk.faces)
+    border, shares, start = disk.border, _shares(disk), tutte(disk)
+    walls = Walls("disk" if boundary == "disk" else "square", border, shares, _STIFFNESS)
+    contact = Contact(border, shares, start[border], max(2.0 * gap, _LEAST_GAP), _STIFFNESS)
+    return minimise(Objective(triangles, distortion, walls, contact), start, rounds, _TOLERANCE)
+
+
+def _least_squares(disk: Disk) -> Float[ndarray, "vertices 2"] | None:
+    """Pinned at the border's foremost and rearmost vertex; None where libigl cannot solve it."""
+    place = disk.positions[disk.border, 2]
+    pins = disk.border[[int(np.argmax(place)), int(np.argmin(place))]]
+    try:
+        found = igl.lscm(disk.positions, disk.faces, pins, np.array([[0.0, -0.5], [0.0, 0.5]]))[0]
+    except RuntimeError:
+        return None
+    return _turned(disk, np.asarray(found)) if np.isfinite(found).all() else None
+
+
+def _turned(disk: Disk, uv: Float[ndarray, "vertices 2"]) -> Float[ndarray, "vertices 2"]:
+    """The map turned so that its border lies as Tutte's does, or as near to that as turning brings it."""
+    wanted, found = (x[disk.border] @ (1.0, 1.0j) for x in (tutte(disk), uv - uv[disk.border].mean(axis=0)))
+    turn = np.angle((_shares(disk) * wanted * found.conj()).sum())
+    cos, sin = np.cos(turn), np.sin(turn)
+    return np.asarray(uv @ np.array([[cos, sin], [-sin, cos]]))
+
+
+def one_to_one(disk: Disk, uv: Float[ndarray, "vertices 2"]) -> bool:
+    """Whether no triangle is flipped and the border does not cross itself, so that none overlaps another."""
+    det = Triangles.of(disk.positions, disk.faces).determinants(uv)
+    return bool((det > 0.0).all()) and not loop_crosses_itself(uv[disk.border])
+
+
+def _shares(disk: Disk) -> Float[ndarray, " loop"]:
+    points = disk.positions[disk.border]
+    length = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
+    share = length + np.roll(length, 1)
+    return np.asarray(share / share.sum())
+
+
+def packed(uv: Float[ndarray, "vertices 2"], margin: float) -> Float[ndarray, "vertices 2"]:
+    """The map moved and scaled along each axis to fill [margin, 1 - margin]^2."""
+    low, high = uv.min(axis=0), uv.max(axis=0)
+    return np.asarray(0.5 + (uv - (low + high) / 2) / (high - low) * (1.0 - 2.0 * margin))

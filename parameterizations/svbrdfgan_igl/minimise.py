@@ -1,0 +1,135 @@
+"""Projected Newton descent over maps without flips: a map that starts one-to-one stays so at every step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from svbrdfgan_igl.contact import Contact
+from svbrdfgan_igl.crossing import loop_crosses_itself
+from svbrdfgan_igl.energy import Distortion, Triangles
+from svbrdfgan_igl.walls import Walls
+
+_ENOUGH_DECREASE = 1e-4
+_SHORTEST_STEP = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class Objective:
+    """The distortion of a chart within walls, its border apart from itself."""
+
+    triangles: Triangles
+    distortion: Distortion
+    walls: Walls
+    contact: Contact
+
+    def value(self, uv: Float[ndarray, "vertices 2"]) -> float:
+        """Infinite for maps that are not allowed."""
+        walls = self.walls.value(uv)
+        distortion = self.distortion.value(self.triangles, uv) if np.isfinite(walls) else walls
+        return walls + distortion + self.contact.value(uv) if np.isfinite(distortion) else distortion
+
+    def newton(self, uv: Float[ndarray, "vertices 2"]) -> tuple[Float[ndarray, "vertices 2"], float]:
+        """Newton's step among those that do not turn the border as a whole, and the slope along it (negative)."""
+        touching, touch_gradient, touch_hessian = self.contact.derivatives(uv)
+        parts = [
+            (self.triangles.faces, *self.distortion.derivatives(self.triangles, uv)),
+            (self.walls.border[:, None], *self.walls.derivatives(uv)),
+            (touching, touch_gradient, touch_hessian),
+        ]
+        size = uv.size
+        total = np.zeros(size)
+        matrix = sparse.csr_matrix((size, size))
+        for vertices, gradient, hessian in parts:
+            unknowns = _unknowns(vertices)
+            total += np.bincount(unknowns.ravel(), gradient.ravel(), size)
+            matrix = matrix + _assemble(unknowns, hessian, size)
+        matrix += sparse.diags(1e-10 * matrix.diagonal().mean() * np.ones(size))
+        solver = splu(
+            matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
+        step = solver.solve(-total)
+        turn = self._turn(uv)
+        answer = solver.solve(turn)
+        step -= answer * (turn @ step) / max(turn @ answer, 1e-300)
+        return step.reshape(-1, 2), float(step @ total)
+
+    def _turn(self, uv: Float[ndarray, "vertices 2"]) -> Float[ndarray, " unknowns"]:
+        """How the border moves when all of it turns about the origin."""
+        turn = np.zeros_like(uv)
+        turn[self.walls.border] = uv[self.walls.border][:, ::-1] * (-1.0, 1.0) * self.walls.weight[:, None]
+        return turn.ravel()
+
+
+def minimise(
+    objective: Objective, uv: Float[ndarray, "vertices 2"], rounds: int, tolerance: float
+) -> Float[ndarray, "vertices 2"]:
+    """The map after at most `rounds` steps, or once a step promises to lower the value by less than `tolerance` of it.
+
+    `uv` must be a map that is allowed. No step flips a triangle, crosses a wall, or lets the border cross itself.
+    """
+    value = objective.value(uv)
+    for _ in range(rounds):
+        step, slope = objective.newton(uv)
+        if -slope < tolerance * abs(value):
+            break
+        found = _search(objective, uv, step, slope, value)
+        if found is None:
+            break
+        uv, value = found
+    return uv
+
+
+def _search(
+    objective: Objective,
+    uv: Float[ndarray, "vertices 2"],
+    step: Float[ndarray, "vertices 2"],
+    slope: float,
+    value: float,
+) -> tuple[Float[ndarray, "vertices 2"], float] | None:
+    """The first allowed map along the step, halved again and again, that lowers the value enough."""
+    length = min(1.0, 0.95 * _until_flip(objective.triangles.faces, uv, step))
+    while length > _SHORTEST_STEP:
+        trial = uv + length * step
+        reached = objective.value(trial)
+        lower = reached <= value + _ENOUGH_DECREASE * length * slope
+        if lower and not loop_crosses_itself(trial[objective.walls.border]):
+            return trial, reached
+        length /= 2
+    return None
+
+
+def _until_flip(
+    faces: Int[ndarray, "faces 3"], uv: Float[ndarray, "vertices 2"], step: Float[ndarray, "vertices 2"]
+) -> float:
+    """How far one can go along the step before a triangle degenerates (Smith and Schaefer 2015)."""
+    (p, q), (dp, dq) = ([x[faces[:, k]] - x[faces[:, 0]] for k in (1, 2)] for x in (uv, step))
+    a, c = _cross(dp, dq), _cross(p, q)
+    b = _cross(p, dq) + _cross(dp, q)
+    root = np.sqrt(np.maximum(b * b - 4 * a * c, 0.0))
+    real = b * b >= 4 * a * c
+    with np.errstate(divide="ignore", invalid="ignore"):
+        half = -0.5 * (b + np.where(b >= 0, root, -root))
+        roots = np.stack([half / a, c / half])
+    roots = roots[:, real]
+    positive = roots[np.isfinite(roots) & (roots > 0.0)]
+    return float(positive.min(initial=np.inf))
+
+
+def _cross(a: Float[ndarray, "n 2"], b: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+def _unknowns(vertices: Int[ndarray, "n corners"]) -> Int[ndarray, "n unknowns"]:
+    return (2 * vertices[:, :, None] + np.arange(2)).reshape(len(vertices), 2 * vertices.shape[1])
+
+
+def _assemble(unknowns: Int[ndarray, "n k"], blocks: Float[ndarray, "n k k"], size: int) -> sparse.csr_matrix:
+    width = unknowns.shape[1]
+    row, col = np.repeat(unknowns, width, axis=1).ravel(), np.tile(unknowns, (1, width)).ravel()
+    return sparse.coo_matrix((blocks.ravel(), (row, col)), shape=(size, size)).tocsr()

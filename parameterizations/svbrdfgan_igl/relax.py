@@ -1,0 +1,89 @@
+"""Room for what a wrap has none for: walls that stand upright on it would be lines in UV, and overhangs mirrored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+_LEAST = 0.6  # least singular value aimed at, of a triangle's map onto the wrap
+_REACH = 0.08  # of the longest side: how far a place gives way before that costs as much as a scale that is off by one
+_ROUNDS = 16
+_LEAST_AREA = 1e-10  # of the square of the longest side: thinner triangles have no map
+
+
+@dataclass(frozen=True, eq=False)
+class Planes:
+    """Triangles, each laid flat in its own plane.
+
+    Attributes:
+        slopes: of the three hat functions; zero for triangles without an area.
+        area: zero for those.
+    """
+
+    slopes: Float[ndarray, "faces 3 2"]
+    area: Float[ndarray, " faces"]
+
+    @classmethod
+    def of(cls, corners: Float[ndarray, "faces 3 3"]) -> Planes:
+        """The planes of triangles: the first edge along the first axis, wound counter-clockwise."""
+        p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        twice = np.linalg.norm(np.cross(p, q), axis=1)
+        good = twice > 2.0 * _LEAST_AREA
+        length = np.where(good, np.linalg.norm(p, axis=1), 1.0)
+        height = np.where(good, twice, 1.0) / length
+        second = np.stack([1.0 / length, -np.einsum("fx,fx->f", p, q) / (length**2 * height)], axis=1)
+        third = np.stack([np.zeros(len(p)), 1.0 / height], axis=1)
+        slopes = np.stack([-second - third, second, third], axis=1)
+        return cls(np.where(good[:, None, None], slopes, 0.0), np.where(good, 0.5 * twice, 0.0))
+
+    def jacobians(self, uv: Float[ndarray, "faces 3 2"]) -> Float[ndarray, "faces 2 2"]:
+        """Of the linear maps with these values at the corners."""
+        return np.asarray(np.einsum("fkx,fky->fxy", uv, self.slopes))
+
+
+def relaxed(
+    planes: Planes,
+    faces: Int[ndarray, "faces 3"],
+    uv: Float[ndarray, "vertices 2"],
+    wrap: Float[ndarray, "faces 2 2"],
+    mirrored: Bool[ndarray, " faces"],
+) -> Float[ndarray, "vertices 2"]:
+    """UVs moved a little so that fewer triangles are collapsed or wrongly mirrored: their neighbours make room.
+
+    In turn, each triangle takes the closest map that is neither, and the vertices what fits these best, held by springs
+    to where they were (as Kovalsky et al. 2015 project on maps of bounded distortion).
+
+    Args:
+        planes: of the triangles, in sides of the mesh.
+        wrap: the wrap's own map where each triangle lies: what is as large as there is neither moved nor scaled.
+        mirrored: triangles that face away from the wrap, and are rightly so.
+    """
+    count = len(uv)
+    mass = np.bincount(faces.ravel(), np.repeat(planes.area, 3) / 3, count) / _REACH**2 + _LEAST_AREA
+    solve = splu(_stiffness(planes, faces, count) + sparse.diags(mass).tocsc(), permc_spec="MMD_AT_PLUS_A").solve
+    back, moved = np.linalg.inv(wrap), uv
+    for _ in range(_ROUNDS):
+        wanted = wrap @ _bounded(back @ planes.jacobians(moved[faces]), mirrored)
+        right = mass[:, None] * uv
+        np.add.at(right, faces, np.einsum("fxy,fky,f->fkx", wanted, planes.slopes, planes.area))
+        moved = solve(right)
+    return np.asarray(moved)
+
+
+def _stiffness(planes: Planes, faces: Int[ndarray, "faces 3"], count: int) -> sparse.csc_matrix:
+    blocks = np.einsum("fkx,flx,f->fkl", planes.slopes, planes.slopes, planes.area)
+    rows, columns = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
+    return sparse.csc_matrix((blocks.ravel(), (rows, columns)), shape=(count, count))
+
+
+def _bounded(jacobians: Float[ndarray, "faces 2 2"], mirrored: Bool[ndarray, " faces"]) -> Float[ndarray, "faces 2 2"]:
+    """The closest maps whose singular values are at least `_LEAST`, and which are mirrored where that is right."""
+    u, s, v = np.linalg.svd(jacobians)
+    wrong = (np.linalg.det(u) * np.linalg.det(v) < 0.0) != mirrored
+    least = np.where(wrong, -_LEAST, np.maximum(s[:, 1], _LEAST))
+    return np.asarray(np.einsum("fxk,fk,fky->fxy", u, np.stack([np.maximum(s[:, 0], _LEAST), least], axis=1), v))

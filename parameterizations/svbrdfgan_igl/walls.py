@@ -1,0 +1,55 @@
+"""The container that a chart is pressed into: a barrier that holds its border off the walls of a square or a disk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+Shape = Literal["square", "disk"]
+_SQUARE = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])  # inward normals of the square [-0.5, 0.5]^2
+
+
+@dataclass(frozen=True, eq=False)
+class Walls:
+    """-stiffness * sum of weight * log(distance to a wall), over the border of a chart around the origin.
+
+    Attributes:
+        shape: of side or diameter one.
+        border: the vertices that feel the walls.
+        weight: share of the border that each stands for.
+        stiffness: at rest the border stays about this far from the walls, over four.
+    """
+
+    shape: Shape
+    border: Int[ndarray, " loop"]
+    weight: Float[ndarray, " loop"]
+    stiffness: float
+
+    def value(self, uv: Float[ndarray, "vertices 2"]) -> float:
+        """Infinite beyond a wall."""
+        gap, _ = self._gaps(uv[self.border])
+        if not (gap > 0.0).all():
+            return float("inf")
+        return float(-self.stiffness * (self.weight[:, None] * np.log(gap)).sum())
+
+    def derivatives(
+        self, uv: Float[ndarray, "vertices 2"]
+    ) -> tuple[Float[ndarray, "loop 2"], Float[ndarray, "loop 2 2"]]:
+        """Gradient, and a positive Hessian, at each border vertex."""
+        gap, inward = self._gaps(uv[self.border])
+        scale = self.stiffness * self.weight[:, None] / gap
+        gradient = -np.einsum("bw,bwx->bx", scale, inward)
+        hessian = np.einsum("bw,bwx,bwy->bxy", scale / gap, inward, inward)
+        if self.shape == "disk":
+            hessian += 2.0 * scale[:, :, None] * np.eye(2)
+        return gradient, hessian
+
+    def _gaps(self, points: Float[ndarray, "n 2"]) -> tuple[Float[ndarray, "n walls"], Float[ndarray, "n walls 2"]]:
+        """What is positive inside, at each wall, and its gradient."""
+        if self.shape == "square":
+            return 0.5 + points @ _SQUARE.T, np.broadcast_to(_SQUARE, (len(points), 4, 2))
+        return (0.25 - (points**2).sum(axis=1))[:, None], -2.0 * points[:, None, :]

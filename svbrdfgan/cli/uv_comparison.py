@@ -1,0 +1,91 @@
+"""`svbrdfgan embeddings --compare DIR`: embeddings side by side, measured over a folder of meshes."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from svbrdfgan.errors import PluginError
+from svbrdfgan.plugins import EMBEDDINGS, list_plugins, load_embedding
+from svbrdfgan.protocols import UVEmbedding
+from svbrdfgan.uv_metrics.compare import Measured, as_json, measure_embedding, mesh_files
+from svbrdfgan.uv_metrics.peer import NAME, XatlasPeer, xatlas_installed
+
+log = logging.getLogger(__name__)
+
+_HEADINGS = {
+    "stretch_l2": "L2 stretch",
+    "stretch_linf": "L-infinity stretch",
+    "stretch_p99": "stretch, 99th percentile",
+    "angle_mean": "angle distortion, mean",
+    "angle_p99": "angle distortion, 99th percentile",
+    "area_mean": "area distortion, mean",
+    "area_p99": "area distortion, 99th percentile",
+    "collapsed": "collapsed area",
+    "flipped": "flipped area",
+    "overlapping": "overlapping area",
+    "coverage": "coverage of the square",
+    "seam_length": "seam length / sqrt(area)",
+    "charts": "charts",
+    "connectivity": "connectivity",
+    "kept": "outside that is not hidden",
+    "similarity": "similarity: distance in UV",
+    "matched": "similarity: places matched",
+    "seconds": "seconds to embed",
+}
+
+
+def compare(folder: Path, names: Sequence[str], resolution: int, print_json: bool) -> None:
+    """Prints the medians and the worst of every measure, a column for each embedding; or all of it as JSON."""
+    meshes = mesh_files(folder)
+    results = {name: _measured(name, embedding, meshes, resolution) for name, embedding in _embeddings(names).items()}
+    if print_json:
+        click.echo(json.dumps(as_json(results), indent=2))
+    else:
+        _show(results, len(meshes))
+
+
+def _measured(name: str, embedding: UVEmbedding, meshes: Mapping[str, Path], resolution: int) -> Measured:
+    """What was measured; while that goes on, the terminal shows at which mesh it is."""
+    with Console(stderr=True).status("") as status:
+        return measure_embedding(embedding, meshes, resolution, lambda at: status.update(f"{name}: {escape(at)}"))
+
+
+def _embeddings(names: Sequence[str]) -> dict[str, UVEmbedding]:
+    """Those named; else all that work, and xatlas where it is installed."""
+    if names:
+        return {name: XatlasPeer() if name == NAME else load_embedding(name) for name in names}
+    found: dict[str, UVEmbedding] = {}
+    for plugin in list_plugins(EMBEDDINGS):
+        try:
+            found[plugin.name] = load_embedding(plugin.name)
+        except PluginError as error:
+            log.warning("left out: %s", error)
+    return {**found, NAME: XatlasPeer()} if xatlas_installed() else found
+
+
+def _show(results: Mapping[str, Measured], meshes: int) -> None:
+    table = Table("median / worst", *map(escape, results))
+    summaries = {name: measured.summary() for name, measured in results.items()}
+    for key, heading in _HEADINGS.items():
+        cells = [_cell(summary.get(key)) for summary in summaries.values()]
+        table.add_row(heading, *cells)
+    table.add_row("meshes that failed", *(f"{len(measured.failures)} of {meshes}" for measured in results.values()))
+    Console().print(table)
+    pairs = max((len(measured.similarities) for measured in results.values()), default=0)
+    click.echo("Stretch and distortion: 1 is none. Shares are of the area that is seen from outside.")
+    click.echo(f"Similarity: pairs of meshes measured: {pairs}, the same ones at every call.")
+    for name, measured in results.items():
+        for mesh, reason in measured.failures.items():
+            click.echo(f"{name}: {mesh}: {reason}")
+
+
+def _cell(row: Mapping[str, float] | None) -> str:
+    return "" if row is None else f"{row['median']:.4g} / {row['worst']:.4g}"

@@ -1,0 +1,79 @@
+"""Plain views of a surface, from one side and from the other, coloured by what its map does: no light transport."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from svbrdfgan.geometry.normals import unit
+from svbrdfgan.geometry.rasterize import Raster, rasterize
+from svbrdfgan.types import Camera, Surface
+
+Rgb = Float[ndarray, "*n 3"]
+PAPER = np.array([1.0, 1.0, 1.0])
+UNSEEN = np.array([0.62, 0.62, 0.64])
+"""Of hidden parts, that no map is shown on."""
+CHECKS = 32
+_SMOOTH = 2  # samples along a side of a pixel
+_MARGIN = 1.06
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What each sample of a picture shows, top row first.
+
+    Attributes:
+        face: of the surface, -1 where there is none.
+        uv: of the place.
+        light: from 0 to 1, how brightly it is lit.
+    """
+
+    face: Int[ndarray, "height width"]
+    uv: Float[ndarray, "height width 2"]
+    light: Float[ndarray, "height width"]
+
+
+def look(surface: Surface, azimuth: float, elevation: float, width: int, height: int) -> Seen:
+    """The surface from far away (orthographic; azimuth 0 is in front, radians), fitted into the picture."""
+    frame = Camera.orbit(azimuth, elevation, 1.0, (0.0, 0.0, 0.0), 1.0).basis()
+    turned = surface.positions @ frame.T
+    used = turned[surface.faces].reshape(-1, 3)
+    low, high = used.min(axis=0), used.max(axis=0)
+    cols, rows = _SMOOTH * width, _SMOOTH * height
+    pixel = _MARGIN * max((high[0] - low[0]) / cols, (high[1] - low[1]) / rows, 1e-300)
+    screen = 0.5 + (turned[:, :2] - (low + high)[:2] / 2) / (pixel * np.array([cols, rows]))
+    raster = rasterize(replace(surface, uv=screen, elevation=turned[:, 2]), rows, cols)
+    normal = unit(raster.interpolate(surface.faces, surface.normals)) @ frame.T
+    lit = np.abs(normal @ unit(np.array([-0.35, 0.65, 0.75])))
+    return Seen(_upright(raster.face), _upright(_uv(surface, raster)), _upright(0.35 + 0.65 * lit))
+
+
+def paint(seen: Seen, shown: Bool[ndarray, " faces"], color: Callable[[Seen], Rgb]) -> Float[ndarray, "height width 3"]:
+    """The picture, in sRGB: the colour, lit, where `shown`; grey where not, and paper where there is no surface."""
+    picture = np.where(shown[seen.face][..., None], color(seen), UNSEEN) * seen.light[..., None]
+    picture = np.where((seen.face >= 0)[..., None], picture, PAPER)
+    rows, cols = seen.face.shape
+    small = picture.reshape(rows // _SMOOTH, _SMOOTH, cols // _SMOOTH, _SMOOTH, 3)
+    return np.clip(np.asarray(small.mean(axis=(1, 3))), 0.0, 1.0)
+
+
+def checker(uv: Float[ndarray, "*n 2"]) -> Rgb:
+    """A checkerboard of 32 x 32 whose colour tells the place: hue runs along u, v from pale to deep."""
+    from matplotlib.colors import hsv_to_rgb
+
+    u, v = np.moveaxis(np.clip(uv, 0.0, 1.0), -1, 0)
+    dark = (np.floor(u * CHECKS) + np.floor(v * CHECKS)) % 2
+    return np.asarray(hsv_to_rgb(np.stack([0.85 * u, 0.25 + 0.6 * v, 1.0 - 0.45 * dark], axis=-1)))
+
+
+def _uv(surface: Surface, raster: Raster) -> Float[ndarray, "rows cols 2"]:
+    return np.asarray(raster.interpolate(surface.faces, surface.uv))
+
+
+def _upright(values: ndarray) -> ndarray:
+    """Rows from the top down."""
+    return values[::-1]

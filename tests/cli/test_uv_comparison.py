@@ -1,0 +1,74 @@
+"""`svbrdfgan embeddings --compare`, and the card that `svbrdfgan bake` writes."""
+
+import json
+from pathlib import Path
+
+import pytest
+import trimesh
+from click.testing import CliRunner
+from PIL import Image
+
+from svbrdfgan.cli import main
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Two boxes, and a plane that has no height."""
+    for name, extents in {"low": (1, 0.5, 2), "high": (1, 1.5, 2)}.items():
+        trimesh.creation.box(extents).export(tmp_path / f"{name}.obj")
+    trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 0, -1]], [[0, 1, 2]]).export(tmp_path / "plane.obj")
+    return tmp_path
+
+
+def test_the_table(folder: Path) -> None:
+    words = ["embeddings", "--compare", str(folder), "--embedding", "hemispherical", "--resolution", "64"]
+    result = CliRunner(env={"COLUMNS": "120"}).invoke(main, words)
+    assert result.exit_code == 0, result.output
+    rows = {
+        line.split("│")[1].strip(): line.split("│")[2].strip() for line in result.stdout.splitlines() if "│" in line
+    }
+    assert rows["meshes that failed"] == "1 of 3"
+    assert float(rows["L2 stretch"].split(" / ")[0]) > 1.0
+    assert "hemispherical: plane.obj: the mesh is flat" in result.stdout
+    assert "pairs of meshes measured: 1" in result.stdout
+
+
+def test_json(folder: Path) -> None:
+    words = ["embeddings", "--compare", str(folder), "--embedding", "hemispherical", "--json"]
+    result = CliRunner().invoke(main, words)
+    data = json.loads(result.stdout)["hemispherical"]
+    assert set(data) == {"summary", "failures", "meshes", "similarity"}
+    assert set(data["meshes"]) == {"low.obj", "high.obj"}
+    assert data["summary"]["similarity"]["of"] == "high.obj / low.obj"
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--embedding", "hemispherical"], "--embedding goes with --compare"),
+        (["--compare", "nowhere"], "holds no mesh"),
+        (["--compare", ".", "--embedding", "hemispheric"], "holds no mesh"),
+    ],
+)
+def test_mistakes_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], told: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(main, ["embeddings", *words])
+    assert result.exit_code != 0
+    assert told in result.output
+
+
+def test_an_unknown_embedding_is_told(folder: Path) -> None:
+    result = CliRunner().invoke(main, ["embeddings", "--compare", str(folder), "--embedding", "hemispheric"])
+    assert result.exit_code != 0
+    assert "did you mean 'hemispherical'" in result.output
+
+
+def test_bake_writes_the_card(folder: Path, tmp_path: Path) -> None:
+    words = ["bake", str(folder / "low.obj"), "--resolution", "32", "-o", str(tmp_path / "baked")]
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 0, result.output
+    card = json.loads((tmp_path / "baked" / "card.json").read_text())
+    assert card["seam_length"] == 0.0
+    assert f"stretch_l2: {card['stretch_l2']:.4g}" in result.stdout
+    with Image.open(tmp_path / "baked" / "card.png") as picture:
+        assert picture.format == "PNG"
