@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -102,8 +103,14 @@ def test_the_gradient_of_the_channel_is_that_of_finite_differences(settings: Set
     assert float((learned.grad * direction).sum()) == pytest.approx(slope, rel=0.01)
 
 
-def test_ten_steps_teach_the_channel(settings: Settings, run: Path) -> None:
+@pytest.mark.parametrize("renderer", ["numpy", "mitsuba"])
+def test_ten_steps_teach_the_channel(renderer: str, settings: Settings, run: Path, tmp_path: Path) -> None:
     """Only the gradient of its own map moves the last weights of a channel."""
+    if renderer == "mitsuba":
+        if find_spec("mitsuba") is None:
+            pytest.skip("the mitsuba renderer needs mitsuba")
+        run = tmp_path / "run"
+        train(settings(steps=10, renderer={"name": "mitsuba", "device": "cpu"}), run)
     before = State.fresh(settings(steps=10), CPU, channels=5).generator.state_dict()
     after = load_file(run / "checkpoints" / "step_00000010" / "state.safetensors")
     last = list(before)[-2]

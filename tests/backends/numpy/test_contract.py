@@ -25,25 +25,6 @@ def test_it_is_a_renderer_with_transport() -> None:
     assert NumpyRenderer(max_bounces=5).capabilities.max_bounces == 5
 
 
-def test_pictures_are_float32_and_shaped_as_the_film() -> None:
-    view = scenes.front_view(scenes.constant_light(), width=5, height=3)
-    rendering = RENDERER.render(PREPARED, WHITE, view, spp=1, seed=0)
-    assert (rendering.image.dtype, rendering.coverage.dtype) == (torch.float32, torch.float32)
-    assert (rendering.image.shape, rendering.coverage.shape) == ((3, 5, 3), (3, 5))
-
-
-def test_a_surface_out_of_sight_gives_an_empty_picture_and_no_gradient() -> None:
-    away = scenes.quad((0.0, 0.0, 9.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    renderer = NumpyRenderer(max_bounces=2)
-    rendering = scenes.picture(renderer, away, WHITE, VIEW)
-    gradients = renderer.render_vjp(
-        renderer.prepare(away), WHITE, VIEW, ONES, wrt=frozenset({"base_color"}), spp=1, seed=0
-    )
-    assert (rendering.image == 0.0).all()
-    assert (rendering.coverage == 0.0).all()
-    assert (gradients.materials[0]["base_color"] == 0.0).all()
-
-
 @pytest.mark.parametrize("max_bounces", [0, -1, 65])
 def test_impossible_bounces_are_refused(max_bounces: int) -> None:
     with pytest.raises(ConfigError, match="wanted 1 to 64"):

@@ -104,22 +104,6 @@ def test_impossible_light_is_refused(renderer: WarpRenderer, prepared: PreparedS
         renderer.render(prepared, WHITE, scenes.front_view(Environment(radiance)), spp=1, seed=0)
 
 
-@pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 5), (3, 1), (2, 2)])
-def test_the_smallest_environments_light_evenly(
-    renderer: WarpRenderer, prepared: PreparedSurface, rows: int, cols: int
-) -> None:
-    view = scenes.front_view(scenes.constant_light(2.0, rows, cols))
-    seen = scenes.surface_radiance(renderer.render(prepared, WHITE, view, spp=256, seed=0))
-    assert torch.allclose(seen, torch.full((3,), 2.0), rtol=0.02)
-
-
-def test_the_seed_alone_decides(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
-    a, b, c, d = (renderer.render(prepared, WHITE, VIEW, spp=4, seed=seed).image for seed in (7, 7, 8, 7 + 2**32))
-    assert torch.equal(a, b)
-    assert not torch.equal(a, c)
-    assert not torch.equal(a, d)
-
-
 def test_the_number_of_threads_changes_nothing(threads: None) -> None:
     materials, wrt = scenes.lambertian(scenes.random_texture(9, 5)), frozenset({"base_color", "environment"})
     renderer, results = WarpRenderer("cpu"), []
@@ -147,17 +131,3 @@ def test_a_caller_s_settings_are_left_alone(device: str, capfd: pytest.CaptureFi
     assert rendering.image.dtype == rendering.coverage.dtype == torch.float32
     assert not tape.launches
     assert capfd.readouterr().out == ""
-
-
-def test_inputs_that_want_gradients_are_only_read(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
-    texture = torch.rand(4, 4, 3, requires_grad=True)
-    image = renderer.render(prepared, scenes.lambertian(texture), VIEW, spp=1, seed=0).image
-    assert not image.requires_grad
-    assert texture.grad is None
-
-
-def test_a_surface_out_of_sight_gives_an_empty_picture(renderer: WarpRenderer) -> None:
-    away = scenes.quad((0.0, 0.0, 9.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    rendering = scenes.picture(renderer, away, WHITE, VIEW)
-    assert (rendering.image == 0.0).all()
-    assert (rendering.coverage == 0.0).all()
