@@ -1,4 +1,4 @@
-"""From a wrap to the mesh that it wraps: each place of the mesh takes the UV of the wrap's closest place."""
+"""From a wrap to the mesh that it wraps: each place takes the UV of the wrap's closest place, then room is made."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from svbrdfgan.types import Mesh
 from svbrdfgan_igl.chart import Chart
 from svbrdfgan_igl.relax import Planes, relaxed
 
-_LEAN = 0.15
+_LEAN = 0.3
 """How far a place moves along its normal for each unit that it lies below the wrap, before the closest place is taken.
 
 So that walls that stand upright on the wrap start with an area; `relax` does the rest.
@@ -26,7 +26,7 @@ _SMALL_BELOW = 12.0  # texels: the same for edges deep below the wrap, which nob
 _DEEP = 0.03  # of the longest side
 _ROUNDS = 12
 _TORN = 1.0  # times a piece's size, or two texels, by which its corners may lie from where its middle puts them
-_FACING_AWAY = -0.3  # cosine between a piece's normal and the wrap's, below which it is rightly mirrored
+_FACING_AWAY = -0.5  # cosine between a piece's normal and the wrap's, below which it is rightly mirrored
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +113,8 @@ def carried(
     """The mesh's faces cut until interpolating UV errs by less than half a texel, or they are about as small as one.
 
     With the UV and the height over the wrap (metres) at each corner. Pieces whose corners are closest to places of the
-    wrap far from each other, as on the two sides of a seam, go whole to where their middle is.
+    wrap far from each other, as on the two sides of a seam, go whole to where their middle is. At last all give way a
+    little to what would be collapsed.
     """
     place = carrier.chart.place
     positions = place.inward(mesh.positions)
@@ -154,8 +155,10 @@ def _roomier(
     under: Int[ndarray, " pieces"],
 ) -> Float[ndarray, "vertices 2"]:
     """The UV with room for what stands upright on the wrap; within the wrap's own bounds."""
-    wrap = carrier.chart.disk.positions[carrier.chart.disk.faces[under]]
-    local = Planes.of(wrap).jacobians(carrier.chart.uv[carrier.chart.disk.faces[under]])
+    corners = carrier.chart.disk.faces[under]
+    wrap = Planes.of(carrier.chart.disk.positions[corners])
+    own = wrap.jacobians(carrier.chart.uv[corners])
+    local = np.where(wrap.area[:, None, None] > 0.0, own, np.eye(2) / carrier.texel)
     cosine = np.einsum("px,px->p", face_normals(pieces.positions, pieces.faces), carrier.normals[under])
     planes = Planes.of(pieces.positions[pieces.faces])
     moved = relaxed(planes, faces, uv, local, cosine < _FACING_AWAY)

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import splu
 
 _LEAST = 0.6  # least singular value aimed at, of a triangle's map onto the wrap
 _REACH = 0.08  # of the longest side: how far a place gives way before that costs as much as a scale that is off by one
-_ROUNDS = 16
+_ROUNDS = 40
 _LEAST_AREA = 1e-10  # of the square of the longest side: thinner triangles have no map
 
 
@@ -66,12 +66,13 @@ def relaxed(
     count = len(uv)
     mass = np.bincount(faces.ravel(), np.repeat(planes.area, 3) / 3, count) / _REACH**2 + _LEAST_AREA
     solve = splu(_stiffness(planes, faces, count) + sparse.diags(mass).tocsc(), permc_spec="MMD_AT_PLUS_A").solve
+    gather = sparse.csr_matrix((np.ones(faces.size), (faces.ravel(), np.arange(faces.size))), shape=(count, faces.size))
+    weighted = planes.slopes * planes.area[:, None, None]
     back, moved = np.linalg.inv(wrap), uv
     for _ in range(_ROUNDS):
         wanted = wrap @ _bounded(back @ planes.jacobians(moved[faces]), mirrored)
-        right = mass[:, None] * uv
-        np.add.at(right, faces, np.einsum("fxy,fky,f->fkx", wanted, planes.slopes, planes.area))
-        moved = solve(right)
+        pull = np.einsum("fxy,fky->fkx", wanted, weighted).reshape(-1, 2)
+        moved = solve(mass[:, None] * uv + gather @ pull)
     return np.asarray(moved)
 
 
@@ -82,8 +83,23 @@ def _stiffness(planes: Planes, faces: Int[ndarray, "faces 3"], count: int) -> sp
 
 
 def _bounded(jacobians: Float[ndarray, "faces 2 2"], mirrored: Bool[ndarray, " faces"]) -> Float[ndarray, "faces 2 2"]:
-    """The closest maps whose singular values are at least `_LEAST`, and which are mirrored where that is right."""
-    u, s, v = np.linalg.svd(jacobians)
-    wrong = (np.linalg.det(u) * np.linalg.det(v) < 0.0) != mirrored
-    least = np.where(wrong, -_LEAST, np.maximum(s[:, 1], _LEAST))
-    return np.asarray(np.einsum("fxk,fk,fky->fxy", u, np.stack([np.maximum(s[:, 0], _LEAST), least], axis=1), v))
+    """The closest maps whose singular values are at least `_LEAST`, and which are mirrored where that is right.
+
+    A map is a turn of size q and a mirroring of size r; its singular values are q + r and q - r, mirrored if negative.
+    """
+    (a, b), (c, d) = np.moveaxis(jacobians, 0, -1)
+    q, turn = _size_and_direction((a + d) / 2, (c - b) / 2)
+    r, mirror = _size_and_direction((a - d) / 2, (c + b) / 2)
+    most, least = np.maximum(q + r, _LEAST), np.where(mirrored, np.minimum(q - r, -_LEAST), np.maximum(q - r, _LEAST))
+    e, h = turn * (most + least) / 2
+    f, g = mirror * (most - least) / 2
+    return np.asarray(np.moveaxis(np.array([[e + f, g - h], [g + h, e - f]]), -1, 0))
+
+
+def _size_and_direction(
+    x: Float[ndarray, " faces"], y: Float[ndarray, " faces"]
+) -> tuple[Float[ndarray, " faces"], Float[ndarray, "2 faces"]]:
+    """Of vectors; the first axis where there is no direction."""
+    size = np.hypot(x, y)
+    some = size > 0.0
+    return size, np.stack([np.where(some, x, 1.0), np.where(some, y, 0.0)]) / np.where(some, size, 1.0)

@@ -24,7 +24,7 @@ class Backend(RendererTests):
     package: ClassVar[str] = ""
     device: ClassVar[str] = ""
 
-    @pytest.fixture(autouse=True, scope="class")
+    @pytest.fixture(autouse=True)
     def _needs(self) -> None:
         if self.name not in REQUIRED:
             if self.name not in INSTALLED:
