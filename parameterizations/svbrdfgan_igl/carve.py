@@ -15,7 +15,6 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 _OFFSETS = np.array(list(product((-1, 0, 1), repeat=3)))
-_CENTRE = 13
 
 
 def _mask(chosen: Bool[ndarray, " 27"]) -> np.uint32:

@@ -34,7 +34,6 @@ _AHEAD = 3  # tasks that wait for each process
 _SAVE_EVERY = 60.0  # seconds
 
 Key = tuple[str, str]  # scene, quantity
-Task = tuple[str, str, int]  # and seed
 
 
 class Work:
