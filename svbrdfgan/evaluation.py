@@ -45,6 +45,8 @@ class Evaluation(StrictModel):
     Attributes:
         recovered, oracle: 1 - E / E(constant) of the generator and of the supervised oracle, on the split.
         fraction: recovered / oracle, where the oracle recovered anything.
+        recovered_at_poles, oracle_at_poles: the same near the poles of the hemispherical map, the nose and tail of a
+            vehicle, where the thesis saw artifacts; comparable across embeddings.
         oracle_plateau: whether the oracle had stopped improving.
         flip, flip_oracle, flip_constant: mean FLIP between pictures under the layers and the stored exemplars; what
             noise alone makes of it is `flip_truth`, with G0's own layers.
@@ -57,6 +59,8 @@ class Evaluation(StrictModel):
     recovered: float
     oracle: float | None
     fraction: float | None
+    recovered_at_poles: float | None = None
+    oracle_at_poles: float | None = None
     oracle_plateau: bool | None
     oracle_steps: int | None
     flip: float
@@ -78,6 +82,9 @@ class Evaluation(StrictModel):
             told.append(f"oracle:    {self.oracle:.3f} ({plateau} after {self.oracle_steps} steps)")
         if self.fraction is not None:
             told.append(f"fraction:  {self.fraction:.3f} of the oracle")
+        if self.recovered_at_poles is not None:
+            best = "" if self.oracle_at_poles is None else f" (oracle {self.oracle_at_poles:.3f})"
+            told.append(f"at poles:  {self.recovered_at_poles:.3f}{best}")
         told.append(
             f"FLIP:      {self.flip:.3f} (constant layer {self.flip_constant:.3f}, noise alone {self.flip_truth:.3f})"
         )
@@ -196,12 +203,15 @@ def _judge(
 ) -> Evaluation:
     recovered = scorer.recovered_by(layers["generated"])
     best = scorer.recovered_by(layers["oracle"]) if oracle else None
+    ends = scorer.at_poles(constant)
     red, green, blue, alpha = constant[:RGBA].tolist()
     return Evaluation(
         split=split,
         recovered=recovered,
         oracle=best,
         fraction=share(recovered, best),
+        recovered_at_poles=ends.recovered_by(layers["generated"]) if ends else None,
+        oracle_at_poles=ends.recovered_by(layers["oracle"]) if ends and oracle else None,
         oracle_plateau=oracle.plateau if oracle else None,
         oracle_steps=oracle.steps if oracle else None,
         flip=flips["generated"],

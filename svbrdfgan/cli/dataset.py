@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,11 +17,20 @@ if TYPE_CHECKING:
 @click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder to write.")
 @click.option("--devices", default=1, show_default=True, type=click.IntRange(1), help="Processes, one for each GPU.")
+@click.option("--workers", type=click.IntRange(1), help="Processes that embed and bake meshes.  [default: one a core]")
 @click.option("--dry-run", is_flag=True, help="Make a few exemplars elsewhere and say what all would take.")
 @click.option(
     "--preview", is_flag=True, help="Write one exemplar beside its unweathered twin as preview.png, and stop."
 )
-def command(config: Path, overrides: tuple[str, ...], out: Path, devices: int, dry_run: bool, preview: bool) -> None:
+def command(
+    config: Path,
+    overrides: tuple[str, ...],
+    out: Path,
+    devices: int,
+    workers: int | None,
+    dry_run: bool,
+    preview: bool,
+) -> None:
     """Make the data set that CONFIG declares. Run again, it makes what is missing.
 
     KEY=VALUE replaces a value of CONFIG, such as `spp=16` or `splits.train.views=4`.
@@ -34,19 +44,24 @@ def command(config: Path, overrides: tuple[str, ...], out: Path, devices: int, d
     elif preview:
         _preview(declared, config.parent, out)
     else:
-        _generate(declared, config.parent, out, devices)
+        _generate(declared, config.parent, out, devices, workers or _cores())
 
 
-def _generate(declared: DatasetConfig, base: Path, out: Path, devices: int) -> None:
+def _generate(declared: DatasetConfig, base: Path, out: Path, devices: int, workers: int) -> None:
     from rich.console import Console
 
     from svbrdfgan.cli.display import terminal_display
     from svbrdfgan.data.generate import generate
 
     with terminal_display(Console(stderr=True)) as display:
-        plan = generate(declared, out, base=base, devices=devices, display=display)
+        plan = generate(declared, out, base=base, devices=devices, workers=workers, display=display)
     for split in declared.splits:
         click.echo(f"{split}: {len(plan.sampler(split))} exemplars of {len(plan.meshes[split])} meshes")
+
+
+def _cores() -> int:
+    """Those that this process may use, where the system tells."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _dry_run(declared: DatasetConfig, base: Path) -> None:

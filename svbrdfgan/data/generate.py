@@ -10,6 +10,7 @@ from typing import Any
 
 from lightning_fabric import Fabric
 
+from svbrdfgan.data.ahead import baked
 from svbrdfgan.data.config import DatasetConfig, Split
 from svbrdfgan.data.plan import DatasetPlan, make_plan
 from svbrdfgan.data.scene import Scene
@@ -25,13 +26,21 @@ log = logging.getLogger(__name__)
 
 
 def generate(
-    config: DatasetConfig, folder: Path, *, base: Path, devices: int = 1, display: Display | None = None
+    config: DatasetConfig,
+    folder: Path,
+    *,
+    base: Path,
+    devices: int = 1,
+    workers: int = 1,
+    display: Display | None = None,
 ) -> DatasetPlan:
     """Writes the data set's exemplars that are not there yet.
 
     Args:
         base: the folder that file patterns of the configuration are relative to.
         devices: processes, one for each GPU where there are any. They share the work by mesh.
+        workers: processes, shared out among the devices, that embed and bake meshes ahead of the renderer. More than
+            one are spawned: a script that asks for them needs its `if __name__ == "__main__"`.
         display: shows progress; with several devices, in the first process, of its share.
 
     Raises:
@@ -41,10 +50,11 @@ def generate(
     _require_plugins(config)
     plan = make_plan(config, folder, base)
     fabric = Fabric(accelerator="auto", devices=devices, strategy="ddp_spawn" if devices > 1 else "auto")
+    work = partial(_work, plan=plan, folder=folder, by_mesh=_by_mesh(plan, folder), workers=max(1, workers // devices))
     if devices > 1:
-        fabric.launch(partial(_work, plan=plan, folder=folder, by_mesh=_by_mesh(plan, folder), display=Silent()))
+        fabric.launch(partial(work, display=Silent()))
     else:
-        _work(fabric, plan, folder, _by_mesh(plan, folder), display or Silent())
+        work(fabric, display=display or Silent())
     return plan
 
 
@@ -93,18 +103,22 @@ def _by_mesh(plan: DatasetPlan, folder: Path) -> list[list[tuple[Split, int]]]:
 
 
 def _work(
-    fabric: Fabric, plan: DatasetPlan, folder: Path, by_mesh: list[list[tuple[Split, int]]], display: Display
+    fabric: Fabric,
+    plan: DatasetPlan,
+    folder: Path,
+    by_mesh: list[list[tuple[Split, int]]],
+    workers: int,
+    display: Display,
 ) -> None:
     renderer = resolve_renderer(plan.config.renderer, "cuda" if fabric.device.type == "cuda" else "cpu")
     studio = Studio(folder)
     display.begin("exemplars", sum(map(len, by_mesh)))
-    for number, todo in enumerate(by_mesh):
-        if number % fabric.world_size != fabric.global_rank:
-            continue
-        samplers = {split: plan.sampler(split) for split, _ in todo}
-        prepared = renderer.prepare(studio.subject(samplers[todo[0][0]].scene(todo[0][1])).surface)
-        for split, index in todo:
-            scene = samplers[split].scene(index)
+    mine = by_mesh[fabric.global_rank :: fabric.world_size]
+    samplers = {split: plan.sampler(split) for split in plan.config.splits}
+    scenes = [[samplers[split].scene(index) for split, index in todo] for todo in mine]
+    for number in baked(folder, scenes, workers):
+        prepared = renderer.prepare(studio.subject(scenes[number][0]).surface)
+        for (split, index), scene in zip(mine[number], scenes[number], strict=True):
             picture, record = exemplar_paths(folder, split, index)
             save_exemplar(picture, render_scene(studio, renderer, scene, prepared))
             scene.save(record)

@@ -7,11 +7,12 @@ subjects: 1 is perfect, 0 is no better than one colour everywhere.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from svbrdfgan.compositing import RGBA, composite
@@ -23,6 +24,10 @@ from svbrdfgan.io import srgb_from_linear
 
 SeenTexels = Callable[[int], Float[Tensor, "rows cols"]]
 """For an exemplar, a positive number wherever its picture shows the outermost learnable surface."""
+
+
+POLE_DEGREES = 30.0
+"""Around a pole: within it, the hemispherical map widens what runs around the pole more than twice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +132,15 @@ def best_constant(targets: Sequence[Target], steps: int = 400) -> Float[Tensor, 
     return torch.cat([best[1], further])
 
 
+def near_poles(geometry: Float[Tensor, "subjects 6 rows cols"]) -> Bool[Tensor, "subjects rows cols"]:
+    """Texels near the poles of the hemispherical map (thesis 4.1), whatever the embedding: a vehicle's nose and tail.
+
+    Seen from the middle of the ground, they lie within `POLE_DEGREES` of the long axis (+Z and -Z).
+    """
+    position = geometry[:, :3]
+    return position[:, 2].abs() >= math.cos(math.radians(POLE_DEGREES)) * position.norm(dim=1)
+
+
 @dataclass(frozen=True, eq=False)
 class Scorer:
     """Scores generators on the subjects of a split.
@@ -152,6 +166,16 @@ class Scorer:
         geometry = torch.stack([subject.geometry for subject in exemplars.subjects]).to(device)
         size = (len(geometry), *geometry.shape[2:], -1)
         return cls(geometry, targets, mean_error(targets, constant.to(device).expand(size)), share)
+
+    def at_poles(self, constant: Float[Tensor, " channels"]) -> Scorer | None:
+        """A scorer of what lies near the poles alone; None if nothing that counts does."""
+        near = near_poles(self.geometry)
+        masked = [replace(target, weight=target.weight * near[target.subject]) for target in self.targets]
+        targets = [target for target in masked if target.weight.sum() > 0]
+        if not targets:
+            return None
+        size = (len(self.geometry), *self.geometry.shape[2:], -1)
+        return replace(self, targets=targets, constant_error=mean_error(targets, constant.expand(size)))
 
     def layers(
         self, generator: Callable[[Tensor], Tensor], batch: int = 8

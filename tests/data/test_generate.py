@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from typing import Any
 import pytest
 import torch
 
+from svbrdfgan.data.ahead import baked
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.estimate import estimate, preview
 from svbrdfgan.data.exemplars import load_exemplars, load_picture
@@ -32,11 +34,12 @@ Data = Callable[..., dict[str, Any]]
 MAKE = """
 import sys
 from pathlib import Path
+from svbrdfgan.data.ahead import baked
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.generate import generate
 if __name__ == "__main__":
     config = DatasetConfig.model_validate_json(Path(sys.argv[1]).read_text())
-    generate(config, Path(sys.argv[2]), base=Path(), devices=int(sys.argv[3]))
+    generate(config, Path(sys.argv[2]), base=Path(), devices=int(sys.argv[3]), workers=int(sys.argv[4]))
 """
 
 
@@ -57,11 +60,11 @@ def assert_same(one: Path, other: Path) -> None:
     assert [str(path) for path, content in mine.items() if content != its[path]] == []
 
 
-def maker(config: DatasetConfig, folder: Path, devices: int = 1) -> list[str]:
+def maker(config: DatasetConfig, folder: Path, devices: int = 1, workers: int = 1) -> list[str]:
     script, written = folder.with_suffix(".py"), folder.with_suffix(".config")
     script.write_text(MAKE)
     written.write_text(config.model_dump_json())
-    return [sys.executable, str(script), str(written), str(folder), str(devices)]
+    return [sys.executable, str(script), str(written), str(folder), str(devices), str(workers)]
 
 
 def test_every_exemplar_is_a_picture_and_its_scene(tiny_dataset: Path) -> None:
@@ -146,6 +149,23 @@ def test_two_processes_make_the_same(tmp_path: Path, tiny_dataset: Path, config:
     assert_same(folder, tiny_dataset)
 
 
+def test_meshes_baked_ahead_make_the_same(tmp_path: Path, tiny_dataset: Path, config: DatasetConfig) -> None:
+    folder = tmp_path / "dataset"
+    done = subprocess.run(maker(config, folder, workers=2), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert_same(folder, tiny_dataset)
+
+
+def test_a_mesh_that_cannot_be_baked_ahead_is_told(dataset_copy: Path) -> None:
+    plan = DatasetPlan.load(dataset_copy)
+    scenes = [plan.sampler("train").scene(index) for index in (0, 4)]
+    gone = dataset_copy / scenes[1].mesh.path
+    gone.unlink()
+    shutil.rmtree(dataset_copy / "cache")
+    with pytest.raises(AssetError, match=f"{gone.name} is missing"):
+        list(baked(dataset_copy, [[scene] for scene in scenes], workers=2))
+
+
 def test_processes_share_out_one_list(
     dataset_copy: Path, config: DatasetConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -160,7 +180,7 @@ def test_processes_share_out_one_list(
     shares = module._by_mesh(plan, dataset_copy)
     for rank in (0, 1):
         fabric = SimpleNamespace(device=torch.device("cpu"), world_size=2, global_rank=rank, barrier=lambda: None)
-        module._work(fabric, plan, dataset_copy, shares, module.Silent())  # type: ignore[arg-type]
+        module._work(fabric, plan, dataset_copy, shares, 1, module.Silent())  # type: ignore[arg-type]
     assert list(missing(plan, dataset_copy)) == []
 
 

@@ -11,7 +11,7 @@ from torch import Tensor
 from svbrdfgan.compositing import composite
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError
-from svbrdfgan.scoring.recovered import Scorer, Target, best_constant, make_targets, mean_error
+from svbrdfgan.scoring.recovered import Scorer, Target, best_constant, make_targets, mean_error, near_poles
 
 CPU = torch.device("cpu")
 
@@ -39,6 +39,24 @@ def targets(tiny_exemplars: Exemplars) -> list[Target]:
 def test_the_truth_recovers_everything(tiny_exemplars: Exemplars, targets: list[Target]) -> None:
     scorer = Scorer.make(tiny_exemplars, everywhere, best_constant(targets), CPU)
     assert scorer.recovered_by(truth_of(tiny_exemplars)) == 1.0
+
+
+def test_poles_lie_at_nose_and_tail_alone() -> None:
+    position = torch.tensor([[0.0, 0.1, 1.0], [0.0, 0.0, -1.0], [0.0, 0.55, 1.0], [0.0, 0.6, 1.0], [0.4, 0.3, 0.0]])
+    geometry = torch.cat([position, torch.zeros(5, 3)], dim=1).T.reshape(1, 6, 1, 5)
+    assert near_poles(geometry).flatten().tolist() == [True, True, True, False, False]
+
+
+def test_errors_away_from_the_poles_do_not_count_there(tiny_exemplars: Exemplars, targets: list[Target]) -> None:
+    constant = best_constant(targets)
+    scorer = Scorer.make(tiny_exemplars, everywhere, constant, CPU)
+    ends, truth = scorer.at_poles(constant), truth_of(tiny_exemplars)
+    assert ends is not None
+    near = near_poles(scorer.geometry).unsqueeze(-1)
+    assert ends.recovered_by(torch.where(near, truth, 0.0)) == 1.0
+    assert ends.recovered_by(torch.where(near, constant, truth)) == pytest.approx(0.0, abs=1e-6)
+    everything_else = replace(scorer, geometry=torch.zeros_like(scorer.geometry) + torch.eye(6)[0].reshape(1, 6, 1, 1))
+    assert everything_else.at_poles(constant) is None
 
 
 def test_further_maps_are_judged_apart() -> None:
