@@ -26,7 +26,7 @@ from svbrdfgan.uv_metrics.neighbours import similarity
 from svbrdfgan.uv_metrics.outside import Outside
 
 EMBEDDINGS = {"stretch": StretchEmbedding, "lscm": LscmEmbedding}
-SHOWN = ("stretch_l2", "stretch_linf", "angle_mean", "area_mean", "flipped", "overlapping", "coverage", "seam_length")
+SHOWN = ("stretch_l2", "stretch_linf", "angle_mean", "area_mean", "flipped", "overlapping", "coverage")
 
 Rows = dict[str, dict[str, float]]
 

@@ -13,7 +13,7 @@ from svbrdfgan.geometry.normals import face_areas, face_normals
 from svbrdfgan.geometry.subdivide import EdgePredicate, Pieces, refine
 from svbrdfgan.types import Mesh
 from svbrdfgan_igl.chart import Chart
-from svbrdfgan_igl.relax import Planes, relaxed
+from svbrdfgan_igl.relax import Planes, relaxed, still_collapsed
 
 _LEAN = 0.3
 """How far a place moves along its normal for each unit that it lies below the wrap, before the closest place is taken.
@@ -124,8 +124,8 @@ def carried(
     uv, height = carrier.at(places)
     _, under = carrier.leaning(places.mixed(pieces.faces, np.full(3, 1 / 3)))
     faces, uv = _apart(carrier, pieces.faces, carrier.leaning(places)[0], uv, under, resolution)
-    uv = _roomier(carrier, pieces, faces, uv, under)
-    return _in_metres(pieces, mesh), uv[faces], height[pieces.faces] * place.size
+    corners = _roomier(carrier, pieces, faces, uv, under)
+    return _in_metres(pieces, mesh), corners, height[pieces.faces] * place.size
 
 
 def _apart(
@@ -153,16 +153,26 @@ def _roomier(
     faces: Int[ndarray, "pieces 3"],
     uv: Float[ndarray, "vertices 2"],
     under: Int[ndarray, " pieces"],
-) -> Float[ndarray, "vertices 2"]:
-    """The UV with room for what stands upright on the wrap; within the wrap's own bounds."""
+) -> Float[ndarray, "pieces 3 2"]:
+    """The UV of the corners, with room for what stands upright on the wrap. What finds none parts from neighbours."""
     corners = carrier.chart.disk.faces[under]
     wrap = Planes.of(carrier.chart.disk.positions[corners])
     own = wrap.jacobians(carrier.chart.uv[corners])
     local = np.where(wrap.area[:, None, None] > 0.0, own, np.eye(2) / carrier.texel)
     cosine = np.einsum("px,px->p", face_normals(pieces.positions, pieces.faces), carrier.normals[under])
     planes = Planes.of(pieces.positions[pieces.faces])
-    moved = relaxed(planes, faces, uv, local, cosine < _FACING_AWAY)
-    return np.asarray(np.clip(moved, carrier.chart.uv.min(axis=0), carrier.chart.uv.max(axis=0)))
+    mirrored = cosine < _FACING_AWAY
+    moved = relaxed(planes, faces, uv, local, mirrored)[faces]
+    some, apart = still_collapsed(planes, moved, local, mirrored)
+    moved[some] = apart
+    return _within(moved, carrier.chart.uv)
+
+
+def _within(uv: Float[ndarray, "pieces 3 2"], chart: Float[ndarray, "vertices 2"]) -> Float[ndarray, "pieces 3 2"]:
+    """The UV scaled along each axis to lie within the chart's bounds."""
+    low, high = chart.min(axis=0), chart.max(axis=0)
+    least, most = np.minimum(low, uv.min(axis=(0, 1))), np.maximum(high, uv.max(axis=(0, 1)))
+    return np.asarray(low + (uv - least) * (high - low) / (most - least))
 
 
 def _vertex_normals(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> Float[ndarray, "v 3"]:

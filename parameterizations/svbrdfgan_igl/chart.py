@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from svbrdfgan.errors import EmbeddingError
 from svbrdfgan.types import Mesh
-from svbrdfgan_igl.flatten import Boundary, Flatten, one_to_one, packed
+from svbrdfgan_igl.flatten import TOO_THIN, Boundary, Flatten, one_to_one, packed
 from svbrdfgan_igl.topology import Disk
 from svbrdfgan_igl.whole import cut_to_disk, is_one_surface
 from svbrdfgan_igl.wrap import wrap
@@ -70,7 +70,7 @@ def chart_of(mesh: Mesh, flatten: Flatten, boundary: Boundary, seams: int | None
     disk = _wrapped(positions, faces, cells, seams) if is_wrap else cut_to_disk(positions, faces, seams)[0]
     uv = flatten(disk, boundary, margin)
     if not one_to_one(disk, uv):
-        raise EmbeddingError("the mesh has parts too thin and long to be spread out; allow more 'seams', or split it.")
+        raise EmbeddingError(TOO_THIN)
     return Chart(disk, packed(uv, margin), place, is_wrap)
 
 

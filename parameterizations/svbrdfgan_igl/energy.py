@@ -73,7 +73,8 @@ class Distortion:
         if not (det > 0.0).all():
             return float("inf")
         square = 0.5 * np.einsum("fxj,fxj->f", jacobian, jacobian)
-        return float((triangles.area * (square / det**self.power + self.weight * det)).sum())
+        with np.errstate(divide="ignore", over="ignore"):
+            return float((triangles.area * (square / det**self.power + self.weight * det)).sum())
 
     def derivatives(
         self, triangles: Triangles, uv: Float[ndarray, "vertices 2"]

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from svbrdfgan.errors import EmbeddingError
 from svbrdfgan_igl.contact import Contact
 from svbrdfgan_igl.crossing import loop_crosses_itself
 from svbrdfgan_igl.energy import Distortion, Triangles
@@ -24,6 +25,8 @@ Flatten = Callable[[Disk, Boundary, float], Float[ndarray, "vertices 2"]]
 _ROUNDS = 60
 _TOLERANCE = 1e-6
 _STIFFNESS = 0.02
+_HOPELESS = 1e60  # of the energy at the start, beyond which its second derivatives are no numbers
+TOO_THIN = "the mesh has parts too thin and long to be spread out; allow more 'seams', or split it."
 _LEAST_GAP = 1e-3  # between two stretches of a border, in sides of the square
 _PRESSURE = 0.5  # of what a unit of area in the square costs at rest: less of it fills more of the square
 
@@ -35,6 +38,9 @@ def least_stretch(disk: Disk, boundary: Boundary, gap: float, rounds: int = _ROU
 
     Args:
         gap: what stays free between stretches of the border that come close, in sides of the square.
+
+    Raises:
+        EmbeddingError: the disk has parts too thin and long.
     """
     distortion = Distortion(power=2, weight=_PRESSURE if boundary == "free" else 0.0)
     return _minimised(disk, distortion, boundary, gap, rounds)
@@ -44,6 +50,9 @@ def conformal(disk: Disk, boundary: Boundary, gap: float) -> Float[ndarray, "ver
     """A one-to-one map that keeps angles: the least-squares conformal map where that is one-to-one.
 
     Where it is not, and where the boundary is not free, the energy of Hormann and Greiner (2000) is minimised instead.
+
+    Raises:
+        EmbeddingError: the disk has parts too thin and long.
     """
     if boundary != "free":
         return _minimised(disk, Distortion(power=1, weight=-1.0), boundary, gap, _ROUNDS)
@@ -60,13 +69,15 @@ def _minimised(
     border, shares, start = disk.border, _shares(disk), tutte(disk)
     walls = Walls("disk" if boundary == "disk" else "square", border, shares, _STIFFNESS)
     contact = Contact(border, shares, start[border], max(2.0 * gap, _LEAST_GAP), _STIFFNESS)
-    return minimise(Objective(triangles, distortion, walls, contact), start, rounds, _TOLERANCE)
+    objective = Objective(triangles, distortion, walls, contact)
+    if not objective.value(start) < _HOPELESS:
+        raise EmbeddingError(TOO_THIN)
+    return minimise(objective, start, rounds, _TOLERANCE)
 
 
 def _least_squares(disk: Disk) -> Float[ndarray, "vertices 2"] | None:
     """Pinned at the border's foremost and rearmost vertex; None where libigl cannot solve it."""
-    place = disk.positions[disk.border, 2]
-    pins = disk.border[[int(np.argmax(place)), int(np.argmin(place))]]
+    pins = disk.border[np.argsort(-disk.positions[disk.border, 2], kind="stable")[[0, -1]]]
     try:
         found = igl.lscm(disk.positions, disk.faces, pins, np.array([[0.0, -0.5], [0.0, 0.5]]))[0]
     except RuntimeError:

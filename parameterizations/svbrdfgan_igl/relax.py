@@ -11,6 +11,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 _LEAST = 0.6  # least singular value aimed at, of a triangle's map onto the wrap
+_COLLAPSED = 0.2  # least singular value below which a triangle still counts as collapsed
 _REACH = 0.08  # of the longest side: how far a place gives way before that costs as much as a scale that is off by one
 _ROUNDS = 40
 _LEAST_AREA = 1e-10  # of the square of the longest side: thinner triangles have no map
@@ -40,6 +41,12 @@ class Planes:
         third = np.stack([np.zeros(len(p)), 1.0 / height], axis=1)
         slopes = np.stack([-second - third, second, third], axis=1)
         return cls(np.where(good[:, None, None], slopes, 0.0), np.where(good, 0.5 * twice, 0.0))
+
+    @property
+    def edges(self) -> Float[ndarray, "faces 2 2"]:
+        """Columns: from the first corner to the others. Triangles without an area have none that mean anything."""
+        inverse = np.where((self.area > 0.0)[:, None, None], self.slopes[:, 1:], np.eye(2))
+        return np.asarray(np.linalg.inv(inverse))
 
     def jacobians(self, uv: Float[ndarray, "faces 3 2"]) -> Float[ndarray, "faces 2 2"]:
         """Of the linear maps with these values at the corners."""
@@ -74,6 +81,22 @@ def relaxed(
         pull = np.einsum("fxy,fky->fkx", wanted, weighted).reshape(-1, 2)
         moved = solve(mass[:, None] * uv + gather @ pull)
     return np.asarray(moved)
+
+
+def still_collapsed(
+    planes: Planes,
+    uv: Float[ndarray, "faces 3 2"],
+    wrap: Float[ndarray, "faces 2 2"],
+    mirrored: Bool[ndarray, " faces"],
+) -> tuple[Int[ndarray, " some"], Float[ndarray, "some 3 2"]]:
+    """Triangles for which neighbours made too little room, and where each would lie without them, about its middle."""
+    back = np.linalg.inv(wrap)
+    found = back @ planes.jacobians(uv)
+    least = np.sign(np.linalg.det(found)) * np.linalg.svd(found, compute_uv=False)[:, 1]
+    some = np.flatnonzero((np.where(mirrored, -least, least) < _COLLAPSED) & (planes.area > 0.0))
+    wanted = wrap[some] @ _bounded(found[some], mirrored[some])
+    corners = np.concatenate([np.zeros((len(some), 1, 2)), (wanted @ planes.edges[some]).transpose(0, 2, 1)], axis=1)
+    return some, corners + (uv[some] - corners).mean(axis=1, keepdims=True)
 
 
 def _stiffness(planes: Planes, faces: Int[ndarray, "faces 3"], count: int) -> sparse.csc_matrix:

@@ -37,8 +37,8 @@ def backends(as_json: bool) -> None:
     "--embedding",
     "names",
     multiple=True,
-    metavar="NAME",
-    help="With --compare: one to measure, repeatable; else all that work, and xatlas where it is installed.",
+    metavar="NAME[,KEY=VALUE]...",
+    help="With --compare: one to measure, with its options; repeatable. Else all that work, and xatlas if installed.",
 )
 @click.option(
     "--resolution",

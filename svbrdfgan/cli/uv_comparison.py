@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from svbrdfgan.cli.options import key_values
 from svbrdfgan.errors import PluginError
 from svbrdfgan.plugins import EMBEDDINGS, list_plugins, load_embedding
 from svbrdfgan.protocols import UVEmbedding
@@ -61,7 +62,7 @@ def _measured(name: str, embedding: UVEmbedding, meshes: Mapping[str, Path], res
 def _embeddings(names: Sequence[str]) -> dict[str, UVEmbedding]:
     """Those named; else all that work, and xatlas where it is installed."""
     if names:
-        return {name: XatlasPeer() if name == NAME else load_embedding(name) for name in names}
+        return {name: XatlasPeer() if name == NAME else _configured(name) for name in names}
     found: dict[str, UVEmbedding] = {}
     for plugin in list_plugins(EMBEDDINGS):
         try:
@@ -69,6 +70,12 @@ def _embeddings(names: Sequence[str]) -> dict[str, UVEmbedding]:
         except PluginError as error:
             log.warning("left out: %s", error)
     return {**found, NAME: XatlasPeer()} if xatlas_installed() else found
+
+
+def _configured(words: str) -> UVEmbedding:
+    """That of a name and its options, as in "stretch,seams=2"."""
+    name, *options = words.split(",")
+    return load_embedding(name, key_values(tuple(options)))
 
 
 def _show(results: Mapping[str, Measured], meshes: int) -> None:

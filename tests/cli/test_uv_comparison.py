@@ -57,6 +57,14 @@ def test_mistakes_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, word
     assert told in result.output
 
 
+def test_one_embedding_with_two_options(folder: Path) -> None:
+    names = ["hemispherical", "hemispherical,centre_height=-1,resolution=64"]
+    words = [word for name in names for word in ("--embedding", name)]
+    result = CliRunner().invoke(main, ["embeddings", "--compare", str(folder), *words, "--json"])
+    one, other = (json.loads(result.stdout)[name]["meshes"]["low.obj"] for name in names)
+    assert one["area_mean"] != other["area_mean"]
+
+
 def test_an_unknown_embedding_is_told(folder: Path) -> None:
     result = CliRunner().invoke(main, ["embeddings", "--compare", str(folder), "--embedding", "hemispheric"])
     assert result.exit_code != 0

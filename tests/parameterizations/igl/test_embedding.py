@@ -11,10 +11,13 @@ from svbrdfgan_igl.energy import Triangles, stretch
 from svbrdfgan_igl.flatten import one_to_one
 
 from svbrdfgan.errors import ConfigError, EmbeddingError
+from svbrdfgan.geometry.layers import hide_inner_layers
 from svbrdfgan.geometry.normals import face_areas
 from svbrdfgan.io import load_mesh
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.types import Mesh, Part, Surface
+from svbrdfgan.uv_metrics.distortion import distortion
+from svbrdfgan.uv_metrics.outside import outside, whole
 
 EITHER = pytest.mark.parametrize("make", [StretchEmbedding, LscmEmbedding])
 
@@ -112,6 +115,25 @@ def test_upright_walls_are_not_lines(car: Mesh, surface: Surface) -> None:
     shell = (surface.source_face < 24) & (height > -0.1)
     share = (flat / area)[shell] * area[shell].sum() / flat[shell].sum()
     assert (area[shell] * (share < 0.25)).sum() < 0.005 * area[shell].sum()
+
+
+@pytest.mark.parametrize("where", ["whole", "outside"])
+def test_no_piece_is_collapsed(where: str, surface: Surface) -> None:
+    """One sliver with a singular value of zero would make the L2 stretch of the whole infinite."""
+    found = whole(surface) if where == "whole" else outside(hide_inner_layers(surface, 256))
+    assert distortion(found).stretch_l2 < 1.3
+
+
+def test_all_lies_in_the_square(surface: Surface) -> None:
+    assert surface.uv.min() >= 1 / 256 - 1e-9
+    assert surface.uv.max() <= 1 - 1 / 256 + 1e-9
+
+
+@EITHER
+def test_a_surface_too_thin_to_be_spread_out_is_refused(make: type[StretchEmbedding]) -> None:
+    rod = trimesh.creation.cylinder(radius=0.02, height=10.0, sections=6).subdivide_to_size(0.1)
+    with pytest.raises(EmbeddingError, match="too thin and long"):
+        make(seams=0).embed(soup(rod))
 
 
 def test_a_mesh_that_is_a_surface_is_spread_out_itself() -> None:

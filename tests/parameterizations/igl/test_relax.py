@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from svbrdfgan_igl.relax import Planes, relaxed
+from svbrdfgan_igl.relax import Planes, relaxed, still_collapsed
 
 Surface = tuple[np.ndarray, np.ndarray]
 
@@ -72,3 +72,19 @@ def test_triangles_without_an_area_do_no_harm(square: Surface) -> None:
     surface = positions, np.concatenate([faces, [[0, 0, 1], [0, 1, 2]]])
     uv = laid_flat(square)
     assert moved(surface, uv, np.eye(2)) == pytest.approx(uv, abs=1e-9)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_what_found_no_room_lies_about_its_own_middle(patch: Surface, mirrored: bool) -> None:
+    surface = stepped(patch)
+    positions, faces = surface
+    planes, wrap = Planes.of(positions[faces]), np.broadcast_to(np.diag([2.0, 0.5]), (len(faces), 2, 2))
+    uv = laid_flat(surface)[faces] * ((-1 if mirrored else 1) * 2.0, 0.5)
+    some, corners = still_collapsed(planes, uv, wrap, np.full(len(faces), mirrored))
+    assert (np.ptp(uv[some, :, 0], axis=1) < 1e-12).all()
+    assert len(some) == pytest.approx(len(faces) / 4)
+    assert corners.mean(axis=1) == pytest.approx(uv[some].mean(axis=1))
+    uv[some] = corners
+    placed = (np.linalg.inv(wrap) @ planes.jacobians(uv))[some]
+    assert np.linalg.svd(placed, compute_uv=False).min() > 0.5
+    assert (np.sign(np.linalg.det(placed)) == (-1 if mirrored else 1)).all()
