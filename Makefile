@@ -1,13 +1,15 @@
 # Each target sets up what it needs in .venv, once, on a machine with Python >= 3.11 and make. constraints.txt pins it.
 #   make demo                  the whole loop, with a report in out/demo
 #   make test PYTEST="-m slow" other arguments for pytest
-#   make bench BENCH='--peer "python peer.py"'  the same work done by another program, beside ours
+#   make bench BENCH="--scaling -o out/bench"     other arguments for svbrdfgan bench
+#   make bench REDNER=redner/bin/python           redner beside ours, from an environment of its own
 #   make PYTHON=python3.12 ... another Python
 VENV ?= .venv
 JOBS ?= 2
 OUT ?= out/demo
 PYTEST ?= -n $(JOBS)
 BENCH ?=
+REDNER ?=
 
 RUN := $(VENV)/bin
 INSTALL := $(RUN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
@@ -34,8 +36,11 @@ types: $(VENV)/.dev
 docs: $(VENV)/.dev
 	$(RUN)/python -m pytest -q tests/docs
 
+# Beside ours, the peers that are there: Mitsuba used directly where it is in the same environment, and redner.
 bench: $(VENV)/.demo
-	$(RUN)/python benchmarks/run.py $(BENCH)
+	$(RUN)/svbrdfgan bench \
+		$(if $(wildcard $(VENV)/lib/python*/site-packages/mitsuba),--peer "$(RUN)/python benchmarks/peer_mitsuba.py {scene} --spp {spp}") \
+		$(if $(REDNER),--peer "$(REDNER) benchmarks/peer_redner.py {scene} --spp {spp}") $(BENCH)
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache

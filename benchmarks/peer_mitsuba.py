@@ -1,49 +1,54 @@
-"""Mitsuba 3 without us in between: the standard scene, rendered and differentiated by its own `prb` integrator.
+"""Mitsuba 3 without us in between, as a peer of `svbrdfgan bench`: its own `prb`, `envmap` and bitmap texture.
 
-    python peer_mitsuba.py [--spp 16] [--repeats 5] [--variant llvm_ad_rgb]
+    svbrdfgan bench --peer "python benchmarks/peer_mitsuba.py {scene} --spp {spp} --repeats {repeats}"
 
-Prints one JSON line with median seconds of a picture, and of a picture and its gradient. Needs `pip install mitsuba`,
-and for llvm_ad_rgb an LLVM: `pip install karellen-llvm-core` brings one, which is found by itself.
+Prints one JSON line with median seconds of a picture, and of a picture and its gradient. Needs NumPy and Mitsuba, and
+on a CPU an LLVM: `pip install mitsuba karellen-llvm-core` brings both, and the LLVM is found by itself.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 import os
 import statistics
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import click
-from standard_scene import standard_scene
+import numpy as np
 
-from svbrdfgan.types import Environment, Material, Surface, View
+Arrays = Mapping[str, np.ndarray]
+"""The scene's file: `svbrdfgan.bench.scene` says what is in it."""
 
 
-@click.command()
-@click.option("--spp", default=16, show_default=True)
-@click.option("--repeats", default=5, show_default=True)
-@click.option("--variant", default="llvm_ad_rgb", show_default=True)
-def main(spp: int, repeats: int, variant: str) -> None:
-    """Times Mitsuba on the standard scene."""
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene")
+    parser.add_argument("--spp", type=int, default=16)
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--variant", help="else cuda_ad_rgb where there is a GPU, and llvm_ad_rgb where there is none")
+    asked = parser.parse_args()
     if library := next(Path(sys.prefix, "lib").glob("libLLVM.so*"), None):
         os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(library))  # read when drjit is first imported
+    import drjit as dr
     import mitsuba as mi
 
+    variant = asked.variant or ("cuda_ad_rgb" if dr.has_backend(dr.JitBackend.CUDA) else "llvm_ad_rgb")
     mi.set_variant(variant)
-    scene = _scene(mi, *standard_scene())
-    forward, both = _timed(mi, scene, spp, repeats)
-    line = {"peer": f"mitsuba {mi.__version__} {variant}", "spp": spp, "forward_s": forward}
-    click.echo(json.dumps({**line, "forward_backward_s": both}))
+    start = time.perf_counter()
+    with np.load(asked.scene) as arrays:
+        scene = _scene(mi, arrays)
+    prepare = time.perf_counter() - start
+    forward, both = _timed(dr, mi, scene, asked.spp, asked.repeats)
+    line = {"peer": f"mitsuba {mi.__version__} {variant}", "spp": asked.spp, "prepare_s": prepare}
+    print(json.dumps({**line, "forward_s": forward, "forward_backward_s": both}))
 
 
-def _timed(mi: Any, scene: Any, spp: int, repeats: int) -> tuple[float, float]:
-    import drjit as dr
-
+def _timed(dr: Any, mi: Any, scene: Any, spp: int, repeats: int) -> tuple[float, float]:
     params = mi.traverse(scene)
     key = next(name for name in params.keys() if name.endswith("reflectance.data"))  # noqa: SIM118
 
@@ -73,41 +78,50 @@ def _median(dr: Any, action: Callable[[int], None], repeats: int) -> float:
     return statistics.median(seconds[1:])
 
 
-def _scene(mi: Any, surface: Surface, material: Material, view: View) -> Any:
-    camera = view.camera
-    film = {"type": "hdrfilm", "width": view.width, "height": view.height, "rfilter": {"type": "box"}}
-    pose = mi.ScalarTransform4f().look_at(list(camera.origin), list(camera.target), list(camera.up))
-    sensor = {"type": "perspective", "fov": math.degrees(camera.vertical_fov), "fov_axis": "y", "to_world": pose}
+def _scene(mi: Any, arrays: Arrays) -> Any:
+    origin, target, up = arrays["camera"].tolist()
+    film = {"width": int(arrays["width"]), "height": int(arrays["height"]), "rfilter": {"type": "box"}}
+    pose = mi.ScalarTransform4f().look_at(origin, target, up)
+    sensor = {"type": "perspective", "fov": math.degrees(arrays["vertical_fov"]), "fov_axis": "y", "to_world": pose}
     return mi.load_dict(
         {
             "type": "scene",
             "integrator": {"type": "prb", "max_depth": 2, "hide_emitters": True},
-            "sensor": {**sensor, "film": film, "sampler": {"type": "independent"}},
-            "light": _light(mi, view.environment),
-            "body": _mesh(mi, surface, material),
+            "sensor": {**sensor, "film": {"type": "hdrfilm", **film}, "sampler": {"type": "independent"}},
+            "light": _light(mi, arrays),
+            **{f"part{part}": _mesh(mi, arrays, part) for part in np.unique(arrays["face_part"])},
         }
     )
 
 
-def _light(mi: Any, environment: Environment) -> dict[str, Any]:
+def _light(mi: Any, arrays: Arrays) -> dict[str, Any]:
     """Mitsuba's first column lies where our middle one does, half a turn away."""
-    turn = mi.ScalarTransform4f().rotate([0, 1, 0], math.degrees(environment.rotation) + 180)
-    return {"type": "envmap", "bitmap": mi.Bitmap(environment.radiance.numpy()), "to_world": turn}
+    turn = mi.ScalarTransform4f().rotate([0, 1, 0], math.degrees(arrays["rotation"]) + 180)
+    return {"type": "envmap", "bitmap": mi.Bitmap(arrays["radiance"]), "to_world": turn}
 
 
-def _mesh(mi: Any, surface: Surface, material: Material) -> Any:
-    texture = {"type": "bitmap", "bitmap": mi.Bitmap(material.base_color.numpy()), "raw": True, "wrap_mode": "clamp"}
+def _mesh(mi: Any, arrays: Arrays, part: int) -> Any:
+    """A part's faces, with the vertices that they use; part 0 has the texture."""
+    used, faces = np.unique(arrays["faces"][arrays["face_part"] == part], return_inverse=True)
     properties = mi.Properties()
-    properties["bsdf"] = mi.load_dict({"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": texture}})
-    sizes = {"vertex_count": len(surface.positions), "face_count": len(surface.faces)}
-    mesh = mi.Mesh("body", **sizes, has_vertex_normals=True, has_vertex_texcoords=True, props=properties)
+    bsdf = {"type": "diffuse", "reflectance": _reflectance(mi, arrays, part)}
+    properties["bsdf"] = mi.load_dict({"type": "twosided", "bsdf": bsdf})
+    sizes = {"vertex_count": len(used), "face_count": faces.size // 3}
+    mesh = mi.Mesh(f"part{part}", **sizes, has_vertex_normals=True, has_vertex_texcoords=True, props=properties)
     params = mi.traverse(mesh)
-    params["vertex_positions"] = mi.Float(surface.positions.ravel())
-    params["vertex_normals"] = mi.Float(surface.normals.ravel())
-    params["vertex_texcoords"] = mi.Float(surface.uv.ravel())
-    params["faces"] = mi.UInt32(surface.faces.ravel())
+    params["vertex_positions"] = mi.Float(arrays["positions"][used].ravel())
+    params["vertex_normals"] = mi.Float(arrays["normals"][used].ravel())
+    params["vertex_texcoords"] = mi.Float(arrays["uv"][used].ravel())
+    params["faces"] = mi.UInt32(faces.ravel().astype(np.uint32))
     params.update()
     return mesh
+
+
+def _reflectance(mi: Any, arrays: Arrays, part: int) -> dict[str, Any]:
+    if part:
+        return {"type": "rgb", "value": arrays["base_color"][part].tolist()}
+    wrap = "repeat" if arrays["repeat"].any() else "clamp"
+    return {"type": "bitmap", "bitmap": mi.Bitmap(arrays["texture"]), "raw": True, "wrap_mode": wrap}
 
 
 if __name__ == "__main__":

@@ -30,6 +30,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "evaluate": ("svbrdfgan.cli.evaluate:command", "Score a trained generator on vehicles it never saw."),
         "texture": ("svbrdfgan.cli.texture:command", "Weather a mesh with a trained generator."),
         "render": ("svbrdfgan.cli.render:command", "Render a stored scene to PNG or EXR."),
+        "bench": ("svbrdfgan.cli.bench:command", "Time the renderers beside each other and other programs."),
     }
 )
 """Where each command is, and what `--help` says of it."""

@@ -20,8 +20,10 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.render_layer import RenderLayer
 from svbrdfgan.training.config import ScenesConfig, TrainConfig
+from svbrdfgan.training.fresh import FreshRenders
 from svbrdfgan.training.perturb import Perturbation
-from svbrdfgan.training.stages import FreshRenders, Stage, Transports
+from svbrdfgan.training.stages import Stage, Transports
+from svbrdfgan.transport.transfer import send
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +49,11 @@ class Feed:
 
     def geometry(self, indices: Sequence[int]) -> Float[Tensor, "batch 6 rows cols"]:
         """What the generator sees of these exemplars' subjects."""
-        return self.buffers[self.exemplars.subject_of[list(indices)].to(self.buffers.device)]
+        return self.buffers[send(self.exemplars.subject_of[list(indices)], self.buffers.device)]
 
     def real(self, indices: Sequence[int]) -> tuple[Tensor, Tensor, Tensor | None]:
         """Image, coverage and guide of these exemplars."""
-        picked = torch.as_tensor(indices, device=self.images.device)
+        picked = send(torch.tensor(indices), self.images.device)
         guide = None if self.guides is None else self.guides[picked]
         return self.images[picked], self.coverage[picked], guide
 

@@ -1,11 +1,13 @@
-"""Where fakes are rendered: batches of scenes, ready to show any layers, by stored transport or by fresh rendering."""
+"""Where fakes are rendered: batches of scenes, ready to show any layers by their stored transport."""
 
 from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, MutableMapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -18,12 +20,16 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.scene import Scene
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import Renderer, TransportRenderer
-from svbrdfgan.render_layer import RenderLayer
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.transport import LightTransport, TransportBatch, build_transport
+from svbrdfgan.transport.shelf import Reader, Reading, Shelf
+from svbrdfgan.transport.transfer import send
 
 Layers = Float[Tensor, "batch rows cols channels"]
 Images = Float[Tensor, "batch height width 3"]
+
+_Key = tuple[int, int]
+"""An exemplar, and which of the scenes kept for it."""
 
 log = logging.getLogger(__name__)
 
@@ -63,12 +69,15 @@ class TransportStage:
         return self.batch.guide
 
     def render(self, layers: Layers) -> Images:
-        return self.batch.render(composite(self.base, layers.float()[self.batch.owner]))
+        return self.batch.render(composite(self.base, layers.float().index_select(0, self.batch.owner)))
 
 
 @dataclass(frozen=True, eq=False)
 class Transports:
-    """Stages of stored transports: each scene is traced once, kept in the data set's cache, and held in memory.
+    """Stages of stored transports: each scene is traced once and kept as a file in the data set's cache.
+
+    As many as fit into a quarter of the device's memory are held there, those used last. The others are read again from
+    their files, which the system keeps in what memory it has free; `expect` has that done before they are wanted.
 
     Attributes:
         exemplars: whose scenes to perturb.
@@ -87,7 +96,9 @@ class Transports:
     pool: int
     device: torch.device
     seed: int = 0
-    _held: dict[tuple[int, int], LightTransport] = field(default_factory=dict)
+    _held: MutableMapping[_Key, LightTransport] = field(default_factory=Shelf)
+    _coming: dict[_Key, Reading] = field(default_factory=dict)
+    _paths: dict[_Key, Path] = field(default_factory=dict)
     _prepared: dict[int, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -98,43 +109,70 @@ class Transports:
             )
 
     def build(self, indices: Iterable[int], progress: Callable[[int], None] | None = None) -> None:
-        """Traces, or reads, all stored scenes of these exemplars."""
+        """Traces what is not stored yet, and reads all stored scenes once: a damaged file is found before training."""
         for index in indices:
             for variant in range(self.pool):
-                self._stored(index, variant)
+                self._stored((index, variant))
             if progress is not None:
                 progress(1)
 
     def stage(self, indices: Sequence[int], rng: np.random.Generator) -> TransportStage:
         """A scene for each of these exemplars; `rng` chooses among the pool, or draws the scene."""
         if self.pool:
-            transports = [self._stored(index, int(rng.integers(self.pool))) for index in indices]
+            transports = [self._stored(key) for key in self._chosen(indices, rng)]
         else:
-            transports = [self._trace(index, self._scene(index, rng)) for index in indices]
+            transports = [self._trace(index, self._scene(index, rng)).to(self.device) for index in indices]
         return TransportStage(TransportBatch.stack(transports), self._base(indices, transports))
+
+    def expect(self, indices: Sequence[int], rng: np.random.Generator) -> None:
+        """Begins to read what a later `stage` will want of these exemplars, given a generator in the same state.
+
+        Returns at once. What is read so waits beside the held transports, whatever their budget; that should be two
+        batches at least, lest one batch drive out what the next one wants as well.
+        """
+        if not self.pool:
+            return
+        for key in self._chosen(indices, rng):
+            if key in self._paths and key not in self._coming and self._held.get(key) is None:
+                self._coming[key] = self._reader.read(self._paths[key])
 
     def guide(self, index: int) -> Float[Tensor, "height width 6"]:
         """Position and normal as seen in the first scene kept for an exemplar."""
-        return self._stored(index, 0).guide
+        return self._stored((index, 0)).guide
 
     def seen(self, index: int) -> Float[Tensor, "rows cols"]:
         """Where an exemplar's picture shows the outermost learnable surface, positive."""
-        return _outermost(self.exemplars, index, self._stored(index, 0).seen_texels().cpu())
+        return outermost(self.exemplars, index, self._stored((index, 0)).seen_texels().cpu())
 
     def _scene(self, index: int, rng: np.random.Generator) -> Scene:
         return self.perturbation.scene(self.exemplars.scenes[index], index, rng)
 
-    def _stored(self, index: int, variant: int) -> LightTransport:
-        if (index, variant) not in self._held:
+    def _chosen(self, indices: Sequence[int], rng: np.random.Generator) -> list[_Key]:
+        """Which stored scene of each exemplar."""
+        return [(index, int(rng.integers(self.pool))) for index in indices]
+
+    def _stored(self, key: _Key) -> LightTransport:
+        held = self._held.get(key)
+        if held is None:
+            coming = self._coming.pop(key, None)
+            held = LightTransport.load(self._file(key)).to(self.device) if coming is None else coming.result()
+            self._held[key] = held
+        return held
+
+    def _file(self, key: _Key) -> Path:
+        """Where the transport is stored, traced if it is not yet."""
+        if key not in self._paths:
+            index, variant = key
             scene = self._scene(index, np.random.default_rng([self.seed, index, variant]))
             path = self.exemplars.studio.folder / "cache" / "transports" / f"{self._key(scene)}.safetensors"
-            if path.is_file():
-                transport = LightTransport.load(path)
-            else:
-                transport = self._trace(index, scene).half()
-                transport.save(path)
-            self._held[index, variant] = transport.to(self.device)
-        return self._held[index, variant]
+            if not path.is_file():
+                self._trace(index, scene).half().save(path)
+            self._paths[key] = path
+        return self._paths[key]
+
+    @cached_property
+    def _reader(self) -> Reader:
+        return Reader(self.device)
 
     def _key(self, scene: Scene) -> str:
         """A name for all that the transport depends on."""
@@ -149,7 +187,7 @@ class Transports:
             self._prepared[number] = self.renderer.prepare(subject.surface)
         view = self.exemplars.studio.view(scene)
         assert isinstance(self.renderer, TransportRenderer)
-        transport = build_transport(
+        return build_transport(
             self.renderer.transport(self._prepared[number], view, spp=self.spp, seed=scene.seed),
             materials=subject.materials(scene.materials, None),
             learnable=subject.learnable,
@@ -158,7 +196,6 @@ class Transports:
             spp=self.spp,
             repeat=subject.surface.repeat,
         )
-        return transport.to(self.device)
 
     def _base(self, indices: Sequence[int], transports: Sequence[LightTransport]) -> Tensor:
         bases = [
@@ -167,90 +204,12 @@ class Transports:
             for part in transport.parts
         ]
         if all(base.ndim == 1 for base in bases):
-            return torch.stack(bases).reshape(-1, 1, 1, 3).to(self.device)
+            return send(torch.stack(bases).reshape(-1, 1, 1, 3), self.device)
         size = (*self.exemplars.subjects[0].buffer.part.shape, 3)
-        return torch.stack([base.expand(size) for base in bases]).to(self.device)
+        return send(torch.stack([base.expand(size) for base in bases]), self.device)
 
 
-@dataclass(frozen=True, eq=False)
-class FreshStage:
-    """Scenes rendered anew each time, by any renderer, for what is not linear or not stored."""
-
-    layer: RenderLayer[Any]
-    scenes: tuple[Scene, ...]
-    exemplars: Exemplars
-    indices: tuple[int, ...]
-    prepared: tuple[Any, ...]
-    coverage: Float[Tensor, "batch height width"]
-    guide: None = None
-
-    def render(self, layers: Layers) -> Images:
-        images = [self._render(n, layer).image for n, layer in enumerate(layers)]
-        return torch.stack(images).to(layers.device)
-
-    def _render(self, n: int, layer: Float[Tensor, "rows cols channels"]) -> Any:
-        subject, scene = self.exemplars.subject(self.indices[n]), self.scenes[n]
-        materials = subject.materials(scene.materials, layer.float(), scene.maps)
-        return self.layer(self.prepared[n], materials, self.exemplars.studio.view(scene), seed=scene.seed)
-
-
-@dataclass(frozen=True, eq=False)
-class FreshRenders:
-    """Stages that render anew: every visit has its own samples. Surfaces stay prepared in memory."""
-
-    exemplars: Exemplars
-    perturbation: Perturbation
-    layer: RenderLayer[Any]
-    device: torch.device
-    _prepared: dict[int, Any] = field(default_factory=dict)
-
-    def build(self, indices: Iterable[int], progress: Callable[[int], None] | None = None) -> None:
-        """Prepares the surfaces of these exemplars."""
-        for index in indices:
-            self._surface(index)
-            if progress is not None:
-                progress(1)
-
-    def stage(self, indices: Sequence[int], rng: np.random.Generator) -> FreshStage:
-        """A scene for each of these exemplars, its coverage that of the exemplar's own picture."""
-        scenes = tuple(self.perturbation.scene(self.exemplars.scenes[i], i, rng) for i in indices)
-        prepared = tuple(self._surface(index) for index in indices)
-        coverage = torch.stack(
-            [self._coverage(i, scene, p) for i, scene, p in zip(indices, scenes, prepared, strict=True)]
-        )
-        return FreshStage(self.layer, scenes, self.exemplars, tuple(indices), prepared, coverage.to(self.device))
-
-    def seen(self, index: int) -> Float[Tensor, "rows cols"]:
-        """Where an exemplar's picture shows the outermost learnable surface: where its gradient is not zero."""
-        scene, subject = self.exemplars.scenes[index], self.exemplars.subject(index)
-        white = torch.full((*subject.buffer.part.shape, 4), 0.5)
-        view = self.exemplars.studio.view(scene)
-        gradients = self.layer.renderer.render_vjp(
-            self._surface(index),
-            subject.materials(scene.materials, white),
-            view,
-            torch.ones(view.height, view.width, 3),
-            wrt=frozenset({"base_color"}),
-            spp=self.layer.spp,
-            seed=scene.seed,
-        )
-        seen = [gradients.materials[part]["base_color"].abs().sum(dim=-1).cpu() for part in subject.learnable]
-        return _outermost(self.exemplars, index, torch.stack(seen))
-
-    def _coverage(self, index: int, scene: Scene, prepared: Any) -> Float[Tensor, "height width"]:
-        """One cheap render: the layer changes no coverage."""
-        materials = self.exemplars.subject(index).materials(scene.materials, None)
-        view = self.exemplars.studio.view(scene)
-        return self.layer.renderer.render(prepared, materials, view, spp=self.layer.spp, seed=scene.seed).coverage
-
-    def _surface(self, index: int) -> Any:
-        number = int(self.exemplars.subject_of[index])
-        if number not in self._prepared:
-            self._prepared[number] = self.layer.renderer.prepare(self.exemplars.subjects[number].surface)
-        return self._prepared[number]
-
-
-def _outermost(exemplars: Exemplars, index: int, seen: Float[Tensor, "parts rows cols"]) -> Float[Tensor, "rows cols"]:
+def outermost(exemplars: Exemplars, index: int, seen: Float[Tensor, "parts rows cols"]) -> Float[Tensor, "rows cols"]:
     """Of each texel, what is said of the part that is outermost there."""
     subject = exemplars.subject(index)
     picked = torch.zeros_like(seen[0])

@@ -16,6 +16,7 @@ from svbrdfgan.training.config import LossConfig, TrainConfig
 from svbrdfgan.training.feed import Feed
 from svbrdfgan.training.picture import present
 from svbrdfgan.training.state import State
+from svbrdfgan.transport.transfer import send
 
 Diagnostics = dict[str, Tensor]
 Pictures = Float[Tensor, "batch channels height width"]
@@ -39,11 +40,16 @@ def training_step(
     report: Diagnostics = {}
     for critic, indices in enumerate(batches):
         last = critic == len(batches) - 1
-        rng = np.random.default_rng([config.seed, state.step, critic, fabric.global_rank])
+        rng = chance(fabric, config, state.step, critic)
         with torch.set_grad_enabled(last):
             game = _play(fabric, config, state, feed, indices, rng)
         report |= _update_discriminator(fabric, config.loss, state, game, rng)
     return report | _update_generator(fabric, config, state, game)
+
+
+def chance(fabric: Fabric, config: TrainConfig, step: int, critic: int) -> np.random.Generator:
+    """What one batch of a step draws from: first its scenes."""
+    return np.random.default_rng([config.seed, step, critic, fabric.global_rank])
 
 
 def _play(
@@ -53,7 +59,7 @@ def _play(
         layers = state.generator(feed.geometry(indices))
     stage = feed.stage(indices, rng)
     image, coverage, guide = feed.real(indices)
-    background = torch.from_numpy(rng.random((len(indices), 3), dtype=np.float32)).to(image.device)
+    background = send(torch.from_numpy(rng.random((len(indices), 3), dtype=np.float32)), image.device)
     shown = stage.guide if config.discriminator.guide else None
     return Round(
         real=present(image, coverage, background, guide),
@@ -91,7 +97,7 @@ def _penalty(loss: LossConfig, critic: nn.Module, real: Tensor, fake: Tensor, rn
     if loss.r2:
         total = total + 0.5 * loss.r2 * gradient_square(critic, fake)
     if loss.gradient_penalty:
-        mix = torch.from_numpy(rng.random(len(real), dtype=np.float32)).to(real.device)
+        mix = send(torch.from_numpy(rng.random(len(real), dtype=np.float32)), real.device)
         total = total + loss.gradient_penalty * gradient_penalty(critic, real, fake, mix)
     return total
 

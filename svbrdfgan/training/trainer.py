@@ -27,7 +27,7 @@ from svbrdfgan.training.feed import Feed, make_feed
 from svbrdfgan.training.journal import Journal, finite
 from svbrdfgan.training.run import CONFIG, MODEL, RunConfig, save_generator, versions
 from svbrdfgan.training.state import State, checkpoints
-from svbrdfgan.training.step import Diagnostics, training_step
+from svbrdfgan.training.step import Diagnostics, chance, training_step
 
 _REPORT_EVERY = 50
 _CONSTANT_TARGETS = 64
@@ -154,7 +154,9 @@ def _open(fabric: Fabric, resolved: RunConfig, run: Path, base: Path, display: D
 def _loop(session: _Session, state: State) -> None:
     config, began, before = session.config, time.monotonic(), state.seconds
     report_step, report_time = state.step, began
+    _expect(session, state.step)
     while state.step < config.steps and not _out_of_time(session, state):
+        _expect(session, state.step + 1)
         diagnostics = training_step(session.fabric, config, state, session.feed, _batches(session, state.step))
         now = time.monotonic()
         state.seconds = before + now - began
@@ -178,6 +180,12 @@ def _batches(session: _Session, step: int) -> list[Sequence[int]]:
         for critic in range(critics)
     ]
     return [batch[fabric.global_rank :: fabric.world_size] for batch in whole]
+
+
+def _expect(session: _Session, step: int) -> None:
+    """Has the scenes of a step read while those before it are played."""
+    for critic, indices in enumerate(_batches(session, step)):
+        session.feed.stages.expect(indices, chance(session.fabric, session.config, step, critic))
 
 
 def _out_of_time(session: _Session, state: State) -> bool:

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.transport.transfer import send
 
 _FORMAT = "svbrdfgan light transport 1"
 _HALF_LIMIT = 32768.0
@@ -29,9 +30,9 @@ class LightTransport:
     `start[i]` to `start[i + 1]`.
 
     Attributes:
-        start: first entry of each pixel, row * width + col, and the count of all entries.
-        texel: ascending within a pixel.
-        weight: linear RGB, half or single precision. In half, relative error 2^-11 and less.
+        start: first entry of each pixel, row * width + col, and the count of all entries; int32.
+        texel: ascending within a pixel; int32.
+        weight: linear RGB, half or single precision; `half` states the error.
         scale: one factor for all weights, so that half precision holds any brightness.
         background: the picture of all that is not learnable, premultiplied.
         coverage: share of each pixel that shows the surface.
@@ -62,16 +63,31 @@ class LightTransport:
         return seen.reshape(len(self.parts), *self.texture_shape)
 
     def half(self) -> LightTransport:
-        """The same with weights in half precision: half the bytes, relative error 2^-11 in each weight."""
+        """The same with weights in half precision: half the bytes.
+
+        A weight's error is at most 2^-11 of itself, or 2^-40 of the largest weight where that is more. So is the
+        relative error of a picture of reflectances that are not negative: all weights are positive. The guide is
+        rounded likewise.
+        """
         largest = (self.weight.float().abs().max() if len(self.weight) else self.scale.new_ones(())) * self.scale
         scale = (largest / _HALF_LIMIT).clamp(min=torch.finfo(torch.float32).tiny)
         weight = (self.weight.float() * (self.scale / scale)).half()
         return replace(self, weight=weight, scale=scale, background=self.background.float(), guide=self.guide.half())
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its tensors."""
+        return sum(tensor.nbytes for tensor in self._tensors().values())
+
     def to(self, device: torch.device | str) -> LightTransport:
-        """The same on another device."""
-        moved: dict[str, Any] = {name: tensor.to(device) for name, tensor in self._tensors().items()}
+        """The same on another device. Copies from the CPU to CUDA are queued there, and not waited for."""
+        moved: dict[str, Any] = {name: send(tensor, device) for name, tensor in self._tensors().items()}
         return replace(self, **moved)
+
+    def record_stream(self, stream: torch.cuda.Stream) -> None:
+        """Tells torch that work on the stream uses it, so that its memory is not given away before that is done."""
+        for tensor in self._tensors().values():
+            tensor.record_stream(stream)
 
     def save(self, path: Path) -> None:
         """Writes one safetensors file, atomically."""
@@ -101,11 +117,33 @@ class LightTransport:
                 tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
             rows, cols = (int(n) for n in meta["texture_shape"].split(","))
             parts = tuple(int(n) for n in meta["parts"].split(",") if n)
-            return cls(**tensors, parts=parts, texture_shape=(rows, cols))
+            transport = cls(**tensors, parts=parts, texture_shape=(rows, cols))
+            transport._require_consistent()
+            return transport
         except (OSError, SafetensorError, KeyError, TypeError, ValueError) as error:
             raise AssetError(
                 f"{path} cannot be read as a light transport ({error}); delete it to have it traced anew."
             ) from error
+
+    def _require_consistent(self) -> None:
+        """Products trust indices, so those of a file are checked; ValueError if one of them leads out of its array."""
+        (height, width), entries, half_or_single = self.coverage.shape, len(self.texel), (torch.half, torch.float)
+        wanted = {
+            "start": ((height * width + 1,), (torch.int32,)),
+            "texel": ((entries,), (torch.int32,)),
+            "weight": ((entries, 3), half_or_single),
+            "scale": ((), (torch.float,)),
+            "background": ((height, width, 3), (torch.float,)),
+            "guide": ((height, width, 6), half_or_single),
+        }
+        for name, (shape, types) in wanted.items():
+            tensor = getattr(self, name)
+            if tensor.shape != shape or tensor.dtype not in types:
+                raise ValueError(f"{name} is {tensor.dtype} of shape {tuple(tensor.shape)}; wanted {types[0]}, {shape}")
+        if self.start[0] != 0 or self.start[-1] != entries or (self.start[1:] < self.start[:-1]).any():
+            raise ValueError("start does not ascend from 0 to the count of entries")
+        if entries and not 0 <= self.texel.min() <= self.texel.max() < self.texels:
+            raise ValueError("texel names texels that the textures do not have")
 
     def _tensors(self) -> dict[str, Tensor]:
         values = {field.name: getattr(self, field.name) for field in fields(self)}

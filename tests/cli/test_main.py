@@ -43,8 +43,22 @@ def test_help_is_quick_and_imports_nothing_heavy() -> None:
     assert seconds < 2.0  # half a second is the promise; four times that on a busy machine
 
 
+def test_the_help_of_no_command_imports_torch() -> None:
+    code = (
+        "import sys\nfrom svbrdfgan.cli import COMMANDS, main\n"
+        "heavy = {'torch', 'numpy', 'scipy', 'matplotlib', 'trimesh', 'warp', 'mitsuba'}\n"
+        "for name in COMMANDS:\n"
+        "    main([name, '--help'], standalone_mode=False)\n"
+        "    print('\\nLOADED', name, *(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = [line.split()[1:] for line in done.stdout.splitlines() if line.startswith("LOADED")]
+    assert loaded == [[name] for name in cli.COMMANDS]
+    assert done.stdout.count("Usage: ") == len(cli.COMMANDS)
+
+
 def test_the_names_are_fixed() -> None:
-    names = "demo backends embeddings check bake weather dataset train evaluate texture render"
+    names = "demo backends embeddings check bake weather dataset train evaluate texture render bench"
     assert list(cli.COMMANDS) == names.split()
 
 

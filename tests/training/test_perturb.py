@@ -115,7 +115,7 @@ def test_a_pool_holds_so_many_scenes(pool: int, tiny_dataset: Path, tiny_exempla
 def test_without_a_pool_every_visit_is_new(tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
     fresh, rng = stages(tiny_exemplars, tiny_dataset, 0, camera_noise_degrees=5.0), np.random.default_rng(0)
     fresh.build([0])
-    pictures = {fresh.stage([0], rng).batch.weight.numpy().tobytes() for _ in range(4)}
+    pictures = {fresh.stage([0], rng).batch.transports[0].weight.numpy().tobytes() for _ in range(4)}
     assert len(pictures) == 4
     assert fresh._held == {}
 

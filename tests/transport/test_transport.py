@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,13 +10,14 @@ import pytest
 import torch
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.texture_filter import sample_texture
+from svbrdfgan.texture_filter import Repeat, sample_texture
 from svbrdfgan.transport import LightTransport, TransportBatch, build_transport
 from svbrdfgan.transport import build as build_module
 from svbrdfgan.types import Camera, Environment, Material, Materials, TransportSamples, View
 
 ROWS, COLS, SPP = 8, 6, 4
-PAINT, GLASS, DECAL = Material.lambertian((0.5, 0.4, 0.3)), Material.lambertian((0.1, 0.1, 0.2)), None
+Change = Callable[[torch.Tensor], torch.Tensor]
+PAINT, GLASS = Material.lambertian((0.5, 0.4, 0.3)), Material.lambertian((0.1, 0.1, 0.2))
 
 
 def a_view(width: int = 5, height: int = 3) -> View:
@@ -37,18 +39,24 @@ def three_parts() -> Materials:
     return Materials((PAINT, GLASS, decal))
 
 
-def built(chunks: list[TransportSamples], learnable: tuple[int, ...] = (0, 2), **changes: object) -> LightTransport:
+def built(
+    chunks: list[TransportSamples],
+    learnable: tuple[int, ...] = (0, 2),
+    guide: torch.Tensor | None = None,
+    repeat: Repeat = (False, False),
+) -> LightTransport:
+    guide = torch.rand(ROWS, COLS, 6) if guide is None else guide
     return build_transport(
-        chunks, materials=three_parts(), learnable=learnable, guide=torch.rand(ROWS, COLS, 6), view=a_view(), spp=SPP
+        chunks, materials=three_parts(), learnable=learnable, guide=guide, view=a_view(), spp=SPP, repeat=repeat
     )
 
 
-def splatted(samples: TransportSamples, colors: list[torch.Tensor]) -> torch.Tensor:
+def splatted(samples: TransportSamples, colors: list[torch.Tensor], repeat: Repeat = (False, False)) -> torch.Tensor:
     """The definition of `TransportSamples`, written out."""
     image = torch.zeros(15, 3)
     for n in range(len(samples.pixel)):
         color = colors[int(samples.part[n])]
-        value = color if color.ndim == 1 else sample_texture(color, samples.uv[n : n + 1])[0]
+        value = color if color.ndim == 1 else sample_texture(color, samples.uv[n : n + 1], repeat)[0]
         image[samples.pixel[n]] += samples.weight[n] * value
     return image.reshape(3, 5, 3)
 
@@ -95,32 +103,42 @@ def test_coverage_counts_samples() -> None:
     assert coverage.sum() == 1.0
 
 
-def test_no_samples_at_all_is_a_black_picture() -> None:
+@pytest.mark.parametrize("chunks", [0, 1])
+def test_no_samples_at_all_is_a_black_picture(chunks: int) -> None:
     empty = TransportSamples(torch.zeros(0).long(), torch.zeros(0).long(), torch.zeros(0, 2), torch.zeros(0, 3))
-    picture = TransportBatch.stack([built([empty])]).render(torch.ones(2, ROWS, COLS, 3))
+    transport = built([empty] * chunks)
+    picture = TransportBatch.stack([transport]).render(torch.ones(2, ROWS, COLS, 3))
     assert (picture == 0).all()
+    assert (transport.coverage == 0).all()
 
 
-@pytest.mark.parametrize("views", [1, 3])
-def test_transpose_is_the_adjoint(views: int) -> None:
-    batch = TransportBatch.stack([built([random_samples(200, 3, seed=n)]) for n in range(views)])
-    textures = torch.rand(2 * views, ROWS, COLS, 3, dtype=torch.float32)
-    cotangent = torch.rand_like(batch.background)
-    product = batch.multiply(textures.reshape(-1, 3))
-    transposed = batch.multiply_transposed(cotangent.reshape(-1, 3), textures[..., 0].numel())
-    forward = (product.double() * cotangent.reshape(-1, 3)).sum()
-    backward = (textures.reshape(-1, 3).double() * transposed).sum()
-    torch.testing.assert_close(forward, backward, rtol=1e-5, atol=1e-5)
+@pytest.mark.parametrize("repeat", [(False, False), (True, False), (True, True)])
+def test_the_guide_is_what_learnable_samples_see(repeat: Repeat) -> None:
+    samples, guide = random_samples(400, 3), torch.randn(ROWS, COLS, 6, generator=torch.Generator().manual_seed(3))
+    transport = built([samples], guide=guide, repeat=repeat)
+    learnable = samples.part != 1
+    expected = torch.zeros(15, 6)
+    expected.index_add_(0, samples.pixel[learnable], sample_texture(guide, samples.uv[learnable], repeat) / SPP)
+    torch.testing.assert_close(transport.guide.reshape(-1, 6), expected, rtol=1e-5, atol=1e-5)
 
 
-def test_gradient_is_the_transpose() -> None:
-    batch = TransportBatch.stack([built([random_samples(200, 3)])])
-    textures = torch.rand(2, ROWS, COLS, 3, requires_grad=True)
-    cotangent = torch.rand_like(batch.background)
-    batch.render(textures).backward(cotangent)
-    expected = batch.multiply_transposed(cotangent.reshape(-1, 3), 2 * ROWS * COLS)
-    assert textures.grad is not None
-    torch.testing.assert_close(textures.grad.reshape(-1, 3), expected)
+def test_the_seam_repeats_where_it_is_told_to() -> None:
+    samples, textures = random_samples(300, 3), torch.rand(2, ROWS, COLS, 3)
+    for repeat in ((True, False), (False, True)):
+        picture = TransportBatch.stack([built([samples], repeat=repeat)]).render(textures)[0]
+        colors = [textures[0], GLASS.base_color, textures[1]]
+        torch.testing.assert_close(picture, splatted(samples, colors, repeat), rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no CUDA device")
+def test_cuda_builds_what_the_cpu_builds_and_the_same_bits_each_time() -> None:
+    chunks = [random_samples(3000, 3, seed=n) for n in range(3)]
+    there = [TransportSamples(**{name: value.cuda() for name, value in vars(chunk).items()}) for chunk in chunks]
+    guide = torch.rand(ROWS, COLS, 6, generator=torch.Generator().manual_seed(4))
+    expected, once, twice = built(chunks, guide=guide), built(there, guide=guide), built(there, guide=guide)
+    for name in ("start", "texel", "weight", "background", "coverage", "guide"):
+        assert torch.equal(getattr(once, name), getattr(twice, name))
+        torch.testing.assert_close(getattr(once, name).cpu(), getattr(expected, name), rtol=1e-5, atol=1e-5)
 
 
 def test_views_of_a_batch_do_not_touch_each_other() -> None:
@@ -156,6 +174,38 @@ def test_damaged_file_is_one_sentence(tmp_path: Path, content: bytes) -> None:
     path.write_bytes(content)
     with pytest.raises(AssetError, match=r"view\.safetensors"):
         LightTransport.load(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("texel", lambda t: t + 96),
+        ("texel", lambda t: t - 96),
+        ("texel", lambda t: t.long()),
+        ("start", lambda t: t + 1),
+        ("start", lambda t: t.flip(0)),
+        ("start", lambda t: t[1:]),
+        ("weight", lambda t: t[1:]),
+        ("weight", lambda t: t.double()),
+        ("guide", lambda t: t[..., :3]),
+    ],
+)
+def test_a_file_that_leads_out_of_its_arrays_is_refused(name: str, change: Change, tmp_path: Path) -> None:
+    transport = built([random_samples(100, 3)]).half()
+    replace(transport, **{name: change(getattr(transport, name))}).save(tmp_path / "view.safetensors")
+    with pytest.raises(AssetError, match=name):
+        LightTransport.load(tmp_path / "view.safetensors")
+
+
+def test_half_precision_states_its_error() -> None:
+    transport = built([random_samples(3000, 3)])
+    spread = 10.0 ** torch.empty_like(transport.weight).uniform_(-14, 3, generator=torch.Generator().manual_seed(6))
+    weight = transport.weight * spread
+    half = replace(transport, weight=weight).half()
+    error = (half.weight.double() * half.scale.double() - weight.double()).abs()
+    bound = torch.maximum(weight.double() * 2.0**-11, weight.max().double() * 2.0**-40)
+    assert (error <= bound * (1 + 1e-3)).all()
+    assert half.nbytes < 0.8 * transport.nbytes
 
 
 def test_seen_texels_are_those_with_weight() -> None:

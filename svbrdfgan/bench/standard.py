@@ -1,4 +1,4 @@
-"""The standard scene of the benchmarks: a million vertices, one texture, a hazy sky with a small bright sun.
+"""The standard scene: a million vertices, one texture, a hazy sky with a small bright sun.
 
 Made from fixed seeds, so that every program is timed on the same work: direct light in a picture of 256x256 pixels,
 and the gradient of mean(image**2) with respect to the texture of 512x512 texels.
@@ -13,24 +13,31 @@ import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from svbrdfgan.bench.scene import BenchScene
 from svbrdfgan.geometry.normals import corner_normals
-from svbrdfgan.types import Camera, Environment, Material, Part, Surface, View
+from svbrdfgan.types import Camera, Environment, Part, Surface, View
 
-IMAGE = 256
+VERTICES, PIXELS, TEXELS = 1_000_000, 256, 512
 _RADII = np.array([1.6, 0.6, 0.8])
 _CAMERA = Camera(origin=(2.5, 1.5, 4.0), target=(0.0, 0.0, 0.0), vertical_fov=math.radians(40.0))
 
 
-def standard_scene(side: int = 1000, image: int = IMAGE, texels: int = 512) -> tuple[Surface, Material, View]:
-    """The surface of side x side vertices in one part, its material, and the view.
+def standard_scene(vertices: int = VERTICES, pixels: int = PIXELS, texels: int = TEXELS) -> BenchScene:
+    """A rippled ellipsoid of about so many vertices, which are a square number, in one part.
 
-    Preparing the shading normals of a million vertices takes some seconds.
+    The shading normals of a million vertices take some seconds.
     """
-    return _surface(side), _material(texels), View(_CAMERA, _environment(), image, image)
+    view = View(_CAMERA, _environment(), pixels, pixels)
+    return BenchScene.of(_surface(max(3, round(math.sqrt(vertices)))), view, noise(texels), np.zeros((1, 3)))
+
+
+def noise(texels: int) -> Float[ndarray, "rows cols 3"]:
+    """White noise between 0 and 0.8 in every texel: no renderer gains by what is smooth."""
+    return np.float32(0.8) * np.random.RandomState(1).rand(texels, texels, 3).astype(np.float32)
 
 
 def _surface(side: int) -> Surface:
-    """A rippled ellipsoid, open by a hair at both poles; u runs around it, v from top to bottom."""
+    """Open by a hair at both poles; u runs around it, v from top to bottom."""
     uv = _grid(side)
     positions, faces = _ripple(uv), _quads(side)
     column = faces % side
@@ -46,7 +53,7 @@ def _surface(side: int) -> Surface:
         parts=(Part("body"),),
         elevation=np.zeros(len(positions)),
         source_face=np.arange(len(faces)),
-        source_barycentric=np.tile(np.eye(3), (len(faces), 1, 1)),
+        source_barycentric=np.broadcast_to(np.eye(3), (len(faces), 3, 3)),
     )
 
 
@@ -71,12 +78,6 @@ def _quads(side: int) -> Int[ndarray, "faces 3"]:
     here, right, below, opposite = vertex[:-1, :-1], vertex[:-1, 1:], vertex[1:, :-1], vertex[1:, 1:]
     halves = [(here, right, below), (right, opposite, below)]
     return np.concatenate([np.stack(half, axis=-1).reshape(-1, 3) for half in halves])
-
-
-def _material(texels: int) -> Material:
-    """White noise between 0 and 0.8 in every texel."""
-    noise = np.random.RandomState(1).rand(texels, texels, 3).astype(np.float32)
-    return Material.lambertian(torch.from_numpy(np.float32(0.8) * noise))
 
 
 def _environment() -> Environment:

@@ -1,0 +1,1 @@
+"""How long renderers take and how much memory, ours and others, on the same work in one run: `svbrdfgan bench`."""

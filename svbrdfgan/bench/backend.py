@@ -1,0 +1,47 @@
+"""One of our renderers as a program to be timed: `python -m svbrdfgan.bench.backend NAME SCENE --spp N`.
+
+It speaks as a peer does: its last line is JSON, with the seconds of each step.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+import torch
+
+from svbrdfgan.bench.measure import measure
+from svbrdfgan.bench.scene import BenchScene
+from svbrdfgan.errors import SvbrdfganError
+from svbrdfgan.plugins import load_renderer
+
+
+def figures(name: str, scene: BenchScene, spp: int, batch: int, repeats: int) -> dict[str, object]:
+    """What the program prints: `STEP_s`, `STEP_bytes` and, on a GPU, `STEP_torch_bytes` of each step."""
+    renderer = load_renderer(name)
+    meter = measure(renderer, scene, spp, batch, repeats)
+    device = renderer.device
+    line: dict[str, object] = {"peer": name, "spp": spp, "batch": batch}
+    line["device"] = torch.cuda.get_device_name(device) if device.type == "cuda" else device.type
+    for suffix, values in (("s", meter.seconds), ("bytes", meter.peak_bytes), ("torch_bytes", meter.torch_bytes)):
+        line |= {f"{step}_{suffix}": value for step, value in values.items()}
+    return line
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("name")
+    parser.add_argument("scene")
+    for option, default in (("--spp", 16), ("--batch", 1), ("--repeats", 5)):
+        parser.add_argument(option, type=int, default=default)
+    asked = parser.parse_args()
+    try:
+        scene = BenchScene.load(asked.scene)
+        print(json.dumps(figures(asked.name, scene, asked.spp, asked.batch, asked.repeats)))
+    except SvbrdfganError as error:
+        sys.exit(str(error))
+
+
+if __name__ == "__main__":
+    main()

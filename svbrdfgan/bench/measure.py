@@ -1,0 +1,94 @@
+"""One renderer on one scene: fresh pictures, the stored transport, and the gradients of both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from svbrdfgan.bench.errors import BenchError
+from svbrdfgan.bench.meter import Meter
+from svbrdfgan.bench.scene import BenchScene
+from svbrdfgan.protocols import Renderer
+from svbrdfgan.render_layer import RenderLayer
+from svbrdfgan.transport import LightTransport, TransportBatch, build_transport
+from svbrdfgan.types import View
+
+TOLERANCE = 1e-3
+"""How far the stored transport's picture may be from the renderer's, in parts of the brightest value."""
+
+
+def measure(renderer: Renderer[Any], scene: BenchScene, spp: int, batch: int, repeats: int) -> Meter:
+    """Each step of `batch` pictures, each of a texture of its own; a surface is prepared, and a transport built, once.
+
+    The memory of stored steps is the transports' and the products', without the surface's and the renderer's.
+
+    Raises:
+        BenchError: the stored transport's picture is not the renderer's own of the same seed.
+    """
+    surface, view = scene.surface(), scene.view()
+    textures = [torch.tensor(scene.texture, device=renderer.device, requires_grad=True) for _ in range(batch)]
+    layer, meter = RenderLayer(renderer, spp), Meter(renderer.device, repeats)
+    prepared = meter.step("prepare", lambda: renderer.prepare(surface))
+
+    def fresh() -> Tensor:
+        materials = [scene.materials(texture) for texture in textures]
+        return torch.stack([layer(prepared, each, view, seed=seed).image for seed, each in enumerate(materials)])
+
+    _both_passes(meter, "", fresh, textures)
+    if renderer.capabilities.transport:
+        transport = meter.step("transport", lambda: _transport(renderer, prepared, scene, view, spp))
+        meter.start(kept=sum(tensor.nbytes for tensor in _tensors(transport).values()))
+        stored = TransportBatch.stack([transport, *(_copy(transport) for _ in range(batch - 1))])
+        texels = torch.stack([texture.detach() for texture in textures]).requires_grad_()
+        _check_same(stored.render(texels)[0].detach(), fresh()[0].detach())
+        _both_passes(meter, "stored_", lambda: stored.render(texels), [texels])
+    return meter
+
+
+def _both_passes(meter: Meter, prefix: str, render: Callable[[], Tensor], textures: Sequence[Tensor]) -> None:
+    """The pictures alone, and with the gradient of their mean square."""
+
+    def forward() -> Tensor:
+        with torch.no_grad():
+            return render()
+
+    def forward_backward() -> tuple[Tensor, ...]:
+        return torch.autograd.grad(render().square().mean(), textures)
+
+    meter.step(f"{prefix}forward", forward)
+    meter.step(f"{prefix}forward_backward", forward_backward)
+
+
+def _transport(renderer: Any, prepared: Any, scene: BenchScene, view: View, spp: int) -> LightTransport:
+    """With the seed of the first fresh picture."""
+    texture = torch.from_numpy(scene.texture)
+    return build_transport(
+        renderer.transport(prepared, view, spp=spp, seed=0),
+        materials=scene.materials(texture),
+        learnable=(0,),
+        guide=torch.zeros(*texture.shape[:2], 6),
+        view=view,
+        spp=spp,
+        repeat=(bool(scene.repeat[0]), bool(scene.repeat[1])),
+    )
+
+
+def _copy(transport: LightTransport) -> LightTransport:
+    """In memory of its own, as another view would be: no cache may serve a batch twice."""
+    changes: dict[str, Any] = {name: tensor.clone() for name, tensor in _tensors(transport).items()}
+    return replace(transport, **changes)
+
+
+def _tensors(transport: LightTransport) -> dict[str, Tensor]:
+    values = {field.name: getattr(transport, field.name) for field in fields(transport)}
+    return {name: value for name, value in values.items() if isinstance(value, Tensor)}
+
+
+def _check_same(stored: Tensor, fresh: Tensor) -> None:
+    error = ((stored - fresh).abs().max() / fresh.abs().max()).item()
+    if not error <= TOLERANCE:
+        raise BenchError(f"the stored transport's picture differs from the renderer's by {error:.1e} of the brightest.")

@@ -1,0 +1,156 @@
+"""Programs that are timed, each in a process of its own: our renderers and their peers, by one protocol.
+
+A program's command may have {scene}, {spp}, {batch} and {repeats} in it, which are replaced. Its last line is JSON:
+"peer" (its name), "spp", "forward_s" and "forward_backward_s" (seconds), and what else it knows of `STEPS`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shlex
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from svbrdfgan.bench.cases import STANDARD, Case
+from svbrdfgan.bench.errors import BenchError
+from svbrdfgan.bench.standard import PIXELS, VERTICES
+from svbrdfgan.errors import ConfigError
+
+STEPS = ("prepare", "forward", "forward_backward", "transport", "stored_forward", "stored_forward_backward")
+_BACKEND = ("-P", "-m", "svbrdfgan.bench.backend")
+_ARGUMENTS = ("{scene}", "--spp", "{spp}", "--batch", "{batch}", "--repeats", "{repeats}")
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What a program says of one case; the mappings are by step, as in `STEPS`.
+
+    Attributes:
+        device: a GPU's name, or "cpu"; empty where it does not say.
+        peak_bytes, torch_bytes: as in `Meter`.
+    """
+
+    name: str
+    device: str
+    seconds: Mapping[str, float]
+    peak_bytes: Mapping[str, int]
+    torch_bytes: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class Program:
+    """A command, what messages call it, and environment variables that it needs."""
+
+    title: str
+    words: tuple[str, ...]
+    variables: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def backend(cls, name: str) -> Program:
+        """One of the installed renderers, with its default options."""
+        path = os.pathsep.join(folder or os.getcwd() for folder in sys.path)
+        return cls(f"renderer {name!r}", (sys.executable, *_BACKEND, name, *_ARGUMENTS), {"PYTHONPATH": path})
+
+    @classmethod
+    def peer(cls, command: str) -> Program:
+        """Any other program, by the command that a shell would take.
+
+        Raises:
+            ConfigError: the command has no words, or a quotation that does not end.
+        """
+        try:
+            words = tuple(shlex.split(command))
+        except ValueError as error:
+            raise ConfigError(f"peer {command!r} is no command: {str(error).lower()}.") from error
+        if not words:
+            raise ConfigError("a peer's command is empty; give one that prints a line of JSON.")
+        return cls(f"peer {command!r}", words)
+
+    def fits(self, case: Case, spp: int) -> bool:
+        """Whether it can be given the case: one that cannot be told the scene has the standard one, as it is.
+
+        One that cannot be told the samples per pixel is taken to draw `spp`.
+        """
+        standard = (case.scene, case.vertices, case.pixels) == (STANDARD, VERTICES, PIXELS)
+        return (
+            (standard or self._takes("{scene}"))
+            and (case.spp == spp or self._takes("{spp}"))
+            and (case.batch == 1 or self._takes("{batch}"))
+        )
+
+    def run(self, case: Case, scene: Path, repeats: int) -> Figures:
+        """Its figures.
+
+        Raises:
+            BenchError: it failed, printed none, or did other work.
+        """
+        values = {"{scene}": scene, "{spp}": case.spp, "{batch}": case.batch, "{repeats}": repeats}
+        words = [_filled(word, values) for word in self.words]
+        try:
+            done = subprocess.run(
+                words,
+                env={**os.environ, **self.variables},
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                text=True,
+                errors="replace",
+            )
+        except OSError as error:
+            raise BenchError(f"{self.title} cannot be run: {error.strerror or error}.") from error
+        if done.returncode:
+            raise BenchError(f"{self.title} failed with exit code {done.returncode}: {_last(done.stderr)}")
+        try:
+            return _read(json.loads(_last(done.stdout)), case.spp)
+        except (ValueError, KeyError, TypeError) as error:
+            raise BenchError(f"{self.title} gave no figures in its last line: {_fault(error)}.") from error
+
+    def _takes(self, name: str) -> bool:
+        return any(name in word for word in self.words)
+
+
+def faster(before: Figures, after: Figures) -> Figures:
+    """Of two runs of the same work, the lesser seconds of each step."""
+    seconds = {step: min(value, after.seconds.get(step, value)) for step, value in before.seconds.items()}
+    return Figures(before.name, before.device, seconds, before.peak_bytes, before.torch_bytes)
+
+
+def _filled(word: str, values: Mapping[str, object]) -> str:
+    for name, value in values.items():
+        word = word.replace(name, str(value))
+    return word
+
+
+def _read(line: Any, spp: int) -> Figures:
+    if not isinstance(line, dict):
+        raise TypeError(f"{line!r} is not an object")
+    if line["spp"] != spp:
+        raise ValueError(f"it took {line['spp']} samples per pixel, wanted {spp}; tell it by {{spp}} in its command")
+    _ = line["forward_s"], line["forward_backward_s"]
+    device = line.get("device", "")
+    return Figures(str(line["peer"]), str(device), *(_values(line, suffix) for suffix in ("s", "bytes", "torch_bytes")))
+
+
+def _values(line: Mapping[str, Any], suffix: str) -> dict[str, Any]:
+    found = {step: line[f"{step}_{suffix}"] for step in STEPS if f"{step}_{suffix}" in line}
+    for step, value in found.items():
+        number = isinstance(value, int | float) and math.isfinite(value) and value >= 0
+        if not number or (suffix == "s" and value == 0):
+            raise ValueError(f"{step}_{suffix} is {value!r}; wanted a positive number")
+    return found
+
+
+def _last(text: str) -> str:
+    lines: Sequence[str] = text.strip().splitlines()
+    return lines[-1].strip() if lines else "it printed nothing"
+
+
+def _fault(error: Exception) -> str:
+    if isinstance(error, json.JSONDecodeError):
+        return f"{error.doc[:80]!r} is not JSON"
+    return f"{error} is missing" if isinstance(error, KeyError) else str(error)

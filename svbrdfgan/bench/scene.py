@@ -1,0 +1,124 @@
+"""What the programs of one run are timed on: plain arrays, in a file that each of them can read."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.types import Camera, Environment, Material, Materials, Part, Surface, View
+
+
+@dataclass(frozen=True, eq=False)
+class BenchScene:
+    """One picture to take. `save` writes NumPy's .npz, an array for each attribute; numbers are arrays of no axis.
+
+    Meanings are those of `docs/conventions.md`.
+
+    Attributes:
+        positions, normals, uv, faces, face_part: as in `Surface`, in single precision and 32-bit integers.
+        repeat: as in `Surface`.
+        base_color: linear reflectance of each part. Part 0 has the texture instead.
+        texture: what the gradient is taken with respect to, linear reflectance, row 0 at v = 0.
+        radiance, rotation: as in `Environment`, the rotation in radians.
+        camera: rows are its origin, its target and its up direction.
+        vertical_fov: full angle over the picture's height, radians.
+        width, height: of the picture, in pixels.
+        embedding_s: seconds that the embedding and its geometry buffer took; zero where there is none.
+    """
+
+    positions: Float[ndarray, "vertices 3"]
+    normals: Float[ndarray, "vertices 3"]
+    uv: Float[ndarray, "vertices 2"]
+    faces: Int[ndarray, "faces 3"]
+    face_part: Int[ndarray, " faces"]
+    repeat: Bool[ndarray, " axes"]
+    base_color: Float[ndarray, "parts 3"]
+    texture: Float[ndarray, "rows cols 3"]
+    radiance: Float[ndarray, "height width 3"]
+    rotation: float
+    camera: Float[ndarray, "3 3"]
+    vertical_fov: float
+    width: int
+    height: int
+    embedding_s: float = 0.0
+
+    @classmethod
+    def of(
+        cls,
+        surface: Surface,
+        view: View,
+        texture: Float[ndarray, "rows cols 3"],
+        base_color: Float[ndarray, "parts 3"],
+        embedding_s: float = 0.0,
+    ) -> BenchScene:
+        """The view of a surface whose part 0 has the texture."""
+        camera = view.camera
+        return cls(
+            positions=surface.positions.astype(np.float32),
+            normals=surface.normals.astype(np.float32),
+            uv=surface.uv.astype(np.float32),
+            faces=surface.faces.astype(np.int32),
+            face_part=surface.face_part.astype(np.int32),
+            repeat=np.array(surface.repeat),
+            base_color=base_color.astype(np.float32),
+            texture=texture,
+            radiance=view.environment.radiance.numpy(),
+            rotation=view.environment.rotation,
+            camera=np.array([camera.origin, camera.target, camera.up]),
+            vertical_fov=camera.vertical_fov,
+            width=view.width,
+            height=view.height,
+            embedding_s=embedding_s,
+        )
+
+    def with_film(self, pixels: int) -> BenchScene:
+        """The same with so many pixels along both sides of the picture."""
+        return replace(self, width=pixels, height=pixels)
+
+    def surface(self) -> Surface:
+        vertices, faces = len(self.positions), len(self.faces)
+        return Surface(
+            positions=self.positions.astype(np.float64),
+            normals=self.normals.astype(np.float64),
+            uv=self.uv.astype(np.float64),
+            faces=self.faces.astype(np.int64),
+            face_part=self.face_part.astype(np.int64),
+            parts=tuple(Part(f"part {part}") for part in range(len(self.base_color))),
+            elevation=np.zeros(vertices),
+            source_face=np.arange(faces),
+            source_barycentric=np.broadcast_to(np.eye(3), (faces, 3, 3)),
+            repeat=(bool(self.repeat[0]), bool(self.repeat[1])),
+        )
+
+    def view(self) -> View:
+        origin, target, up = (tuple(row) for row in self.camera.tolist())
+        camera = Camera(origin, target, up, float(self.vertical_fov))
+        environment = Environment(torch.from_numpy(self.radiance), float(self.rotation))
+        return View(camera, environment, int(self.width), int(self.height))
+
+    def materials(self, texture: Float[torch.Tensor, "rows cols 3"]) -> Materials:
+        """Those of all parts, with this texture on part 0."""
+        plain = [Material.lambertian(torch.from_numpy(color)) for color in self.base_color[1:]]
+        return Materials((Material.lambertian(texture), *plain))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        np.savez(path, **{field.name: getattr(self, field.name) for field in fields(self)})
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> BenchScene:
+        """Reads what `save` wrote.
+
+        Raises:
+            AssetError: the file is missing, damaged or something else.
+        """
+        try:
+            with np.load(path) as file:
+                return cls(**{field.name: file[field.name] for field in fields(cls)})
+        except (OSError, ValueError, KeyError) as error:
+            raise AssetError(f"{path} cannot be read as a scene of `svbrdfgan bench` ({error}).") from error

@@ -1,0 +1,83 @@
+"""Seconds and memory are those of the work."""
+
+import dataclasses
+import time
+from typing import Any
+
+import pytest
+import torch
+
+from svbrdfgan.bench import measure as measuring
+from svbrdfgan.bench.backend import figures
+from svbrdfgan.bench.errors import BenchError
+from svbrdfgan.bench.measure import measure
+from svbrdfgan.bench.meter import Meter, median_seconds
+from svbrdfgan.bench.programs import STEPS
+from svbrdfgan.bench.scene import BenchScene
+from svbrdfgan.plugins import load_renderer
+
+CPU = torch.device("cpu")
+MIB = 2**20
+
+
+def test_every_step_is_measured(tiny: BenchScene) -> None:
+    line = figures("numpy", tiny, spp=1, batch=2, repeats=1)
+    assert {f"{step}_s" for step in STEPS} <= set(line)
+    assert (line["peer"], line["spp"], line["batch"], line["device"]) == ("numpy", 1, 2, "cpu")
+    assert all(isinstance(value, float) and value > 0 for name, value in line.items() if name.endswith("_s"))
+
+
+def test_a_renderer_without_transport_has_fresh_steps_alone(tiny: BenchScene) -> None:
+    renderer = load_renderer("numpy", {"max_bounces": 2})
+    assert list(measure(renderer, tiny, 1, 1, 1).seconds) == ["prepare", "forward", "forward_backward"]
+
+
+def test_a_wrong_transport_is_found(tiny: BenchScene, monkeypatch: pytest.MonkeyPatch) -> None:
+    right = measuring.build_transport
+
+    def brighter(*arguments: Any, **options: Any) -> Any:
+        made = right(*arguments, **options)
+        return dataclasses.replace(made, background=made.background + 0.01)
+
+    monkeypatch.setattr(measuring, "build_transport", brighter)
+    with pytest.raises(BenchError, match="differs from the renderer's by"):
+        measure(load_renderer("numpy"), tiny, 1, 1, 1)
+
+
+@pytest.mark.parametrize(("seconds", "repeats", "calls"), [(0.05, 3, 3), (0.002, 2, 15)])
+def test_seconds_are_those_of_one_call(seconds: float, repeats: int, calls: int) -> None:
+    """Long work is called once for each sample; short work about as often as fills a sample."""
+    made = []
+
+    def work() -> None:
+        made.append(1)
+        time.sleep(seconds)
+
+    assert seconds <= median_seconds(work, CPU, repeats) < 2 * seconds
+    assert calls / 3 <= len(made) <= 2 * calls + 1
+    assert seconds < 0.01 or len(made) == calls
+
+
+def test_no_sample_is_begun_after_three_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter(range(0, 1000, 4))
+    monkeypatch.setattr("svbrdfgan.bench.meter.time.perf_counter", lambda: next(clock))
+    made: list[int] = []
+    assert median_seconds(lambda: made.append(1), CPU, 100) == 4.0
+    assert len(made) == 1
+
+
+def test_peak_memory_is_what_was_held_for_a_moment() -> None:
+    meter = Meter(CPU, repeats=1)
+
+    def work() -> None:
+        held = torch.ones(64 * MIB // 4)
+        time.sleep(0.01)
+        del held
+
+    meter.step("work", work)
+    if not meter.peak_bytes:
+        pytest.skip("this system does not say how much memory a process holds")
+    assert 60 * MIB < meter.peak_bytes["work"] < 80 * MIB
+    meter.start(kept=5 * MIB)
+    meter.step("nothing", lambda: None)
+    assert 5 * MIB <= meter.peak_bytes["nothing"] < 8 * MIB
