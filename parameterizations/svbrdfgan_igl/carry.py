@@ -13,7 +13,7 @@ from svbrdfgan.geometry.normals import face_areas, face_normals
 from svbrdfgan.geometry.subdivide import EdgePredicate, Pieces, refine
 from svbrdfgan.types import Mesh
 from svbrdfgan_igl.chart import Chart
-from svbrdfgan_igl.relax import Planes, relaxed, still_collapsed
+from svbrdfgan_igl.relax import Planes, bounded, misfits, relaxed
 
 _LEAN = 0.3
 """How far a place moves along its normal for each unit that it lies below the wrap, before the closest place is taken.
@@ -26,6 +26,7 @@ _SMALL_BELOW = 12.0  # texels: the same for edges deep below the wrap, which nob
 _DEEP = 0.03  # of the longest side
 _ROUNDS = 12
 _TORN = 1.0  # times a piece's size, or two texels, by which its corners may lie from where its middle puts them
+_UNEVEN = 3.0  # of a mean texel's side: how much smaller or larger the wrap's own scale may be taken to be
 _FACING_AWAY = -0.5  # cosine between a piece's normal and the wrap's, below which it is rightly mirrored
 
 
@@ -122,9 +123,10 @@ def carried(
     pieces = refine(Pieces.whole(positions, mesh.faces), _errs(carrier, normals, resolution), _ROUNDS)
     places = Places.of(pieces, normals)
     uv, height = carrier.at(places)
-    _, under = carrier.leaning(places.mixed(pieces.faces, np.full(3, 1 / 3)))
+    middles = places.mixed(pieces.faces, np.full(3, 1 / 3))
+    _, under = carrier.leaning(middles)
     faces, uv = _apart(carrier, pieces.faces, carrier.leaning(places)[0], uv, under, resolution)
-    corners = _roomier(carrier, pieces, faces, uv, under)
+    corners = _roomier(carrier, pieces, faces, uv, carrier.at(middles)[0], under)
     return _in_metres(pieces, mesh), corners, height[pieces.faces] * place.size
 
 
@@ -152,27 +154,28 @@ def _roomier(
     pieces: Pieces,
     faces: Int[ndarray, "pieces 3"],
     uv: Float[ndarray, "vertices 2"],
+    middle: Float[ndarray, "pieces 2"],
     under: Int[ndarray, " pieces"],
 ) -> Float[ndarray, "pieces 3 2"]:
     """The UV of the corners, with room for what stands upright on the wrap. What finds none parts from neighbours."""
     corners = carrier.chart.disk.faces[under]
     wrap = Planes.of(carrier.chart.disk.positions[corners])
     own = wrap.jacobians(carrier.chart.uv[corners])
-    local = np.where(wrap.area[:, None, None] > 0.0, own, np.eye(2) / carrier.texel)
+    local = bounded(own * carrier.texel, np.zeros(len(own), dtype=bool), 1 / _UNEVEN, _UNEVEN) / carrier.texel
     cosine = np.einsum("px,px->p", face_normals(pieces.positions, pieces.faces), carrier.normals[under])
     planes = Planes.of(pieces.positions[pieces.faces])
     mirrored = cosine < _FACING_AWAY
     moved = relaxed(planes, faces, uv, local, mirrored)[faces]
-    some, apart = still_collapsed(planes, moved, local, mirrored)
+    some, apart = misfits(planes, moved, middle, local, mirrored)
     moved[some] = apart
     return _within(moved, carrier.chart.uv)
 
 
 def _within(uv: Float[ndarray, "pieces 3 2"], chart: Float[ndarray, "vertices 2"]) -> Float[ndarray, "pieces 3 2"]:
-    """The UV scaled along each axis to lie within the chart's bounds."""
-    low, high = chart.min(axis=0), chart.max(axis=0)
-    least, most = np.minimum(low, uv.min(axis=(0, 1))), np.maximum(high, uv.max(axis=(0, 1)))
-    return np.asarray(low + (uv - least) * (high - low) / (most - least))
+    """The UV with pieces that reach beyond the chart's bounds moved back as they are: clamped, they would collapse."""
+    below = np.maximum(chart.min(axis=0) - uv.min(axis=1), 0.0)
+    above = np.maximum(uv.max(axis=1) - chart.max(axis=0), 0.0)
+    return np.asarray(np.clip(uv + (below - above)[:, None, :], 0.0, 1.0))
 
 
 def _vertex_normals(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> Float[ndarray, "v 3"]:

@@ -12,6 +12,8 @@ from scipy.sparse.linalg import splu
 
 _LEAST = 0.6  # least singular value aimed at, of a triangle's map onto the wrap
 _COLLAPSED = 0.2  # least singular value below which a triangle still counts as collapsed
+_TORN = 4.0  # greatest singular value above which it counts as torn
+_MOST = 1.5  # greatest singular value that is given to such a triangle
 _REACH = 0.08  # of the longest side: how far a place gives way before that costs as much as a scale that is off by one
 _ROUNDS = 40
 _LEAST_AREA = 1e-10  # of the square of the longest side: thinner triangles have no map
@@ -77,26 +79,28 @@ def relaxed(
     weighted = planes.slopes * planes.area[:, None, None]
     back, moved = np.linalg.inv(wrap), uv
     for _ in range(_ROUNDS):
-        wanted = wrap @ _bounded(back @ planes.jacobians(moved[faces]), mirrored)
+        wanted = wrap @ bounded(back @ planes.jacobians(moved[faces]), mirrored, _LEAST)
         pull = np.einsum("fxy,fky->fkx", wanted, weighted).reshape(-1, 2)
         moved = solve(mass[:, None] * uv + gather @ pull)
     return np.asarray(moved)
 
 
-def still_collapsed(
+def misfits(
     planes: Planes,
     uv: Float[ndarray, "faces 3 2"],
+    middle: Float[ndarray, "faces 2"],
     wrap: Float[ndarray, "faces 2 2"],
     mirrored: Bool[ndarray, " faces"],
 ) -> tuple[Int[ndarray, " some"], Float[ndarray, "some 3 2"]]:
-    """Triangles for which neighbours made too little room, and where each would lie without them, about its middle."""
+    """Triangles still collapsed or torn apart by their neighbours, and where each lies without them, about a middle."""
     back = np.linalg.inv(wrap)
     found = back @ planes.jacobians(uv)
-    least = np.sign(np.linalg.det(found)) * np.linalg.svd(found, compute_uv=False)[:, 1]
-    some = np.flatnonzero((np.where(mirrored, -least, least) < _COLLAPSED) & (planes.area > 0.0))
-    wanted = wrap[some] @ _bounded(found[some], mirrored[some])
+    most, least = np.linalg.svd(found, compute_uv=False).T
+    least = least * np.where(mirrored, -1.0, 1.0) * np.sign(np.linalg.det(found))
+    some = np.flatnonzero(((least < _COLLAPSED) | (most > _TORN)) & (planes.area > 0.0))
+    wanted = wrap[some] @ bounded(found[some], mirrored[some], _LEAST, _MOST)
     corners = np.concatenate([np.zeros((len(some), 1, 2)), (wanted @ planes.edges[some]).transpose(0, 2, 1)], axis=1)
-    return some, corners + (uv[some] - corners).mean(axis=1, keepdims=True)
+    return some, corners - corners.mean(axis=1, keepdims=True) + middle[some, None]
 
 
 def _stiffness(planes: Planes, faces: Int[ndarray, "faces 3"], count: int) -> sparse.csc_matrix:
@@ -105,17 +109,20 @@ def _stiffness(planes: Planes, faces: Int[ndarray, "faces 3"], count: int) -> sp
     return sparse.csc_matrix((blocks.ravel(), (rows, columns)), shape=(count, count))
 
 
-def _bounded(jacobians: Float[ndarray, "faces 2 2"], mirrored: Bool[ndarray, " faces"]) -> Float[ndarray, "faces 2 2"]:
-    """The closest maps whose singular values are at least `_LEAST`, and which are mirrored where that is right.
+def bounded(
+    jacobians: Float[ndarray, "faces 2 2"], mirrored: Bool[ndarray, " faces"], least: float, most: float = np.inf
+) -> Float[ndarray, "faces 2 2"]:
+    """The closest maps with singular values from `least` to `most`, which are mirrored where that is right.
 
     A map is a turn of size q and a mirroring of size r; its singular values are q + r and q - r, mirrored if negative.
     """
     (a, b), (c, d) = np.moveaxis(jacobians, 0, -1)
     q, turn = _size_and_direction((a + d) / 2, (c - b) / 2)
     r, mirror = _size_and_direction((a - d) / 2, (c + b) / 2)
-    most, least = np.maximum(q + r, _LEAST), np.where(mirrored, np.minimum(q - r, -_LEAST), np.maximum(q - r, _LEAST))
-    e, h = turn * (most + least) / 2
-    f, g = mirror * (most - least) / 2
+    first = np.clip(q + r, least, most)
+    second = np.where(mirrored, np.clip(q - r, -most, -least), np.clip(q - r, least, most))
+    e, h = turn * (first + second) / 2
+    f, g = mirror * (first - second) / 2
     return np.asarray(np.moveaxis(np.array([[e + f, g - h], [g + h, e - f]]), -1, 0))
 
 

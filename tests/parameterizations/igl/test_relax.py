@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from svbrdfgan_igl.relax import Planes, relaxed, still_collapsed
+from svbrdfgan_igl.relax import Planes, misfits, relaxed
 
 Surface = tuple[np.ndarray, np.ndarray]
 
@@ -75,16 +75,28 @@ def test_triangles_without_an_area_do_no_harm(square: Surface) -> None:
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_what_found_no_room_lies_about_its_own_middle(patch: Surface, mirrored: bool) -> None:
+def test_what_found_no_room_lies_where_its_middle_is(patch: Surface, mirrored: bool) -> None:
     surface = stepped(patch)
     positions, faces = surface
     planes, wrap = Planes.of(positions[faces]), np.broadcast_to(np.diag([2.0, 0.5]), (len(faces), 2, 2))
     uv = laid_flat(surface)[faces] * ((-1 if mirrored else 1) * 2.0, 0.5)
-    some, corners = still_collapsed(planes, uv, wrap, np.full(len(faces), mirrored))
+    middle = uv.mean(axis=1) + 0.01
+    some, corners = misfits(planes, uv, middle, wrap, np.full(len(faces), mirrored))
     assert (np.ptp(uv[some, :, 0], axis=1) < 1e-12).all()
     assert len(some) == pytest.approx(len(faces) / 4)
-    assert corners.mean(axis=1) == pytest.approx(uv[some].mean(axis=1))
+    assert corners.mean(axis=1) == pytest.approx(middle[some])
     uv[some] = corners
     placed = (np.linalg.inv(wrap) @ planes.jacobians(uv))[some]
     assert np.linalg.svd(placed, compute_uv=False).min() > 0.5
     assert (np.sign(np.linalg.det(placed)) == (-1 if mirrored else 1)).all()
+
+
+def test_what_was_torn_apart_is_no_larger_than_its_surroundings(patch: Surface) -> None:
+    positions, faces = patch
+    planes, wrap = Planes.of(positions[faces]), np.broadcast_to(np.eye(2), (len(faces), 2, 2))
+    uv = laid_flat(patch)[faces]
+    torn = uv.copy()
+    torn[3] = 10.0 * (torn[3] - torn[3].mean(axis=0)) + torn[3].mean(axis=0)
+    some, corners = misfits(planes, torn, uv.mean(axis=1), wrap, np.zeros(len(faces), dtype=bool))
+    assert some.tolist() == [3]
+    assert corners[0] == pytest.approx(1.5 * (uv[3] - uv[3].mean(axis=0)) + uv[3].mean(axis=0))
