@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from svbrdfgan.procedural import build_sky, build_vehicle, sample_sky, sample_vehicle
     from svbrdfgan.render_layer import RenderLayer
     from svbrdfgan.report import write_report
+    from svbrdfgan.shortcuts import probe_shortcuts
     from svbrdfgan.training.config import TrainConfig, train_config
     from svbrdfgan.training.run import load_model
     from svbrdfgan.training.trainer import train
@@ -71,6 +72,7 @@ __all__ = [
     "make_subject",
     "over",
     "paint",
+    "probe_shortcuts",
     "sample_sky",
     "sample_vehicle",
     "save_image",
@@ -94,6 +96,7 @@ _MODULES = {
     "data.config": ("DatasetConfig", "PartSelection", "dataset_config"),
     "data.scene": ("Scene",),
     "data.generate": ("generate",),
+    "shortcuts": ("probe_shortcuts",),
     "training.config": ("TrainConfig", "train_config"),
     "training.trainer": ("train",),
     "training.run": ("load_model",),

@@ -26,8 +26,13 @@ COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "bake": ("svbrdfgan.cli.bake:command", "Unwrap a mesh and write its geometry buffer."),
         "weather": ("svbrdfgan.cli.weather:command", "Weather a mesh by a procedural recipe."),
         "dataset": ("svbrdfgan.cli.dataset:command", "Make exemplar images with their scenes."),
+        "probe": ("svbrdfgan.cli.shortcut:command", "What could tell real from fake besides texture, before training."),
         "train": ("svbrdfgan.cli.train:command", "Train a generator on a data set; resume with --resume."),
         "evaluate": ("svbrdfgan.cli.evaluate:command", "Score a trained generator on vehicles it never saw."),
+        "experiment": (
+            "svbrdfgan.cli.experiment:command",
+            "The thesis's experiments and ours, each to a table and pictures.",
+        ),
         "texture": ("svbrdfgan.cli.texture:command", "Weather a mesh with a trained generator."),
         "render": ("svbrdfgan.cli.render:command", "Render a stored scene to PNG or EXR."),
         "bench": ("svbrdfgan.cli.bench:command", "Time the renderers beside each other and other programs."),

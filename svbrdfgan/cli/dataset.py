@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,7 +12,25 @@ if TYPE_CHECKING:
     from svbrdfgan.data.config import DatasetConfig
 
 
-@click.command("dataset")
+class _Dataset(click.Command):
+    """The command, unless the first word is `import`: then that one, which makes a data set of what is there already.
+
+    A group would take CONFIG for the name of a command. A CONFIG that is itself named so is `./import`.
+    """
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        if args[:1] == ["import"]:
+            from svbrdfgan.cli import import_pictures
+
+            return import_pictures.command.make_context(f"{info_name} import", args[1:], parent, **extra)
+        return super().make_context(info_name, args, parent, **extra)
+
+
+@click.command(
+    "dataset", cls=_Dataset, epilog="`svbrdfgan dataset import MANIFEST` makes one of your own pictures instead."
+)
 @click.argument("config", type=click.Path(path_type=Path, dir_okay=False))
 @click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder to write.")

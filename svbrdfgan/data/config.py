@@ -140,7 +140,7 @@ PAINTS = (
 
 
 class DatasetConfig(StrictModel):
-    """A whole data set."""
+    """A whole data set. One of imported pictures has no `weathering`: nobody knows what theirs was made by."""
 
     seed: int = 0
     image: tuple[Annotated[int, Field(ge=8, le=8192)], Annotated[int, Field(ge=8, le=8192)]] = (256, 256)
@@ -156,7 +156,7 @@ class DatasetConfig(StrictModel):
     environment_rows: int = Field(default=256, ge=8, description="larger maps are shrunk, keeping their energy")
     environment_brightness: Number = Fixed[float](fixed=1.0)
     camera: CameraDistribution = CameraDistribution()
-    weathering: WeatheringDistribution = WeatheringDistribution()
+    weathering: WeatheringDistribution | None = WeatheringDistribution()
     splits: dict[Split, SplitConfig]
 
     @model_validator(mode="after")

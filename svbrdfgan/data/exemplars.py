@@ -29,7 +29,7 @@ class Exemplars:
         scenes: what made each picture.
         subjects: the surfaces pictured, each once.
         subject_of: for each exemplar, its subject.
-        layers: what G0 painted on each exemplar's surface; None where nothing did.
+        layers: what G0 painted on each exemplar's surface; None where nothing did, or nobody knows what.
     """
 
     images: Float[Tensor, "exemplars height width 3"]

@@ -16,6 +16,7 @@ from svbrdfgan.data.plan import DatasetPlan, make_plan
 from svbrdfgan.data.scene import Scene
 from svbrdfgan.data.studio import Studio, require_maps, resolve_renderer
 from svbrdfgan.display import Display, Silent
+from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.exr import save_exr
 from svbrdfgan.plugins import load_embedding
 from svbrdfgan.protocols import Renderer
@@ -91,14 +92,17 @@ def _require_plugins(config: DatasetConfig) -> None:
     if config.renderer.name != "auto" or config.maps:
         require_maps(resolve_renderer(config.renderer), config.maps)
     load_embedding(config.embedding.name, config.embedding.options)
+    if config.weathering is None:
+        raise ConfigError("weathering is null, as in a data set of imported pictures: name a recipe.")
     recipe_from_options(config.weathering.recipe, config.weathering.options, config.maps)
 
 
 def _by_mesh(plan: DatasetPlan, folder: Path) -> list[list[tuple[Split, int]]]:
     """What is missing, found once, so that all processes share out the same list."""
     by_mesh: dict[str, list[tuple[Split, int]]] = {}
+    samplers = {split: plan.sampler(split) for split in plan.config.splits}
     for split, index in missing(plan, folder):
-        by_mesh.setdefault(plan.sampler(split).mesh(index).name, []).append((split, index))
+        by_mesh.setdefault(samplers[split].mesh(index).name, []).append((split, index))
     return list(by_mesh.values())
 
 

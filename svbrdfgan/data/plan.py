@@ -40,6 +40,10 @@ class DatasetPlan(StrictModel):
     def sampler(self, split: Split) -> ConfigSampler:
         return ConfigSampler(self.config, split, self.meshes[split], self.environments[split])
 
+    def save(self, folder: Path) -> None:
+        with atomic_path(folder / PLAN) as temporary:
+            temporary.write_text(self.model_dump_json(indent=1) + "\n", encoding="utf-8")
+
     @classmethod
     def load(cls, folder: Path) -> DatasetPlan:
         """Reads a data set's plan.
@@ -81,8 +85,7 @@ def make_plan(config: DatasetConfig, folder: Path, base: Path) -> DatasetPlan:
     _require_distinct(mesh.asset for pool in meshes.values() for mesh in pool)
     _require_distinct(light.asset for pool in lights.values() for light in pool)
     plan = DatasetPlan(config=config, meshes=meshes, environments=lights)
-    with atomic_path(folder / PLAN) as temporary:
-        temporary.write_text(plan.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    plan.save(folder)
     return plan
 
 
@@ -95,10 +98,11 @@ def _meshes(source: MeshSource, config: DatasetConfig, folder: Path, base: Path)
         for number in range(source.procedural.count):
             kind, seed = kinds[number % len(kinds)], first + number
             made[f"{kind}_{seed}"] = lambda kind=kind, seed=seed: build_vehicle(sample_vehicle(kind, seed))  # type: ignore[misc]
-    return tuple(_mesh_asset(name, make(), config, folder) for name, make in made.items())
+    return tuple(mesh_asset(name, make(), config, folder) for name, make in made.items())
 
 
-def _mesh_asset(name: str, mesh: Mesh, config: DatasetConfig, folder: Path) -> MeshAsset:
+def mesh_asset(name: str, mesh: Mesh, config: DatasetConfig, folder: Path) -> MeshAsset:
+    """A mesh, stored among the folder's assets."""
     path = folder / "assets" / "meshes" / f"{name}.glb"
     save_mesh_glb(path, mesh)
     (x0, y0, z0), (x1, y1, z1) = mesh.bounds.tolist()
@@ -117,10 +121,12 @@ def gather_environments(source: EnvironmentSource, rows: int, folder: Path, base
             made[f"sky_{seed}"] = lambda seed=seed: build_sky(sample_sky(seed))  # type: ignore[misc]
     if not made:
         raise ConfigError("environments needs 'files', 'procedural' or both.")
-    return tuple(_environment_asset(name, _shrink(make(), rows), folder) for name, make in made.items())
+    return tuple(environment_asset(name, make(), rows, folder) for name, make in made.items())
 
 
-def _environment_asset(name: str, radiance: Float[Tensor, "rows cols 3"], folder: Path) -> EnvironmentAsset:
+def environment_asset(name: str, radiance: Float[Tensor, "rows cols 3"], rows: int, folder: Path) -> EnvironmentAsset:
+    """An environment map, shrunk to so many rows and stored among the folder's assets."""
+    radiance = _shrink(radiance, rows)
     path = folder / "assets" / "environments" / f"{name}.exr"
     if not path.is_file() or not torch.equal(load_environment(path), radiance):
         if path.is_file() and (folder / PLAN).is_file():

@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 import zlib
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from svbrdfgan.data.config import CameraDistribution, DatasetConfig, Split
 from svbrdfgan.data.scene import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
@@ -14,12 +17,16 @@ from svbrdfgan.options import StrictModel
 
 
 class MeshAsset(StrictModel):
-    """A mesh of the pool: its file, its box, and the names of the parts that will be painted."""
+    """A mesh of the pool: its file, its box, and the names of the parts that will be painted.
+
+    `views` counts the pictures of it in an imported data set; elsewhere the split does.
+    """
 
     name: str
     asset: AssetRef
     bounds: tuple[tuple[float, float, float], tuple[float, float, float]]
     painted: tuple[str, ...]
+    views: int | None = Field(default=None, ge=1)
 
 
 class EnvironmentAsset(StrictModel):
@@ -40,11 +47,11 @@ class ConfigSampler:
     environments: tuple[EnvironmentAsset, ...]
 
     def __len__(self) -> int:
-        return len(self.meshes) * self.config.splits[self.split].views
+        return len(self._mesh_of)
 
     def mesh(self, index: int) -> MeshAsset:
         """The mesh of scene `index`: views of one mesh follow each other."""
-        return self.meshes[index // self.config.splits[self.split].views]
+        return self._mesh_of[index]
 
     def scene(self, index: int) -> Scene:
         """The scene of the exemplar of that index."""
@@ -103,8 +110,15 @@ class ConfigSampler:
             vertical_fov_degrees=fov,
         )
 
-    def _weathering(self, rng: np.random.Generator) -> SceneWeathering:
+    @cached_property
+    def _mesh_of(self) -> tuple[MeshAsset, ...]:
+        views = self.config.splits[self.split].views
+        return tuple(mesh for mesh in self.meshes for _ in range(mesh.views or views))
+
+    def _weathering(self, rng: np.random.Generator) -> SceneWeathering | Literal["unknown"]:
         declared = self.config.weathering
+        if declared is None:
+            return "unknown"
         return SceneWeathering(
             recipe=declared.recipe,
             amount=min(max(declared.amount.sample(rng), 0.0), 1.0),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -67,7 +67,8 @@ class Scene(StrictModel):
     """The thesis's scene description Phi: what `svbrdfgan render` reads and every exemplar keeps.
 
     `materials` overrides the base colours of the named parts; parts not named keep the mesh's own. `maps` are those
-    that the layer paints beside base_color, with their values on the learnable parts beneath it.
+    that the layer paints beside base_color, with their values on the learnable parts beneath it. `weathering` is None
+    where there is none, and "unknown" in an imported picture: it is weathered, and nobody can say how.
     """
 
     mesh: AssetRef
@@ -83,7 +84,7 @@ class Scene(StrictModel):
     learnable: PartSelection = PartSelection()
     materials: dict[str, Color] = {}
     maps: MapValues = {}
-    weathering: SceneWeathering | None = None
+    weathering: SceneWeathering | Literal["unknown"] | None = None
 
     def save(self, path: Path) -> None:
         with atomic_path(path) as temporary:

@@ -77,8 +77,8 @@ class Studio:
         return self._subjects[key]
 
     def layer(self, scene: Scene) -> Float[Tensor, "rows cols channels"] | None:
-        """What G0 paints on the scene's surface; None where it is not weathered."""
-        if scene.weathering is None:
+        """What G0 paints on the scene's surface; None where it is not weathered, or nobody knows how."""
+        if not isinstance(scene.weathering, SceneWeathering):
             return None
         key = f"{subject_key(scene)}-{_digest(scene.weathering, *scene.maps)}"
         if key not in self._layers:

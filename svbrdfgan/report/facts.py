@@ -94,7 +94,7 @@ def flip_bars(evaluation: Evaluation) -> list[Bar]:
 
 def title(config: RunConfig) -> str:
     """What was learned, and from what."""
-    what = config.dataset.weathering.recipe.replace("-", " ").capitalize()
+    what = _recipe(config).replace("-", " ").capitalize()
     plan = _plan(config)
     if plan is None:
         return f"{what}, learned from pictures"
@@ -105,7 +105,7 @@ def summary(config: RunConfig, evaluated: Evaluated, journal: Journal) -> list[t
     """What was learned, from what, and for how long."""
     dataset, train = config.dataset, config.train
     width, height = dataset.image
-    told = [("vehicles", _counts(config, evaluated)), ("weathering", dataset.weathering.recipe)]
+    told = [("vehicles", _counts(config, evaluated)), ("weathering", _recipe(config))]
     told.append(("embedding", dataset.embedding.name))
     told.append(("pictures", f"{width} x {height}, {dataset.spp} samples per pixel"))
     told.append(("texture", f"{dataset.texture} x {dataset.texture}"))
@@ -115,6 +115,12 @@ def summary(config: RunConfig, evaluated: Evaluated, journal: Journal) -> list[t
         images = f"{steps:,.0f} steps, {steps * train.batch_size:,.0f} images"
         told.append(("trained", images if seconds is None else f"{images} in {duration(seconds)}"))
     return told
+
+
+def _recipe(config: RunConfig) -> str:
+    """What the exemplars were weathered by."""
+    weathering = config.dataset.weathering
+    return "unknown weathering" if weathering is None else weathering.recipe
 
 
 def duration(seconds: float) -> str:

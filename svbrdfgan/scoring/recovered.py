@@ -60,12 +60,12 @@ class Target:
 def make_targets(
     exemplars: Exemplars, seen: SeenTexels, device: torch.device, limit: int | None = None
 ) -> tuple[list[Target], float]:
-    """The targets of exemplars that are weathered, evenly chosen up to `limit`, and the seen share of learnable area.
+    """The targets of exemplars whose truth is known, evenly chosen up to `limit`, and the seen share of learnable area.
 
     A texel counts if any picture of its subject shows it.
 
     Raises:
-        AssetError: no exemplar is weathered, or none shows any learnable texel.
+        AssetError: of no exemplar is it known how it is weathered, or none shows any learnable texel.
     """
     targets, shares = [], []
     for number, subject in enumerate(exemplars.subjects):
@@ -81,7 +81,10 @@ def make_targets(
             if truth is not None:
                 targets.append(Target(number, truth, _base(subject, exemplars.scenes[view]), weight))
     if not targets:
-        raise AssetError("no exemplar is weathered and shows a learnable part, so that nothing can be scored.")
+        raise AssetError(
+            "nothing can be scored: of no exemplar that shows a learnable part is it known how it is weathered "
+            "(imported pictures have no truth)."
+        )
     if limit is not None and len(targets) > limit:
         targets = [targets[int(i)] for i in torch.linspace(0, len(targets) - 1, limit)]
     moved = [Target(t.subject, t.truth.to(device), t.base.to(device), t.weight.to(device)) for t in targets]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -82,17 +82,12 @@ def make_feed(
         AssetError: the data set is not there, not finished, or damaged.
         ConfigError: the renderer cannot do what the configuration asks.
     """
-    plan = DatasetPlan.load(folder)
-    _require_possible(config, plan.config.maps, renderer)
+    require_possible(config, DatasetPlan.load(folder), renderer)
     exemplars = load_exemplars(folder, split)
-    scenes = config.scenes if split == "train" else ScenesConfig()
-    lights = None
-    if isinstance(scenes.environment, EnvironmentSource):
-        lights = gather_environments(scenes.environment, plan.config.environment_rows, folder, base)
-    perturbation = Perturbation(scenes, plan.sampler(split), lights)
-    stages = _stages(config, scenes, exemplars, perturbation, renderer, device)
+    config = config if split == "train" else config.model_copy(update={"scenes": ScenesConfig()})
+    stages = make_stages(config, exemplars, split, renderer, device, base)
     stages.build(range(len(exemplars)), progress)
-    own = _own(config, scenes, stages)
+    own = _own(config, stages)
     return Feed(
         exemplars=exemplars,
         stages=stages,
@@ -104,7 +99,28 @@ def make_feed(
     )
 
 
-def _require_possible(config: TrainConfig, maps: Collection[str], renderer: Renderer[Any]) -> None:
+def make_stages(
+    config: TrainConfig, exemplars: Exemplars, split: Split, renderer: Renderer[Any], device: torch.device, base: Path
+) -> Transports | FreshRenders:
+    """Where fakes are rendered: in the scenes of these exemplars, perturbed as the configuration says."""
+    scenes, folder = config.scenes, exemplars.studio.folder
+    plan = DatasetPlan.load(folder)
+    lights = None
+    if isinstance(scenes.environment, EnvironmentSource):
+        lights = gather_environments(scenes.environment, plan.config.environment_rows, folder, base)
+    perturbation = Perturbation(scenes, plan.sampler(split), lights)
+    if config.rendering == "fresh":
+        return FreshRenders(exemplars, perturbation, RenderLayer(renderer, config.spp, config.spp_grad), device)
+    return Transports(exemplars, perturbation, renderer, config.spp, scenes.pool, device, config.seed)
+
+
+def require_possible(config: TrainConfig, plan: DatasetPlan, renderer: Renderer[Any]) -> None:
+    """Refuses a renderer that the data set's maps cannot be learned through as configured.
+
+    Raises:
+        ConfigError: what it cannot do.
+    """
+    maps = plan.config.maps
     if maps and config.rendering == "transport":
         raise ConfigError(
             f"rendering: transport is for base_color alone, and the data set's layers paint {', '.join(maps)} too: "
@@ -113,22 +129,9 @@ def _require_possible(config: TrainConfig, maps: Collection[str], renderer: Rend
     require_maps(renderer, maps, differentiable=True)
 
 
-def _stages(
-    config: TrainConfig,
-    scenes: ScenesConfig,
-    exemplars: Exemplars,
-    perturbation: Perturbation,
-    renderer: Renderer[Any],
-    device: torch.device,
-) -> Transports | FreshRenders:
-    if config.rendering == "fresh":
-        return FreshRenders(exemplars, perturbation, RenderLayer(renderer, config.spp, config.spp_grad), device)
-    return Transports(exemplars, perturbation, renderer, config.spp, scenes.pool, device, config.seed)
-
-
-def _own(config: TrainConfig, scenes: ScenesConfig, stages: Transports | FreshRenders) -> Transports | FreshRenders:
+def _own(config: TrainConfig, stages: Transports | FreshRenders) -> Transports | FreshRenders:
     """Stages of the exemplars' own scenes; held by the CPU where they serve no fakes."""
-    if isinstance(stages, FreshRenders) or (scenes.matched and scenes.pool):
+    if isinstance(stages, FreshRenders) or (config.scenes.matched and config.scenes.pool):
         return stages
     matched = Perturbation(ScenesConfig(), stages.perturbation.sampler)
     return Transports(stages.exemplars, matched, stages.renderer, config.spp, 1, torch.device("cpu"), config.seed)

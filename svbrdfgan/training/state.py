@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from svbrdfgan.compositing import RGBA
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.networks import Discriminator, Generator, initialise
-from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
 
 _KEEP = 2
 
@@ -49,8 +49,7 @@ class State:
         """The state before the first step, for layers of so many channels; the same for the same seed on any device."""
         rng = torch.Generator().manual_seed(config.seed)
         generator = Generator(**config.generator.model_dump(), channels=channels)
-        shown = config.discriminator.model_dump(exclude={"guide"})
-        discriminator = Discriminator(channels=9 if config.discriminator.guide else 3, **shown)
+        discriminator = make_discriminator(config.discriminator)
         for network in (generator, discriminator):
             initialise(network, rng)
             network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
@@ -119,6 +118,11 @@ class State:
             for number, moments in adam.state_dict()["state"].items():
                 tensors |= {f"{name}.{number}.{key}": value for key, value in moments.items()}
         return {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+
+
+def make_discriminator(config: DiscriminatorConfig) -> Discriminator:
+    """The network for what it is shown: colours, and position and normal if it is guided."""
+    return Discriminator(channels=9 if config.guide else 3, **config.model_dump(exclude={"guide"}))
 
 
 def checkpoint_path(folder: Path, step: int) -> Path:

@@ -20,6 +20,8 @@ from svbrdfgan.transport.transfer import send
 
 Diagnostics = dict[str, Tensor]
 Pictures = Float[Tensor, "batch channels height width"]
+Shot = tuple[Tensor, Tensor, Tensor | None]
+"""Image, coverage and guide of a batch; no guide where the discriminator does not look at one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,13 +60,15 @@ def _play(
     with fabric.autocast():
         layers = state.generator(feed.geometry(indices))
     stage = feed.stage(indices, rng)
-    image, coverage, guide = feed.real(indices)
-    background = send(torch.from_numpy(rng.random((len(indices), 3), dtype=np.float32)), image.device)
-    shown = stage.guide if config.discriminator.guide else None
-    return Round(
-        real=present(image, coverage, background, guide),
-        fake=present(stage.render(layers), stage.coverage, background, shown),
-    )
+    guide = stage.guide if config.discriminator.guide else None
+    return show(feed.real(indices), (stage.render(layers), stage.coverage, guide), rng)
+
+
+def show(real: Shot, fake: Shot, rng: np.random.Generator) -> Round:
+    """Both sides as the discriminator sees them: each pair before a background of its own, drawn anew."""
+    device = real[0].device
+    background = send(torch.from_numpy(rng.random((len(real[0]), 3), dtype=np.float32)), device)
+    return Round(*(present(image, coverage, background, guide) for image, coverage, guide in (real, fake)))
 
 
 def _update_discriminator(

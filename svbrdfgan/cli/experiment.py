@@ -1,0 +1,90 @@
+"""`svbrdfgan experiment`: the thesis's experiments (chapter 5) and ours, each to a table and pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import click
+
+
+@click.command("experiment")
+@click.argument("name", required=False)
+@click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
+@click.option("--list", "listing", is_flag=True, help="Say what there is, and stop.")
+@click.option("--profile", default="cpu", show_default=True, type=click.Choice(["cpu", "gpu"]), help="How large a one.")
+@click.option("-o", "--out", type=click.Path(path_type=Path, file_okay=False), help="Folder of all experiments.")
+@click.option(
+    "--assets",
+    envvar="SVBRDFGAN_ASSETS",
+    type=click.Path(path_type=Path, file_okay=False, exists=True),
+    help="Folder with cars/ and envmaps/, which the gpu profile needs.",
+)
+@click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Runs at once, on one device.")
+@click.option("--seeds", metavar="0,1,2", help="Instead of those that each row names.")
+@click.option("--row", "rows", multiple=True, metavar="NAME", help="This row alone; repeatable.")
+def command(
+    name: str | None,
+    overrides: tuple[str, ...],
+    listing: bool,
+    profile: Literal["cpu", "gpu"],
+    out: Path | None,
+    assets: Path | None,
+    jobs: int,
+    seeds: str | None,
+    rows: tuple[str, ...],
+) -> None:
+    """Run experiment NAME, or that of a YAML file of your own, and write OUT/NAME/table.md with its pictures.
+
+    Stop it when you like; run again, it goes on, and what failed is tried again. Experiments in one OUT share data
+    sets, oracles and runs where they are equal; run one at a time there. KEY=VALUE changes what all rows start from,
+    such as `train.minutes=1` or `dataset.spp=16`. The gpu profile is the real one; cpu checks the trend, in some two
+    minutes a run.
+    """
+    if listing:
+        _list(profile)
+        return
+    if name is None or out is None:
+        raise click.UsageError("NAME and --out are wanted; `svbrdfgan experiment --list` shows the names.")
+    from rich.console import Console
+
+    from svbrdfgan.cli.display import terminal_display
+    from svbrdfgan.experiments.design import Design
+    from svbrdfgan.experiments.runner import run_experiment
+
+    design = Design.load(name, profile, overrides)
+    with terminal_display(Console(stderr=True)) as display:
+        results = run_experiment(
+            design, out, assets=assets, jobs=jobs, rows=rows, seeds=_numbers(seeds), display=display
+        )
+    for line, run in results.failures:
+        click.echo(f"failed: {line.row}, {line.recipe}, seed {run.seed}: {run.reason}", err=True)
+    click.echo(str(out / design.name / "table.md"))
+
+
+def _list(profile: Literal["cpu", "gpu"]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from svbrdfgan.experiments.definition import experiment_names
+    from svbrdfgan.experiments.design import Design
+
+    table = Table("name", "thesis", "rows", "runs", "minutes", "what")
+    for name in experiment_names():
+        design = Design.load(name, profile)
+        cells = design.cells()
+        minutes = sum(cell.spec.train.minutes or 0.0 for cell in cells)
+        experiment = design.experiment
+        row = (len(experiment.rows), len(cells), round(minutes))
+        table.add_row(name, experiment.figure, *map(str, row), experiment.title)
+    Console().print(table)
+    click.echo(
+        f"Minutes of training in profile {profile}, one run at a time. Runs that experiments share count in each."
+    )
+
+
+def _numbers(text: str | None) -> tuple[int, ...]:
+    try:
+        return tuple(map(int, text.split(","))) if text else ()
+    except ValueError as error:
+        raise click.BadParameter(f"{text!r} is no list such as 0,1,2.", param_hint="--seeds") from error

@@ -1,0 +1,161 @@
+"""Pictures that were found good, as exemplars on disk: masked, exposed alike, each with its scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from scipy.ndimage import grey_erosion
+
+from svbrdfgan.data.config import Split
+from svbrdfgan.data.distributions import mean
+from svbrdfgan.data.generate import exemplar_paths, save_exemplar
+from svbrdfgan.data.imported.check import Order, Shot
+from svbrdfgan.data.imported.exposure import exposure, mean_light
+from svbrdfgan.data.imported.manifest import Manifest
+from svbrdfgan.data.plan import DatasetPlan, environment_asset, mesh_asset
+from svbrdfgan.data.sampler import EnvironmentAsset, MeshAsset
+from svbrdfgan.data.scene import Scene, SceneEnvironment
+from svbrdfgan.data.studio import Studio, resolve_renderer
+from svbrdfgan.io import load_environment
+from svbrdfgan.protocols import Renderer
+from svbrdfgan.types import Mesh, Rendering
+
+Place = tuple[Split, int]
+"""Where an exemplar lies in its data set."""
+
+_SPP = 64
+_ERODED = 1 / 64
+"""Of the film's height: how far a silhouette shrinks where it stands in for a mask."""
+
+
+def places(manifest: Manifest) -> list[Place]:
+    """The place of each picture: views of one mesh follow each other, as training wants them."""
+    found: dict[int, Place] = {}
+    for split in manifest.config().splits:
+        chosen = [n for mesh in manifest.meshes(split) for n, e in enumerate(manifest.pictures) if e.mesh == mesh]
+        found |= {number: (split, index) for index, number in enumerate(chosen)}
+    return [found[number] for number in range(len(manifest.pictures))]
+
+
+def develop(
+    order: Order, meshes: Mapping[str, Mesh], pool: tuple[EnvironmentAsset, ...], shots: Sequence[Shot], folder: Path
+) -> list[float]:
+    """Writes the data set of these pictures, and gives what each was multiplied by.
+
+    What cannot be developed is noted among the order's faults.
+    """
+    plan = _plan(order.manifest, meshes, pool, folder)
+    room = _Darkroom.open(order, plan, folder)
+    order.display.begin("exemplars", len(shots))
+    exposures = [0.0] * len(shots)
+    at = places(order.manifest)
+    for number in sorted(range(len(shots)), key=at.__getitem__):  # a mesh is prepared once
+        with order.faults.about(f"pictures[{number}]: {shots[number].entry.file}"):
+            exposures[number] = room.develop(shots[number], number, exemplar_paths(folder, *at[number]))
+        order.display.advance()
+    plan.save(folder)
+    return exposures
+
+
+def _plan(
+    manifest: Manifest, meshes: Mapping[str, Mesh], pool: tuple[EnvironmentAsset, ...], folder: Path
+) -> DatasetPlan:
+    config = manifest.config()
+    views = [entry.mesh for entry in manifest.pictures]
+
+    def asset(file: str) -> MeshAsset:
+        stored = mesh_asset(Path(file).stem, meshes[file], config, folder)
+        return stored.model_copy(update={"views": views.count(file)})
+
+    assets = {split: tuple(asset(file) for file in manifest.meshes(split)) for split in config.splits}
+    return DatasetPlan(config=config, meshes=assets, environments=dict.fromkeys(config.splits, pool))
+
+
+@dataclass
+class _Darkroom:
+    """What all pictures need.
+
+    Attributes:
+        meshes: the data set's, by the manifest's file.
+        lights: those that pictures name, by file; the mean of the pool's, which stands for the unknown, by None.
+        prepared: the surface of the last picture, which is likely that of the next.
+    """
+
+    manifest: Manifest
+    studio: Studio
+    renderer: Renderer[Any]
+    meshes: dict[str, MeshAsset]
+    lights: dict[str | None, SceneEnvironment]
+    prepared: tuple[str, Any] | None = None
+
+    @classmethod
+    def open(cls, order: Order, plan: DatasetPlan, folder: Path) -> _Darkroom:
+        manifest, base = order.manifest, order.base
+        config, rows = plan.config, plan.config.environment_rows
+        files = [file for split in config.splits for file in manifest.meshes(split)]
+        assets = [mesh for split in config.splits for mesh in plan.meshes[split]]
+        unknown = environment_asset("mean of the pool", mean_light(plan.sampler("train"), folder), rows, folder)
+        lights: dict[str | None, SceneEnvironment] = {None: SceneEnvironment(asset=unknown.asset)}
+        for file in {entry.environment for entry in manifest.pictures if entry.environment}:
+            known = environment_asset(f"own {Path(file).stem}", load_environment(base / file), rows, folder)
+            scale = known.normalisation * max(mean(config.environment_brightness), 1e-6)
+            lights[file] = SceneEnvironment(asset=known.asset, scale=scale)
+        renderer = resolve_renderer(manifest.renderer)
+        return cls(manifest, Studio(folder), renderer, dict(zip(files, assets, strict=True)), lights)
+
+    def develop(self, shot: Shot, number: int, paths: tuple[Path, Path]) -> float:
+        """Writes one exemplar, and gives what the picture was multiplied by."""
+        scene = self._scene(shot, number)
+        clean = self._clean(scene)
+        masked = _masked(shot, clean)
+        factor = exposure(masked, clean)
+        save_exemplar(paths[0], Rendering(masked.image * factor, masked.coverage))
+        scene.save(paths[1])
+        return factor
+
+    def _scene(self, shot: Shot, number: int) -> Scene:
+        manifest, entry = self.manifest, shot.entry
+        width, height = manifest.image
+        mesh, paint = self.meshes[entry.mesh], manifest.base_paint(entry)
+        turn = {"rotation_degrees": entry.environment_rotation_degrees}
+        return Scene(
+            mesh=mesh.asset,
+            environment=self.lights[entry.environment].model_copy(update=turn),
+            camera=shot.camera,
+            width=width,
+            height=height,
+            spp=_SPP,
+            seed=number,
+            texture=manifest.texture,
+            renderer=manifest.renderer,
+            embedding=manifest.embedding,
+            learnable=manifest.learnable,
+            materials={} if paint is None else dict.fromkeys(mesh.painted, paint),
+            weathering="unknown",
+        )
+
+    def _clean(self, scene: Scene) -> Rendering:
+        """The scene without weathering, on the CPU."""
+        subject = self.studio.subject(scene)
+        if self.prepared is None or self.prepared[0] != scene.mesh.path:
+            self.prepared = scene.mesh.path, self.renderer.prepare(subject.surface)
+        materials, view = subject.materials(scene.materials, None), self.studio.view(scene)
+        made = self.renderer.render(self.prepared[1], materials, view, spp=_SPP, seed=scene.seed)
+        return Rendering(made.image.cpu(), made.coverage.cpu())
+
+
+def _masked(shot: Shot, clean: Rendering) -> Rendering:
+    """The picture by its mask; without one, by the mesh's silhouette, shrunk.
+
+    So much of the camera's error does no harm then: what lies beside the mesh's edge is another thing.
+    """
+    image, coverage = shot.film[:3].permute(1, 2, 0), shot.film[3]
+    if shot.masked:
+        return Rendering(image, coverage)
+    reach = 1 + 2 * max(1, round(_ERODED * len(coverage)))
+    silhouette = torch.from_numpy(grey_erosion(clean.coverage.numpy(), size=(reach, reach))) * (coverage > 0.999)
+    return Rendering(image * silhouette.unsqueeze(-1), silhouette)

@@ -1,0 +1,94 @@
+"""Users' pictures and masks as linear values, decoded by what kind of file they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io.files import check_file
+from svbrdfgan.io.image import EIGHT_BIT, linear_from_picture, load_image, srgb_from_linear
+
+SUFFIXES = (*EIGHT_BIT, ".exr")
+_LEAST = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Photo:
+    """A picture as the user took it, upright.
+
+    Attributes:
+        image: linear RGB, not premultiplied.
+        mask: share of each pixel that shows the object; None where nobody said.
+    """
+
+    image: Float[Tensor, "height width 3"]
+    mask: Float[Tensor, "height width"] | None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height."""
+        return self.image.shape[1], self.image.shape[0]
+
+
+def load_photo(path: Path, mask: Path | None) -> Photo:
+    """A PNG or JPEG (sRGB) or an EXR (linear), turned upright as its EXIF says.
+
+    The mask is the file given, white where the object is; else the picture's own transparency, if it has any.
+
+    Raises:
+        AssetError: a file cannot be read, holds values that are not finite, is too small, or the mask does not fit.
+    """
+    image = _load(path)
+    if not torch.isfinite(image).all():
+        raise AssetError(f"{path} holds values that are not finite; export it again.")
+    height, width = image.shape[:2]
+    if min(height, width) < _LEAST:
+        raise AssetError(f"{path} is {width} x {height} pixels; wanted at least {_LEAST} x {_LEAST}.")
+    color, alpha = image[..., :3].clamp(min=0), image[..., 3:].clamp(0, 1)
+    if alpha.numel() and path.suffix.lower() == ".exr":
+        color = color / alpha.clamp(min=1e-6)  # EXR is premultiplied
+    if mask is not None:
+        return Photo(color, _load_mask(mask, path, (width, height)))
+    own = alpha[..., 0] if alpha.numel() and bool((alpha < 1).any()) else None
+    return Photo(color, _holding(own, path))
+
+
+def _load_mask(path: Path, picture: Path, size: tuple[int, int]) -> Float[Tensor, "height width"]:
+    values = _load(path)
+    found = (values.shape[1], values.shape[0])
+    if found != size:
+        raise AssetError(
+            f"{path} is {found[0]} x {found[1]} pixels and its picture {picture.name} {size[0]} x {size[1]}: "
+            "a mask must have its picture's size."
+        )
+    if values.shape[2] == 4:
+        shown = values[..., 3]
+    else:  # plain numbers, which reading took for sRGB
+        shown = values.mean(dim=-1) if path.suffix.lower() == ".exr" else srgb_from_linear(values).mean(dim=-1)
+    mask = _holding(shown.clamp(0, 1), path)
+    assert mask is not None
+    return mask
+
+
+def _holding(mask: Float[Tensor, "height width"] | None, path: Path) -> Float[Tensor, "height width"] | None:
+    if mask is not None and not bool((mask > 0.5).any()):
+        raise AssetError(f"{path} masks everything away: no pixel is white (or opaque), so that no object is left.")
+    return mask
+
+
+def _load(path: Path) -> Float[Tensor, "height width channels"]:
+    check_file(path, SUFFIXES, "picture")
+    if path.suffix.lower() == ".exr":
+        return load_image(path)
+    from PIL import Image, ImageOps
+
+    try:
+        with Image.open(path) as image:
+            return linear_from_picture(ImageOps.exif_transpose(image))
+    except Exception as error:  # Pillow's decoders raise many kinds, and every one means that the file is broken
+        raise AssetError(f"{path} cannot be read as a picture: {error}.") from error

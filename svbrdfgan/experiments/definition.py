@@ -1,0 +1,130 @@
+"""What an experiment is, as written in its YAML file; and the profiles: how large and how long it is to be."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from pydantic import Field
+
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.faults import did_you_mean
+from svbrdfgan.options import StrictModel, validate
+from svbrdfgan.yaml_files import load_yaml
+
+Recipe = Literal["default", "thesis"]
+ProfileName = Literal["cpu", "gpu"]
+Measure = Literal["unseen", "gradient_noise"]
+
+Record = TypeVar("Record", bound=StrictModel)
+
+
+class Changes(StrictModel):
+    """Values put into the data set's and the training's configuration, by dotted key, each whole."""
+
+    dataset: dict[str, Any] = {}
+    train: dict[str, Any] = {}
+
+    def overrides(self) -> list[str]:
+        """As KEY=VALUE, with keys that begin with `dataset.` or `train.`."""
+        groups = {"dataset": self.dataset, "train": self.train}
+        return [
+            f"{group}.{key}={json.dumps(value)}" for group, changes in groups.items() for key, value in changes.items()
+        ]
+
+
+class _Changed(Changes):
+    """Changes in every profile, and further ones in one."""
+
+    cpu: Changes = Changes()
+    gpu: Changes = Changes()
+
+    def overrides_in(self, profile: ProfileName) -> list[str]:
+        return self.overrides() + (self.cpu if profile == "cpu" else self.gpu).overrides()
+
+
+class Row(_Changed):
+    """A row of the table.
+
+    Attributes:
+        about: what a reader of the table must know of it.
+        recipes: what it is trained by, and with which seeds; None for what the experiment says.
+    """
+
+    about: str
+    recipes: dict[Recipe, tuple[int, ...]] | None = None
+
+
+class Experiment(_Changed):
+    """An experiment: what all rows share, and the rows.
+
+    Attributes:
+        figure: of the thesis, which it reproduces.
+        thesis: what the thesis found.
+        measures: further columns of the table.
+    """
+
+    title: str
+    figure: str
+    thesis: str
+    recipes: dict[Recipe, tuple[int, ...]] = {"default": (0,), "thesis": (0,)}
+    measures: tuple[Measure, ...] = ()
+    rows: dict[str, Row] = Field(min_length=1)
+
+
+class Profile(StrictModel):
+    """How large and how long experiments are to be.
+
+    Attributes:
+        about: the vehicles, the light and the budget of a run, in words.
+        seeds: the most that are taken of each row's.
+        oracle_steps: the most that the oracle takes, plateau or not.
+        dataset, train: the configurations that experiments change.
+    """
+
+    about: str
+    seeds: int = Field(ge=1)
+    oracle_steps: int = Field(ge=1)
+    dataset: dict[str, Any]
+    train: dict[str, Any]
+
+
+def experiment_names() -> list[str]:
+    """The experiments that are shipped."""
+    return sorted(_stem(file) for file in (_shipped() / "definitions").iterdir() if file.name.endswith(".yaml"))
+
+
+def load_experiment(name: str) -> Experiment:
+    """A shipped experiment by its name, or one's own by the path of its YAML file.
+
+    Raises:
+        ConfigError: there is none, or its file is wrong: one line for each fault.
+    """
+    if name.endswith((".yaml", ".yml")):
+        return validate(Experiment, load_yaml(Path(name)), name)
+    known = experiment_names()
+    if name not in known:
+        hint = did_you_mean(name, known) or f"; known are {', '.join(known)}, or give the path of a YAML file."
+        raise ConfigError(f"there is no experiment {name!r}{hint}")
+    return _read(Experiment, "definitions", name)
+
+
+def load_profile(name: ProfileName) -> Profile:
+    """A shipped profile."""
+    return _read(Profile, "profiles", name)
+
+
+def _read(model: type[Record], folder: str, name: str) -> Record:
+    with resources.as_file(_shipped() / folder / f"{name}.yaml") as path:
+        return validate(model, load_yaml(path), path.name)
+
+
+def _shipped() -> Traversable:
+    return resources.files("svbrdfgan.experiments")
+
+
+def _stem(file: Traversable) -> str:
+    return file.name.removesuffix(".yaml")

@@ -1,0 +1,22 @@
+"""`python -m svbrdfgan.experiments.job`: does the task that stdin describes, in a process of its own."""
+
+from __future__ import annotations
+
+import logging
+import sys
+
+from svbrdfgan.errors import SvbrdfganError
+from svbrdfgan.experiments.tasks import Order
+
+
+def main() -> None:
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", stream=sys.stdout)
+    task = Order.model_validate_json(sys.stdin.read()).task
+    try:
+        task.work()
+    except SvbrdfganError as error:
+        sys.exit(" ".join(str(error).split()))
+
+
+if __name__ == "__main__":
+    main()

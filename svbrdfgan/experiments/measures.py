@@ -1,0 +1,72 @@
+"""What some experiments measure beside the verdict."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from functools import cache
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.evaluation import Evaluated
+from svbrdfgan.experiments.definition import Measure
+from svbrdfgan.report.vehicles import choose_views
+from svbrdfgan.scoring.recovered import make_targets, mean_error
+from svbrdfgan.training.feed import Feed
+
+_VIEWS, _DRAWS = 4, 16
+
+
+def measure(evaluated: Evaluated) -> dict[Measure, float]:
+    """All that can be measured of a run: gradients have noise only where pictures are rendered anew."""
+    found: dict[Measure, float] = {}
+    with suppress(AssetError):  # the pictures show everything
+        found["unseen"] = unseen(evaluated)
+    if evaluated.config.train.rendering == "fresh":
+        found["gradient_noise"] = gradient_noise(evaluated.feed, evaluated.layers["generated"])
+    return found
+
+
+def unseen(evaluated: Evaluated) -> float:
+    """`recovered` on that part of the learnable area that no picture of the split shows.
+
+    Raises:
+        AssetError: there is no such part.
+    """
+    feed, layers = evaluated.feed, evaluated.layers
+    exemplars = feed.exemplars
+
+    @cache
+    def hidden(subject: int) -> Float[Tensor, "rows cols"]:
+        shown = torch.stack([feed.seen(view).cpu() > 0 for view in exemplars.views_of(subject)]).any(dim=0)
+        return (~shown).float()
+
+    targets, _ = make_targets(exemplars, lambda view: hidden(int(exemplars.subject_of[view])), feed.buffers.device)
+    return 1.0 - mean_error(targets, layers["generated"]) / mean_error(targets, layers["constant"])
+
+
+def gradient_noise(feed: Feed, layers: Float[Tensor, "subjects rows cols channels"]) -> float:
+    """The variance of a layer's gradient over samples, relative to the gradient's square; summed over a few scenes.
+
+    The gradient is that of half the squared difference between an exemplar and its scene under the layer.
+    """
+    noise, signal = 0.0, 0.0
+    for index in choose_views(feed.exemplars, _VIEWS):
+        layer = layers[int(feed.exemplars.subject_of[index])].unsqueeze(0)
+        with torch.no_grad():
+            difference = feed.stage([index], np.random.default_rng(0)).render(layer) - feed.real([index])[0].float()
+        draws = torch.stack([_gradient(feed, index, layer, difference, draw) for draw in range(1, _DRAWS + 1)])
+        variance = float(draws.var(dim=0).sum())
+        noise += variance
+        signal += float(draws.mean(dim=0).square().sum()) - variance / _DRAWS  # the mean's own noise, taken out
+    return noise / max(signal, 1e-30)
+
+
+def _gradient(feed: Feed, index: int, layer: Tensor, difference: Tensor, draw: int) -> Tensor:
+    learned = layer.detach().clone().requires_grad_(True)
+    feed.stage([index], np.random.default_rng(draw)).render(learned).backward(difference)
+    assert learned.grad is not None
+    return learned.grad

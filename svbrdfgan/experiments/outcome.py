@@ -1,0 +1,82 @@
+"""What became of one run: its verdict, and how its score rose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field
+
+from svbrdfgan.data.scene import load_json
+from svbrdfgan.evaluation import Evaluation
+from svbrdfgan.experiments.definition import Measure
+from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.options import StrictModel, validate
+
+OUTCOME = "outcome.json"
+
+
+class Point(StrictModel):
+    """A score on the validation split, on the way.
+
+    Attributes:
+        images: exemplars shown to the discriminator so far, in all its updates.
+        seconds: of training so far.
+    """
+
+    images: int
+    seconds: float
+    recovered: float
+
+
+class Outcome(StrictModel):
+    """The contents of `outcome.json`: where it is, the run is over.
+
+    Attributes:
+        evaluation: on the test split.
+        oracle_validation: what the oracle recovered on the validation split.
+        history: oldest first.
+        jobs: how many runs shared the device, so that seconds can be compared.
+    """
+
+    evaluation: Evaluation
+    oracle_validation: float
+    history: tuple[Point, ...] = Field(min_length=1)
+    measures: dict[Measure, float] = {}
+    device: str
+    jobs: int
+    versions: dict[str, str]
+
+    @property
+    def images(self) -> int:
+        return self.history[-1].images
+
+    @property
+    def seconds(self) -> float:
+        return self.history[-1].seconds
+
+    def half_way(self) -> Point | None:
+        """Where the score first reached half the oracle's; None if it never did, or the oracle learned nothing."""
+        half = self.oracle_validation / 2
+        return next((point for point in self.history if point.recovered >= half > 0), None)
+
+    def best_within(self, *, images: int) -> float | None:
+        """The best score on the validation split within so many images: that of the model a shorter run had kept."""
+        return max((point.recovered for point in self.history if point.images <= images), default=None)
+
+    def best_in_time(self, *, seconds: float) -> float | None:
+        """Likewise within so many seconds."""
+        return max((point.recovered for point in self.history if point.seconds <= seconds), default=None)
+
+    def save(self, run: Path) -> None:
+        with atomic_path(run / OUTCOME) as temporary:
+            temporary.write_text(self.model_dump_json(indent=1) + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, run: Path) -> Outcome:
+        """Reads what `save` wrote.
+
+        Raises:
+            AssetError: the run is not over, or the file is damaged.
+            ConfigError: it is of another version.
+        """
+        return validate(cls, load_json(run / OUTCOME), str(run / OUTCOME))

@@ -1,0 +1,140 @@
+"""The results as files that people read: `table.md`, its pictures, and `results.json` for programs."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from svbrdfgan.experiments.columns import Column
+from svbrdfgan.experiments.results import Line, Results
+from svbrdfgan.experiments.strip import STRIP, write_sheet
+from svbrdfgan.io.atomic import atomic_path
+
+TABLE, RESULTS, SHEET, PICTURES = "table.md", "results.json", "pictures.png", "pictures"
+
+
+def write_results(folder: Path, results: Results) -> None:
+    """Writes all of them, over those of an earlier state.
+
+    Raises:
+        AssetError: the disk cannot be written.
+    """
+    _write(folder / RESULTS, json.dumps(results.record(), indent=1) + "\n")
+    strips = _strips(folder / PICTURES, results.lines)
+    if strips:
+        write_sheet(folder / SHEET, strips)
+    _write(folder / TABLE, page(results, pictures=bool(strips)))
+
+
+def page(results: Results, *, pictures: bool) -> str:
+    """The page in Markdown."""
+    design, columns = results.design, [*results.verdicts(), *results.speeds()]
+    experiment = design.experiment
+    parts = [
+        f"# {experiment.title}",
+        f"Reproduces {experiment.figure} of the thesis. The thesis: {experiment.thesis.strip()}",
+        f"Profile `{design.profile_name}`: {design.profile.about.strip()}",
+        _changed("All rows differ from that by", design.common),
+        "## How well each row learned",
+        _table(results.verdicts(), results.lines),
+        _spread(results),
+        "One oracle serves all rows with the same data and generator." + _rising(results.lines),
+        _absent(results.lines),
+        "## How fast",
+        _table(results.speeds(), results.lines),
+        f"Scores are of the validation split here, of the test split above. {_machines(results)}",
+        "## What the rows are",
+        "\n".join(_row(results, name) for name in experiment.rows),
+        "The recipe `default` is this project's; `thesis` is the thesis's own: WGAN-GP, five critic steps, batch 1.",
+        "## Pictures" if pictures else "",
+        f"Two vehicles that were never trained on, by the first seed.\n\n![]({SHEET})" if pictures else "",
+        "## What the columns are",
+        "\n".join(f"- **{column.heading}**: {column.meaning}" for column in columns),
+        "## The runs",
+        "\n".join(_runs(results.lines)),
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _table(columns: Sequence[Column], lines: Iterable[Line]) -> str:
+    head = ["row", "recipe", "seeds", *(column.heading for column in columns)]
+    rows = [
+        [line.row, line.recipe, str(len(line.outcomes)), *(_cell(column, line) for column in columns)]
+        for line in lines
+        if line.outcomes
+    ]
+    ruler = ["---", "---", *["---:"] * (len(head) - 2)]
+    return "\n".join("| " + " | ".join(row) + " |" for row in [head, ruler, *rows])
+
+
+def _cell(column: Column, line: Line) -> str:
+    """Mean and deviation; with how many runs have the number, where not all do."""
+    statistic = column.over(line.outcomes)
+    if statistic is None:
+        return column.absent
+    spread = "" if statistic.deviation is None else f" ± {statistic.deviation:{column.form}}"
+    partly = "" if statistic.count == statistic.of else f" ({statistic.count} of {statistic.of})"
+    return f"{statistic.mean:{column.form}}{spread}{partly}"
+
+
+def _row(results: Results, name: str) -> str:
+    about = results.design.experiment.rows[name].about.strip()
+    return f"- **{name}**: {about} {_changed('Sets', results.design.changes(name))}".rstrip()
+
+
+def _changed(intro: str, overrides: Iterable[str]) -> str:
+    told = ", ".join(f"`{override}`" for override in overrides)
+    return f"{intro} {told}." if told else ""
+
+
+def _spread(results: Results) -> str:
+    several = any(len(line.outcomes) > 1 for line in results.lines)
+    return "Mean ± standard deviation over the seeds." if several else "One seed each: small differences mean nothing."
+
+
+def _rising(lines: Iterable[Line]) -> str:
+    """Which ceilings are too low."""
+    found = [_label(line) for line in lines if any(not o.evaluation.oracle_plateau for o in line.outcomes)]
+    return f" Its steps ran out while it was still rising in: {'; '.join(found)}." if found else ""
+
+
+def _absent(lines: Iterable[Line]) -> str:
+    found = [_label(line) for line in lines if not line.runs]
+    return f"Not run yet: {'; '.join(found)}." if found else ""
+
+
+def _machines(results: Results) -> str:
+    """On what, and how many at once: seconds of different ones cannot be compared."""
+    found = dict.fromkeys(f"{o.device}, {o.jobs} at once" for o in results.outcomes)
+    mixed = " These differ, so compare seconds only where they agree." if len(found) > 1 else ""
+    return f"Seconds are those of runs on {'; '.join(found)}.{mixed}" if found else ""
+
+
+def _runs(lines: Iterable[Line]) -> Iterable[str]:
+    for line in lines:
+        for run in line.runs:
+            told = f"[report](../runs/{run.folder.name}/report.html)" if run.reason is None else f"failed: {run.reason}"
+            yield f"- {_label(line)}, seed {run.seed}: {told}"
+
+
+def _label(line: Line) -> str:
+    return f"{line.row}, {line.recipe}"
+
+
+def _strips(folder: Path, lines: Iterable[Line]) -> dict[str, Path]:
+    """A copy of the strip of each line's first run, by its label."""
+    strips = {}
+    for line in lines:
+        first = next((run for run in line.runs if (run.folder / STRIP).is_file()), None)
+        if first is not None:
+            strips[_label(line)] = path = folder / f"{line.row}-{line.recipe}.png"
+            folder.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(first.folder / STRIP, path)
+    return strips
+
+
+def _write(path: Path, text: str) -> None:
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

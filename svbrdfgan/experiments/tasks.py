@@ -1,0 +1,140 @@
+"""What processes of their own do: make a data set, train its oracle, train and judge a run."""
+
+from __future__ import annotations
+
+import shutil
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Literal
+
+import torch
+from pydantic import Field
+
+from svbrdfgan.data.config import DatasetConfig, EnvironmentSource
+from svbrdfgan.data.generate import generate, missing
+from svbrdfgan.data.plan import PLAN, DatasetPlan
+from svbrdfgan.evaluation import evaluate
+from svbrdfgan.experiments.design import OracleSpec, RunSpec
+from svbrdfgan.experiments.measures import measure
+from svbrdfgan.experiments.outcome import OUTCOME, Outcome, Point
+from svbrdfgan.experiments.strip import STRIP, write_strip
+from svbrdfgan.options import StrictModel
+from svbrdfgan.report import write_report
+from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.oracle import OracleConfig
+from svbrdfgan.training.run import CONFIG, ORACLE, load_generator, versions
+from svbrdfgan.training.state import State
+from svbrdfgan.training.trainer import train
+
+_NOTES = "oracle.json"
+
+
+class _Task(StrictModel):
+    """What is to be made.
+
+    Attributes:
+        title: for people.
+        root: the folder of all experiments, which holds data sets, oracles and runs.
+        folder: where it is made, relative to the root.
+        assets: what patterns of files are relative to.
+    """
+
+    title: str
+    root: str
+    folder: str
+    assets: str
+
+    @property
+    def path(self) -> Path:
+        return Path(self.root) / self.folder
+
+
+class DatasetTask(_Task):
+    """A data set. `workers` embed and bake meshes."""
+
+    kind: Literal["dataset"] = "dataset"
+    config: DatasetConfig
+    workers: int
+
+    def done(self) -> bool:
+        return (self.path / PLAN).is_file() and next(missing(DatasetPlan.load(self.path), self.path), None) is None
+
+    def work(self) -> None:
+        generate(self.config, self.path, base=Path(self.assets), workers=self.workers)
+
+
+class OracleTask(_Task):
+    """The oracle of a data set and a generator: that of a run of one step."""
+
+    kind: Literal["oracle"] = "oracle"
+    spec: OracleSpec
+    dataset: str
+
+    def done(self) -> bool:
+        return (self.path / ORACLE).is_file() and (self.path / _NOTES).is_file()
+
+    def work(self) -> None:
+        _train(self, self.spec.train, self.dataset)
+        evaluate(self.path, split="validation", schedule=OracleConfig(steps=self.spec.steps))
+        _forget_checkpoints(self.path)
+
+
+class RunTask(_Task):
+    """A run, and the verdict on it."""
+
+    kind: Literal["run"] = "run"
+    spec: RunSpec
+    dataset: str
+    oracle: str
+    jobs: int
+
+    def done(self) -> bool:
+        return (self.path / OUTCOME).is_file()
+
+    def work(self) -> None:
+        state = _train(self, self.spec.train, self.dataset)
+        for name in (ORACLE, _NOTES):
+            shutil.copyfile(Path(self.root) / self.oracle / name, self.path / name)
+        evaluated = evaluate(self.path, split="test")
+        write_report(self.path, evaluated)
+        write_strip(self.path / STRIP, evaluated)
+        best = load_generator(self.path / ORACLE)[1]
+        Outcome(
+            evaluation=evaluated.evaluation,
+            oracle_validation=0.0 if best is None else best,
+            history=tuple(map(partial(_point, self.spec.train), state.history)),
+            measures=measure(evaluated),
+            device=torch.cuda.get_device_name() if torch.cuda.is_available() else "CPU",
+            jobs=self.jobs,
+            versions=versions(),
+        ).save(self.path)
+        _forget_checkpoints(self.path)
+
+
+Task = Annotated[DatasetTask | OracleTask | RunTask, Field(discriminator="kind")]
+
+
+class Order(StrictModel):
+    """A task as it is handed to its process."""
+
+    task: Task
+
+
+def _train(task: OracleTask | RunTask, config: TrainConfig, dataset: str) -> State:
+    """Trains, or goes on. Other lights are among the assets, not in the root."""
+    scenes = config.scenes
+    if isinstance(scenes.environment, EnvironmentSource):
+        files = tuple(str(Path(task.assets).resolve() / pattern) for pattern in scenes.environment.files)
+        scenes = scenes.model_copy(update={"environment": scenes.environment.model_copy(update={"files": files})})
+    placed = config.model_copy(update={"dataset": dataset, "scenes": scenes})
+    return train(placed, task.path, base=Path(task.root), resume=(task.path / CONFIG).is_file())
+
+
+def _point(config: TrainConfig, entry: dict[str, float]) -> Point:
+    shown = round(entry["step"]) * config.batch_size * config.loss.critic_steps
+    return Point(images=shown, seconds=entry["seconds"], recovered=entry["recovered"])
+
+
+def _forget_checkpoints(run: Path) -> None:
+    """They are several times as large as the model, and the run is over."""
+    shutil.rmtree(run / "checkpoints", ignore_errors=True)

@@ -1,0 +1,146 @@
+"""`svbrdfgan dataset import`: a sibling of `dataset CONFIG`, and a page whose example is a manifest."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from svbrdfgan.cli import main
+from svbrdfgan.data.exemplars import load_exemplars
+from svbrdfgan.data.imported.manifest import LookAtCamera, Manifest, PictureEntry, read_manifest
+from svbrdfgan.data.scene import OrbitCamera
+from svbrdfgan.io import save_mesh_glb
+from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.training.config import train_config
+
+PAGE = Path(__file__).parents[2] / "docs" / "own-pictures.md"
+CAMERA: dict[str, Any] = {"azimuth_degrees": 90, "elevation_degrees": 10, "distance": 1.8}
+ROW = re.compile(r"^\| `([^`]+)` \| (.+?) \| .+ \|$", re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def manifest(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One grey picture of a van, with a mask that is nearly all of it."""
+    folder = tmp_path_factory.mktemp("own")
+    save_mesh_glb(folder / "van.glb", build_vehicle(sample_vehicle("van", 5)))
+    Image.new("RGB", (48, 48), (120, 120, 120)).save(folder / "van.jpg")
+    mask = np.zeros((48, 48), dtype=np.uint8)
+    mask[4:44, 2:46] = 255
+    Image.fromarray(mask).save(folder / "mask.png")
+    data = {
+        "pictures": [
+            {"file": "van.jpg", "mesh": "van.glb", "mask": "mask.png", "camera": {**CAMERA, "target": [0, 0.2, 0]}}
+        ],
+        "image": [24, 24],
+        "texture": 16,
+        "renderer": {"name": "mitsuba", "device": "cpu"},
+        "embedding": {"name": "hemispherical", "resolution": 16},
+        "environments": {"procedural": {"count": 1}},
+        "environment_rows": 8,
+    }
+    (folder / "manifest.yaml").write_text(yaml.safe_dump(data))
+    return folder / "manifest.yaml"
+
+
+def invoke(*words: object) -> Result:
+    return CliRunner().invoke(main, [str(word) for word in words])
+
+
+def test_it_makes_a_data_set_and_says_what_to_look_at(manifest: Path, tmp_path: Path) -> None:
+    result = invoke("dataset", "import", manifest, "-o", tmp_path / "own", "image=[32, 24]")
+    assert result.exit_code == 0, result.output
+    assert re.search(r"^overlay/0000.png: van.jpg: IoU 0\.\d\d, exposure x [\d.]+$", result.stdout, re.MULTILINE)
+    assert "contact-sheet.png" in result.stdout
+    assert "train: 1 exemplars of 1 meshes" in result.stdout
+    assert "warning: van.jpg: mask and mesh agree by 0." in result.stderr
+    assert load_exemplars(tmp_path / "own", "train").images.shape == (1, 24, 32, 3)
+    again = invoke("dataset", "import", manifest, "-o", tmp_path / "own")
+    assert again.exit_code == 1
+    assert "holds other things" in again.stderr
+
+
+def test_faults_are_lines_on_stderr(manifest: Path, tmp_path: Path) -> None:
+    result = invoke(
+        "dataset", "import", manifest, "-o", tmp_path / "own", "embedding=spherical", "learnable.include=[x]"
+    )
+    assert (result.exit_code, result.stdout) == (1, "")
+    told = [line for line in result.stderr.splitlines() if "manifest.yaml:" in line]
+    assert len(told) == 2
+    assert told[0].startswith("Error: ")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command_for_distributions_is_as_it_was() -> None:
+    command = main.get_command(click.Context(main), "dataset")
+    assert command is not None
+    plain = command.make_context("dataset", ["import.yaml", "spp=16", "-o", "out"])
+    assert plain.params["config"] == Path("import.yaml")
+    assert plain.params["overrides"] == ("spp=16",)
+    assert command.make_context("dataset", ["./import", "-o", "out"]).params["config"] == Path("import")
+    other = command.make_context("dataset", ["import", "m.yaml", "-o", "out", "--preview"])
+    assert other.params["manifest"] == Path("m.yaml")
+    with pytest.raises(click.UsageError):
+        command.make_context("dataset", ["import", "m.yaml", "-o", "out", "--dry-run"])
+
+
+def test_help_tells_of_both() -> None:
+    assert "dataset import MANIFEST" in invoke("dataset", "--help").stdout
+    told = invoke("dataset", "import", "--help").stdout
+    assert "Usage: svbrdfgan dataset import" in told.replace("main", "svbrdfgan")
+    assert "--preview" in told
+
+
+def keys() -> dict[str, Any]:
+    """Every key of a manifest, with its default."""
+    found: dict[str, Any] = dict(Manifest.model_fields)
+    found |= {f"pictures.{name}": field for name, field in PictureEntry.model_fields.items()}
+    for camera in (OrbitCamera, LookAtCamera):
+        found |= {f"pictures.camera.{name}": field for name, field in camera.model_fields.items()}
+    return found
+
+
+def with_value(key: str, value: Any) -> Manifest:
+    """As little as a manifest can be, with one more value."""
+    data: dict[str, Any] = {"pictures": [{"file": "a.jpg", "mesh": "a.glb", "camera": dict(CAMERA)}]}
+    *above, name = key.split(".")
+    place = {(): data, ("pictures",): data["pictures"][0], ("pictures", "camera"): data["pictures"][0]["camera"]}
+    place[tuple(above)].setdefault(name, value)
+    return read_manifest(data, "page")
+
+
+def test_every_key_is_explained_with_its_default() -> None:
+    table = PAGE.read_text(encoding="utf-8").split("## Every key of a manifest")[1]
+    told, found = dict(ROW.findall(table)), keys()
+    assert sorted(told) == sorted(found)
+    assert {k for k, default in told.items() if default == "required"} == {
+        k for k, field in found.items() if field.is_required()
+    }
+    shown = {key: yaml.safe_load(default.strip("`")) for key, default in told.items() if default.startswith("`")}
+    assert len(shown) > 15
+    assert [key for key, value in shown.items() if with_value(key, value) != with_value("texture", 256)] == []
+
+
+def test_the_page_s_files_are_right() -> None:
+    own, training = (
+        yaml.safe_load(block) for block in re.findall(r"^```yaml\n(.*?)^```", PAGE.read_text(), re.M | re.S)
+    )
+    assert len(read_manifest(own, "page").pictures) > 1
+    assert train_config(training, "page").scenes.environment == "redrawn"
+
+
+def test_the_page_s_commands_parse() -> None:
+    blocks = "\n".join(re.findall(r"^```sh\n(.*?)^```", PAGE.read_text(), re.MULTILINE | re.DOTALL))
+    calls = [line.split("#")[0].split()[1:] for line in blocks.splitlines() if line.startswith("svbrdfgan ")]
+    assert len(calls) > 2
+    for name, *arguments in calls:
+        command = main.get_command(click.Context(main), name)
+        assert command is not None
+        command.make_context(name, arguments)

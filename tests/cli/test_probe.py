@@ -1,0 +1,55 @@
+"""`svbrdfgan probe` on the tiny data set: what it prints and writes, and its one sentence where it cannot."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from svbrdfgan.cli import main
+
+Data = Callable[..., dict[str, Any]]
+
+
+def probe(training: dict[str, Any], folder: Path, *words: object) -> Result:
+    (folder / "train.yaml").write_text(json.dumps(training))
+    return CliRunner().invoke(main, ["probe", str(folder / "train.yaml"), *map(str, words)])
+
+
+def test_a_table_and_two_files(training_data: Data, tmp_path: Path) -> None:
+    result = probe(training_data(), tmp_path, "scenes.environment=redrawn", "--minutes", 0.01, "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    rows = [line for line in result.stdout.splitlines() if line.startswith("│")]
+    assert [row.split("│")[1].strip() for row in rows] == ["pose", "light", "noise", "renderer", "all together"]
+    assert "the exemplars' own distribution" in rows[1]
+    assert "told: " in rows[1]
+    assert "the same on both sides" in rows[0]
+    assert result.stdout.splitlines()[-1] == f"written to {tmp_path / 'out'}"
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["pairs.png", "probe.json"]
+    assert json.loads((tmp_path / "out" / "probe.json").read_text())["exemplars"] == 6
+
+
+def test_nothing_is_written_unasked(training_data: Data, tmp_path: Path) -> None:
+    result = probe(training_data(), tmp_path, "--device", "cpu", "--minutes", 0.01)
+    assert result.exit_code == 0, result.output
+    assert "No shortcut was found that tells more than" in result.stdout
+    assert [path.name for path in tmp_path.iterdir()] == ["train.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("stesp=3",), "unknown key 'stesp'"),
+        (("dataset=nowhere",), "is not a data set"),
+        (("renderer={name: numpy, max_bounces: 2}",), "set rendering: fresh or choose another renderer"),
+    ],
+)
+def test_a_failure_is_one_sentence(words: tuple[str, ...], said: str, training_data: Data, tmp_path: Path) -> None:
+    result = probe(training_data(), tmp_path, *words, "-o", tmp_path / "out")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert said in result.stderr.splitlines()[-1]
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,111 @@
+"""Experiments without their cost: outcomes made up, and tasks that only leave the files of finished ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from svbrdfgan.display import Display
+from svbrdfgan.evaluation import Evaluation
+from svbrdfgan.experiments.design import Design
+from svbrdfgan.experiments.outcome import Outcome, Point
+from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask, Task
+
+EXPERIMENT: dict[str, Any] = {
+    "title": "Noise",
+    "figure": "figure 9-9",
+    "thesis": "It hurts.",
+    "recipes": {"default": [0, 1], "thesis": [0]},
+    "rows": {
+        "none": {"about": "No noise."},
+        "some": {"about": "Some noise.", "train": {"scenes.camera_noise_degrees": 5}},
+        "fewer": {"about": "Fewer views.", "dataset": {"splits.train.views": 2}, "recipes": {"default": [0]}},
+    },
+}
+
+MakeOutcome = Callable[..., Outcome]
+
+
+def make_outcome(
+    recovered: float = 0.6,
+    oracle: float = 0.8,
+    history: Sequence[tuple[int, float, float]] = ((100, 10.0, 0.2), (200, 20.0, 0.5), (300, 30.0, 0.45)),
+    jobs: int = 1,
+    plateau: bool = True,
+) -> Outcome:
+    """An outcome; the history holds images, seconds and score."""
+    evaluation = Evaluation(
+        split="test", recovered=recovered, oracle=oracle, fraction=recovered / oracle, oracle_plateau=plateau,
+        oracle_steps=300, flip=0.1, flip_oracle=0.05, flip_constant=0.2, flip_truth=0.02, seen=0.9,
+        constant=(0, 0, 0, 0), subjects=3, exemplars=6,
+    )  # fmt: skip
+    points = tuple(Point(images=i, seconds=s, recovered=r) for i, s, r in history)
+    return Outcome(
+        evaluation=evaluation, oracle_validation=oracle, history=points, device="CPU", jobs=jobs, versions={}
+    )
+
+
+@pytest.fixture
+def outcome() -> MakeOutcome:
+    return make_outcome
+
+
+@pytest.fixture
+def make_design(tmp_path: Path) -> Callable[..., Design]:
+    """The experiment above, with keys of it replaced, in the cpu profile with both seeds."""
+
+    def make(*overrides: str, name: str = "noise", **changes: Any) -> Design:
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(yaml.safe_dump({**EXPERIMENT, **changes}, sort_keys=False), encoding="utf-8")
+        design = Design.load(str(path), "cpu", overrides)
+        profile = design.profile.model_copy(update={"seeds": 2})
+        return Design(design.name, design.experiment, "cpu", profile, design.overrides)
+
+    return make
+
+
+@dataclass
+class FakeExecute:
+    """Does tasks by leaving the files of finished ones.
+
+    Attributes:
+        fails: reasons, by title of the task.
+        stops_after: tasks; then it is interrupted.
+        done: titles of what was done, by all calls.
+    """
+
+    fails: dict[str, str] = field(default_factory=dict)
+    stops_after: int | None = None
+    done: list[str] = field(default_factory=list)
+    tasks: list[Task] = field(default_factory=list)
+
+    def __call__(self, tasks: Sequence[Task], jobs: int, display: Display) -> Iterator[tuple[Task, str | None]]:
+        for task in tasks:
+            if self.stops_after == len(self.done):
+                raise KeyboardInterrupt
+            self.done.append(task.title)
+            self.tasks.append(task)
+            if task.title in self.fails:
+                yield task, self.fails[task.title]
+                continue
+            task.path.mkdir(parents=True, exist_ok=True)
+            match task:
+                case DatasetTask():
+                    (task.path / "made").touch()
+                case OracleTask():
+                    (task.path / "oracle.safetensors").touch()
+                    (task.path / "oracle.json").touch()
+                case RunTask():
+                    make_outcome(0.5 + 0.1 * task.spec.train.seed, jobs=jobs).save(task.path)
+            yield task, None
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> FakeExecute:
+    monkeypatch.setattr(DatasetTask, "done", lambda self: (self.path / "made").is_file())
+    return FakeExecute()

@@ -1,0 +1,79 @@
+"""A shipped experiment in the cpu profile, made small: from nothing to a table."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from svbrdfgan.display import Silent
+from svbrdfgan.experiments.design import Design
+from svbrdfgan.experiments.outcome import Outcome
+from svbrdfgan.experiments.processes import execute
+from svbrdfgan.experiments.runner import run_experiment
+from svbrdfgan.training.run import load_model
+
+SMALL = (
+    *("dataset.image=[32, 32]", "dataset.texture=32", "dataset.spp=8", "dataset.environment_rows=16"),
+    *(
+        f"dataset.splits.{split}.meshes.procedural.count={count}"
+        for split, count in {"train": 6, "validation": 2, "test": 2}.items()
+    ),
+    *(
+        "train.minutes=0.1",
+        "train.spp=8",
+        "train.generator.width=8",
+        "train.discriminator.width=8",
+        "train.score_every=5",
+    ),
+)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_an_experiment_from_nothing_to_a_table(tmp_path: Path) -> None:
+    design = Design.load("training", "cpu", SMALL)
+    design = replace(design, profile=design.profile.model_copy(update={"oracle_steps": 100}))
+    results = run_experiment(design, tmp_path, rows=["matched"], jobs=2)
+    assert results.failures == []
+    assert [(line.row, line.recipe) for line in results.lines if line.outcomes] == [
+        ("matched", "default"),
+        ("matched", "thesis"),
+    ]
+    for outcome in results.outcomes:
+        assert 6 <= outcome.seconds < 60
+        assert outcome.evaluation.split == "test"
+        assert math.isfinite(outcome.evaluation.recovered)
+        assert outcome.evaluation.oracle_steps == 100
+        assert "unseen" in outcome.measures
+    folder = tmp_path / "training"
+    assert "| matched | thesis | 1 |" in (folder / "table.md").read_text()
+    assert (folder / "pictures.png").is_file()
+    record = json.loads((folder / "results.json").read_text())
+    thesis = record["lines"][1]["runs"][0]["outcome"]
+    assert thesis["history"][0]["images"] == 5 * 5  # five steps of five critic updates of one exemplar
+    run = tmp_path / "runs" / record["lines"][0]["runs"][0]["folder"]
+    assert load_model(run).config.train.recipe == "default"
+    assert (run / "report.html").is_file()
+    assert not (run / "checkpoints").exists()
+
+    def forbidden(tasks, jobs, display):  # type: ignore[no-untyped-def]
+        raise AssertionError(f"{tasks[0].title} was done already")
+
+    again = run_experiment(design, tmp_path, rows=["matched"], execute=forbidden)
+    assert again.record() == results.record()
+    (run / "outcome.json").unlink()  # as if stopped before the verdict was written
+    before = Outcome.load(tmp_path / "runs" / record["lines"][1]["runs"][0]["folder"])
+    done = []
+
+    def watched(tasks, jobs, display):  # type: ignore[no-untyped-def]
+        done.extend(task.title for task in tasks)
+        return execute(tasks, jobs, Silent())
+
+    resumed = run_experiment(design, tmp_path, rows=["matched"], execute=watched)
+    assert done == ["matched, default, seed 0"]
+    assert resumed.failures == []
+    assert resumed.outcomes[1] == before

@@ -1,0 +1,89 @@
+"""What some experiments measure beside the verdict, and the strip of pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.data.studio import resolve_renderer
+from svbrdfgan.evaluation import Evaluated, evaluate
+from svbrdfgan.experiments import measures
+from svbrdfgan.experiments.measures import gradient_noise, measure, unseen
+from svbrdfgan.experiments.strip import write_strip
+from svbrdfgan.training.config import train_config
+from svbrdfgan.training.feed import make_feed
+from svbrdfgan.training.trainer import train
+
+Data = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture(scope="module")
+def evaluated(tmp_path_factory: pytest.TempPathFactory, training_data: Data) -> Evaluated:
+    folder = tmp_path_factory.mktemp("run") / "run"
+    train(train_config(training_data(steps=1), "here"), folder)
+    return evaluate(folder, split="validation", device="cpu", oracle=False)
+
+
+def test_only_what_no_picture_shows_counts_as_unseen(evaluated: Evaluated) -> None:
+    exemplars = evaluated.feed.exemplars
+    shown = torch.stack([evaluated.feed.seen(view) > 0 for view in exemplars.views_of(0)]).any(dim=0)
+    truth = exemplars.layers[0]
+    assert truth is not None
+    assert (shown & exemplars.subjects[0].learnable_texels).any()
+    constant = evaluated.layers["constant"][0]
+    hidden_right = torch.where(shown[..., None], constant, truth)
+    shown_right = torch.where(shown[..., None], truth, constant)
+
+    def score(layer: torch.Tensor) -> float:
+        return unseen(replace(evaluated, layers={**evaluated.layers, "generated": layer.unsqueeze(0)}))
+
+    assert score(hidden_right) == pytest.approx(1.0)
+    assert score(shown_right) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_stored_gradients_have_no_noise_to_measure(evaluated: Evaluated) -> None:
+    assert set(measure(evaluated)) == {"unseen"}
+
+
+@pytest.mark.parametrize("spread", [0.1, 1.0])
+def test_the_noise_of_a_gradient_is_its_relative_variance(spread: float, tiny_exemplars: Exemplars) -> None:
+    """A renderer that multiplies the layer by samples of mean 1: so the gradient's noise is theirs."""
+
+    def stage(indices: list[int], rng: np.random.Generator) -> SimpleNamespace:
+        samples = torch.from_numpy(1 + spread * rng.standard_normal((1, 32, 32, 4)))
+        return SimpleNamespace(render=lambda layers: layers * samples)
+
+    feed = SimpleNamespace(exemplars=tiny_exemplars, stage=stage, real=lambda indices: (torch.zeros(1, 32, 32, 4),))
+    noise = gradient_noise(feed, torch.full((2, 32, 32, 4), 0.5))  # type: ignore[arg-type]
+    assert noise == pytest.approx(spread**2, rel=0.15)
+
+
+def test_gradients_of_fresh_renders_are_noisy(
+    tiny_dataset: Path, training_data: Data, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(measures, "_DRAWS", 2)
+    fresh = {"rendering": "fresh", "discriminator": {"guide": False}, "spp": 1, "spp_grad": 1}
+    config = train_config(training_data(**fresh), "here")
+    renderer = resolve_renderer(config.renderer)
+    feed = make_feed(config, tiny_dataset, "validation", renderer, torch.device("cpu"))
+    assert gradient_noise(feed, torch.full((1, 32, 32, 4), 0.5)) > 0.01
+
+
+def test_the_strip(evaluated: Evaluated, tmp_path: Path) -> None:
+    write_strip(tmp_path / "strip.png", evaluated)
+    with Image.open(tmp_path / "strip.png") as image:
+        assert image.size == (1656, 160)
+        pixels = np.asarray(image.convert("RGB")).astype(float)
+    truth, learned = pixels[:, :240], pixels[:, 248:488]
+    assert np.abs(truth - learned).mean() > 0.5
+    assert np.abs(pixels[:, 496:656] - pixels[:, 664:824]).mean() > 0.5  # the layers
+    assert (pixels[:, 832:] == 255).all()  # there is one vehicle alone

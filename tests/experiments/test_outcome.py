@@ -1,0 +1,36 @@
+"""What a run's history tells: when it was half way, and how far it was within a budget."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.experiments.outcome import Outcome
+
+
+def test_it_is_read_as_written(outcome, tmp_path: Path) -> None:
+    outcome().save(tmp_path)
+    assert Outcome.load(tmp_path) == outcome()
+    with pytest.raises(AssetError):
+        Outcome.load(tmp_path / "elsewhere")
+
+
+def test_half_way_is_where_the_score_first_reached_half_the_oracle(outcome) -> None:
+    found = outcome(oracle=0.9).half_way()
+    assert found is not None
+    assert (found.images, found.seconds) == (200, 20.0)
+    assert outcome(oracle=0.4).half_way().images == 100  # exactly half counts
+    assert outcome(oracle=1.2).half_way() is None
+    assert outcome(oracle=-0.1).half_way() is None  # an oracle that learned nothing is no yardstick
+
+
+@pytest.mark.parametrize(("images", "score"), [(99, None), (100, 0.2), (199, 0.2), (200, 0.5), (300, 0.5)])
+def test_within_a_budget_the_best_counts(outcome, images: int, score: float | None) -> None:
+    assert outcome().best_within(images=images) == score
+    assert outcome().best_in_time(seconds=images / 10) == score
+
+
+def test_what_it_took_is_the_end_of_its_history(outcome) -> None:
+    assert (outcome().images, outcome().seconds) == (300, 30.0)

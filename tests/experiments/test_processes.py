@@ -1,0 +1,76 @@
+"""Processes: several at once, each one's failure its own."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from svbrdfgan.data.config import dataset_config
+from svbrdfgan.display import Silent
+from svbrdfgan.experiments.processes import OUTPUT, execute
+from svbrdfgan.experiments.tasks import DatasetTask
+
+Stand_In = Callable[[str], None]
+
+
+def task(root: Path, name: str, **changes: object) -> DatasetTask:
+    splits = {"train": {"meshes": {"procedural": {"count": 1}}, "views": 1}}
+    config = dataset_config({"splits": splits, **changes}, "here")
+    return DatasetTask(title=name, root=str(root), folder=name, assets="", config=config, workers=1)
+
+
+@pytest.fixture
+def stand_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stand_In:
+    """Puts a shell script in Python's place; what a task is stands in its stdin."""
+
+    def put(script: str) -> None:
+        program = tmp_path / "python"
+        program.write_text(f"#!/bin/sh\ntold=$(cat)\n{script}\n")
+        program.chmod(0o755)
+        monkeypatch.setattr(sys, "executable", str(program))
+
+    return put
+
+
+def test_a_failure_is_told_by_its_last_line(stand_in: Stand_In, tmp_path: Path) -> None:
+    stand_in('case "$told" in *\'"title":"bad"\'*) echo much; echo "car.glb has no faces." >&2; exit 1;; esac')
+    ended = {made.title: reason for made, reason in execute([task(tmp_path, n) for n in ("bad", "good")], 2, Silent())}
+    assert ended == {"bad": "car.glb has no faces.", "good": None}
+    assert (tmp_path / "bad" / OUTPUT).read_text() == "much\ncar.glb has no faces.\n"
+
+
+def test_a_process_that_aborts_is_a_failure(stand_in: Stand_In, tmp_path: Path) -> None:
+    stand_in("kill -ABRT $$")
+    ((_, reason),) = execute([task(tmp_path, "a")], 1, Silent())
+    assert reason == "it was ended by signal 6"
+    stand_in("exit 3")
+    ((_, reason),) = execute([task(tmp_path, "a")], 1, Silent())
+    assert reason == "it ended with exit code 3"
+
+
+def test_so_many_at_once(stand_in: Stand_In, tmp_path: Path) -> None:
+    stand_in(f'touch {tmp_path}/in.$$; ls {tmp_path} | grep -c "^in" ; sleep 0.3; rm {tmp_path}/in.$$')
+    tasks = [task(tmp_path, f"t{number}") for number in range(5)]
+    assert len(list(execute(tasks, 2, Silent()))) == 5
+    assert max(int((made.path / OUTPUT).read_text()) for made in tasks) == 2
+
+
+def test_who_stops_asking_ends_them(stand_in: Stand_In, tmp_path: Path) -> None:
+    stand_in(f'case "$told" in *\'"title":"slow"\'*) sleep 30; touch {tmp_path}/survived;; esac')
+    began, running = time.monotonic(), execute([task(tmp_path, n) for n in ("quick", "slow")], 2, Silent())
+    assert next(running)[0].title == "quick"
+    running.close()  # type: ignore[attr-defined]
+    assert time.monotonic() - began < 10
+    assert not (tmp_path / "survived").exists()
+
+
+def test_a_real_task_and_what_it_refuses(tmp_path: Path) -> None:
+    """The process reads the task, and its one sentence comes back."""
+    ((_, reason),) = execute([task(tmp_path, "wrong", embedding="hemisferical")], 1, Silent())
+    assert reason is not None
+    assert "hemisferical" in reason
+    assert "Traceback" not in (tmp_path / "wrong" / OUTPUT).read_text()
