@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from svbrdfgan.evaluation import Evaluated, pictures
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.report.pictures import Picture, framed, over_checker, to_pillow, upright
+from svbrdfgan.report.pictures import Picture, framed, over_checker, upright
+from svbrdfgan.report.sheet import INK, PAPER, cell, font
 from svbrdfgan.report.vehicles import choose_views
 from svbrdfgan.scoring.flip import display
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 STRIP = "strip.png"
 _WIDTHS = {"truth": 240, "learned": 240, "true layer": 160, "learned layer": 160}
 _HEIGHT, _GAP, _LABEL, _HEAD, _VEHICLES = 160, 8, 280, 32, 2
-_PAPER, _WELL, _INK = (255, 255, 255), (238, 238, 240), (60, 60, 66)
 _STRIP = _VEHICLES * (sum(_WIDTHS.values()) + len(_WIDTHS) * _GAP) - _GAP
 
 
@@ -30,10 +30,10 @@ def write_strip(path: Path, evaluated: Evaluated) -> None:
     """
     from PIL import Image
 
-    strip, left = Image.new("RGB", (_STRIP, _HEIGHT), _PAPER), 0
+    strip, left = Image.new("RGB", (_STRIP, _HEIGHT), PAPER), 0
     for index in choose_views(evaluated.feed.exemplars, _VEHICLES):
         for picture, width in zip(_pictures(evaluated, index), _WIDTHS.values(), strict=True):
-            strip.paste(_cell(picture, width), (left, 0))
+            strip.paste(cell(picture, width, _HEIGHT), (left, 0))
             left += width + _GAP
     _save(path, strip)
 
@@ -44,17 +44,17 @@ def write_sheet(path: Path, strips: Mapping[str, Path]) -> None:
     Raises:
         AssetError: it cannot be written.
     """
-    from PIL import Image, ImageDraw, ImageFont
+    from PIL import Image, ImageDraw
 
-    font = ImageFont.truetype(_font(), 15)
-    sheet = Image.new("RGB", (_LABEL + _STRIP, _HEAD + len(strips) * (_HEIGHT + _GAP)), _PAPER)
+    letters = font(15)
+    sheet = Image.new("RGB", (_LABEL + _STRIP, _HEAD + len(strips) * (_HEIGHT + _GAP)), PAPER)
     draw, left = ImageDraw.Draw(sheet), _LABEL
     for title, width in list(_WIDTHS.items()) * _VEHICLES:
-        draw.text((left + width / 2, _HEAD / 2), title, fill=_INK, font=font, anchor="mm")
+        draw.text((left + width / 2, _HEAD / 2), title, fill=INK, font=letters, anchor="mm")
         left += width + _GAP
     for number, (label, strip) in enumerate(strips.items()):
         top = _HEAD + number * (_HEIGHT + _GAP)
-        draw.text((4, top + _HEIGHT / 2), label, fill=_INK, font=font, anchor="lm")
+        draw.text((4, top + _HEIGHT / 2), label, fill=INK, font=letters, anchor="lm")
         with Image.open(strip) as image:
             sheet.paste(image, (_LABEL, top))
     _save(path, sheet)
@@ -73,25 +73,6 @@ def _pictures(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
         upright(over_checker(truth), subject.learnable_texels),
         upright(over_checker(layer), subject.learnable_texels),
     )
-
-
-def _cell(picture: Picture, width: int) -> Image:
-    """In a well, as large as fits."""
-    from PIL import Image as PillowImage
-    from PIL import ImageOps
-
-    image = ImageOps.contain(to_pillow(picture), (width, _HEIGHT), PillowImage.Resampling.LANCZOS)
-    well = PillowImage.new("RGB", (width, _HEIGHT), _WELL)
-    place = ((width - image.width) // 2, (_HEIGHT - image.height) // 2)
-    well.paste(image, place, image.getchannel("A") if image.mode == "RGBA" else None)
-    return well
-
-
-def _font() -> str:
-    """The sans-serif that matplotlib ships."""
-    import matplotlib
-
-    return str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf")
 
 
 def _save(path: Path, image: Image) -> None:

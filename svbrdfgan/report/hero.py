@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 from svbrdfgan.evaluation import Evaluated, pictures
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.report.pictures import Picture, framed, over_checker, signed_as_color, to_pillow, upright
+from svbrdfgan.report.pictures import Picture, framed, over_checker, signed_as_color, upright
+from svbrdfgan.report.sheet import INK, PAPER, cell, font
 from svbrdfgan.report.vehicles import choose_views
 from svbrdfgan.scoring.flip import display
 
 if TYPE_CHECKING:
     from PIL.Image import Image
-    from PIL.ImageFont import FreeTypeFont
 
 _GAP, _HEAD, _HEIGHT = 12, 40, 234
 _COLUMNS = {"geometry": 232, "truth": 350, "learned from pictures": 350, "layer painted": 232}
@@ -22,7 +22,6 @@ _COLUMNS = {"geometry": 232, "truth": 350, "learned from pictures": 350, "layer 
 
 WIDTH = sum(_COLUMNS.values()) + _GAP * (len(_COLUMNS) - 1)
 _BYTES = 400_000
-_PAPER, _WELL, _INK = (255, 255, 255), (238, 238, 240), (60, 60, 66)
 
 
 def write_hero(run: Path, evaluated: Evaluated, path: Path, *, rows: int = 4) -> None:
@@ -52,39 +51,19 @@ def _row(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
     )
 
 
-def _cell(picture: Picture, width: int) -> Image:
-    """On paper, as large as fits."""
-    from PIL import Image as PillowImage
-    from PIL import ImageOps
-
-    image = ImageOps.contain(to_pillow(picture), (width, _HEIGHT), PillowImage.Resampling.LANCZOS)
-    paper = PillowImage.new("RGB", (width, _HEIGHT), _WELL)
-    place = ((width - image.width) // 2, (_HEIGHT - image.height) // 2)
-    paper.paste(image, place, image.getchannel("A") if image.mode == "RGBA" else None)
-    return paper
-
-
 def _sheet(rows: list[tuple[Picture, ...]]) -> Image:
     """The pictures in a grid beneath the names of the columns."""
     from PIL import Image as PillowImage
     from PIL import ImageDraw
 
-    sheet = PillowImage.new("RGB", (WIDTH, _HEAD + len(rows) * (_HEIGHT + _GAP) - _GAP), _PAPER)
-    draw, font, left = ImageDraw.Draw(sheet), _font(), 0
+    sheet = PillowImage.new("RGB", (WIDTH, _HEAD + len(rows) * (_HEIGHT + _GAP) - _GAP), PAPER)
+    draw, letters, left = ImageDraw.Draw(sheet), font(18), 0
     for column, (title, width) in enumerate(_COLUMNS.items()):
-        draw.text((left + width / 2, _HEAD / 2), title, fill=_INK, font=font, anchor="mm")
+        draw.text((left + width / 2, _HEAD / 2), title, fill=INK, font=letters, anchor="mm")
         for number, row in enumerate(rows):
-            sheet.paste(_cell(row[column], width), (left, _HEAD + number * (_HEIGHT + _GAP)))
+            sheet.paste(cell(row[column], width, _HEIGHT), (left, _HEAD + number * (_HEIGHT + _GAP)))
         left += width + _GAP
     return sheet
-
-
-def _font() -> FreeTypeFont:
-    """The sans-serif that matplotlib ships: Pillow's own is not always scalable."""
-    import matplotlib
-    from PIL import ImageFont
-
-    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), 18)
 
 
 def _small_png(sheet: Image) -> bytes:

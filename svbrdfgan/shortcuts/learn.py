@@ -1,4 +1,4 @@
-"""A probe: a discriminator that learns which of two clean pictures is the exemplar's, judged on pairs kept back."""
+"""Probes: discriminators that learn which of two clean pictures is the exemplar's, judged on pairs kept back."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ from svbrdfgan.losses import LOSSES
 from svbrdfgan.shortcuts.stills import Stills
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.state import make_discriminator
-from svbrdfgan.training.step import show
+from svbrdfgan.training.step import Round, show
 
 _STEPS, _EVERY, _PATIENCE = 200, 10, 5
 _BATCH, _RATE = 16, 3e-4
 _SURE = 0.01
 _BACKGROUNDS = 4
+_PROBES = 3
 _LEARN, _CHOOSE, _JUDGE = range(3)
 _DEALT = (_LEARN, _JUDGE, _LEARN, _JUDGE, _CHOOSE)
 
 Margins = Float[Tensor, " pairs"]
-"""For each pair, by how much the exemplar's picture looks more real to the probe, in logits."""
+"""For each pair, by how much the exemplar's picture looks more real than the fake."""
 
 
 @dataclass(frozen=True, eq=False)
 class Roles:
-    """Which pairs the probe learns from, which say when it has learned enough, and which it is judged on."""
+    """Which pairs probes learn from, which say when they have learned enough, and which they are judged on."""
 
     learn: Sequence[int]
     choose: Sequence[int]
@@ -56,60 +57,80 @@ class Roles:
         return cls(*(np.flatnonzero(role == wanted).tolist() for wanted in (_LEARN, _CHOOSE, _JUDGE)))
 
 
-def train_probe(
-    config: TrainConfig, real: Stills, fake: Stills, roles: Roles, seconds: float | None = None
-) -> Float[Tensor, " judged"]:
-    """The margins of the pairs that are judged, by a probe of the configuration's own architecture.
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """Two sides that are to be told apart."""
 
-    Its game is one of pairs (Bradley and Terry 1952): it is told two pictures and learns which one is the exemplar's.
-    Few scenes are soon learned by heart; so it stops when pairs that it does not learn from say that it gets no better,
-    and is judged as it was at its best.
+    config: TrainConfig
+    real: Stills
+    fake: Stills
+    roles: Roles
 
-    Args:
-        seconds: stops earlier, after so much time; what is learned then depends on the machine.
-    """
-    device, began = real.image.device, time.monotonic()
-    probe = _fresh(config, device)
-    adam = torch.optim.AdamW(probe.parameters(), _RATE, (config.optimizer.beta1, config.optimizer.beta2))
-    rng = np.random.default_rng([config.seed, 1])
-    best, least, waited = copy.deepcopy(probe), math.inf, 0
-    for step in range(1, _STEPS + 1):
-        pairs = rng.choice(roles.learn, min(_BATCH, len(roles.learn)), replace=False).tolist()
-        game = show(real.shot(pairs), fake.shot(pairs), rng)
-        loss = LOSSES["relativistic"].discriminator(probe(game.real), probe(game.fake))
-        adam.zero_grad(set_to_none=True)
-        loss.backward()
-        adam.step()
-        if step % _EVERY:
-            continue
-        doubt = float(nn.functional.softplus(-_margins(probe, real, fake, roles.choose)).mean())
-        waited = 0 if doubt < least else waited + 1
-        if doubt < least:
-            best, least = copy.deepcopy(probe), doubt
-        late = seconds is not None and time.monotonic() - began > seconds
-        if least < _SURE or waited >= _PATIENCE or late:
-            break
-    return _margins(best, real, fake, roles.judge).cpu()
+    def judge(self, seconds: float | None = None) -> Margins:
+        """The margins of the pairs kept back, by three probes of the configuration's own architecture together.
 
+        Each weighs as much as it is sure of the pairs that told it when to stop.
 
-def _fresh(config: TrainConfig, device: torch.device) -> nn.Module:
-    """With larger weights than training begins with (He et al. 2015), which saves the probe its first hundred steps."""
-    probe, rng = make_discriminator(config.discriminator), torch.Generator().manual_seed(config.seed)
-    for module in probe.modules():
-        if isinstance(module, nn.Conv2d):
-            nn.init.kaiming_normal_(module.weight, 0.2, generator=rng)
-            if module.bias is not None:
-                nn.init.zeros_(module.bias)
-    return probe.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
+        Args:
+            seconds: each stops earlier, after a third of it; what is learned then depends on the machine.
+        """
+        total = torch.zeros(len(self.roles.judge))
+        for number in range(_PROBES):
+            probe = self._train(number, None if seconds is None else seconds / _PROBES)
+            scale = self._margins(probe, self.roles.choose).abs().mean().clamp(min=1e-12)
+            total += (self._margins(probe, self.roles.judge) / scale).cpu()
+        return total
 
+    def _train(self, number: int, seconds: float | None) -> nn.Module:
+        """A probe that learned which of two pictures is the exemplar's (Bradley and Terry 1952), as it was at its best.
 
-@torch.no_grad()
-def _margins(probe: nn.Module, real: Stills, fake: Stills, pairs: Sequence[int]) -> Margins:
-    """Means over a few backgrounds."""
-    rng, found = np.random.default_rng(0), []
-    for first in range(0, len(pairs), _BATCH):
-        some = pairs[first : first + _BATCH]
-        games = [show(real.shot(some), fake.shot(some), rng) for _ in range(_BACKGROUNDS)]
-        margins = [(probe(game.real) - probe(game.fake)).mean(dim=(1, 2)) for game in games]
-        found.append(torch.stack(margins).mean(dim=0))
-    return torch.cat(found)
+        Few scenes are soon learned by heart; so it stops when pairs that it does not learn from say that it gets no
+        better.
+        """
+        began, rng = time.monotonic(), np.random.default_rng([self.config.seed, 1, number])
+        probe = self._fresh(number)
+        optimizer = self.config.optimizer
+        adam = torch.optim.AdamW(probe.parameters(), _RATE, (optimizer.beta1, optimizer.beta2))
+        best, least, waited = copy.deepcopy(probe), math.inf, 0
+        for step in range(1, _STEPS + 1):
+            pairs = rng.choice(self.roles.learn, min(_BATCH, len(self.roles.learn)), replace=False).tolist()
+            game = self._game(pairs, rng)
+            loss = LOSSES["relativistic"].discriminator(probe(game.real), probe(game.fake))
+            adam.zero_grad(set_to_none=True)
+            loss.backward()
+            adam.step()
+            if step % _EVERY:
+                continue
+            doubt = float(nn.functional.softplus(-self._margins(probe, self.roles.choose)).mean())
+            waited = 0 if doubt < least else waited + 1
+            if doubt < least:
+                best, least = copy.deepcopy(probe), doubt
+            late = seconds is not None and time.monotonic() - began > seconds
+            if least < _SURE or waited >= _PATIENCE or late:
+                break
+        return best
+
+    def _fresh(self, number: int) -> nn.Module:
+        """With larger weights than training begins with (He et al. 2015), which saves the first hundred steps."""
+        rng = torch.Generator().manual_seed(self.config.seed * _PROBES + number)
+        probe = make_discriminator(self.config.discriminator)
+        for module in probe.modules():
+            if isinstance(module, nn.Conv2d):
+                nn.init.kaiming_normal_(module.weight, 0.2, generator=rng)
+                if module.bias is not None:
+                    nn.init.zeros_(module.bias)
+        device = self.real.image.device
+        return probe.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
+
+    def _game(self, pairs: Sequence[int], rng: np.random.Generator) -> Round:
+        return show(self.real.shot(pairs), self.fake.shot(pairs), rng)
+
+    @torch.no_grad()
+    def _margins(self, probe: nn.Module, pairs: Sequence[int]) -> Margins:
+        """Means over patches and a few backgrounds."""
+        rng, found = np.random.default_rng(0), []
+        for first in range(0, len(pairs), _BATCH):
+            games = [self._game(pairs[first : first + _BATCH], rng) for _ in range(_BACKGROUNDS)]
+            margins = [(probe(game.real) - probe(game.fake)).mean(dim=(1, 2)) for game in games]
+            found.append(torch.stack(margins).mean(dim=0))
+        return torch.cat(found)

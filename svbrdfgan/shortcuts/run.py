@@ -21,9 +21,9 @@ from svbrdfgan.display import Display, Silent
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io import save_image
 from svbrdfgan.shortcuts.diagnosis import Diagnosis, Finding
-from svbrdfgan.shortcuts.learn import Margins, Roles, train_probe
+from svbrdfgan.shortcuts.learn import Margins, Roles, Trial
 from svbrdfgan.shortcuts.nuisances import NUISANCES, REMEDIES, Nuisance, differences
-from svbrdfgan.shortcuts.stills import Darkroom, Differing, Stills
+from svbrdfgan.shortcuts.stills import Darkroom, Differing
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.feed import require_possible
 
@@ -71,11 +71,13 @@ def probe_shortcuts(
     darkroom, how = _open(config, base, shown)
     roles = Roles.deal([int(darkroom.exemplars.subject_of[index]) for index in darkroom.chosen], config.seed)
     everything = frozenset(how)
-    trials = list(dict.fromkeys([everything, *(frozenset({name}) for name in how)]))
     shown.begin("clean pictures of both sides")
-    sides = {trial: (darkroom.real(trial), darkroom.fake(trial)) for trial in trials}
+    trials = {
+        differing: Trial(config, darkroom.real(differing), darkroom.fake(differing), roles)
+        for differing in (everything, *(frozenset({name}) for name in how))
+    }
     pictured = time.monotonic()
-    margins = _learn(config, sides, roles, minutes, shown)
+    margins = _judge(trials, minutes, shown)
     diagnosis = Diagnosis(
         dataset=config.dataset,
         seed=config.seed,
@@ -86,7 +88,7 @@ def probe_shortcuts(
         pictures_seconds=pictured - began,
         learning_seconds=time.monotonic() - pictured,
     )
-    return Probed(diagnosis, _easiest(*sides[everything], roles, margins[everything]))
+    return Probed(diagnosis, _easiest(trials[everything], margins[everything]))
 
 
 def _open(config: TrainConfig, base: Path, display: Display) -> tuple[Darkroom, dict[Nuisance, str]]:
@@ -106,21 +108,15 @@ def _open(config: TrainConfig, base: Path, display: Display) -> tuple[Darkroom, 
     return darkroom, differences(config, plan.config, made_with, trained_with)
 
 
-def _learn(
-    config: TrainConfig,
-    sides: dict[Differing, tuple[Stills, Stills]],
-    roles: Roles,
-    minutes: float | None,
-    display: Display,
-) -> dict[Differing, Margins]:
-    """The margins of each trial's probe. What time one leaves over is for the others."""
+def _judge(trials: dict[Differing, Trial], minutes: float | None, display: Display) -> dict[Differing, Margins]:
+    """The margins of each trial. What time one leaves over is for the others."""
     margins: dict[Differing, Margins] = {}
     began = time.monotonic()
-    display.begin("probes", len(sides))
-    for trial, (real, fake) in sides.items():
-        left = len(sides) - len(margins)
+    display.begin("probes", len(trials))
+    for differing, trial in trials.items():
+        left = len(trials) - len(margins)
         seconds = None if minutes is None else (60 * minutes - (time.monotonic() - began)) / left
-        margins[trial] = train_probe(config, real, fake, roles, seconds)
+        margins[differing] = trial.judge(seconds)
         display.advance()
     return margins
 
@@ -139,12 +135,11 @@ def _alone(name: Nuisance, how: dict[Nuisance, str], margins: dict[Differing, Ma
     return Finding.of(how[name], margins[frozenset({name})], REMEDIES[name])
 
 
-def _easiest(real: Stills, fake: Stills, roles: Roles, margins: Margins) -> Float[Tensor, "height width 3"]:
+def _easiest(trial: Trial, margins: Margins) -> Float[Tensor, "height width 3"]:
     """The pairs of the largest margins, before grey, the most telling first."""
-    best = [roles.judge[place] for place in margins.argsort(descending=True)[:_SHOWN].tolist()]
-    grey = torch.tensor(0.5, device=real.image.device)
-    rows = []
-    for stills in (real, fake):
+    best = [trial.roles.judge[place] for place in margins.argsort(descending=True)[:_SHOWN].tolist()]
+    rows, grey = [], torch.full((3,), 0.5)
+    for stills in (trial.real, trial.fake):
         image, coverage, _ = stills.shot(best)
-        rows.append(torch.cat(over(image.float(), coverage.float(), grey).unbind(), dim=1))
-    return torch.cat(rows).cpu()
+        rows.append(torch.cat(over(image.float().cpu(), coverage.float().cpu(), grey).unbind(), dim=1))
+    return torch.cat(rows)

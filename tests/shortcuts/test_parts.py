@@ -14,7 +14,7 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.options import validate
 from svbrdfgan.plugins import load_renderer
 from svbrdfgan.shortcuts.diagnosis import Diagnosis, Finding, Share
-from svbrdfgan.shortcuts.learn import Roles, train_probe
+from svbrdfgan.shortcuts.learn import Roles, Trial
 from svbrdfgan.shortcuts.nuisances import NUISANCES, REMEDIES, differences, scenes_with
 from svbrdfgan.shortcuts.stills import Stills
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, train_config
@@ -52,7 +52,7 @@ def test_judged_pairs_teach_nothing() -> None:
     real, fake = noise(100, 0, 0.6), noise(100, 1)
     altered = Stills(real.image.clone(), real.coverage, None)
     altered.image[80:] = 9.0
-    before, after = (train_probe(config(), side, fake, roles) for side in (real, altered))
+    before, after = (Trial(config(), side, fake, roles).judge() for side in (real, altered))
     assert torch.equal(before[:20], after[:20])
     assert not torch.equal(before[20:], after[20:])
 
@@ -60,9 +60,10 @@ def test_judged_pairs_teach_nothing() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_equal_distributions_are_chance_and_others_are_told(seed: int) -> None:
     roles = Roles.deal(range(250), seed)
-    matched, other = (train_probe(config(seed=seed), noise(250, 2), noise(250, 3, m), roles) for m in (0.5, 0.52))
-    assert not Share.of(matched).told
-    assert Share.of(other).value > 0.95
+    fakes = noise(250, 3), noise(250, 3, 0.52)
+    matched, other = (Share.of(Trial(config(seed=seed), noise(250, 2), fake, roles).judge()) for fake in fakes)
+    assert not matched.told
+    assert other.value > 0.95
 
 
 def test_the_interval_is_wilsons() -> None:
