@@ -23,6 +23,7 @@ from typing import IO, Any, Literal
 
 from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.plugins import RENDERERS, MissingDependencyError, Plugin, find_plugin, import_factory, make
+from svbrdfgan.processes import import_path
 
 TIMEOUT_SECONDS = 120.0
 
@@ -90,11 +91,10 @@ class _Trial:
 @contextmanager
 def _trial(plugin: Plugin, device: str | None, result: Path) -> Iterator[_Trial]:
     command = [sys.executable, "-P", "-m", __name__, plugin.group, plugin.name, device or "", str(result)]
-    path = os.pathsep.join(folder or os.getcwd() for folder in sys.path)
     with tempfile.TemporaryFile() as errors:
         process = subprocess.Popen(
             command,
-            env={**os.environ, "PYTHONPATH": path},
+            env={**os.environ, "PYTHONPATH": import_path()},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=errors,

@@ -50,6 +50,22 @@ class Places:
 
 
 @dataclass(frozen=True, eq=False)
+class Landing:
+    """Where on a wrap places are.
+
+    Attributes:
+        height: signed, over the wrap, in the chart's coordinates.
+        points: the places as they are looked up.
+        face: of the wrap, that each comes to lie on.
+    """
+
+    uv: Float[ndarray, "points 2"]
+    height: Float[ndarray, " points"]
+    points: Float[ndarray, "points 3"]
+    face: Int[ndarray, " points"]
+
+
+@dataclass(frozen=True, eq=False)
 class Carrier:
     """A wrap with UVs, ready to be asked for the closest place.
 
@@ -72,26 +88,21 @@ class Carrier:
         texel = float(np.sqrt(face_areas(positions, faces).sum() / face_areas(flat, faces).sum()))
         return cls(chart, tree, face_normals(positions, faces), texel)
 
-    def at(self, places: Places) -> tuple[Float[ndarray, "points 2"], Float[ndarray, " points"]]:
-        """The UV of each place, and its signed height over the wrap, in the chart's coordinates."""
-        _, height = self._closest(places.positions)
-        face, nearest = self._nearest(places.positions - _LEAN * height[:, None] * places.normals)
+    def at(self, places: Places) -> Landing:
+        """Where on the wrap the places are."""
+        height = self._height(places.positions)
+        points = places.positions - _LEAN * height[:, None] * places.normals
+        face, nearest = self._nearest(points)
         corners = self.chart.disk.faces[face]
         weights = np.clip(_barycentric(self.chart.disk.positions[corners], nearest), 0.0, 1.0)
         uv = np.einsum("pk,pkx->px", weights / weights.sum(axis=1, keepdims=True), self.chart.uv[corners])
-        return np.asarray(uv), height
+        return Landing(np.asarray(uv), height, points, face)
 
-    def leaning(self, places: Places) -> tuple[Float[ndarray, "points 3"], Int[ndarray, " points"]]:
-        """The places as they are looked up, and the wrap's face that each comes to lie on."""
-        _, height = self._closest(places.positions)
-        shifted = places.positions - _LEAN * height[:, None] * places.normals
-        return shifted, self._nearest(shifted)[0]
-
-    def _closest(self, points: Float[ndarray, "points 3"]) -> tuple[Int[ndarray, " points"], Float[ndarray, " points"]]:
+    def _height(self, points: Float[ndarray, "points 3"]) -> Float[ndarray, " points"]:
         face, nearest = self._nearest(points)
         away = points - nearest
         side = np.where(np.einsum("px,px->p", away, self.normals[face]) < 0.0, -1.0, 1.0)
-        return face, side * np.linalg.norm(away, axis=1)
+        return np.asarray(side * np.linalg.norm(away, axis=1))
 
     def _nearest(
         self, points: Float[ndarray, "points 3"]
@@ -122,24 +133,21 @@ def carried(
     normals = _vertex_normals(positions, mesh.faces)[mesh.faces]
     pieces = refine(Pieces.whole(positions, mesh.faces), _errs(carrier, normals, resolution), _ROUNDS)
     places = Places.of(pieces, normals)
-    uv, height = carrier.at(places)
-    middles = places.mixed(pieces.faces, np.full(3, 1 / 3))
-    _, under = carrier.leaning(middles)
-    faces, uv = _apart(carrier, pieces.faces, carrier.leaning(places)[0], uv, under, resolution)
-    corners = _roomier(carrier, pieces, faces, uv, carrier.at(middles)[0], under)
-    return _in_metres(pieces, mesh), corners, height[pieces.faces] * place.size
+    at, middle = carrier.at(places), carrier.at(places.mixed(pieces.faces, np.full(3, 1 / 3)))
+    faces, uv = _apart(carrier, pieces.faces, at, middle.face, resolution)
+    corners = _roomier(carrier, pieces, faces, uv, middle)
+    return _in_metres(pieces, mesh), corners, at.height[pieces.faces] * place.size
 
 
 def _apart(
     carrier: Carrier,
     faces: Int[ndarray, "pieces 3"],
-    points: Float[ndarray, "vertices 3"],
-    uv: Float[ndarray, "vertices 2"],
+    at: Landing,
     under: Int[ndarray, " pieces"],
     resolution: int,
 ) -> tuple[Int[ndarray, "pieces 3"], Float[ndarray, "more_vertices 2"]]:
     """Torn pieces with vertices of their own, by the map of the wrap's face that their middle lies on."""
-    corners = points[faces]
+    corners, uv = at.points[faces], at.uv
     expected = carrier.beside(corners, under)
     apart = np.linalg.norm(uv[faces] - expected, axis=2).max(axis=1)
     size = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1) / carrier.texel
@@ -154,19 +162,18 @@ def _roomier(
     pieces: Pieces,
     faces: Int[ndarray, "pieces 3"],
     uv: Float[ndarray, "vertices 2"],
-    middle: Float[ndarray, "pieces 2"],
-    under: Int[ndarray, " pieces"],
+    middle: Landing,
 ) -> Float[ndarray, "pieces 3 2"]:
     """The UV of the corners, with room for what stands upright on the wrap. What finds none parts from neighbours."""
-    corners = carrier.chart.disk.faces[under]
+    corners = carrier.chart.disk.faces[middle.face]
     wrap = Planes.of(carrier.chart.disk.positions[corners])
     own = wrap.jacobians(carrier.chart.uv[corners])
     local = bounded(own * carrier.texel, np.zeros(len(own), dtype=bool), 1 / _UNEVEN, _UNEVEN) / carrier.texel
-    cosine = np.einsum("px,px->p", face_normals(pieces.positions, pieces.faces), carrier.normals[under])
+    cosine = np.einsum("px,px->p", face_normals(pieces.positions, pieces.faces), carrier.normals[middle.face])
     planes = Planes.of(pieces.positions[pieces.faces])
     mirrored = cosine < _FACING_AWAY
     moved = relaxed(planes, faces, uv, local, mirrored)[faces]
-    some, apart = misfits(planes, moved, middle, local, mirrored)
+    some, apart = misfits(planes, moved, middle.uv, local, mirrored)
     moved[some] = apart
     return _within(moved, carrier.chart.uv)
 
@@ -206,14 +213,16 @@ def _errs(carrier: Carrier, normals: Float[ndarray, "source_faces 3 3"], resolut
         length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         long = np.flatnonzero(length > _SMALL * texel)
         places = Places.of(pieces, normals)
-        uv, height = carrier.at(places)
-        deep = height[edges[long]].max(axis=1) < -_DEEP
+        at = carrier.at(places)
+        deep = at.height[edges[long]].max(axis=1) < -_DEEP
         long = long[~deep | (length[long] > _SMALL_BELOW * texel)]
         worst = np.zeros(len(long))
         for t in (0.25, 0.5, 0.75):
             weights = np.array([1 - t, t])
-            true = carrier.at(places.mixed(edges[long], weights))[0]
-            worst = np.maximum(worst, np.linalg.norm(true - np.einsum("c,ecx->ex", weights, uv[edges[long]]), axis=1))
+            true = carrier.at(places.mixed(edges[long], weights)).uv
+            worst = np.maximum(
+                worst, np.linalg.norm(true - np.einsum("c,ecx->ex", weights, at.uv[edges[long]]), axis=1)
+            )
         cut = np.zeros(len(edges), dtype=bool)
         cut[long[worst * resolution > _AIM]] = True
         return cut

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -41,7 +41,7 @@ def measure(renderer: Renderer[Any], scene: BenchScene, spp: int, batch: int, re
     _both_passes(meter, "", fresh, textures)
     if renderer.capabilities.transport:
         transport = meter.step("transport", lambda: _transport(renderer, prepared, scene, view, spp))
-        meter.start(kept=sum(tensor.nbytes for tensor in _tensors(transport).values()))
+        meter.start(kept=transport.nbytes)
         stored = TransportBatch.stack([transport, *(_copy(transport) for _ in range(batch - 1))])
         texels = torch.stack([texture.detach() for texture in textures]).requires_grad_()
         _check_same(stored.render(texels)[0].detach(), fresh()[0].detach())
@@ -79,13 +79,8 @@ def _transport(renderer: Any, prepared: Any, scene: BenchScene, view: View, spp:
 
 def _copy(transport: LightTransport) -> LightTransport:
     """In memory of its own, as another view would be: no cache may serve a batch twice."""
-    changes: dict[str, Any] = {name: tensor.clone() for name, tensor in _tensors(transport).items()}
+    changes: dict[str, Any] = {name: tensor.clone() for name, tensor in transport.tensors().items()}
     return replace(transport, **changes)
-
-
-def _tensors(transport: LightTransport) -> dict[str, Tensor]:
-    values = {field.name: getattr(transport, field.name) for field in fields(transport)}
-    return {name: value for name, value in values.items() if isinstance(value, Tensor)}
 
 
 def _check_same(stored: Tensor, fresh: Tensor) -> None:

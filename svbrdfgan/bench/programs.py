@@ -21,6 +21,7 @@ from svbrdfgan.bench.cases import STANDARD, Case
 from svbrdfgan.bench.errors import BenchError
 from svbrdfgan.bench.standard import PIXELS, VERTICES
 from svbrdfgan.errors import ConfigError
+from svbrdfgan.processes import import_path
 
 STEPS = ("prepare", "forward", "forward_backward", "transport", "stored_forward", "stored_forward_backward")
 _BACKEND = ("-P", "-m", "svbrdfgan.bench.backend")
@@ -54,8 +55,7 @@ class Program:
     @classmethod
     def backend(cls, name: str) -> Program:
         """One of the installed renderers, with its default options."""
-        path = os.pathsep.join(folder or os.getcwd() for folder in sys.path)
-        return cls(f"renderer {name!r}", (sys.executable, *_BACKEND, name, *_ARGUMENTS), {"PYTHONPATH": path})
+        return cls(f"renderer {name!r}", (sys.executable, *_BACKEND, name, *_ARGUMENTS), {"PYTHONPATH": import_path()})
 
     @classmethod
     def peer(cls, command: str) -> Program:

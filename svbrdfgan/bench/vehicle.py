@@ -15,6 +15,7 @@ from numpy import ndarray
 from svbrdfgan.bench.scene import BenchScene
 from svbrdfgan.bench.standard import noise
 from svbrdfgan.data.config import PartSelection
+from svbrdfgan.data.sampler import fit_distance
 from svbrdfgan.data.subject import Subject, make_subject
 from svbrdfgan.io import load_environment, load_mesh
 from svbrdfgan.protocols import UVEmbedding
@@ -52,7 +53,7 @@ def _camera(mesh: Mesh) -> Camera:
     """From where the sphere around the mesh's box just fits into a square picture."""
     low, high = mesh.bounds
     x, y, z = ((low + high) / 2).tolist()
-    distance = float(np.linalg.norm(high - low)) / 2 / math.sin(_FOV / 2)
+    distance = fit_distance(float(np.linalg.norm(high - low)) / 2, _FOV, aspect=1.0)
     return Camera.orbit(_AZIMUTH, _ELEVATION, distance, (x, y, z), _FOV)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,6 +53,7 @@ def command(
     KEY=VALUE replaces a value of CONFIG, such as `spp=16` or `splits.train.views=4`.
     """
     from svbrdfgan.data.config import dataset_config
+    from svbrdfgan.processes import cores
     from svbrdfgan.yaml_files import apply_overrides, load_yaml
 
     declared = dataset_config(apply_overrides(load_yaml(config), overrides), str(config))
@@ -62,7 +62,7 @@ def command(
     elif preview:
         _preview(declared, config.parent, out)
     else:
-        _generate(declared, config.parent, out, devices, workers or _cores())
+        _generate(declared, config.parent, out, devices, workers or cores())
 
 
 def _generate(declared: DatasetConfig, base: Path, out: Path, devices: int, workers: int) -> None:
@@ -75,11 +75,6 @@ def _generate(declared: DatasetConfig, base: Path, out: Path, devices: int, work
         plan = generate(declared, out, base=base, devices=devices, workers=workers, display=display)
     for split in declared.splits:
         click.echo(f"{split}: {len(plan.sampler(split))} exemplars of {len(plan.meshes[split])} meshes")
-
-
-def _cores() -> int:
-    """Those that this process may use, where the system tells."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _dry_run(declared: DatasetConfig, base: Path) -> None:

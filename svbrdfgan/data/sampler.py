@@ -101,7 +101,7 @@ class ConfigSampler:
         lower, upper = np.asarray(mesh.bounds)
         fov = min(max(declared.vertical_fov_degrees.sample(rng), 1.0), 170.0)
         x, y, z = ((lower + upper) / 2).tolist()
-        fit = _fit_distance(float(np.linalg.norm(upper - lower)) / 2, math.radians(fov), width / height)
+        fit = fit_distance(float(np.linalg.norm(upper - lower)) / 2, math.radians(fov), width / height)
         return OrbitCamera(
             azimuth_degrees=declared.azimuth_degrees.sample(rng) % 360.0,
             elevation_degrees=min(max(declared.elevation_degrees.sample(rng), -89.0), 89.0),
@@ -127,7 +127,7 @@ class ConfigSampler:
         )
 
 
-def _fit_distance(radius: float, vertical_fov: float, aspect: float) -> float:
+def fit_distance(radius: float, vertical_fov: float, aspect: float) -> float:
     """From where a sphere just fits the narrower side of the picture."""
     narrow = min(math.tan(vertical_fov / 2), aspect * math.tan(vertical_fov / 2))
     return radius / math.sin(math.atan(narrow))

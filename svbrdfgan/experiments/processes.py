@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from svbrdfgan.display import Display
 from svbrdfgan.experiments.tasks import Order, Task
+from svbrdfgan.processes import cores, import_path
 
 OUTPUT = "output.txt"
 _PAUSE = 0.2
@@ -57,8 +58,7 @@ def execute(tasks: Sequence[Task], jobs: int, display: Display) -> Iterator[tupl
 
 def _start(task: Task, jobs: int) -> _Child:
     """Several at once share the cores out among them."""
-    path = os.pathsep.join(folder or os.getcwd() for folder in sys.path)
-    shared = {"OMP_NUM_THREADS": str(max(1, (os.cpu_count() or 1) // jobs))} if jobs > 1 else {}
+    shared = {"OMP_NUM_THREADS": str(max(1, cores() // jobs))} if jobs > 1 else {}
     task.path.mkdir(parents=True, exist_ok=True)
     with (task.path / OUTPUT).open("wb") as output:
         process = subprocess.Popen(
@@ -66,7 +66,7 @@ def _start(task: Task, jobs: int) -> _Child:
             stdin=subprocess.PIPE,
             stdout=output,
             stderr=subprocess.STDOUT,
-            env={**shared, **os.environ, "PYTHONPATH": path},
+            env={**shared, **os.environ, "PYTHONPATH": import_path()},
         )
     assert process.stdin is not None
     process.stdin.write(Order(task=task).model_dump_json().encode())

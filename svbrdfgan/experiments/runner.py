@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Generator, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from svbrdfgan.experiments.results import FAILED, Results, gather
 from svbrdfgan.experiments.shelf import Shelf
 from svbrdfgan.experiments.table import write_results
 from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask, Task
+from svbrdfgan.processes import cores
 
 AnyTask = TypeVar("AnyTask", DatasetTask, OracleTask, RunTask)
 
@@ -109,7 +109,7 @@ def _work(
 ) -> Iterable[_Work]:
     datasets, oracles = Shelf(root / "datasets", DatasetSpec), Shelf(root / "oracles", OracleSpec)
     where: dict[str, Any] = {"root": str(root), "assets": str(assets)}
-    workers = max(1, (os.cpu_count() or 1) // jobs)
+    workers = max(1, cores() // jobs)
     for cell in cells:
         spec, name = cell.spec, f"{design.name}-{cell.row}"
         dataset = datasets.place(DatasetSpec(dataset=spec.dataset), name).relative_to(root).as_posix()

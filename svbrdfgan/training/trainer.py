@@ -154,10 +154,12 @@ def _open(fabric: Fabric, resolved: RunConfig, run: Path, base: Path, display: D
 def _loop(session: _Session, state: State) -> None:
     config, began, before = session.config, time.monotonic(), state.seconds
     report_step, report_time = state.step, began
-    _expect(session, state.step)
+    coming = _batches(session, state.step)
+    _expect(session, state.step, coming)
     while state.step < config.steps and not _out_of_time(session, state):
-        _expect(session, state.step + 1)
-        diagnostics = training_step(session.fabric, config, state, session.feed, _batches(session, state.step))
+        batches, coming = coming, _batches(session, state.step + 1)
+        _expect(session, state.step + 1, coming)
+        diagnostics = training_step(session.fabric, config, state, session.feed, batches)
         now = time.monotonic()
         state.seconds = before + now - began
         session.display.advance(1)
@@ -182,9 +184,9 @@ def _batches(session: _Session, step: int) -> list[Sequence[int]]:
     return [batch[fabric.global_rank :: fabric.world_size] for batch in whole]
 
 
-def _expect(session: _Session, step: int) -> None:
+def _expect(session: _Session, step: int, batches: Sequence[Sequence[int]]) -> None:
     """Has the scenes of a step read while those before it are played."""
-    for critic, indices in enumerate(_batches(session, step)):
+    for critic, indices in enumerate(batches):
         session.feed.stages.expect(indices, chance(session.fabric, session.config, step, critic))
 
 

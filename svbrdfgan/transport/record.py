@@ -77,16 +77,16 @@ class LightTransport:
     @property
     def nbytes(self) -> int:
         """Bytes of its tensors."""
-        return sum(tensor.nbytes for tensor in self._tensors().values())
+        return sum(tensor.nbytes for tensor in self.tensors().values())
 
     def to(self, device: torch.device | str) -> LightTransport:
         """The same on another device. Copies from the CPU to CUDA are queued there, and not waited for."""
-        moved: dict[str, Any] = {name: send(tensor, device) for name, tensor in self._tensors().items()}
+        moved: dict[str, Any] = {name: send(tensor, device) for name, tensor in self.tensors().items()}
         return replace(self, **moved)
 
     def record_stream(self, stream: torch.cuda.Stream) -> None:
         """Tells torch that work on the stream uses it, so that its memory is not given away before that is done."""
-        for tensor in self._tensors().values():
+        for tensor in self.tensors().values():
             tensor.record_stream(stream)
 
     def save(self, path: Path) -> None:
@@ -96,7 +96,7 @@ class LightTransport:
             "parts": ",".join(map(str, self.parts)),
             "texture_shape": ",".join(map(str, self.texture_shape)),
         }
-        tensors = {name: tensor.contiguous().cpu() for name, tensor in self._tensors().items()}
+        tensors = {name: tensor.contiguous().cpu() for name, tensor in self.tensors().items()}
         with atomic_path(path) as temporary:
             save_file(tensors, temporary, meta)
 
@@ -145,6 +145,7 @@ class LightTransport:
         if entries and not 0 <= self.texel.min() <= self.texel.max() < self.texels:
             raise ValueError("texel names texels that the textures do not have")
 
-    def _tensors(self) -> dict[str, Tensor]:
+    def tensors(self) -> dict[str, Tensor]:
+        """By attribute."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if isinstance(value, Tensor)}
