@@ -8,7 +8,7 @@ What a capability record declares works; anything else raises `UnsupportedError`
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
 
@@ -30,6 +30,7 @@ class RendererCapabilities:
         differentiable: names accepted in `wrt`: maps, and "environment".
         max_bounces: scattering events on a path. 1 is direct light alone.
         transport: whether it is a `TransportRenderer`.
+        pullback: whether it is a `PullbackRenderer`.
         stochastic: whether `seed` matters. A deterministic renderer ignores it.
     """
 
@@ -37,6 +38,7 @@ class RendererCapabilities:
     differentiable: frozenset[str] = frozenset({"base_color"})
     max_bounces: int = 1
     transport: bool = False
+    pullback: bool = False
     stochastic: bool = True
 
 
@@ -92,6 +94,21 @@ class TransportRenderer(Renderer[Prepared], Protocol[Prepared]):
 
     def transport(self, prepared: Prepared, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
         """The samples of the picture that `render` makes with the same view, `spp` and `seed`, in chunks."""
+        ...
+
+
+Pullback = Callable[[Float[Tensor, "height width 3"]], Gradients]
+"""From the gradient of a picture to that of what it was made of; may be called any number of times."""
+
+
+@runtime_checkable
+class PullbackRenderer(Renderer[Prepared], Protocol[Prepared]):
+    """A renderer that can keep what it traced, so that picture and gradient take one tracing: an optional power."""
+
+    def render_pullback(
+        self, prepared: Prepared, materials: Materials, view: View, *, wrt: frozenset[str], spp: int, seed: int
+    ) -> tuple[Rendering, Pullback]:
+        """What `render` gives, and `render_vjp` with the same arguments, as a function of `grad_image` alone."""
         ...
 
 

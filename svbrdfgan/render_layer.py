@@ -8,10 +8,10 @@ from typing import Any, Generic
 import torch
 from jaxtyping import Float
 from torch import Tensor
-from torch.autograd.function import FunctionCtx, once_differentiable
+from torch.autograd.function import once_differentiable
 
-from svbrdfgan.protocols import Prepared, Renderer
-from svbrdfgan.types import Environment, Material, Materials, Rendering, View
+from svbrdfgan.protocols import Prepared, Pullback, PullbackRenderer, Renderer
+from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, View
 
 
 @dataclass(frozen=True)
@@ -37,20 +37,25 @@ class RenderLayer(Generic[Prepared]):
         """
         names = [(part, name) for part, material in enumerate(materials.parts) for name in sorted(material.maps)]
         values = [materials[part].maps[name] for part, name in names]
-        call = _Call(self, prepared, names, view, seed)
-        image, coverage = _Render.apply(call, view.environment.radiance, *values)
+        radiance = view.environment.radiance
+        wrt = {name for (_, name), value in zip(names, values, strict=True) if value.requires_grad}
+        if radiance.requires_grad:
+            wrt.add("environment")
+        call = _Call(self, prepared, names, view, seed, frozenset(wrt if torch.is_grad_enabled() else ()))
+        image, coverage = _Render.apply(call, radiance, *values)
         return Rendering(image, coverage)
 
 
 @dataclass(frozen=True, eq=False)
 class _Call:
-    """All of one call that is not differentiated."""
+    """All of one call that is not differentiated, and the names of what is."""
 
     layer: RenderLayer[Any]
     prepared: Any
     names: list[tuple[int, str]]
     view: View
     seed: int
+    wrt: frozenset[str]
 
     def scene(self, radiance: Tensor, values: tuple[Tensor, ...]) -> tuple[Materials, View]:
         maps: list[dict[str, Tensor]] = [{} for _ in range(1 + max(part for part, _ in self.names))]
@@ -60,14 +65,28 @@ class _Call:
         view = View(self.view.camera, environment, self.view.width, self.view.height)
         return Materials(tuple(Material(m) for m in maps)), view
 
+    def render(self, materials: Materials, view: View) -> tuple[Rendering, Pullback | None]:
+        """The picture, and the way back from it if it is the picture's own samples that lead there and are kept."""
+        renderer, spp = self.layer.renderer, self.layer.spp
+        if self.wrt and self.layer.spp_grad is None and renderer.capabilities.pullback:
+            assert isinstance(renderer, PullbackRenderer)
+            return renderer.render_pullback(self.prepared, materials, view, wrt=self.wrt, spp=spp, seed=self.seed)
+        return renderer.render(self.prepared, materials, view, spp=spp, seed=self.seed), None
+
+    def gradients(self, materials: Materials, view: View, grad_image: Tensor) -> Gradients:
+        """By tracing anew."""
+        layer, spp, seed = self.layer, self.layer.spp, self.seed
+        if layer.spp_grad is not None:
+            spp, seed = layer.spp_grad, _other_seed(self.seed)
+        return layer.renderer.render_vjp(self.prepared, materials, view, grad_image, wrt=self.wrt, spp=spp, seed=seed)
+
 
 class _Render(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: FunctionCtx, call: _Call, radiance: Tensor, *values: Tensor) -> tuple[Tensor, Tensor]:
-        materials, view = call.scene(radiance, values)
-        ctx.call = call  # type: ignore[attr-defined]
+    def forward(ctx: Any, call: _Call, radiance: Tensor, *values: Tensor) -> tuple[Tensor, Tensor]:
+        rendering, pullback = call.render(*call.scene(radiance, values))
+        ctx.call, ctx.pullback = call, pullback
         ctx.save_for_backward(radiance, *values)
-        rendering = call.layer.renderer.render(call.prepared, materials, view, spp=call.layer.spp, seed=call.seed)
         ctx.mark_non_differentiable(rendering.coverage)
         return rendering.image, rendering.coverage
 
@@ -75,24 +94,13 @@ class _Render(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, grad_image: Float[Tensor, "height width 3"], _: Tensor) -> tuple[Tensor | None, ...]:
         call: _Call = ctx.call
+        pullback: Pullback | None = ctx.pullback
         radiance, *values = ctx.saved_tensors
-        needs_light, needs = ctx.needs_input_grad[1], ctx.needs_input_grad[2:]
-        wrt = {name for (_, name), need in zip(call.names, needs, strict=True) if need}
-        if needs_light:
-            wrt.add("environment")
-        layer, (materials, view) = call.layer, call.scene(radiance, tuple(values))
-        spp, seed = layer.spp, call.seed
-        if layer.spp_grad is not None:
-            spp, seed = layer.spp_grad, _other_seed(call.seed)
-        gradients = layer.renderer.render_vjp(
-            call.prepared,
-            materials,
-            view,
-            grad_image,
-            wrt=frozenset(wrt),
-            spp=spp,
-            seed=seed,
-        )
+        if pullback is None:
+            gradients = call.gradients(*call.scene(radiance, tuple(values)), grad_image)
+        else:
+            gradients = pullback(grad_image)
+        needs_light, *needs = ctx.needs_input_grad[1:]
         light = _like(gradients.environment, radiance) if needs_light else None
         maps = [
             _like(gradients.materials[part][name], value) if need else None

@@ -14,7 +14,6 @@ from svbrdfgan.types import Gradients, Materials, View
 from svbrdfgan_warp import kernels, textures
 from svbrdfgan_warp.device import launch
 from svbrdfgan_warp.records import Records
-from svbrdfgan_warp.scene import PreparedSurface
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,17 +38,16 @@ class Adjoint:
     @classmethod
     def of(
         cls,
-        prepared: PreparedSurface,
-        materials: Materials,
+        atlas: kernels.Atlas,
+        texels: Float[Tensor, "texels 3"],
         view: View,
         grad_image: Float[Tensor, "height width 3"],
         wrt: Set[str],
     ) -> Adjoint:
         """Sums of nothing yet."""
-        device = prepared.device
-        texels = textures.pack(materials, device)
+        device = texels.device
         return cls(
-            textures.atlas(textures.shapes(materials), prepared.repeat, device),
+            atlas,
             texels,
             grad_image.detach().to(device, torch.float32).reshape(-1, 3).contiguous(),
             _zeros(texels.shape, device) if "base_color" in wrt else None,

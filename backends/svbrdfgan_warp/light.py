@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from typing import Any
 
 import torch
@@ -16,15 +17,44 @@ from svbrdfgan.types import Environment
 from svbrdfgan_warp.emitter import Light
 
 _NUMBERS = 2**32
+_KEPT = 4
 
 
-def upload(environment: Environment, device: torch.device) -> Light:
-    """The environment as the kernels read it.
+@dataclass(frozen=True, eq=False)
+class Lights:
+    """Environments on one device: the last few are kept, and known again by what they hold.
 
-    Raises:
-        AssetError: radiance that is negative or not finite.
+    Attributes:
+        kept: radiance and light, those used last in front.
     """
-    radiance = environment.radiance.detach().to(device, torch.float32)
+
+    device: torch.device
+    kept: list[tuple[Float[Tensor, "rows cols 3"], Light]] = field(default_factory=list)
+
+    def of(self, environment: Environment) -> Light:
+        """The environment as the kernels read it.
+
+        Raises:
+            AssetError: radiance that is negative or not finite.
+        """
+        radiance = environment.radiance.detach().to(self.device, torch.float32)
+        found = next((pair for pair in tuple(self.kept) if torch.equal(pair[0], radiance)), None)
+        if found is None:
+            found = radiance.clone(), _tables(radiance)
+        # A list is replaced in one step, so that threads see an old one or a new one.
+        self.kept[:] = [found, *(pair for pair in self.kept if pair is not found)][:_KEPT]
+        return _turned(found[1], environment.rotation)
+
+
+def _turned(light: Light, rotation: float) -> Light:
+    turned: Any = Light()
+    turned.texels, turned.row_first, turned.col_first = light.texels, light.row_first, light.col_first
+    turned.rotation = rotation
+    return turned
+
+
+def _tables(radiance: Float[Tensor, "rows cols 3"]) -> Light:
+    """What the kernels read, but for the rotation."""
     rows, cols, _ = radiance.shape
     importance = _importance(radiance)
     by_row = importance.sum(dim=1, keepdim=True).T
@@ -38,7 +68,6 @@ def upload(environment: Environment, device: torch.device) -> Light:
     light.texels = wp.from_torch(torch.cat([radiance, density.float()[..., None]], dim=2), dtype=wp.vec4)
     light.row_first = wp.from_torch(row_first, dtype=wp.uint32)
     light.col_first = wp.from_torch(col_first, dtype=wp.uint32)
-    light.rotation = environment.rotation
     return light
 
 

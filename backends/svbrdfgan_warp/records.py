@@ -13,7 +13,6 @@ from torch import Tensor
 from svbrdfgan.types import TransportSamples, View
 from svbrdfgan_warp import emitter, kernels
 from svbrdfgan_warp.device import launch
-from svbrdfgan_warp.light import upload
 from svbrdfgan_warp.scene import PreparedSurface, lens
 
 CHUNK = {"cpu": 2**15, "cuda": 2**24}
@@ -98,8 +97,8 @@ class Tracer:
     arrivals: bool
 
     @classmethod
-    def of(cls, surface: PreparedSurface, view: View, *, arrivals: bool = False) -> Tracer:
-        return cls(surface, lens(view, surface.centre), upload(view.environment, surface.device), arrivals)
+    def of(cls, surface: PreparedSurface, view: View, light: emitter.Light, *, arrivals: bool = False) -> Tracer:
+        return cls(surface, lens(view, surface.centre), light, arrivals)
 
     def __call__(self, run: Run) -> Records:
         device = self.surface.device
@@ -107,7 +106,8 @@ class Tracer:
         uv, weight = (torch.empty(len(run), n, dtype=torch.float32, device=device) for n in (2, 3))
         arrivals = torch.empty(len(run) if self.arrivals else 0, 2, 3, dtype=torch.float32, device=device)
         records = Records(run, part, uv, weight, arrivals)
-        scene = (self.surface.geometry, self.lens, self.light)
+        scene = (self.surface.geometry, self.lens)
+        launch(kernels.find, len(run), (*scene, *records.met()), device)
         kept = wp.from_torch(arrivals, dtype=wp.vec3)
-        launch(kernels.trace, len(run), (*scene, *records.arguments(), kept), device)
+        launch(kernels.light_up, len(run), (*scene, self.light, *records.arguments(), kept), device)
         return records

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import torch
-import warp as wp
 from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.errors import ConfigError, UnsupportedError
-from svbrdfgan.protocols import RendererCapabilities
+from svbrdfgan.protocols import Pullback, RendererCapabilities
 from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
-from svbrdfgan_warp import kernels, scene, textures
-from svbrdfgan_warp.adjoint import Adjoint
-from svbrdfgan_warp.device import choose, in_order, launch
-from svbrdfgan_warp.records import Run, Tracer, runs
+from svbrdfgan_warp import scene
+from svbrdfgan_warp.device import choose, in_order
+from svbrdfgan_warp.light import Lights
+from svbrdfgan_warp.records import Tracer, runs
 from svbrdfgan_warp.scene import PreparedSurface
+from svbrdfgan_warp.shot import Shot
 
 CAPABILITIES = RendererCapabilities(
-    maps=frozenset({"base_color"}), differentiable=frozenset({"base_color", "environment"}), transport=True
+    maps=frozenset({"base_color"}),
+    differentiable=frozenset({"base_color", "environment"}),
+    transport=True,
+    pullback=True,
 )
 
 
@@ -33,6 +36,7 @@ class WarpRenderer:
     """
 
     device: torch.device
+    _lights: Lights = field(compare=False, repr=False)
 
     def __init__(self, device: str = "auto") -> None:
         """A renderer on `device`: "auto" (CUDA where there is one), "cpu", "cuda" or "cuda:N".
@@ -41,33 +45,22 @@ class WarpRenderer:
             ConfigError: another name, or a device that is not there.
         """
         object.__setattr__(self, "device", choose(device))
+        object.__setattr__(self, "_lights", Lights(self.device))
+
+    def __reduce__(self) -> tuple[type[WarpRenderer], tuple[str]]:
+        return WarpRenderer, (str(self.device),)
 
     @property
     def capabilities(self) -> RendererCapabilities:
         return CAPABILITIES
 
     def prepare(self, surface: Surface) -> PreparedSurface:
-        """The surface and its BVH on the renderer's device. The first call in a process loads or compiles kernels."""
+        """The surface and a tree over its faces. The first call in a process loads or compiles kernels."""
         return scene.prepare(surface, self.device)
 
     def render(self, prepared: PreparedSurface, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
         """The picture; unbiased. A film of any size needs no more memory than itself, the inputs and one chunk."""
-        self._check(prepared, spp)
-        _check_materials(prepared, materials)
-        film = view.height * view.width
-        image = torch.empty(film, 3, dtype=torch.float32, device=self.device)
-        coverage = torch.empty(film, dtype=torch.float32, device=self.device)
-        atlas = textures.atlas(textures.shapes(materials), prepared.repeat, self.device)
-        texels = wp.from_torch(textures.pack(materials, self.device), wp.vec3)
-        results = wp.from_torch(image, wp.vec3), wp.from_torch(coverage)
-        tracer = Tracer.of(prepared, view)
-
-        def develop(run: Run) -> None:
-            launch(kernels.gather, run.pixels, (atlas, *tracer(run).arguments(), texels, *results), self.device)
-
-        for _ in in_order(develop, runs(view, spp, seed, self.device), self.device):
-            pass
-        return Rendering(image.view(view.height, view.width, 3), coverage.view(view.height, view.width))
+        return self._shot(prepared, materials, view, frozenset(), spp, seed).develop()
 
     def render_vjp(
         self,
@@ -84,22 +77,38 @@ class WarpRenderer:
 
         That of the environment takes the drawn directions as given.
         """
-        self._check(prepared, spp)
-        _check_materials(prepared, materials)
-        _check_gradient(wrt, view, grad_image)
-        if not wrt:
-            return Gradients(tuple({} for _ in materials.parts))
-        tracer = Tracer.of(prepared, view, arrivals="environment" in wrt)
-        adjoint = Adjoint.of(prepared, materials, view, grad_image, wrt)
-        for records in in_order(tracer, runs(view, spp, seed, self.device), self.device):
-            adjoint.add(records)
-        return adjoint.gradients(materials)
+        shot = self._shot(prepared, materials, view, wrt, spp, seed)
+        return _pullback(shot, wrt)(grad_image)
+
+    def render_pullback(
+        self, prepared: PreparedSurface, materials: Materials, view: View, *, wrt: frozenset[str], spp: int, seed: int
+    ) -> tuple[Rendering, Pullback]:
+        """The picture, and `render_vjp` of what was traced for it, which takes 24 bytes a sample, or 48 with light's.
+
+        Of samples beyond `svbrdfgan_warp.shot.KEPT` nothing is kept; they are traced again.
+        """
+        shot = self._shot(prepared, materials, view, wrt, spp, seed)
+        return shot.develop(keep=bool(wrt)), _pullback(shot, wrt)
 
     def transport(self, prepared: PreparedSurface, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
         """The samples that `render` makes, before materials; sorted by pixel."""
         self._check(prepared, spp)
-        tracer = Tracer.of(prepared, view)
+        tracer = Tracer.of(prepared, view, self._lights.of(view.environment))
         return in_order(lambda run: tracer(run).transport(), runs(view, spp, seed, self.device), self.device)
+
+    def _shot(
+        self, prepared: PreparedSurface, materials: Materials, view: View, wrt: frozenset[str], spp: int, seed: int
+    ) -> Shot:
+        self._check(prepared, spp)
+        _check_materials(prepared, materials)
+        if unknown := sorted(wrt - CAPABILITIES.differentiable):
+            raise UnsupportedError(
+                f"warp renderer: there is no gradient for {', '.join(unknown)}; "
+                f"wrt may name {', '.join(sorted(CAPABILITIES.differentiable))}."
+            )
+        light = self._lights.of(view.environment)
+        tracer = Tracer.of(prepared, view, light, arrivals="environment" in wrt)
+        return Shot.of(tracer, view, runs(view, spp, seed, self.device), materials)
 
     def _check(self, prepared: PreparedSurface, spp: int) -> None:
         if spp < 1:
@@ -124,12 +133,11 @@ def _check_materials(prepared: PreparedSurface, materials: Materials) -> None:
             )
 
 
-def _check_gradient(wrt: frozenset[str], view: View, grad_image: Tensor) -> None:
-    if unknown := sorted(wrt - CAPABILITIES.differentiable):
-        raise UnsupportedError(
-            f"warp renderer: there is no gradient for {', '.join(unknown)}; "
-            f"wrt may name {', '.join(sorted(CAPABILITIES.differentiable))}."
-        )
-    film = (view.height, view.width, 3)
-    if grad_image.shape != film:
-        raise ConfigError(f"warp renderer: grad_image has shape {tuple(grad_image.shape)}; wanted {film}.")
+def _pullback(shot: Shot, wrt: frozenset[str]) -> Pullback:
+    def pullback(grad_image: Float[Tensor, "height width 3"]) -> Gradients:
+        film = (shot.view.height, shot.view.width, 3)
+        if grad_image.shape != film:
+            raise ConfigError(f"warp renderer: grad_image has shape {tuple(grad_image.shape)}; wanted {film}.")
+        return shot.backpropagate(grad_image, wrt)
+
+    return pullback

@@ -1,4 +1,4 @@
-"""A surface on the device: triangles, their BVH and their attributes."""
+"""A surface on the device: its faces, a tree over them, and their attributes."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ import torch
 import warp as wp
 from jaxtyping import Float
 from numpy import ndarray
+from torch import Tensor
 
 from svbrdfgan.types import Surface, View
 from svbrdfgan_warp import device as devices
 from svbrdfgan_warp import kernels
+from svbrdfgan_warp.tree import plant
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,14 +24,12 @@ class PreparedSurface:
 
     Attributes:
         geometry: what the kernels read.
-        mesh: the triangles and their BVH; held here because `geometry` names it by number only.
         centre: middle of the bounding box in the surface's own coordinates.
         parts: the parts' names.
         repeat: `Surface.repeat`.
     """
 
     geometry: kernels.Geometry
-    mesh: wp.Mesh
     centre: Float[ndarray, 3]
     parts: tuple[str, ...]
     repeat: tuple[bool, bool]
@@ -37,28 +37,31 @@ class PreparedSurface:
 
 
 def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
-    """The surface on `device`, ready in any stream. The constructors are those that traced fastest on each."""
-    used = surface.positions[np.unique(surface.faces)]
-    centre = (used.min(axis=0) + used.max(axis=0)) / 2
+    """The surface on `device`, ready in any stream."""
+    used = np.zeros(len(surface.positions), dtype=bool)
+    used[surface.faces] = True
+    low, high = (bound(surface.positions[used], axis=0) for bound in (np.min, np.max))
+    centre = (low + high) / 2
 
-    def array(values: ndarray, dtype: type) -> Any:
-        kind = np.int32 if dtype is wp.int32 else np.float32
-        return wp.from_torch(torch.from_numpy(np.ascontiguousarray(values, dtype=kind)).to(device), dtype=dtype)
+    def floats(values: ndarray) -> Tensor:
+        return torch.from_numpy(np.ascontiguousarray(values, dtype=np.float32)).to(device)
 
-    constructor = "cubql" if device.type == "cuda" and wp.is_cubql_available() else None
-    stream = devices.stream(device)
-    with devices.quiet(), wp.ScopedStream(stream) if stream else wp.ScopedDevice(wp.device_from_torch(device)):
+    def integers(values: ndarray) -> Tensor:
+        return torch.from_numpy(np.ascontiguousarray(values.reshape(-1), dtype=np.int32)).to(device)
+
+    points, corners = floats(surface.positions - centre), integers(surface.faces)
+    geometry: Any = kernels.Geometry()
+    with devices.quiet():
         wp.load_module(kernels, device=wp.device_from_torch(device))
-        points, corners = array(surface.positions - centre, wp.vec3), array(surface.faces.reshape(-1), wp.int32)
-        mesh = wp.Mesh(points, corners, bvh_constructor=constructor)
-        geometry: Any = kernels.Geometry()
-        geometry.mesh, geometry.points, geometry.corners = mesh.id, points, corners
-        geometry.normals = array(surface.normals, wp.vec3)
-        geometry.uv = array(surface.uv, wp.vec2)
-        geometry.face_part = array(surface.face_part, wp.int32)
+        geometry.nodes, geometry.triangles = plant(points, corners)
+    geometry.radius = float(np.linalg.norm(high - low)) / 2
+    geometry.points, geometry.corners = wp.from_torch(points, wp.vec3), wp.from_torch(corners)
+    geometry.normals = wp.from_torch(floats(surface.normals), wp.vec3)
+    geometry.uv = wp.from_torch(floats(surface.uv), wp.vec2)
+    geometry.face_part = wp.from_torch(integers(surface.face_part))
     if device.type == "cuda":
         torch.cuda.synchronize(device)
-    return PreparedSurface(geometry, mesh, centre, tuple(part.name for part in surface.parts), surface.repeat, device)
+    return PreparedSurface(geometry, centre, tuple(part.name for part in surface.parts), surface.repeat, device)
 
 
 def lens(view: View, centre: Float[ndarray, 3]) -> kernels.Lens:

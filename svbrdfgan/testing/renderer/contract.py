@@ -13,7 +13,7 @@ from torch import Tensor
 
 from svbrdfgan.errors import SvbrdfganError, UnsupportedError
 from svbrdfgan.plugins import RENDERERS, find_plugin, import_factory, make
-from svbrdfgan.protocols import Renderer, RendererCapabilities, TransportRenderer
+from svbrdfgan.protocols import PullbackRenderer, Renderer, RendererCapabilities, TransportRenderer
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.testing.renderer.base import RendererKit
@@ -43,9 +43,11 @@ class ContractTests(RendererKit):
 
     def test_methods_take_the_protocols_parameters(self) -> None:
         """Its methods take the protocol's parameters, by name and by kind."""
-        methods = ["prepare", "render", "render_vjp", *(["transport"] if self.capabilities.transport else [])]
-        for name in methods:
-            wanted = list(inspect.signature(getattr(TransportRenderer, name)).parameters.values())[1:]
+        powers: list[tuple[type, str]] = [(Renderer, "prepare"), (Renderer, "render"), (Renderer, "render_vjp")]
+        powers += [(TransportRenderer, "transport")] if self.capabilities.transport else []
+        powers += [(PullbackRenderer, "render_pullback")] if self.capabilities.pullback else []
+        for protocol, name in powers:
+            wanted = list(inspect.signature(getattr(protocol, name)).parameters.values())[1:]
             found = list(inspect.signature(getattr(self.renderer, name)).parameters.values())
             extra = [p.name for p in found[len(wanted) :] if p.default is p.empty]
             same = [(p.name, p.kind) for p in found[: len(wanted)]] == [(p.name, p.kind) for p in wanted]

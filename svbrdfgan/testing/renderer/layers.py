@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from numpy import ndarray
 
-from svbrdfgan.protocols import Renderer, TransportRenderer
+from svbrdfgan.protocols import PullbackRenderer, Renderer, TransportRenderer
 from svbrdfgan.render_layer import RenderLayer
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.testing.renderer import settings
@@ -40,6 +40,23 @@ class LayerTests(RendererKit):
             _, _, colors = _from_samples(self.renderer, stage, grad)
             for part, wanted in enumerate(colors):
                 exactly(f"gradient of part {part}", stage.map_gradient(grad, "base_color", part), wanted)
+
+    def test_pullback_is_the_gradient(self) -> None:
+        """What `render_pullback` gives is `render`'s picture, and `render_vjp`'s gradient of every cotangent."""
+        declared(self.capabilities.pullback, "pullback")
+        check(isinstance(self.renderer, PullbackRenderer), "pullback is declared, but there is no such method.")
+        assert isinstance(self.renderer, PullbackRenderer)
+        wrt = frozenset(settings.differentiable(self.capabilities))
+        setting = settings.rich("roughness" in self.capabilities.maps)
+        stage = Stage(self.renderer, setting)
+        rendering, pullback = self.renderer.render_pullback(
+            stage.prepared, setting.materials, setting.view, wrt=wrt, spp=4, seed=3
+        )
+        exactly("picture", numbers(rendering.image), stage.image())
+        for grad in (setting.random(), setting.random()[::-1].copy()):
+            found = flat(pullback(torch.from_numpy(grad).float()))
+            for place, wanted in flat(stage.gradients(grad, *wrt)).items():
+                exactly(f"gradient for {place}", found[place], wanted)
 
     def test_render_layer_gives_torch_these_gradients(self) -> None:
         """`RenderLayer` gives torch the picture, and `render_vjp` as its gradient."""

@@ -178,6 +178,9 @@ class Scene:
         gradients = vjp(wrt=wrt, spp=2, seed=1)
         yield from (gradient for part in gradients.materials for gradient in part.values())
         yield from () if gradients.environment is None else (gradients.environment,)
+        if renderer.capabilities.pullback:
+            _, pullback = renderer.render_pullback(prepared, self.materials, self.view, wrt=wrt, spp=2, seed=1)
+            yield from (gradient for part in pullback(self.grad_image).materials for gradient in part.values())
         if renderer.capabilities.transport:
             yield from (samples.weight for samples in renderer.transport(prepared, self.view, spp=2, seed=1))
 

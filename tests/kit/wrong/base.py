@@ -14,7 +14,7 @@ from torch import Tensor
 
 from svbrdfgan.errors import PluginError, UnsupportedError
 from svbrdfgan.plugins import load_renderer
-from svbrdfgan.protocols import Renderer, RendererCapabilities
+from svbrdfgan.protocols import Pullback, Renderer, RendererCapabilities
 from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
 
 
@@ -111,6 +111,14 @@ class Right:
         call = Call(*prepared, materials, view, spp, seed, wrt, grad_image)
         asked = replace(self.asked(call), grad_image=self.cotangent(grad_image, call))
         return self.gradient(self.vjp(asked), call)
+
+    def render_pullback(
+        self, prepared: Any, materials: Materials, view: View, *, wrt: frozenset[str], spp: int, seed: int
+    ) -> tuple[Rendering, Pullback]:
+        def pullback(grad_image: Float[Tensor, "height width 3"]) -> Gradients:
+            return self.render_vjp(prepared, materials, view, grad_image, wrt=wrt, spp=spp, seed=seed)
+
+        return self.render(prepared, materials, view, spp=spp, seed=seed), pullback
 
     def vjp(self, call: Call, renderer: Renderer[Any] | None = None) -> Gradients:
         """The right gradient."""

@@ -1,0 +1,108 @@
+"""Warp kernels: from triangles along a space-filling curve to a binary tree, and from that to the tree of `tree.py`.
+
+Nodes of the binary tree are numbered: `n` triangles, by their faces, and after them what was merged of two.
+"""
+
+# mypy: ignore-errors
+
+from importlib import resources
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+REACH = wp.constant(16)
+"""How far along the curve a cluster looks for its partner."""
+_WIDEN = resources.files(__package__).joinpath("native", "widen.h").read_text(encoding="utf-8")
+
+
+@wp.kernel
+def bound(
+    points: wp.array(dtype=wp.vec3),
+    corners: wp.array(dtype=wp.int32),
+    slack: float,
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+):
+    """The bounds of the triangles, widened by `slack`."""
+    i = wp.tid()
+    a = points[corners[i * 3]]
+    b = points[corners[i * 3 + 1]]
+    c = points[corners[i * 3 + 2]]
+    lower[i] = wp.min(wp.min(a, b), c) - wp.vec3(slack)
+    upper[i] = wp.max(wp.max(a, b), c) + wp.vec3(slack)
+
+
+@wp.kernel
+def choose(
+    clusters: wp.array(dtype=wp.int32),
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+    partner: wp.array(dtype=wp.int64),
+):
+    """For each cluster on the curve, the near one that together with it has the least surface; of equals the first.
+
+    Some two choose each other: those with the least surface of all, and of equals the first.
+    """
+    i = wp.tid()
+    low = lower[clusters[i]]
+    high = upper[clusters[i]]
+    least = float(3.4e38)  # noqa: UP018 - Warp's way to declare a variable
+    best = int(-1)  # noqa: UP018, RUF046
+    for j in range(wp.max(0, i - REACH), wp.min(clusters.shape[0], i + REACH + 1)):
+        if j != i:
+            d = wp.max(high, upper[clusters[j]]) - wp.min(low, lower[clusters[j]])
+            surface = d[0] * d[1] + d[1] * d[2] + d[2] * d[0]
+            if surface < least or best < 0:
+                least = surface
+                best = j
+    partner[i] = wp.int64(best)
+
+
+@wp.func_native(_WIDEN)
+def widened(
+    wide: int,
+    n: int,
+    children: wp.array(dtype=wp.vec2i),
+    counts: wp.array(dtype=wp.int32),
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+    sources: wp.array(dtype=wp.int32),
+    counters: wp.array(dtype=wp.int32),
+    placed_order: wp.array(dtype=wp.int32),
+    nodes: wp.array(dtype=wp.uint32),
+): ...
+
+
+@wp.kernel
+def widen(
+    begin: int,
+    n: int,
+    children: wp.array(dtype=wp.vec2i),
+    counts: wp.array(dtype=wp.int32),
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+    sources: wp.array(dtype=wp.int32),
+    counters: wp.array(dtype=wp.int32),
+    placed_order: wp.array(dtype=wp.int32),
+    nodes: wp.array(dtype=wp.uint32),
+):
+    widened(begin + wp.tid(), n, children, counts, lower, upper, sources, counters, placed_order, nodes)
+
+
+@wp.kernel
+def place(
+    points: wp.array(dtype=wp.vec3),
+    corners: wp.array(dtype=wp.int32),
+    placed_order: wp.array(dtype=wp.int32),
+    triangles: wp.array2d(dtype=wp.vec4),
+):
+    """Each triangle's corners where the tree names it; the face's number rides along."""
+    i = wp.tid()
+    face = placed_order[i]
+    a = points[corners[face * 3]]
+    b = points[corners[face * 3 + 1]]
+    c = points[corners[face * 3 + 2]]
+    triangles[i, 0] = wp.vec4(a[0], a[1], a[2], wp.cast(face, wp.float32))
+    triangles[i, 1] = wp.vec4(b[0], b[1], b[2], 0.0)
+    triangles[i, 2] = wp.vec4(c[0], c[1], c[2], 0.0)

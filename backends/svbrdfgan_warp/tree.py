@@ -1,0 +1,134 @@
+"""A surface's triangles in a tree of eight-wide nodes, built and walked on the device.
+
+A node takes 80 bytes: its lower corner, the exponents of a grid of 255 steps and which slots have inner children, the
+numbers of its first inner child and first triangle, and for each of eight slots a byte that says what is there, and its
+bounds on the grid.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+import warp as wp
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from svbrdfgan_warp import build
+from svbrdfgan_warp.device import launch
+
+_SLACK = 2e-6
+"""By how much of the largest coordinate bounds are widened; rounding in the traversal stays below a quarter of it."""
+_BITS = 21
+
+
+def plant(points: Float[Tensor, "vertices 3"], corners: Int[Tensor, " 3_faces"]) -> tuple[Any, Any]:
+    """The nodes, and the triangles in the order in which the nodes name them, as the traversal takes them.
+
+    A triangle is its corners; the fourth component of the first has the bits of its face's number. Points are to be
+    centred at the origin: bounds are widened by what single precision rounds off at that distance.
+    """
+    faces = len(corners) // 3
+    twice = corners.repeat(2) if faces == 1 else corners  # a binary tree has two leaves at least
+    mesh = (wp.from_torch(points, wp.vec3), wp.from_torch(twice))
+    tree = _merged(mesh, _curve(points, twice).argsort(), _SLACK * float(points.abs().max()))
+    nodes, order = _wide(tree)
+    triangles = torch.empty(len(order), 3, 4, dtype=torch.float32, device=points.device)
+    kept = wp.from_torch(triangles, wp.vec4)
+    launch(build.place, len(order), (*mesh, wp.from_torch(order % faces), kept), points.device)
+    return wp.from_torch(nodes.view(-1), wp.uint32), kept
+
+
+@dataclass(frozen=True, eq=False)
+class _Binary:
+    """A binary tree: triangles, by the numbers of their faces, and after them inner nodes; the last is the root.
+
+    Attributes:
+        children: of the inner nodes.
+        counts: triangles under each node.
+        lower, upper: bounds of each.
+    """
+
+    children: Int[Tensor, "inner 2"]
+    counts: Int[Tensor, " nodes"]
+    lower: Float[Tensor, "nodes 3"]
+    upper: Float[Tensor, "nodes 3"]
+
+    @classmethod
+    def empty(cls, n: int, device: torch.device) -> _Binary:
+        nodes = 2 * n - 1
+        children = torch.empty(n - 1, 2, dtype=torch.int32, device=device)
+        counts = torch.ones(nodes, dtype=torch.int32, device=device)
+        lower, upper = (torch.empty(nodes, 3, dtype=torch.float32, device=device) for _ in range(2))
+        return cls(children, counts, lower, upper)
+
+    def bounds(self) -> tuple[Any, Any]:
+        return wp.from_torch(self.lower, wp.vec3), wp.from_torch(self.upper, wp.vec3)
+
+    def merge(self, node: int, first: Int[Tensor, " pairs"], second: Int[Tensor, " pairs"]) -> Int[Tensor, " pairs"]:
+        """New nodes, numbered from `node`, each with these two children."""
+        new = torch.arange(node, node + len(first), device=first.device)
+        self.children[new - (len(self.children) + 1)] = torch.stack([first, second], dim=1)
+        self.counts[new] = self.counts[first] + self.counts[second]
+        self.lower[new] = torch.minimum(self.lower[first], self.lower[second])
+        self.upper[new] = torch.maximum(self.upper[first], self.upper[second])
+        return new.int()
+
+
+def _merged(mesh: tuple[Any, Any], order: Int[Tensor, " triangles"], slack: float) -> _Binary:
+    """Neighbours on the curve merged, wherever two choose each other, until one is left.
+
+    Meister and Bittner, "Parallel Locally-Ordered Clustering for Bounding Volume Hierarchy Construction", TVCG 2018.
+    """
+    device, node = order.device, len(order)
+    tree, clusters = _Binary.empty(node, device), order.int()
+    launch(build.bound, node, (*mesh, slack, *tree.bounds()), device)
+    while len(clusters) > 1:
+        partner = torch.empty(len(clusters), dtype=torch.int64, device=device)
+        launch(build.choose, len(clusters), (wp.from_torch(clusters), *tree.bounds(), wp.from_torch(partner)), device)
+        index = torch.arange(len(clusters), device=device)
+        mutual = partner[partner] == index
+        first = (mutual & (index < partner)).nonzero().squeeze(1)
+        clusters[first] = tree.merge(node, clusters[first], clusters[partner[first]])
+        clusters = clusters[~(mutual & (index > partner))]
+        node += len(first)
+    return tree
+
+
+def _wide(tree: _Binary) -> tuple[Int[Tensor, "nodes 20"], Int[Tensor, " triangles"]]:
+    """The wide nodes, level by level, and the faces in the order in which they name them."""
+    device, n = tree.counts.device, len(tree.children) + 1
+    integers: dict[str, Any] = {"dtype": torch.int32, "device": device}
+    nodes, order = torch.empty(n, 20, **integers), torch.empty(n, **integers)
+    sources = torch.full((n,), 2 * n - 2, **integers)  # for each wide node, the binary one
+    counters = torch.tensor([1, 0], **integers)  # nodes and triangles so far
+    given = (n, wp.from_torch(tree.children, wp.vec2i), wp.from_torch(tree.counts), *tree.bounds())
+    grown = tuple(map(wp.from_torch, (sources, counters, order)))
+    begin, end = 0, 1
+    while begin < end:
+        launch(build.widen, end - begin, (begin, *given, *grown, wp.from_torch(nodes.view(-1), wp.uint32)), device)
+        begin, end = end, int(counters[0])
+    return nodes[:end].clone(), order
+
+
+def _curve(points: Float[Tensor, "vertices 3"], corners: Int[Tensor, " 3_faces"]) -> Int[Tensor, " triangles"]:
+    """The place of each triangle's middle on a Morton curve of 2^63 places."""
+    corner = points[corners.long()].view(-1, 3, 3)
+    middle = (corner.amin(dim=1) + corner.amax(dim=1)) / 2
+    low, size = middle.amin(dim=0), (middle.amax(dim=0) - middle.amin(dim=0)).amax().clamp_min(1e-30)
+    cell = ((middle - low) / size * (2**_BITS - 1)).long().clamp(0, 2**_BITS - 1)
+    return _spread(cell[:, 0]) << 2 | _spread(cell[:, 1]) << 1 | _spread(cell[:, 2])
+
+
+def _spread(x: Int[Tensor, " triangles"]) -> Int[Tensor, " triangles"]:
+    """The 21 lowest bits, with two zeros between neighbours."""
+    for shift, mask in (
+        (32, 0x1F00000000FFFF),
+        (16, 0x1F0000FF0000FF),
+        (8, 0x100F00F00F00F00F),
+        (4, 0x10C30C30C30C30C3),
+        (2, 0x1249249249249249),
+    ):
+        x = (x | x << shift) & mask
+    return x
