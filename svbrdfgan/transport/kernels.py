@@ -80,17 +80,6 @@ def transposed(views, grad_image, grad_textures, pixels, HALF: tl.constexpr, ROW
         tl.atomic_add(color + 2, tl.load(share + 2, mask=there, other=0) * blue[:, None], mask=there, sem="relaxed")
 
 
-@triton.jit
-def _mark(place):
-    tl.store(place, 1)
-
-
-def require_working(device: torch.device) -> None:
-    """Compiles and runs a kernel of one store; raises whatever goes wrong, such as the lack of a C compiler."""
-    with torch.cuda.device(device):
-        _mark[(1,)](torch.zeros(1, dtype=torch.int32, device=device))
-
-
 @dataclass(frozen=True, eq=False)
 class KernelProduct:
     """The kernels over a batch.

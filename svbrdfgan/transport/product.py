@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
-from types import ModuleType
+from functools import cached_property
 from typing import Protocol
 
 import torch
@@ -18,8 +16,7 @@ from svbrdfgan.transport.host import HostProduct
 from svbrdfgan.transport.plain import PlainProduct
 from svbrdfgan.transport.record import LightTransport
 from svbrdfgan.transport.transfer import send
-
-log = logging.getLogger(__name__)
+from svbrdfgan.triton_works import triton_works
 
 
 class Product(Protocol):
@@ -105,22 +102,8 @@ def _product(transports: tuple[LightTransport, ...]) -> Product:
     device = transports[0].texel.device
     if device.type == "cpu":
         return HostProduct(transports)
-    if device.type == "cuda" and not torch.are_deterministic_algorithms_enabled():
-        kernels = _kernels(device)
-        if kernels is not None:
-            product: Product = kernels.KernelProduct.of(transports)
-            return product
+    if device.type == "cuda" and not torch.are_deterministic_algorithms_enabled() and triton_works(device):
+        from svbrdfgan.transport.kernels import KernelProduct
+
+        return KernelProduct.of(transports)
     return PlainProduct(transports)
-
-
-@cache
-def _kernels(device: torch.device) -> ModuleType | None:
-    """The Triton kernels, if they work. Triton comes with torch for CUDA on Linux; it needs a C compiler as well."""
-    try:
-        from svbrdfgan.transport import kernels
-
-        kernels.require_working(device)
-    except Exception as error:  # whatever keeps Triton from compiling, plain torch does the same
-        log.warning("Triton does not work on %s, so stored transports take slower ways there: %s", device, error)
-        return None
-    return kernels

@@ -102,7 +102,7 @@ def test_the_same_seed_is_the_same_game(config: Callable[..., TrainConfig], feed
     one, other = map(weights, states)
     assert all(torch.equal(one[name], other[name]) for name in one)
     elsewhere = State.fresh(config(seed=1), CPU)
-    assert not torch.equal(elsewhere.generator.layers[0].weight, State.fresh(config(), CPU).generator.layers[0].weight)  # type: ignore[arg-type]
+    assert not torch.equal(elsewhere.generator.first.weight, State.fresh(config(), CPU).generator.first.weight)
 
 
 def test_penalties_come_when_told(config: Callable[..., TrainConfig], feed: Feed) -> None:

@@ -6,12 +6,11 @@ import importlib.util
 import os
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import pytest
 import torch
 
-from svbrdfgan.transport import LightTransport, TransportBatch, product
+from svbrdfgan.transport import LightTransport, TransportBatch
 from svbrdfgan.transport.host import HostProduct
 from svbrdfgan.transport.plain import PlainProduct
 from svbrdfgan.transport.product import Product
@@ -128,13 +127,6 @@ def test_views_of_different_sizes_are_no_batch(make_transport: Make) -> None:
     for changed in ({"coverage": torch.zeros(9, 7)}, {"texture_shape": (8, 6)}):
         with pytest.raises(ValueError, match="one film size and one texture size"):
             TransportBatch.stack([transport, replace(transport, **changed)])  # type: ignore[arg-type]
-
-
-def test_kernels_are_taken_where_triton_works(monkeypatch: pytest.MonkeyPatch, caplog: Any) -> None:
-    monkeypatch.delenv("TRITON_INTERPRET", raising=False)
-    found = product._kernels.__wrapped__(torch.device("cuda"))
-    assert (found is not None) == (CUDA and importlib.util.find_spec("triton") is not None)
-    assert ("stored transports take slower ways" in caplog.text) == (found is None)
 
 
 @pytest.mark.skipif(not CUDA, reason="there is no CUDA device")

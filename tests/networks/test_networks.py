@@ -43,6 +43,29 @@ def test_patch_is_as_large_as_said(layers: int, patch: int) -> None:
     assert int(touched.max() - touched.min()) + 1 == patch
 
 
+@pytest.mark.parametrize("make", [Generator, Discriminator])
+@pytest.mark.parametrize("batch", [1, 2])
+def test_gradients_do_not_depend_on_the_layout_in_memory(make: type[nn.Module], batch: int) -> None:
+    """torch's own instance norm fails this for one sample on the CPU."""
+    options = {"upsampling": "strided"} if make is Generator else {"channels": 6}
+    network = make(width=4, norm="instance", **options).double()
+    picture = torch.randn(batch, 6, 32, 32, dtype=torch.float64)
+    slope = torch.randn_like(network(picture))
+    gradients = []
+    for layout in (torch.contiguous_format, torch.channels_last):
+        result = network.to(memory_format=layout)(picture.contiguous(memory_format=layout))
+        gradients.append(torch.autograd.grad(result, list(network.parameters()), slope))
+    for one, other in zip(*gradients, strict=True):
+        torch.testing.assert_close(one, other)
+
+
+@pytest.mark.parametrize(("norm", "biased"), [("instance", 1), ("group", 8), ("none", 8)])
+def test_only_the_last_convolution_has_a_bias_if_a_norm_would_take_it_out(norm: str, biased: int) -> None:
+    convolutions = [m for m in Generator(width=4, blocks=1, norm=norm).modules() if isinstance(m, nn.Conv2d)]
+    assert len(convolutions) == 8
+    assert sum(m.bias is not None for m in convolutions) == biased
+
+
 def test_initial_weights_depend_on_the_seed_alone() -> None:
     def weights(seed: int) -> torch.Tensor:
         generator = Generator(width=4)

@@ -1,0 +1,8 @@
+"""The generator and the discriminator of thesis 4.3.1."""
+
+from svbrdfgan.networks.discriminator import Discriminator
+from svbrdfgan.networks.generator import GEOMETRY_CHANNELS, Generator, ResidualBlock, Upsampling
+from svbrdfgan.networks.norm import Norm
+from svbrdfgan.networks.weights import initialise
+
+__all__ = ["GEOMETRY_CHANNELS", "Discriminator", "Generator", "Norm", "ResidualBlock", "Upsampling", "initialise"]
