@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Literal
 
@@ -9,8 +10,7 @@ import click
 
 
 @click.command("experiment")
-@click.argument("name", required=False)
-@click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
+@click.argument("words", nargs=-1, metavar="NAME... [KEY=VALUE]...")
 @click.option("--list", "listing", is_flag=True, help="Say what there is, and stop.")
 @click.option("--profile", default="cpu", show_default=True, type=click.Choice(["cpu", "gpu"]), help="How large a one.")
 @click.option("-o", "--out", type=click.Path(path_type=Path, file_okay=False), help="Folder of all experiments.")
@@ -20,46 +20,58 @@ import click
     type=click.Path(path_type=Path, file_okay=False, exists=True),
     help="Folder with cars/ and envmaps/, which the gpu profile needs.",
 )
-@click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Runs at once, on one device.")
+@click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Runs at once, over all GPUs.")
 @click.option("--seeds", metavar="0,1,2", help="Instead of those that each row names.")
-@click.option("--row", "rows", multiple=True, metavar="NAME", help="This row alone; repeatable.")
+@click.option("--only", multiple=True, metavar="NAME/ROW/RECIPE/SEED", help="These runs alone, in this order.")
+@click.option("--until", type=click.FloatRange(0), metavar="MINUTES", help="Stop then; what runs goes on next time.")
 def command(
-    name: str | None,
-    overrides: tuple[str, ...],
+    words: tuple[str, ...],
     listing: bool,
     profile: Literal["cpu", "gpu"],
     out: Path | None,
     assets: Path | None,
     jobs: int,
     seeds: str | None,
-    rows: tuple[str, ...],
+    only: tuple[str, ...],
+    until: float | None,
 ) -> None:
-    """Run experiment NAME, or that of a YAML file of your own, and write OUT/NAME/table.md with its pictures.
+    """Run experiments, or those of YAML files of your own, and write OUT/NAME/table.md of each, with its pictures.
 
-    Stop it when you like; run again, it goes on, and what failed is tried again. Experiments in one OUT share data
-    sets, oracles and runs where they are equal; run one at a time there. KEY=VALUE changes what all rows start from,
-    such as `train.minutes=1` or `dataset.spp=16`. The gpu profile is the real one; cpu checks the trend, in some two
-    minutes a run.
+    Stop it when you like, or have it stopped by --until; run again, it goes on, and what failed is tried again. With
+    `--until 0` it only writes the tables. Experiments in one OUT share data sets, oracles and runs where they are
+    equal; give one command several names rather than two commands the same OUT. --only names runs as OUT/NAME/table.md
+    does, or several by shell patterns; what is left out at the end may be anything: `--only 'pose-noise/noise-10'`,
+    `--only '*/*/default/0'`. KEY=VALUE changes what all rows start from, such as `train.minutes=1` or
+    `dataset.spp=16`. The gpu profile is the real one; cpu checks the trend, in some two minutes a run.
     """
     if listing:
         _list(profile)
         return
-    if name is None or out is None:
+    names = tuple(word for word in words if "=" not in word)
+    if not names or out is None:
         raise click.UsageError("NAME and --out are wanted; `svbrdfgan experiment --list` shows the names.")
     from rich.console import Console
 
     from svbrdfgan.cli.display import terminal_display
     from svbrdfgan.experiments.design import Design
-    from svbrdfgan.experiments.runner import run_experiment
+    from svbrdfgan.experiments.runner import run_experiments
 
-    design = Design.load(name, profile, overrides)
+    designs = [Design.load(name, profile, [word for word in words if "=" in word]) for name in names]
     with terminal_display(Console(stderr=True)) as display:
-        results = run_experiment(
-            design, out, assets=assets, jobs=jobs, rows=rows, seeds=_numbers(seeds), display=display
+        results = run_experiments(
+            designs,
+            out,
+            assets=assets,
+            jobs=jobs,
+            only=only,
+            seeds=_numbers(seeds),
+            minutes=math.inf if until is None else until,
+            display=display,
         )
-    for line, run in results.failures:
-        click.echo(f"failed: {line.row}, {line.recipe}, seed {run.seed}: {run.reason}", err=True)
-    click.echo(str(out / design.name / "table.md"))
+    for each in results:
+        for line, run in each.failures:
+            click.echo(f"failed: {line.row}, {line.recipe}, seed {run.seed}: {run.reason}", err=True)
+        click.echo(str(out / each.design.name / "table.md"))
 
 
 def _list(profile: Literal["cpu", "gpu"]) -> None:

@@ -77,9 +77,10 @@ class ProceduralMeshes(StrictModel):
 
 
 class ProceduralSkies(StrictModel):
-    """Skies made by `svbrdfgan.procedural`."""
+    """Skies made by `svbrdfgan.procedural`, or rooms, whose light is of another kind."""
 
     count: int = Field(ge=1)
+    kind: Literal["outdoor", "indoor"] = "outdoor"
     seed: int = 0
 
 
@@ -97,20 +98,6 @@ class EnvironmentSource(StrictModel):
     procedural: ProceduralSkies | None = None
 
 
-class SplitConfig(StrictModel):
-    """One of train, validation and test."""
-
-    meshes: MeshSource
-    environments: EnvironmentSource | None = None
-    views: int = Field(default=8, ge=1, description="pictures of each mesh")
-
-    @model_validator(mode="after")
-    def _has_meshes(self) -> SplitConfig:
-        if not self.meshes.files and self.meshes.procedural is None:
-            raise ValueError("meshes needs 'files', 'procedural' or both")
-        return self
-
-
 class CameraDistribution(StrictModel):
     """Cameras on a sphere about the middle of the mesh's bounding box.
 
@@ -121,6 +108,21 @@ class CameraDistribution(StrictModel):
     elevation_degrees: Number = Uniform(uniform=(5.0, 35.0))
     distance: Number = Fixed[float](fixed=0.9)
     vertical_fov_degrees: Number = Fixed[float](fixed=35.0)
+
+
+class SplitConfig(StrictModel):
+    """One of train, validation and test."""
+
+    meshes: MeshSource
+    environments: EnvironmentSource | None = None
+    camera: CameraDistribution | None = None
+    views: int = Field(default=8, ge=1, description="pictures of each mesh")
+
+    @model_validator(mode="after")
+    def _has_meshes(self) -> SplitConfig:
+        if not self.meshes.files and self.meshes.procedural is None:
+            raise ValueError("meshes needs 'files', 'procedural' or both")
+        return self
 
 
 class WeatheringDistribution(StrictModel):
@@ -164,6 +166,10 @@ class DatasetConfig(StrictModel):
         if "train" not in self.splits:
             raise ValueError("splits needs 'train'")
         return self
+
+    def camera_of(self, split: Split) -> CameraDistribution:
+        """Where pictures of the split are taken from."""
+        return self.splits[split].camera or self.camera
 
 
 def dataset_config(data: dict[str, Any], source: str) -> DatasetConfig:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -19,7 +20,7 @@ from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io import load_environment, load_mesh, save_environment, save_mesh_glb
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.options import StrictModel, validate
-from svbrdfgan.procedural import build_sky, build_vehicle, sample_sky, sample_vehicle
+from svbrdfgan.procedural import build_room, build_sky, build_vehicle, sample_sky, sample_vehicle
 from svbrdfgan.types import Mesh
 
 PLAN = "dataset.json"
@@ -118,7 +119,10 @@ def gather_environments(source: EnvironmentSource, rows: int, folder: Path, base
     if source.procedural is not None:
         for number in range(source.procedural.count):
             seed = source.procedural.seed * 100_003 + number
-            made[f"sky_{seed}"] = lambda seed=seed: build_sky(sample_sky(seed))  # type: ignore[misc]
+            if source.procedural.kind == "indoor":
+                made[f"room_{seed}"] = partial(build_room, seed)
+            else:
+                made[f"sky_{seed}"] = lambda seed=seed: build_sky(sample_sky(seed))  # type: ignore[misc]
     if not made:
         raise ConfigError("environments needs 'files', 'procedural' or both.")
     return tuple(environment_asset(name, make(), rows, folder) for name, make in made.items())

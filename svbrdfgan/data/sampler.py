@@ -96,8 +96,8 @@ class ConfigSampler:
     def draw_camera(
         self, mesh: MeshAsset, rng: np.random.Generator, declared: CameraDistribution | None = None
     ) -> OrbitCamera:
-        """A camera about the middle of the mesh's box, from the data set's distribution or another."""
-        declared, (width, height) = declared or self.config.camera, self.config.image
+        """A camera about the middle of the mesh's box, from the split's distribution or another."""
+        declared, (width, height) = declared or self.config.camera_of(self.split), self.config.image
         lower, upper = np.asarray(mesh.bounds)
         fov = min(max(declared.vertical_fov_degrees.sample(rng), 1.0), 170.0)
         x, y, z = ((lower + upper) / 2).tolist()

@@ -81,10 +81,16 @@ _VERDICTS = (
 )
 
 _MEASURES: dict[Measure, Column] = {
+    "shown": Column(
+        "shown",
+        "recovered, shown",
+        "`recovered` on that part of the learnable area that pictures taken from where the training's were would show",
+        lambda outcome: outcome.measures.get("shown"),
+    ),
     "unseen": Column(
         "unseen",
         "recovered, unseen",
-        "`recovered` on that part of the learnable area that no test picture shows",
+        "`recovered` on the rest of the learnable area",
         lambda outcome: outcome.measures.get("unseen"),
     ),
     "gradient_noise": Column(

@@ -17,7 +17,7 @@ from svbrdfgan.yaml_files import load_yaml
 
 Recipe = Literal["default", "thesis"]
 ProfileName = Literal["cpu", "gpu"]
-Measure = Literal["unseen", "gradient_noise"]
+Measure = Literal["shown", "unseen", "gradient_noise"]
 
 Record = TypeVar("Record", bound=StrictModel)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
 
@@ -64,8 +65,9 @@ class RunSpec(StrictModel):
 
 @dataclass(frozen=True)
 class Cell:
-    """One run of an experiment."""
+    """One run of an experiment, which is known by its name."""
 
+    experiment: str
     row: str
     recipe: Recipe
     seed: int
@@ -74,6 +76,11 @@ class Cell:
     @property
     def title(self) -> str:
         return f"{self.row}, {self.recipe}, seed {self.seed}"
+
+    def matches(self, pattern: str) -> bool:
+        """Whether it is one of those that EXPERIMENT/ROW/RECIPE/SEED means, or as much of that as is said."""
+        mine, wanted = (self.experiment, self.row, self.recipe, str(self.seed)), pattern.split("/")
+        return len(wanted) <= len(mine) and all(map(fnmatchcase, mine, wanted))
 
 
 @dataclass(frozen=True)
@@ -103,22 +110,18 @@ class Design:
         stem = name if name in experiment_names() else Path(name).stem
         return cls(stem, load_experiment(name), profile, load_profile(profile), tuple(overrides))
 
-    def cells(self, rows: Collection[str] = (), seeds: Collection[int] = ()) -> list[Cell]:
+    def cells(self, seeds: Collection[int] = ()) -> list[Cell]:
         """The runs, in the order of the table.
 
         Args:
-            rows: these alone, if any are given.
             seeds: instead of those that the rows name.
 
         Raises:
-            ConfigError: a row is unknown, or its configuration is wrong.
+            ConfigError: the configuration of a row is wrong.
         """
-        for name in rows:
-            self._row(name)
         return [
             self.cell(name, recipe, seed)
             for name, row in self.experiment.rows.items()
-            if not rows or name in rows
             for recipe, declared in self.recipes(row).items()
             for seed in seeds or declared[: self.profile.seeds]
         ]
@@ -134,11 +137,11 @@ class Design:
         dataset = dataset_config(data["dataset"], source)
         told = {"recipe": recipe, "seed": seed, "dataset": _ELSEWHERE}
         train = train_config({**data["train"], **told}, source)
-        return Cell(name, recipe, seed, RunSpec(train=train, oracle=self._oracle(dataset, train)))
+        return Cell(self.name, name, recipe, seed, RunSpec(train=train, oracle=self._oracle(dataset, train)))
 
     def changes(self, name: str) -> list[str]:
         """What a row changes, as KEY=VALUE."""
-        return self._row(name).overrides_in(self.profile_name)
+        return self.experiment.rows[name].overrides_in(self.profile_name)
 
     @property
     def common(self) -> list[str]:
@@ -161,9 +164,21 @@ class Design:
         same = train_config({**base["train"], **told}, self.name).model_copy(update={"generator": train.generator})
         return OracleSpec(dataset=dataset, train=same, steps=self.profile.oracle_steps)
 
-    def _row(self, name: str) -> Row:
-        rows = self.experiment.rows
-        if name not in rows:
-            hint = did_you_mean(name, rows) or f"; its rows are {', '.join(rows)}."
-            raise ConfigError(f"{self.name} has no row {name!r}{hint}")
-        return rows[name]
+
+def choose(cells: Sequence[Cell], patterns: Sequence[str]) -> list[Cell]:
+    """Those that match, in the order of the patterns; all if there are none.
+
+    Raises:
+        ConfigError: a pattern matches none.
+    """
+    if not patterns:
+        return list(cells)
+    chosen: list[Cell] = []
+    for pattern in patterns:
+        matching = [cell for cell in cells if cell.matches(pattern)]
+        if not matching:
+            known = list(dict.fromkeys(f"{cell.experiment}/{cell.row}" for cell in cells))
+            hint = did_you_mean(pattern, known) or f"; there are {', '.join(known)}."
+            raise ConfigError(f"no run matches {pattern!r}{hint}")
+        chosen += [cell for cell in matching if cell not in chosen]
+    return chosen

@@ -6,10 +6,12 @@ import logging
 import sys
 
 from svbrdfgan.errors import SvbrdfganError
+from svbrdfgan.experiments.orphan import end_with_parent
 from svbrdfgan.experiments.tasks import Order
 
 
 def main() -> None:
+    end_with_parent()
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", stream=sys.stdout)
     task = Order.model_validate_json(sys.stdin.read()).task
     try:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.evaluation import Evaluated
 from svbrdfgan.experiments.definition import Measure
 from svbrdfgan.report.vehicles import choose_views
-from svbrdfgan.scoring.recovered import make_targets, mean_error
+from svbrdfgan.scoring.recovered import SeenTexels, make_targets, mean_error
+from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.feed import Feed
+from svbrdfgan.training.perturb import Perturbation
+from svbrdfgan.training.stages import Transports
 
 _VIEWS, _DRAWS = 4, 16
 
@@ -23,15 +27,28 @@ _VIEWS, _DRAWS = 4, 16
 def measure(evaluated: Evaluated) -> dict[Measure, float]:
     """All that can be measured of a run: gradients have noise only where pictures are rendered anew."""
     found: dict[Measure, float] = {}
+    seen = seen_by_training(evaluated)
+    with suppress(AssetError):
+        found["shown"] = recovered_where(evaluated, seen, lambda shown: shown)
     with suppress(AssetError):  # the pictures show everything
-        found["unseen"] = unseen(evaluated)
+        found["unseen"] = recovered_where(evaluated, seen, lambda shown: ~shown)
     if evaluated.config.train.rendering == "fresh":
         found["gradient_noise"] = gradient_noise(evaluated.feed, evaluated.layers["generated"])
     return found
 
 
-def unseen(evaluated: Evaluated) -> float:
-    """`recovered` on that part of the learnable area that no picture of the split shows.
+def seen_by_training(evaluated: Evaluated) -> SeenTexels:
+    """What pictures would show, were those of the split taken from where those of the training split were."""
+    feed, declared = evaluated.feed, evaluated.config.dataset
+    camera, own = declared.camera_of("train"), feed.own
+    if camera == declared.camera_of(evaluated.evaluation.split) or not isinstance(own, Transports):
+        return feed.seen
+    moved = Perturbation(ScenesConfig(camera=camera), own.perturbation.sampler)
+    return Transports(own.exemplars, moved, own.renderer, own.spp, 1, torch.device("cpu"), own.seed).seen
+
+
+def recovered_where(evaluated: Evaluated, seen: SeenTexels, chosen: Callable[[Bool[Tensor, "*size"]], Tensor]) -> float:
+    """`recovered` on that part of the learnable area that is chosen by whether any picture of the subject shows it.
 
     Raises:
         AssetError: there is no such part.
@@ -40,11 +57,11 @@ def unseen(evaluated: Evaluated) -> float:
     exemplars = feed.exemplars
 
     @cache
-    def hidden(subject: int) -> Float[Tensor, "rows cols"]:
-        shown = torch.stack([feed.seen(view).cpu() > 0 for view in exemplars.views_of(subject)]).any(dim=0)
-        return (~shown).float()
+    def picked(subject: int) -> Float[Tensor, "rows cols"]:
+        shown = torch.stack([seen(view).cpu() > 0 for view in exemplars.views_of(subject)]).any(dim=0)
+        return chosen(shown).float()
 
-    targets, _ = make_targets(exemplars, lambda view: hidden(int(exemplars.subject_of[view])), feed.buffers.device)
+    targets, _ = make_targets(exemplars, lambda view: picked(int(exemplars.subject_of[view])), feed.buffers.device)
     return 1.0 - mean_error(targets, layers["generated"]) / mean_error(targets, layers["constant"])
 
 

@@ -1,4 +1,4 @@
-"""What became of one run: its verdict, and how its score rose."""
+"""What became of one run: its verdict, and how its score rose; and the ceiling that an oracle set it."""
 
 from __future__ import annotations
 
@@ -7,12 +7,44 @@ from pathlib import Path
 from pydantic import Field
 
 from svbrdfgan.data.scene import load_json
-from svbrdfgan.evaluation import Evaluation
+from svbrdfgan.evaluation import Evaluation, share
 from svbrdfgan.experiments.definition import Measure
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.options import StrictModel, validate
 
-OUTCOME = "outcome.json"
+OUTCOME, CEILING = "outcome.json", "ceiling.json"
+
+
+class Ceiling(StrictModel):
+    """The contents of `ceiling.json`: what an oracle recovered, so that runs can be judged where its weights are not.
+
+    Attributes:
+        evaluation: on the test split, of the oracle beside a run that had learned nothing.
+        validation: recovered on the validation split.
+    """
+
+    evaluation: Evaluation
+    validation: float
+
+    def over(self, verdict: Evaluation) -> Evaluation:
+        """The verdict on a run, with the oracle's scores put in."""
+        told = ("oracle", "oracle_at_poles", "oracle_plateau", "oracle_steps", "flip_oracle")
+        its = {name: getattr(self.evaluation, name) for name in told}
+        return verdict.model_copy(update={**its, "fraction": share(verdict.recovered, self.evaluation.oracle)})
+
+    def save(self, oracle: Path) -> None:
+        with atomic_path(oracle / CEILING) as temporary:
+            temporary.write_text(self.model_dump_json(indent=1) + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, oracle: Path) -> Ceiling:
+        """Reads what `save` wrote.
+
+        Raises:
+            AssetError: there is no oracle yet, or the file is damaged.
+            ConfigError: it is of another version.
+        """
+        return validate(cls, load_json(oracle / CEILING), str(oracle / CEILING))
 
 
 class Point(StrictModel):

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Iterable, Sequence
+import math
+import time
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from svbrdfgan.display import Display, Silent
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.experiments.declared import keep_definition
-from svbrdfgan.experiments.design import Cell, DatasetSpec, Design, OracleSpec, RunSpec
-from svbrdfgan.experiments.processes import Execute, execute
+from svbrdfgan.experiments.design import Cell, DatasetSpec, Design, OracleSpec, RunSpec, choose
+from svbrdfgan.experiments.processes import Execute, execute, gpus
 from svbrdfgan.experiments.results import FAILED, Results, gather
+from svbrdfgan.experiments.schedule import Schedule
 from svbrdfgan.experiments.shelf import Shelf
 from svbrdfgan.experiments.table import write_results
 from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask, Task
 from svbrdfgan.processes import cores
-
-AnyTask = TypeVar("AnyTask", DatasetTask, OracleTask, RunTask)
 
 
 @dataclass(frozen=True)
@@ -31,105 +32,78 @@ class _Work:
     run: RunTask
 
 
-def run_experiment(
-    design: Design,
+def run_experiments(
+    designs: Sequence[Design],
     root: Path,
     *,
     assets: Path | None = None,
     jobs: int = 1,
-    rows: Collection[str] = (),
+    only: Sequence[str] = (),
     seeds: Collection[int] = (),
+    minutes: float = math.inf,
     display: Display | None = None,
     execute: Execute = execute,
-) -> Results:
-    """Makes the data sets, oracles and runs that are missing, and writes the results into `root/NAME`.
+) -> list[Results]:
+    """Makes the data sets, oracles and runs that are missing, and writes the results of each design into `root/NAME`.
 
-    Data sets, oracles and runs lie in `root` itself, where other experiments find them.
+    Data sets, oracles and runs lie in `root` itself, where equal ones are shared.
 
     Args:
         assets: what file patterns are relative to.
-        jobs: processes at once.
-        rows: these alone, if any are given.
+        jobs: processes at once, spread over the GPUs.
+        only: patterns of EXPERIMENT/ROW/RECIPE/SEED; runs that match, in this order.
         seeds: instead of those that the rows name.
+        minutes: so long; what is not done by then is left as it is, and goes on another time.
         execute: does the tasks.
 
     Raises:
         ConfigError: a configuration is wrong, files are wanted but no assets given, or `root/NAME` holds the results of
             another definition.
     """
-    cells = design.cells(rows, seeds)
+    until = time.monotonic() + 60 * minutes
+    cells = choose([cell for design in designs for cell in design.cells(seeds)], only)
     _require_assets(cells, assets)
-    keep_definition(design, root)
+    for design in designs:
+        keep_definition(design, root)
     runs = Shelf(root / "runs", RunSpec)
-    work = list(_work(design, cells, root, runs, assets or Path(), jobs))
-    pending = [each for each in work if not each.run.done()]
-    stages: dict[str, Sequence[Task]] = {
-        "data sets": _missing(each.dataset for each in pending),
-        "oracles": _missing(each.oracle for each in pending),
-        "runs": _missing(each.run for each in pending),
-    }
+    work = [each for each in _work(cells, root, runs, assets or Path(), jobs) if not each.run.done()]
+    schedule = Schedule(_missing(work, jobs))
+    results = [_report(design, root, runs) for design in designs]
     shown = display or Silent()
-    failures: dict[str, str] = {}
-    results = _report(design, root, runs)
-    for what, tasks in stages.items():
-        if not tasks:
-            continue
-        shown.begin(what, len(tasks))
-        with closing(_attempt(tasks, failures, jobs, shown, execute)) as attempts:
-            for task, reason in attempts:
-                shown.advance(1, task.title if reason is None else f"{task.title} FAILED")
-                _note(task.path / FAILED, reason)
-                if reason is not None:
-                    failures[task.folder] = f"{task.title}: {reason}"
-                results = _report(design, root, runs)
+    shown.begin("data sets, oracles and runs", len(schedule))
+    with closing(execute(schedule, jobs, until, shown)) as ended:
+        for task, reason in ended:
+            shown.advance(1, task.title if reason is None else f"{task.title} FAILED")
+            _note(task.path / FAILED, reason)
+            results = [_report(design, root, runs) for design in designs]
     return results
 
 
-def _attempt(
-    tasks: Sequence[Task], failures: dict[str, str], jobs: int, display: Display, execute: Execute
-) -> Generator[tuple[Task, str | None], None, None]:
-    """Does those whose needs were met; the others fail for the same reason as what they need."""
-    blocked = {task.folder: failures[need] for task in tasks for need in _needs(task) if need in failures}
-    yield from ((task, blocked[task.folder]) for task in tasks if task.folder in blocked)
-    yield from execute([task for task in tasks if task.folder not in blocked], jobs, display)
-
-
-def _needs(task: Task) -> tuple[str, ...]:
-    match task:
-        case RunTask():
-            return (task.dataset, task.oracle)
-        case OracleTask():
-            return (task.dataset,)
-        case DatasetTask():
-            return ()
-
-
-def _work(
-    design: Design, cells: Sequence[Cell], root: Path, runs: Shelf[RunSpec], assets: Path, jobs: int
-) -> Iterable[_Work]:
+def _work(cells: Sequence[Cell], root: Path, runs: Shelf[RunSpec], assets: Path, jobs: int) -> Iterator[_Work]:
     datasets, oracles = Shelf(root / "datasets", DatasetSpec), Shelf(root / "oracles", OracleSpec)
     where: dict[str, Any] = {"root": str(root), "assets": str(assets)}
-    workers = max(1, cores() // jobs)
+    sharing = math.ceil(jobs / max(1, len(gpus())))
     for cell in cells:
-        spec, name = cell.spec, f"{design.name}-{cell.row}"
+        spec, name = cell.spec, f"{cell.experiment}-{cell.row}"
         dataset = datasets.place(DatasetSpec(dataset=spec.dataset), name).relative_to(root).as_posix()
         oracle = oracles.place(spec.oracle, f"{name}-{cell.recipe}").relative_to(root).as_posix()
         run = runs.place(spec, f"{name}-{cell.recipe}-{cell.seed}").relative_to(root).as_posix()
         yield _Work(
-            DatasetTask(**where, title=f"data of {cell.row}", folder=dataset, config=spec.dataset, workers=workers),
+            DatasetTask(**where, title=f"data of {cell.row}", folder=dataset, config=spec.dataset, workers=1),
             OracleTask(
                 **where, title=f"oracle of {cell.row}, {cell.recipe}", folder=oracle, spec=spec.oracle, dataset=dataset
             ),
-            RunTask(**where, title=cell.title, folder=run, spec=spec, dataset=dataset, oracle=oracle, jobs=jobs),
+            RunTask(**where, title=cell.title, folder=run, spec=spec, dataset=dataset, oracle=oracle, jobs=sharing),
         )
 
 
-def _missing(tasks: Iterable[AnyTask]) -> list[AnyTask]:
-    """Each once, without those that are done."""
-    first: dict[str, AnyTask] = {}
-    for task in tasks:
-        first.setdefault(task.folder, task)
-    return [task for task in first.values() if not task.done()]
+def _missing(work: Iterable[_Work], jobs: int) -> list[Task]:
+    """What is not done, each once, in the order in which runs are wanted; data sets share the cores among them."""
+    tasks: dict[str, Task] = {task.folder: task for each in work for task in (each.dataset, each.oracle, each.run)}
+    missing = [task for task in tasks.values() if not task.done()]
+    datasets = sum(isinstance(task, DatasetTask) for task in missing)
+    workers = max(1, cores() // max(1, min(jobs, datasets)))
+    return [t.model_copy(update={"workers": workers}) if isinstance(t, DatasetTask) else t for t in missing]
 
 
 def _report(design: Design, root: Path, runs: Shelf[RunSpec]) -> Results:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -13,10 +14,10 @@ from pydantic import Field
 from svbrdfgan.data.config import DatasetConfig, EnvironmentSource
 from svbrdfgan.data.generate import generate, missing
 from svbrdfgan.data.plan import PLAN, DatasetPlan
-from svbrdfgan.evaluation import evaluate
+from svbrdfgan.evaluation import Evaluated, evaluate
 from svbrdfgan.experiments.design import OracleSpec, RunSpec
 from svbrdfgan.experiments.measures import measure
-from svbrdfgan.experiments.outcome import OUTCOME, Outcome, Point
+from svbrdfgan.experiments.outcome import CEILING, OUTCOME, Ceiling, Outcome, Point
 from svbrdfgan.experiments.strip import STRIP, write_strip
 from svbrdfgan.options import StrictModel
 from svbrdfgan.report import write_report
@@ -48,6 +49,11 @@ class _Task(StrictModel):
     def path(self) -> Path:
         return Path(self.root) / self.folder
 
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The folders of those tasks that must be done before."""
+        return ()
+
 
 class DatasetTask(_Task):
     """A data set. `workers` embed and bake meshes."""
@@ -70,12 +76,18 @@ class OracleTask(_Task):
     spec: OracleSpec
     dataset: str
 
+    @property
+    def needs(self) -> tuple[str, ...]:
+        return (self.dataset,)
+
     def done(self) -> bool:
-        return (self.path / ORACLE).is_file() and (self.path / _NOTES).is_file()
+        return (self.path / CEILING).is_file()
 
     def work(self) -> None:
         _train(self, self.spec.train, self.dataset)
-        evaluate(self.path, split="validation", schedule=OracleConfig(steps=self.spec.steps))
+        evaluated = evaluate(self.path, split="test", schedule=OracleConfig(steps=self.spec.steps))
+        best = load_generator(self.path / ORACLE)[1]
+        Ceiling(evaluation=evaluated.evaluation, validation=0.0 if best is None else best).save(self.path)
         _forget_checkpoints(self.path)
 
 
@@ -88,20 +100,22 @@ class RunTask(_Task):
     oracle: str
     jobs: int
 
+    @property
+    def needs(self) -> tuple[str, ...]:
+        return (self.dataset, self.oracle)
+
     def done(self) -> bool:
         return (self.path / OUTCOME).is_file()
 
     def work(self) -> None:
         state = _train(self, self.spec.train, self.dataset)
-        for name in (ORACLE, _NOTES):
-            shutil.copyfile(Path(self.root) / self.oracle / name, self.path / name)
-        evaluated = evaluate(self.path, split="test")
+        ceiling = Ceiling.load(Path(self.root) / self.oracle)
+        evaluated = self._judge(ceiling)
         write_report(self.path, evaluated)
         write_strip(self.path / STRIP, evaluated)
-        best = load_generator(self.path / ORACLE)[1]
         Outcome(
             evaluation=evaluated.evaluation,
-            oracle_validation=0.0 if best is None else best,
+            oracle_validation=ceiling.validation,
             history=tuple(map(partial(_point, self.spec.train), state.history)),
             measures=measure(evaluated),
             device=torch.cuda.get_device_name() if torch.cuda.is_available() else "CPU",
@@ -109,6 +123,18 @@ class RunTask(_Task):
             versions=versions(),
         ).save(self.path)
         _forget_checkpoints(self.path)
+
+    def _judge(self, ceiling: Ceiling) -> Evaluated:
+        """Beside the oracle where its weights are; else beside its scores, which were carried here without them."""
+        oracle = Path(self.root) / self.oracle
+        if (oracle / ORACLE).is_file() and (oracle / _NOTES).is_file():
+            for name in (ORACLE, _NOTES):
+                shutil.copyfile(oracle / name, self.path / name)
+            return evaluate(self.path, split="test")
+        evaluated = evaluate(self.path, split="test", oracle=False)
+        evaluation = ceiling.over(evaluated.evaluation)
+        evaluation.save(self.path)
+        return replace(evaluated, evaluation=evaluation)
 
 
 Task = Annotated[DatasetTask | OracleTask | RunTask, Field(discriminator="kind")]

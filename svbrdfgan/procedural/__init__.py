@@ -1,6 +1,7 @@
-"""Vehicles and skies made from a seed, so that nothing needs to be downloaded."""
+"""Vehicles, skies and rooms made from a seed, so that nothing needs to be downloaded."""
 
 from svbrdfgan.procedural.kinds import KINDS, sample_vehicle
+from svbrdfgan.procedural.room import build_room
 from svbrdfgan.procedural.shape import VehicleShape
 from svbrdfgan.procedural.sky import SkyParameters, build_sky, sample_sky
 from svbrdfgan.procedural.vehicle import PART_NAMES, build_vehicle
@@ -10,6 +11,7 @@ __all__ = [
     "PART_NAMES",
     "SkyParameters",
     "VehicleShape",
+    "build_room",
     "build_sky",
     "build_vehicle",
     "sample_sky",

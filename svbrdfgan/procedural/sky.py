@@ -124,20 +124,20 @@ def build_sky(parameters: SkyParameters, rows: int = 64, cols: int = 128) -> Flo
     """
     if rows < 8 or cols < 8:
         raise ConfigError(f"sky is {rows} x {cols} pixels; wanted at least 8 x 8.")
-    direction, solid_angle = _pixels(rows, cols)
+    direction, solid_angle = pixels(rows, cols)
     above = np.clip(direction[..., 1:2] * rows / 2.0 + 0.5, 0.0, 1.0)  # the horizon, one row wide
     clear, sun = above * _clear_sky(parameters, direction), _sun(parameters, direction, solid_angle)
-    clouds = above * _clouds(parameters, _plane_radiance(clear + sun, direction, solid_angle), direction)
+    clouds = above * _clouds(parameters, plane_radiance(clear + sun, direction, solid_angle), direction)
     share = _cloud_share(parameters, direction)
     veil = math.exp(-8.0 * max(parameters.cloud_cover - 0.35, 0.0) / 0.65)
     radiance = (1.0 - share) * clear + share * clouds + veil * sun
-    plane = _plane_radiance(radiance, direction, solid_angle)
+    plane = plane_radiance(radiance, direction, solid_angle)
     radiance = radiance + (1.0 - above) * np.asarray(parameters.ground) * plane
-    scale = parameters.exposure / _plane_radiance(radiance, direction, solid_angle).mean()
+    scale = parameters.exposure / plane_radiance(radiance, direction, solid_angle).mean()
     return torch.from_numpy((scale * radiance).astype(np.float32))
 
 
-def _pixels(rows: int, cols: int) -> tuple[Float[ndarray, "rows cols 3"], Float[ndarray, "rows cols 1"]]:
+def pixels(rows: int, cols: int) -> tuple[Float[ndarray, "rows cols 3"], Float[ndarray, "rows cols 1"]]:
     """Direction of each pixel's centre, and the solid angle that it fills."""
     edge = np.cos(np.linspace(0.0, np.pi, rows + 1))
     polar = (np.arange(rows)[:, None] + 0.5) / rows * np.pi
@@ -148,7 +148,7 @@ def _pixels(rows: int, cols: int) -> tuple[Float[ndarray, "rows cols 3"], Float[
     return np.stack([x, y, z], axis=-1), weight[..., None]
 
 
-def _plane_radiance(radiance: ndarray, direction: ndarray, solid_angle: ndarray) -> Float[ndarray, " 3"]:
+def plane_radiance(radiance: ndarray, direction: ndarray, solid_angle: ndarray) -> Float[ndarray, " 3"]:
     """Radiance of a white Lambertian plane that faces up."""
     return (radiance * np.maximum(direction[..., 1:2], 0.0) * solid_angle).sum(axis=(0, 1)) / np.pi
 

@@ -34,7 +34,11 @@ def test_a_name_and_a_folder_are_wanted(tmp_path: Path) -> None:
     ("words", "code", "said"),
     [
         (("trainin",), 1, "there is no experiment 'trainin'; did you mean 'training'?"),
-        (("training", "--row", "macthed"), 1, "training has no row 'macthed'; did you mean 'matched'?"),
+        (
+            ("training", "--only", "training/macthed"),
+            1,
+            "no run matches 'training/macthed'; did you mean 'training/match",
+        ),
         (("training", "--profile", "gpu"), 1, "give --assets"),
         (("training", "train.stepps=3"), 1, "unknown key 'stepps'; did you mean 'steps'?"),
         (("training", "--seeds", "one"), 2, "'one' is no list such as 0,1,2."),

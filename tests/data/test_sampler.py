@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
-from svbrdfgan.data.config import DatasetConfig
-from svbrdfgan.data.plan import DatasetPlan
+from svbrdfgan.data.config import CameraDistribution, DatasetConfig, EnvironmentSource
+from svbrdfgan.data.plan import DatasetPlan, gather_environments
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset, MeshAsset
 from svbrdfgan.data.scene import AssetRef, OrbitCamera
 from svbrdfgan.data.studio import Studio
-from svbrdfgan.io import load_mesh
+from svbrdfgan.io import load_environment, load_mesh
 from svbrdfgan.options import validate
 
 BOX = ((-1.0, 0.0, -2.5), (1.0, 1.5, 2.0))
@@ -62,6 +64,23 @@ def test_splits_draw_other_scenes(sampler: Callable[..., ConfigSampler]) -> None
     train = sampler()
     held_out = ConfigSampler(train.config, "validation", train.meshes, train.environments)
     assert train.scene(0).camera != held_out.scene(0).camera
+
+
+def test_a_split_may_have_cameras_of_its_own(
+    sampler: Callable[..., ConfigSampler], dataset_data: Callable[..., dict[str, Any]]
+) -> None:
+    splits = dataset_data()["splits"]
+    splits["train"] = {
+        **splits["train"],
+        "camera": {"azimuth_degrees": {"uniform": [0, 10]}, "elevation_degrees": 50.0},
+    }
+    plain, own = sampler(), sampler(splits=splits)
+    cameras = [own.scene(index).camera for index in range(len(own))]
+    assert all(camera.azimuth_degrees <= 10 and camera.elevation_degrees == 50 for camera in cameras)
+    validation = [replace(each, split="validation").scene(0) for each in (plain, own)]
+    assert validation[0] == validation[1]
+    other = validate(CameraDistribution, {"elevation_degrees": 7.0}, "here")  # which fakes are drawn from
+    assert own.draw_camera(own.mesh(0), np.random.default_rng(0), other).elevation_degrees == 7.0
 
 
 def test_views_of_a_mesh_follow_each_other(sampler: Callable[..., ConfigSampler]) -> None:
@@ -155,6 +174,16 @@ def test_environments_are_brought_to_the_declared_brightness(tiny_dataset: Any) 
         luminance = radiance @ torch.tensor([0.2126, 0.7152, 0.0722], dtype=torch.float64)
         mean = (luminance.mean(dim=1) * (edges[:-1] - edges[1:])).sum() / 2
         assert float(mean) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_rooms_are_gathered_beside_skies(tmp_path: Path) -> None:
+    sources = [{"procedural": {"count": 2, "seed": 1, **kind}} for kind in ({}, {"kind": "indoor"})]
+    skies, rooms = (
+        gather_environments(validate(EnvironmentSource, source, "here"), 16, tmp_path, tmp_path) for source in sources
+    )
+    assert [light.name for light in (*skies, *rooms)] == ["sky_100003", "sky_100004", "room_100003", "room_100004"]
+    pictures = {load_environment(tmp_path / light.asset.path).numpy().tobytes() for light in (*skies, *rooms)}
+    assert len(pictures) == 4
 
 
 def test_brightness_scales_the_light(sampler: Callable[..., ConfigSampler]) -> None:

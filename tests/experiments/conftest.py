@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import time
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ import yaml
 from svbrdfgan.display import Display
 from svbrdfgan.evaluation import Evaluation
 from svbrdfgan.experiments.design import Design
-from svbrdfgan.experiments.outcome import Outcome, Point
+from svbrdfgan.experiments.outcome import Ceiling, Outcome, Point
+from svbrdfgan.experiments.schedule import Schedule
 from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask, Task
 
 EXPERIMENT: dict[str, Any] = {
@@ -84,25 +86,26 @@ class FakeExecute:
     done: list[str] = field(default_factory=list)
     tasks: list[Task] = field(default_factory=list)
 
-    def __call__(self, tasks: Sequence[Task], jobs: int, display: Display) -> Iterator[tuple[Task, str | None]]:
-        for task in tasks:
+    def __call__(
+        self, schedule: Schedule, jobs: int, until: float, display: Display
+    ) -> Generator[tuple[Task, str | None], None, None]:
+        while time.monotonic() < until and (task := schedule.take()) is not None:
             if self.stops_after == len(self.done):
                 raise KeyboardInterrupt
             self.done.append(task.title)
             self.tasks.append(task)
             if task.title in self.fails:
-                yield task, self.fails[task.title]
+                yield from schedule.end(task, self.fails[task.title])
                 continue
             task.path.mkdir(parents=True, exist_ok=True)
             match task:
                 case DatasetTask():
                     (task.path / "made").touch()
                 case OracleTask():
-                    (task.path / "oracle.safetensors").touch()
-                    (task.path / "oracle.json").touch()
+                    Ceiling(evaluation=make_outcome().evaluation, validation=0.8).save(task.path)
                 case RunTask():
                     make_outcome(0.5 + 0.1 * task.spec.train.seed, jobs=jobs).save(task.path)
-            yield task, None
+            yield from schedule.end(task, None)
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from svbrdfgan.data.config import EnvironmentSource
 from svbrdfgan.data.distributions import Uniform
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.experiments.definition import ProfileName, experiment_names, load_experiment, load_profile
-from svbrdfgan.experiments.design import Cell, Design
+from svbrdfgan.experiments.design import Cell, Design, choose
 from svbrdfgan.training.config import RECIPES, train_config
 
 NAMES = experiment_names()
@@ -73,7 +73,7 @@ def test_a_profile_leaves_the_recipes_as_they_are(profile: ProfileName) -> None:
     ],
 )
 def test_what_is_promised_takes_three_seeds(experiment: str, row: str) -> None:
-    cells = Design.load(experiment, "gpu").cells([row])
+    cells = choose(Design.load(experiment, "gpu").cells(), [f"{experiment}/{row}"])
     assert [c.seed for c in cells if c.recipe == "default"] == [0, 1, 2]
     assert [c.seed for c in cells if c.recipe == "thesis"] == [0]
 
@@ -82,16 +82,31 @@ def test_what_is_promised_takes_three_seeds(experiment: str, row: str) -> None:
 def test_disjoint_poses_do_not_overlap(profile: ProfileName) -> None:
     spec = cell("pose-noise", "disjoint", profile).spec
     assert spec.train.scenes.camera is not None
-    real, fake = spec.dataset.camera.elevation_degrees, spec.train.scenes.camera.elevation_degrees
+    real, fake = spec.dataset.camera_of("train").elevation_degrees, spec.train.scenes.camera.elevation_degrees
     assert isinstance(real, Uniform)
     assert isinstance(fake, Uniform)
     assert real.uniform[1] < fake.uniform[0]
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize(("experiment", "row"), [("pose-noise", "disjoint"), ("training", "one-sided")])
+def test_what_few_cameras_trained_is_tested_by_all(experiment: str, row: str, profile: ProfileName) -> None:
+    few, all_round = (cell(*names, profile).spec.dataset for names in ((experiment, row), ("training", "matched")))
+    assert few.camera_of("train") != all_round.camera_of("train")
+    for split in ("validation", "test"):
+        assert (few.camera_of(split), few.splits[split]) == (all_round.camera_of(split), all_round.splits[split])
 
 
 def test_disjoint_lights_share_no_map() -> None:
     spec = cell("environment", "disjoint").spec
     assert isinstance(spec.train.scenes.environment, EnvironmentSource)
     assert not set(spec.train.scenes.environment.files) & set(spec.dataset.environments.files)
+    small = cell("environment", "disjoint", "cpu").spec
+    assert isinstance(small.train.scenes.environment, EnvironmentSource)
+    skies, rooms = small.dataset.environments.procedural, small.train.scenes.environment.procedural
+    assert skies is not None
+    assert rooms is not None
+    assert (skies.kind, rooms.kind) == ("outdoor", "indoor")
 
 
 def test_what_the_rows_of_samples_say() -> None:

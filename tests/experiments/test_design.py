@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.experiments.design import Design, OracleSpec, RunSpec
+from svbrdfgan.experiments.design import Design, OracleSpec, RunSpec, choose
 from svbrdfgan.options import validate
 
 MakeDesign = Callable[..., Design]
@@ -25,8 +25,9 @@ def test_rows_are_crossed_with_recipes_and_seeds(make_design: MakeDesign) -> Non
 
 
 def test_rows_and_seeds_may_be_chosen(make_design: MakeDesign) -> None:
-    made = [(cell.row, cell.recipe, cell.seed) for cell in make_design().cells(["fewer", "none"], [7])]
-    assert made == [("none", "default", 7), ("none", "thesis", 7), ("fewer", "default", 7)]
+    chosen = choose(make_design().cells([7]), ["noise/fewer", "*/n*/thesis", "*/none"])
+    made = [(cell.row, cell.recipe, cell.seed) for cell in chosen]
+    assert made == [("fewer", "default", 7), ("none", "thesis", 7), ("none", "default", 7)]
 
 
 def test_a_profile_limits_the_seeds(make_design: MakeDesign) -> None:
@@ -106,8 +107,11 @@ def test_a_mistake_in_a_file_is_one_line(make_design: MakeDesign, changes: dict[
 def test_a_mistake_on_the_command_line_is_one_line(make_design: MakeDesign) -> None:
     with pytest.raises(ConfigError, match=r"'steps=3' changes nothing here; keys begin with 'dataset\.' or 'train\.'"):
         make_design("steps=3")
-    with pytest.raises(ConfigError, match=r"noise has no row 'nonne'; did you mean 'none'\?"):
-        make_design().cells(["nonne"])
+    cells = make_design().cells()
+    with pytest.raises(ConfigError, match=r"no run matches 'noise/nonne'; did you mean 'noise/none'\?"):
+        choose(cells, ["noise/nonne"])
+    with pytest.raises(ConfigError, match=r"no run matches 'x/y/z'; there are noise/none, noise/some, noise/fewer\."):
+        choose(cells, ["x/y/z"])
 
 
 def test_a_file_of_ones_own_is_named_by_its_stem(make_design: MakeDesign, tmp_path: Path) -> None:

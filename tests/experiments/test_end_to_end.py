@@ -13,7 +13,7 @@ from svbrdfgan.display import Silent
 from svbrdfgan.experiments.design import Design
 from svbrdfgan.experiments.outcome import Outcome
 from svbrdfgan.experiments.processes import execute
-from svbrdfgan.experiments.runner import run_experiment
+from svbrdfgan.experiments.runner import run_experiments
 from svbrdfgan.training.run import load_model
 
 SMALL = (
@@ -37,7 +37,7 @@ SMALL = (
 def test_an_experiment_from_nothing_to_a_table(tmp_path: Path) -> None:
     design = Design.load("training", "cpu", SMALL)
     design = replace(design, profile=design.profile.model_copy(update={"oracle_steps": 100}))
-    results = run_experiment(design, tmp_path, rows=["matched"], jobs=2)
+    (results,) = run_experiments([design], tmp_path, only=["training/matched"], jobs=2)
     assert results.failures == []
     assert [(line.row, line.recipe) for line in results.lines if line.outcomes] == [
         ("matched", "default"),
@@ -60,20 +60,22 @@ def test_an_experiment_from_nothing_to_a_table(tmp_path: Path) -> None:
     assert (run / "report.html").is_file()
     assert not (run / "checkpoints").exists()
 
-    def forbidden(tasks, jobs, display):  # type: ignore[no-untyped-def]
-        raise AssertionError(f"{tasks[0].title} was done already")
+    def forbidden(schedule, jobs, until, display):  # type: ignore[no-untyped-def]
+        assert len(schedule) == 0
+        yield from ()
 
-    again = run_experiment(design, tmp_path, rows=["matched"], execute=forbidden)
+    (again,) = run_experiments([design], tmp_path, only=["*/matched"], execute=forbidden)
     assert again.record() == results.record()
     (run / "outcome.json").unlink()  # as if stopped before the verdict was written
     before = Outcome.load(tmp_path / "runs" / record["lines"][1]["runs"][0]["folder"])
     done = []
 
-    def watched(tasks, jobs, display):  # type: ignore[no-untyped-def]
-        done.extend(task.title for task in tasks)
-        return execute(tasks, jobs, Silent())
+    def watched(schedule, jobs, until, display):  # type: ignore[no-untyped-def]
+        for task, reason in execute(schedule, jobs, until, Silent()):
+            done.append(task.title)
+            yield task, reason
 
-    resumed = run_experiment(design, tmp_path, rows=["matched"], execute=watched)
+    (resumed,) = run_experiments([design], tmp_path, only=["*/matched"], execute=watched)
     assert done == ["matched, default, seed 0"]
     assert resumed.failures == []
     assert resumed.outcomes[1] == before

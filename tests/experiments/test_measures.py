@@ -13,12 +13,14 @@ import pytest
 import torch
 from PIL import Image
 
+from svbrdfgan.data.config import CameraDistribution
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.studio import resolve_renderer
 from svbrdfgan.evaluation import Evaluated, evaluate
 from svbrdfgan.experiments import measures
-from svbrdfgan.experiments.measures import gradient_noise, measure, unseen
+from svbrdfgan.experiments.measures import gradient_noise, measure, recovered_where, seen_by_training
 from svbrdfgan.experiments.strip import write_strip
+from svbrdfgan.options import validate
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.feed import make_feed
 from svbrdfgan.training.trainer import train
@@ -43,15 +45,32 @@ def test_only_what_no_picture_shows_counts_as_unseen(evaluated: Evaluated) -> No
     hidden_right = torch.where(shown[..., None], constant, truth)
     shown_right = torch.where(shown[..., None], truth, constant)
 
-    def score(layer: torch.Tensor) -> float:
-        return unseen(replace(evaluated, layers={**evaluated.layers, "generated": layer.unsqueeze(0)}))
+    def score(layer: torch.Tensor) -> dict[str, float]:
+        return measure(replace(evaluated, layers={**evaluated.layers, "generated": layer.unsqueeze(0)}))  # type: ignore[return-value]
 
-    assert score(hidden_right) == pytest.approx(1.0)
-    assert score(shown_right) == pytest.approx(0.0, abs=1e-6)
+    assert score(hidden_right) == pytest.approx({"shown": 0.0, "unseen": 1.0}, abs=1e-6)
+    assert score(shown_right) == pytest.approx({"shown": 1.0, "unseen": 0.0}, abs=1e-6)
+
+
+def test_what_training_could_see_is_seen_by_its_cameras(evaluated: Evaluated) -> None:
+    """Pictures to train on are all taken from the right: what faces left counts as unseen, whatever the test shows."""
+    dataset = evaluated.config.dataset
+    right = {"azimuth_degrees": {"fixed": 90.0}, "elevation_degrees": {"fixed": 0.0}}
+    train = dataset.splits["train"].model_copy(update={"camera": validate(CameraDistribution, right, "here")})
+    told = dataset.model_copy(update={"splits": {**dataset.splits, "train": train}})
+    one_sided = replace(evaluated, config=evaluated.config.model_copy(update={"dataset": told}))
+    assert seen_by_training(evaluated) == evaluated.feed.seen
+    seen = seen_by_training(one_sided)
+    exemplars = evaluated.feed.exemplars
+    shown = torch.stack([seen(view) > 0 for view in exemplars.views_of(0)]).any(dim=0)
+    facing = exemplars.subjects[0].geometry[3]  # the normal's x
+    assert shown.any()
+    assert not shown[facing < -0.2].any()
+    assert recovered_where(one_sided, seen, lambda shown: shown) != measure(evaluated)["shown"]
 
 
 def test_stored_gradients_have_no_noise_to_measure(evaluated: Evaluated) -> None:
-    assert set(measure(evaluated)) == {"unseen"}
+    assert set(measure(evaluated)) == {"shown", "unseen"}
 
 
 @pytest.mark.parametrize("spread", [0.1, 1.0])

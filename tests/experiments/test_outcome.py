@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.experiments.outcome import Outcome
+from svbrdfgan.experiments.outcome import Ceiling, Outcome
 
 
 def test_it_is_read_as_written(outcome, tmp_path: Path) -> None:
@@ -34,3 +34,16 @@ def test_within_a_budget_the_best_counts(outcome, images: int, score: float | No
 
 def test_what_it_took_is_the_end_of_its_history(outcome) -> None:
     assert (outcome().images, outcome().seconds) == (300, 30.0)
+
+
+def test_a_ceiling_is_put_over_a_verdict(outcome, tmp_path: Path) -> None:
+    """The oracle's scores come from the ceiling, all others stay."""
+    Ceiling(evaluation=outcome(0.0, oracle=0.9, plateau=False).evaluation, validation=0.7).save(tmp_path)
+    verdict = outcome(0.45, oracle=0.5).evaluation
+    alone = verdict.model_copy(update={"oracle": None, "fraction": None, "oracle_plateau": None, "flip_oracle": None})
+    over = Ceiling.load(tmp_path).over(alone)
+    assert (over.recovered, over.oracle, over.fraction) == (0.45, 0.9, pytest.approx(0.5))
+    assert over.oracle_plateau is False
+    assert (over.flip, over.flip_oracle, over.oracle_steps) == (verdict.flip, 0.05, 300)
+    with pytest.raises(AssetError):
+        Ceiling.load(tmp_path / "elsewhere")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -11,7 +13,8 @@ import pytest
 
 from svbrdfgan.data.config import dataset_config
 from svbrdfgan.display import Silent
-from svbrdfgan.experiments.processes import OUTPUT, execute
+from svbrdfgan.experiments.processes import OUTPUT, execute, gpus
+from svbrdfgan.experiments.schedule import Schedule
 from svbrdfgan.experiments.tasks import DatasetTask
 
 Stand_In = Callable[[str], None]
@@ -38,39 +41,85 @@ def stand_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stand_In:
 
 def test_a_failure_is_told_by_its_last_line(stand_in: Stand_In, tmp_path: Path) -> None:
     stand_in('case "$told" in *\'"title":"bad"\'*) echo much; echo "car.glb has no faces." >&2; exit 1;; esac')
-    ended = {made.title: reason for made, reason in execute([task(tmp_path, n) for n in ("bad", "good")], 2, Silent())}
+    ended = {
+        made.title: reason
+        for made, reason in execute(Schedule([task(tmp_path, n) for n in ("bad", "good")]), 2, math.inf, Silent())
+    }
     assert ended == {"bad": "car.glb has no faces.", "good": None}
     assert (tmp_path / "bad" / OUTPUT).read_text() == "much\ncar.glb has no faces.\n"
 
 
 def test_a_process_that_aborts_is_a_failure(stand_in: Stand_In, tmp_path: Path) -> None:
     stand_in("kill -ABRT $$")
-    ((_, reason),) = execute([task(tmp_path, "a")], 1, Silent())
+    ((_, reason),) = execute(Schedule([task(tmp_path, "a")]), 1, math.inf, Silent())
     assert reason == "it was ended by signal 6"
     stand_in("exit 3")
-    ((_, reason),) = execute([task(tmp_path, "a")], 1, Silent())
+    ((_, reason),) = execute(Schedule([task(tmp_path, "a")]), 1, math.inf, Silent())
     assert reason == "it ended with exit code 3"
 
 
 def test_so_many_at_once(stand_in: Stand_In, tmp_path: Path) -> None:
     stand_in(f'touch {tmp_path}/in.$$; ls {tmp_path} | grep -c "^in" ; sleep 0.3; rm {tmp_path}/in.$$')
     tasks = [task(tmp_path, f"t{number}") for number in range(5)]
-    assert len(list(execute(tasks, 2, Silent()))) == 5
+    assert len(list(execute(Schedule(tasks), 2, math.inf, Silent()))) == 5
     assert max(int((made.path / OUTPUT).read_text()) for made in tasks) == 2
 
 
 def test_who_stops_asking_ends_them(stand_in: Stand_In, tmp_path: Path) -> None:
     stand_in(f'case "$told" in *\'"title":"slow"\'*) sleep 30; touch {tmp_path}/survived;; esac')
-    began, running = time.monotonic(), execute([task(tmp_path, n) for n in ("quick", "slow")], 2, Silent())
+    began, running = (
+        time.monotonic(),
+        execute(Schedule([task(tmp_path, n) for n in ("quick", "slow")]), 2, math.inf, Silent()),
+    )
     assert next(running)[0].title == "quick"
-    running.close()  # type: ignore[attr-defined]
+    running.close()
     assert time.monotonic() - began < 10
+    assert not (tmp_path / "survived").exists()
+
+
+def test_when_time_is_up_they_are_ended(stand_in: Stand_In, tmp_path: Path) -> None:
+    """With what they started; and nothing is said to have failed."""
+    stand_in(f"(sleep 3; touch {tmp_path}/survived) & wait")
+    began = time.monotonic()
+    schedule = Schedule([task(tmp_path, name) for name in ("a", "b")])
+    assert list(execute(schedule, 1, began + 0.5, Silent())) == []
+    assert 0.5 <= time.monotonic() - began < 2.5
+    assert len(schedule) == 2
+    assert not (tmp_path / "b").exists()
+    time.sleep(3.0)
+    assert not (tmp_path / "survived").exists()
+
+
+def test_tasks_are_spread_over_the_gpus(stand_in: Stand_In, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "4, GPU-b")
+    assert gpus() == ["4", "GPU-b"]
+    stand_in("echo $CUDA_VISIBLE_DEVICES; sleep 0.5")
+    tasks = [task(tmp_path, f"t{number}") for number in range(4)]
+    assert len(list(execute(Schedule(tasks), 4, math.inf, Silent()))) == 4
+    assert [(made.path / OUTPUT).read_text().strip() for made in tasks] == ["4", "GPU-b"] * 2
+
+
+def test_a_task_ends_when_who_started_it_is_killed(tmp_path: Path) -> None:
+    """And so does what it started itself."""
+    job = (
+        "import subprocess, time; from svbrdfgan.experiments.orphan import end_with_parent; end_with_parent();"
+        f"subprocess.Popen(['sh', '-c', 'sleep 3; touch {tmp_path}/survived']);"
+        "print('ready', flush=True); time.sleep(60)"
+    )
+    between = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {job!r}], process_group=0)"
+    with subprocess.Popen([sys.executable, "-c", between], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        began = time.monotonic()
+        process.kill()
+        assert process.stdout.read() == b""  # both have let go of it
+        assert time.monotonic() - began < 2.5
     assert not (tmp_path / "survived").exists()
 
 
 def test_a_real_task_and_what_it_refuses(tmp_path: Path) -> None:
     """The process reads the task, and its one sentence comes back."""
-    ((_, reason),) = execute([task(tmp_path, "wrong", embedding="hemisferical")], 1, Silent())
+    ((_, reason),) = execute(Schedule([task(tmp_path, "wrong", embedding="hemisferical")]), 1, math.inf, Silent())
     assert reason is not None
     assert "hemisferical" in reason
     assert "Traceback" not in (tmp_path / "wrong" / OUTPUT).read_text()

@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import json
+import shutil
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.experiments.design import Design
-from svbrdfgan.experiments.runner import run_experiment
+from svbrdfgan.experiments.results import Results
+from svbrdfgan.experiments.runner import run_experiments
 from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask
 
 MakeDesign = Callable[..., Design]
+
+
+def run(design: Design, root: Path, **settings: Any) -> Results:
+    (results,) = run_experiments([design], root, **settings)
+    return results
 
 
 def kinds(fake) -> list[type]:
@@ -25,9 +34,8 @@ def runs_of(fake) -> list[RunTask]:
 
 
 def test_data_sets_and_oracles_are_shared(make_design: MakeDesign, fake, tmp_path: Path) -> None:
-    results = run_experiment(make_design(), tmp_path / "out", execute=fake)
-    made = kinds(fake)
-    assert made == [DatasetTask] * 2 + [OracleTask] * 3 + [RunTask] * 7
+    results = run(make_design(), tmp_path / "out", execute=fake)
+    assert Counter(kinds(fake)) == {DatasetTask: 2, OracleTask: 3, RunTask: 7}
     runs = {task.title: task for task in runs_of(fake)}
     assert runs["none, default, seed 0"].dataset == runs["some, thesis, seed 0"].dataset
     assert runs["none, default, seed 0"].dataset != runs["fewer, default, seed 0"].dataset
@@ -40,43 +48,43 @@ def test_data_sets_and_oracles_are_shared(make_design: MakeDesign, fake, tmp_pat
 def test_what_was_interrupted_goes_on(make_design: MakeDesign, fake, tmp_path: Path) -> None:
     fake.stops_after = 8
     with pytest.raises(KeyboardInterrupt):
-        run_experiment(make_design(), tmp_path / "out", execute=fake)
+        run(make_design(), tmp_path / "out", execute=fake)
     told = (tmp_path / "out" / "noise" / "table.md").read_text()  # what there was until then
     assert "| none | default | 2 |" in told
     before, fake.stops_after = len(fake.done), None
-    run_experiment(make_design(), tmp_path / "out", execute=fake)
+    run(make_design(), tmp_path / "out", execute=fake)
     assert fake.done[before:] == [
-        "some, default, seed 0", "some, default, seed 1", "some, thesis, seed 0", "fewer, default, seed 0",
+        "some, thesis, seed 0", "data of fewer", "oracle of fewer, default", "fewer, default, seed 0",
     ]  # fmt: skip
     before = len(fake.done)
-    results = run_experiment(make_design(), tmp_path / "out", execute=fake)
+    results = run(make_design(), tmp_path / "out", execute=fake)
     assert fake.done[before:] == []
     assert len(results.outcomes) == 7
 
 
 def test_finished_runs_need_no_data(make_design: MakeDesign, fake, tmp_path: Path) -> None:
     """Outcomes alone may be carried elsewhere, and the experiment goes on from there."""
-    run_experiment(make_design(), tmp_path / "out", rows=["none"], execute=fake)
+    run(make_design(), tmp_path / "out", only=["*/none"], execute=fake)
     for task in fake.tasks:
         if isinstance(task, DatasetTask):
             (task.path / "made").unlink()
     before = len(fake.done)
-    run_experiment(make_design(), tmp_path / "out", rows=["none"], execute=fake)
+    run(make_design(), tmp_path / "out", only=["*/none"], execute=fake)
     assert fake.done[before:] == []
-    run_experiment(make_design(), tmp_path / "out", rows=["none", "fewer"], execute=fake)
+    run(make_design(), tmp_path / "out", only=["*/none", "*/fewer"], execute=fake)
     assert fake.done[before:] == ["data of fewer", "oracle of fewer, default", "fewer, default, seed 0"]
 
 
 def test_a_failed_run_stops_no_other_and_is_tried_again(make_design: MakeDesign, fake, tmp_path: Path) -> None:
     fake.fails = {"none, default, seed 1": "a loss is not finite."}
-    results = run_experiment(make_design(), tmp_path / "out", execute=fake)
+    results = run(make_design(), tmp_path / "out", execute=fake)
     assert [(line.row, run.seed, run.reason) for line, run in results.failures] == [
         ("none", 1, "a loss is not finite.")
     ]
     assert len(results.outcomes) == 6
     assert "none, default, seed 1: failed: a loss is not finite." in (tmp_path / "out/noise/table.md").read_text()
     fake.fails, before = {}, len(fake.done)
-    results = run_experiment(make_design(), tmp_path / "out", execute=fake)
+    results = run(make_design(), tmp_path / "out", execute=fake)
     assert fake.done[before:] == ["none, default, seed 1"]
     assert results.failures == []
     assert len(results.outcomes) == 7
@@ -84,61 +92,102 @@ def test_a_failed_run_stops_no_other_and_is_tried_again(make_design: MakeDesign,
 
 def test_what_needs_a_failed_data_set_fails_with_its_reason(make_design: MakeDesign, fake, tmp_path: Path) -> None:
     fake.fails = {"data of fewer": "car.glb has no faces."}
-    results = run_experiment(make_design(), tmp_path / "out", execute=fake)
+    results = run(make_design(), tmp_path / "out", execute=fake)
     assert "oracle of fewer, default" not in fake.done
     assert "fewer, default, seed 0" not in fake.done
-    ((line, run),) = results.failures
+    ((line, failed),) = results.failures
     assert line.row == "fewer"
-    assert run.reason == "oracle of fewer, default: data of fewer: car.glb has no faces."
+    assert failed.reason == "oracle of fewer, default: data of fewer: car.glb has no faces."
     assert len(results.outcomes) == 6
 
 
 def test_a_changed_definition_is_refused(make_design: MakeDesign, fake, tmp_path: Path) -> None:
-    run_experiment(make_design(), tmp_path / "out", rows=["none"], execute=fake)
+    run(make_design(), tmp_path / "out", only=["*/none"], execute=fake)
     before = len(fake.done)
     for changed in (make_design("train.spp=5"), make_design(train={"batch_size": 3})):
         with pytest.raises(ConfigError, match=r"holds results of another definition \(rows\.\w+/\w+\.") as caught:
-            run_experiment(changed, tmp_path / "out", execute=fake)
+            run(changed, tmp_path / "out", execute=fake)
         assert len(str(caught.value).splitlines()) == 1
     rows = {"none": {"about": "Said in other words."}}
     with pytest.raises(ConfigError, match="another definition"):  # rows that are gone
-        run_experiment(make_design(rows=rows), tmp_path / "out", execute=fake)
+        run(make_design(rows=rows), tmp_path / "out", execute=fake)
     assert len(fake.done) == before
     assert "| none |" in (tmp_path / "out" / "noise" / "table.md").read_text()
 
 
 def test_other_words_are_no_other_definition(make_design: MakeDesign, fake, tmp_path: Path) -> None:
-    run_experiment(make_design(), tmp_path / "out", rows=["none"], execute=fake)
-    run_experiment(make_design(title="Noise, once more"), tmp_path / "out", rows=["none"], execute=fake)
+    run(make_design(), tmp_path / "out", only=["*/none"], execute=fake)
+    run(make_design(title="Noise, once more"), tmp_path / "out", only=["*/none"], execute=fake)
     assert (tmp_path / "out" / "noise" / "table.md").read_text().startswith("# Noise, once more\n")
 
 
 def test_experiments_share_equal_runs(make_design: MakeDesign, fake, tmp_path: Path) -> None:
-    run_experiment(make_design(), tmp_path / "out", rows=["none"], execute=fake)
+    run(make_design(), tmp_path / "out", only=["*/none"], execute=fake)
     before = len(fake.done)
     other = make_design(name="other", rows={"same": {"about": "."}, "spp": {"about": ".", "train": {"spp": 8}}})
-    results = run_experiment(other, tmp_path / "out", seeds=[0], execute=fake)
+    results = run(other, tmp_path / "out", seeds=[0], execute=fake)
     assert fake.done[before:] == ["spp, default, seed 0", "spp, thesis, seed 0"]
     assert [len(line.outcomes) for line in results.lines] == [2, 1, 1, 1]  # also what was made with another seed
 
 
 def test_further_seeds_join_the_table(make_design: MakeDesign, fake, tmp_path: Path) -> None:
-    run_experiment(make_design(), tmp_path / "out", rows=["fewer"], execute=fake)
-    results = run_experiment(make_design(), tmp_path / "out", rows=["fewer"], seeds=[4, 9], execute=fake)
+    run(make_design(), tmp_path / "out", only=["*/fewer"], execute=fake)
+    results = run(make_design(), tmp_path / "out", only=["*/fewer"], seeds=[4, 9], execute=fake)
     assert [run.seed for line in results.lines for run in line.runs] == [0, 4, 9]
     assert "| fewer | default | 3 |" in (tmp_path / "out" / "noise" / "table.md").read_text()
 
 
 def test_files_need_assets(fake, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"files are wanted, such as cars/.*; give --assets"):
-        run_experiment(Design.load("training", "gpu"), tmp_path / "out", execute=fake)
+        run(Design.load("training", "gpu"), tmp_path / "out", execute=fake)
     assert not (tmp_path / "out").exists()
-    run_experiment(Design.load("training", "gpu"), tmp_path / "out", assets=tmp_path, rows=["matched"], execute=fake)
+    run(Design.load("training", "gpu"), tmp_path / "out", assets=tmp_path, only=["*/matched"], execute=fake)
     assert {task.assets for task in fake.tasks} == {str(tmp_path)}
 
 
 def test_every_outcome_is_in_the_record(make_design: MakeDesign, fake, tmp_path: Path) -> None:
-    run_experiment(make_design(), tmp_path / "out", jobs=3, execute=fake)
+    run(make_design(), tmp_path / "out", jobs=3, execute=fake)
     record = json.loads((tmp_path / "out" / "noise" / "results.json").read_text())
     assert {run["outcome"]["jobs"] for line in record["lines"] for run in line["runs"]} == {3}
     assert record["lines"][0]["numbers"]["recovered"]["mean"] == pytest.approx(0.55)
+
+
+def test_chosen_runs_come_first_and_alone(make_design: MakeDesign, fake, tmp_path: Path) -> None:
+    run(make_design(), tmp_path / "out", only=["noise/some/default/1", "*/none/thesis"], execute=fake)
+    assert [task.title for task in runs_of(fake)] == ["some, default, seed 1", "none, thesis, seed 0"]
+    with pytest.raises(ConfigError, match=r"no run matches 'noise/nine'; did you mean 'noise/none'\?"):
+        run(make_design(), tmp_path / "out", only=["noise/nine"], execute=fake)
+
+
+def test_experiments_done_together_share_and_each_has_its_table(make_design: MakeDesign, fake, tmp_path: Path) -> None:
+    rows = {"same": {"about": "."}, "spp": {"about": ".", "train": {"spp": 8}}}
+    designs = [make_design(), make_design(name="other", rows=rows)]
+    first, second = run_experiments(designs, tmp_path / "out", only=["noise/none", "other"], execute=fake)
+    assert Counter(kinds(fake)) == {DatasetTask: 1, OracleTask: 2, RunTask: 6}
+    assert [len(line.outcomes) for line in (*first.lines, *second.lines)] == [2, 1, 0, 0, 0, 2, 1, 2, 1]
+    assert "| spp | thesis | 1 |" in (tmp_path / "out" / "other" / "table.md").read_text()
+
+
+def test_without_time_there_is_a_table_of_what_was_done(make_design: MakeDesign, fake, tmp_path: Path) -> None:
+    run(make_design(), tmp_path / "out", only=["*/none"], execute=fake)
+    before, table = len(fake.done), tmp_path / "out" / "noise" / "table.md"
+    told = table.read_text()
+    table.unlink()
+    results = run(make_design(), tmp_path / "out", minutes=0, execute=fake)
+    assert len(fake.done) == before
+    assert len(results.outcomes) == 3
+    assert table.read_text() == told
+
+
+def test_what_was_carried_is_enough(make_design: MakeDesign, fake, tmp_path: Path) -> None:
+    """Outcomes and ceilings are small; with them, only data sets of what is missing are made again."""
+    run(make_design(), tmp_path / "out", only=["*/none/default/0"], execute=fake)
+    for path in (tmp_path / "out").rglob("*.json"):
+        if path.name in {"spec.json", "outcome.json", "ceiling.json", "definition.json"}:
+            there = tmp_path / "new" / path.relative_to(tmp_path / "out")
+            there.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, there)
+    before = len(fake.done)
+    results = run(make_design(), tmp_path / "new", only=["*/none/default"], execute=fake)
+    assert fake.done[before:] == ["data of none", "none, default, seed 1"]
+    assert len(results.outcomes) == 2
