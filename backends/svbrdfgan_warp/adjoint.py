@@ -59,7 +59,9 @@ class Adjoint:
         device, count, grad_image = self.texels.device, len(records.run), wp.from_torch(self.grad_image, wp.vec3)
         if self.grad_texels is not None:
             sums = wp.from_torch(self.grad_texels, wp.vec3d)
-            launch(kernels.scatter_texels, count, (self.atlas, *records.arguments(), grad_image, sums), device)
+            samples, *met = records.arguments()
+            runs = -(-count // kernels.RUN)
+            launch(kernels.scatter_texels, runs, (self.atlas, samples, count, *met, grad_image, sums), device)
         if self.grad_light is not None:
             arrivals, texels = (wp.from_torch(tensor, wp.vec3) for tensor in (records.arrivals, self.texels))
             sums, given = wp.from_torch(self.grad_light, wp.vec3d), (arrivals, texels, grad_image)

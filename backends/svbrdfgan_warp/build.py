@@ -11,7 +11,7 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
-REACH = wp.constant(16)
+REACH = wp.constant(8)
 """How far along the curve a cluster looks for its partner."""
 _WIDEN = resources.files(__package__).joinpath("native", "widen.h").read_text(encoding="utf-8")
 

@@ -14,6 +14,9 @@ from svbrdfgan_warp import chance, emitter, traverse
 
 wp.set_module_options({"enable_backward": False})
 
+RUN = wp.constant(16)
+"""Records whose gradients a thread adds up before it passes them on."""
+
 
 @wp.struct
 class Geometry:
@@ -230,23 +233,58 @@ def gather(
     coverage[samples.first + pixel] = float(met) / float(samples.spp)
 
 
+@wp.func
+def pour(grad_texels: wp.array(dtype=wp.vec3d), place: wp.vec4i, a: wp.vec3, b: wp.vec3, c: wp.vec3, d: wp.vec3):
+    """Adds four sums to their texels; where all are one, once. Nothing is added at a place of -1."""
+    if place[0] < 0:
+        return
+    if place[0] == place[3]:
+        wp.atomic_add(grad_texels, place[0], wp.vec3d(a + b + c + d))
+    else:
+        wp.atomic_add(grad_texels, place[0], wp.vec3d(a))
+        wp.atomic_add(grad_texels, place[1], wp.vec3d(b))
+        wp.atomic_add(grad_texels, place[2], wp.vec3d(c))
+        wp.atomic_add(grad_texels, place[3], wp.vec3d(d))
+
+
 @wp.kernel
 def scatter_texels(
     atlas: Atlas,
     samples: Samples,
+    records: int,
     part: wp.array(dtype=wp.int32),
     uv: wp.array(dtype=wp.vec2),
     weight: wp.array(dtype=wp.vec3),
     grad_image: wp.array(dtype=wp.vec3),
     grad_texels: wp.array(dtype=wp.vec3d),
 ):
-    """The transpose of `gather`: adds weight * grad_image to the texels of each record."""
-    i = wp.tid()
-    if part[i] >= 0:
-        t, w = taps(atlas, part[i], uv[i])
-        g = wp.cw_mul(weight[i], grad_image[samples.first + i / samples.spp])
-        for k in range(4):
-            wp.atomic_add(grad_texels, t[k], wp.vec3d(g * w[k]))
+    """The transpose of `gather`: adds weight * grad_image to the texels of each record.
+
+    A thread takes RUN records in a row and adds at once what is for the same texels: else all samples of a part of one
+    colour would queue for one texel.
+    """
+    first = wp.tid() * RUN
+    place = wp.vec4i(-1, -1, -1, -1)
+    a = wp.vec3(0.0)
+    b = wp.vec3(0.0)
+    c = wp.vec3(0.0)
+    d = wp.vec3(0.0)
+    for i in range(first, wp.min(first + RUN, records)):
+        if part[i] >= 0:
+            t, w = taps(atlas, part[i], uv[i])
+            if t[0] != place[0] or t[3] != place[3]:
+                pour(grad_texels, place, a, b, c, d)
+                place = t
+                a = wp.vec3(0.0)
+                b = wp.vec3(0.0)
+                c = wp.vec3(0.0)
+                d = wp.vec3(0.0)
+            g = wp.cw_mul(weight[i], grad_image[samples.first + i / samples.spp])
+            a += g * w[0]
+            b += g * w[1]
+            c += g * w[2]
+            d += g * w[3]
+    pour(grad_texels, place, a, b, c, d)
 
 
 @wp.kernel

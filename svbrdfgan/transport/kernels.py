@@ -1,7 +1,7 @@
 """The product of stored transports on CUDA: Triton kernels that read the entries of every view where they lie.
 
-A program takes ROWS pixels of one view, and LANES entries of each pixel at a time. What moves is the entries, 10 bytes
-each with half weights, the texels that they name, and the pictures. Nothing is copied to make a batch but addresses.
+What moves is the entries, 10 bytes each with half weights, the texels that they name, and the pictures. Nothing is
+copied to make a batch but addresses.
 """
 # mypy: disable-error-code="no-untyped-def"
 # ruff: noqa: N803
@@ -21,63 +21,113 @@ from torch import Tensor
 from svbrdfgan.transport.record import LightTransport
 from svbrdfgan.transport.transfer import send
 
-TILE = {"ROWS": 16, "LANES": 16, "num_warps": 4}
+PICTURE = {"ROWS": 8, "LANES": 16, "num_warps": 1}
+"""Pixels of a program, and entries of each of them at a time."""
+
+TRANSPOSED = {"HALVINGS": 4, "ENTRIES": 256, "num_warps": 2}
+"""A program has 2^HALVINGS pixels, and takes so many of their entries at a time."""
 
 
 @triton.jit
-def program(views, pixels, HALF: tl.constexpr, ROWS: tl.constexpr):
-    """The addresses of the program's view, and its pixels with their first and last entries."""
+def view_of(views, HALF: tl.constexpr):
+    """The addresses of the program's view, its scale and its first texel."""
     view = views + tl.program_id(1) * 6
     start = tl.load(view).to(tl.pointer_type(tl.int32))
     texel = tl.load(view + 1).to(tl.pointer_type(tl.int32))
     weight = tl.load(view + 2).to(tl.pointer_type(tl.float16 if HALF else tl.float32))
     scale = tl.load(tl.load(view + 3).to(tl.pointer_type(tl.float32)))
     background = tl.load(view + 4).to(tl.pointer_type(tl.float32))
-    pixel = tl.program_id(0) * ROWS + tl.arange(0, ROWS)
-    first = tl.load(start + pixel, mask=pixel < pixels, other=0)
-    last = tl.load(start + pixel + 1, mask=pixel < pixels, other=0)
-    return texel, weight, scale, background, tl.load(view + 5), pixel, first, last
+    return start, texel, weight, scale, background, tl.load(view + 5)
+
+
+@triton.jit
+def color_of(address, there):
+    """Three numbers in a row at each address."""
+    red = tl.load(address, mask=there, other=0).to(tl.float32)
+    green = tl.load(address + 1, mask=there, other=0).to(tl.float32)
+    return red, green, tl.load(address + 2, mask=there, other=0).to(tl.float32)
 
 
 @triton.jit
 def picture(views, textures, image, pixels, HALF: tl.constexpr, ROWS: tl.constexpr, LANES: tl.constexpr):
     """image = background + T @ textures."""
-    texel, weight, scale, background, offset, pixel, first, last = program(views, pixels, HALF, ROWS)
+    start, texel, weight, scale, background, offset = view_of(views, HALF)
+    pixel = tl.program_id(0) * ROWS + tl.arange(0, ROWS)
+    inside = pixel < pixels
+    first = tl.load(start + pixel, mask=inside, other=0)
+    last = tl.load(start + pixel + 1, mask=inside, other=0)
+    behind_red, behind_green, behind_blue = color_of(background + pixel * 3, inside)
+    textures += offset * 3
     red = tl.zeros([ROWS, LANES], tl.float32)
     green = tl.zeros([ROWS, LANES], tl.float32)
     blue = tl.zeros([ROWS, LANES], tl.float32)
     for done in range(0, tl.max(last - first, axis=0), LANES):
         entry = first[:, None] + done + tl.arange(0, LANES)[None, :]
         there = entry < last[:, None]
-        color = textures + (offset + tl.load(texel + entry, mask=there, other=0)) * 3
-        share = weight + entry * 3
-        red += tl.load(share, mask=there, other=0).to(tl.float32) * tl.load(color, mask=there, other=0)
-        green += tl.load(share + 1, mask=there, other=0).to(tl.float32) * tl.load(color + 1, mask=there, other=0)
-        blue += tl.load(share + 2, mask=there, other=0).to(tl.float32) * tl.load(color + 2, mask=there, other=0)
-    behind = background + pixel * 3
+        place = tl.load(texel + entry, mask=there, other=0).to(tl.int64)
+        share_red, share_green, share_blue = color_of(weight + entry.to(tl.int64) * 3, there)
+        color_red, color_green, color_blue = color_of(textures + place * 3, there)
+        red += share_red * color_red
+        green += share_green * color_green
+        blue += share_blue * color_blue
     shown = image + (tl.program_id(1).to(tl.int64) * pixels + pixel) * 3
-    inside = pixel < pixels
-    tl.store(shown, tl.load(behind, mask=inside, other=0) + scale * tl.sum(red, axis=1), mask=inside)
-    tl.store(shown + 1, tl.load(behind + 1, mask=inside, other=0) + scale * tl.sum(green, axis=1), mask=inside)
-    tl.store(shown + 2, tl.load(behind + 2, mask=inside, other=0) + scale * tl.sum(blue, axis=1), mask=inside)
+    tl.store(shown, behind_red + scale * tl.sum(red, axis=1), mask=inside)
+    tl.store(shown + 1, behind_green + scale * tl.sum(green, axis=1), mask=inside)
+    tl.store(shown + 2, behind_blue + scale * tl.sum(blue, axis=1), mask=inside)
 
 
 @triton.jit
-def transposed(views, grad_image, grad_textures, pixels, HALF: tl.constexpr, ROWS: tl.constexpr, LANES: tl.constexpr):
-    """grad_textures += T^T @ grad_image."""
-    texel, weight, scale, _, offset, pixel, first, last = program(views, pixels, HALF, ROWS)
+def row_of(entry, start, rows, HALVINGS: tl.constexpr):
+    """The last of 2^HALVINGS rows to start at or before each entry, by bisection; only the first `rows` exist."""
+    row = tl.zeros_like(entry)
+    for halving in tl.static_range(HALVINGS):
+        middle = row + (1 << (HALVINGS - 1 - halving))
+        first = tl.load(start + middle, mask=middle < rows, other=2147483647)
+        row = tl.where(first <= entry, middle, row)
+    return row
+
+
+@triton.jit
+def add_color(color, red, green, blue, there, CHANNELS: tl.constexpr):
+    """Adds at each address: three numbers one by one, or those and a zero, aligned, which sm_90 adds at once."""
+    if CHANNELS == 4:
+        pairs = tl.join(tl.join(red, blue), tl.join(green, tl.zeros_like(red)))
+        channel = color[:, None] + tl.arange(0, 4)[None, :]
+        tl.atomic_add(channel, pairs.reshape(red.shape[0], 4), mask=there[:, None], sem="relaxed")
+    else:
+        tl.atomic_add(color, red, mask=there, sem="relaxed")
+        tl.atomic_add(color + 1, green, mask=there, sem="relaxed")
+        tl.atomic_add(color + 2, blue, mask=there, sem="relaxed")
+
+
+@triton.jit
+def transposed(
+    views,
+    grad_image,
+    grad_textures,
+    pixels,
+    HALF: tl.constexpr,
+    CHANNELS: tl.constexpr,
+    HALVINGS: tl.constexpr,
+    ENTRIES: tl.constexpr,
+):
+    """grad_textures += T^T @ grad_image. No lane is idle for a short row: entries are taken as they lie."""
+    start, texel, weight, scale, _, offset = view_of(views, HALF)
+    pixel = tl.program_id(0) << HALVINGS
+    first = tl.load(start + pixel)
+    last = tl.load(start + tl.minimum(pixel + (1 << HALVINGS), pixels))
     grad = grad_image + (tl.program_id(1).to(tl.int64) * pixels + pixel) * 3
-    red = scale * tl.load(grad, mask=pixel < pixels, other=0)
-    green = scale * tl.load(grad + 1, mask=pixel < pixels, other=0)
-    blue = scale * tl.load(grad + 2, mask=pixel < pixels, other=0)
-    for done in range(0, tl.max(last - first, axis=0), LANES):
-        entry = first[:, None] + done + tl.arange(0, LANES)[None, :]
-        there = entry < last[:, None]
-        color = grad_textures + (offset + tl.load(texel + entry, mask=there, other=0)) * 3
-        share = weight + entry * 3
-        tl.atomic_add(color, tl.load(share, mask=there, other=0) * red[:, None], mask=there, sem="relaxed")
-        tl.atomic_add(color + 1, tl.load(share + 1, mask=there, other=0) * green[:, None], mask=there, sem="relaxed")
-        tl.atomic_add(color + 2, tl.load(share + 2, mask=there, other=0) * blue[:, None], mask=there, sem="relaxed")
+    grad_textures += offset * CHANNELS
+    for done in range(first, last, ENTRIES):
+        entry = done + tl.arange(0, ENTRIES)
+        there = entry < last
+        place = tl.load(texel + entry, mask=there, other=0).to(tl.int64)
+        share_red, share_green, share_blue = color_of(weight + entry.to(tl.int64) * 3, there)
+        row = row_of(entry, start + pixel, pixels - pixel, HALVINGS)
+        red, green, blue = color_of(grad + row * 3, there)
+        color = grad_textures + place * CHANNELS
+        red, green, blue = scale * share_red * red, scale * share_green * green, scale * share_blue * blue
+        add_color(color, red, green, blue, there, CHANNELS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +138,13 @@ class KernelProduct:
         transports: what the addresses point into.
         addresses: for each of them, those of start, texel, weight, scale and background, and its first texel.
         half: whether weights are in half precision, rather than single.
+        channels: of the sums of gradients in memory: 4 where one instruction adds as many, or 3.
     """
 
     transports: tuple[LightTransport, ...]
     addresses: Int[Tensor, "views 6"]
     half: bool
+    channels: int
 
     @classmethod
     def of(cls, transports: tuple[LightTransport, ...]) -> KernelProduct:
@@ -103,23 +155,31 @@ class KernelProduct:
             [*(tensor.data_ptr() for tensor in (t.start, t.texel, t.weight, t.scale, t.background)), texel]
             for t, texel in zip(kept, first, strict=False)
         ]
-        return cls(kept, send(torch.tensor(rows), kept[0].texel.device), half)
+        device = kept[0].texel.device
+        return cls(kept, send(torch.tensor(rows), device), half, 4 if _adds_vectors(device) else 3)
 
     def picture(self, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
         image = texels.new_empty(len(self.transports) * self._pixels, 3)
-        self._launch(picture, texels, image)
+        self._launch(picture, PICTURE["ROWS"], texels, image, **PICTURE)
         return image
 
     def transposed(self, grad: Float[Tensor, "pixels 3"]) -> Float[Tensor, "texels 3"]:
-        texels = grad.new_zeros(sum(t.texels for t in self.transports), 3)
-        self._launch(transposed, grad, texels)
-        return texels
+        """T^T @ grad. Not contiguous if there are four channels."""
+        texels = grad.new_zeros(sum(t.texels for t in self.transports), self.channels)
+        self._launch(transposed, 1 << TRANSPOSED["HALVINGS"], grad, texels, CHANNELS=self.channels, **TRANSPOSED)
+        return texels[:, :3]
 
     @property
     def _pixels(self) -> int:
         return len(self.transports[0].start) - 1
 
-    def _launch(self, kernel: Any, source: Tensor, target: Tensor) -> None:
-        grid = (triton.cdiv(self._pixels, TILE["ROWS"]), len(self.transports))
+    def _launch(self, kernel: Any, rows: int, source: Tensor, target: Tensor, **constants: int) -> None:
+        grid = (triton.cdiv(self._pixels, rows), len(self.transports))
         with torch.cuda.device_of(source):
-            kernel[grid](self.addresses, source, target, self._pixels, self.half, **TILE)
+            kernel[grid](self.addresses, source, target, self._pixels, HALF=self.half, **constants)
+
+
+def _adds_vectors(device: torch.device) -> bool:
+    """NVIDIA's since sm_90. ROCm's devices have capabilities too, which mean others."""
+    nvidia = device.type == "cuda" and torch.version.cuda is not None
+    return nvidia and torch.cuda.get_device_capability(device) >= (9, 0)

@@ -6,6 +6,7 @@ import importlib.util
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import pytest
 import torch
@@ -21,9 +22,15 @@ WAYS: dict[str, tuple[str, Callable[..., Product]]] = {"host": ("cpu", HostProdu
 if CUDA:
     WAYS["plain on CUDA"] = ("cuda", PlainProduct)
 if (CUDA or INTERPRETED) and importlib.util.find_spec("triton"):
-    from svbrdfgan.transport.kernels import KernelProduct
+    from svbrdfgan.transport import kernels as triton_kernels
 
-    WAYS["kernels"] = ("cuda" if CUDA and not INTERPRETED else "cpu", KernelProduct.of)
+    def kernels(transports: tuple[LightTransport, ...], channels: int) -> Product:
+        """With sums of so many channels. Four are added one by one where there is no instruction for them."""
+        return replace(triton_kernels.KernelProduct.of(transports), channels=channels)
+
+    for channels in (3, 4):
+        where = "cuda" if CUDA and not INTERPRETED else "cpu"
+        WAYS[f"kernels, {channels} channels"] = (where, partial(kernels, channels=channels))
 
 Make = Callable[..., LightTransport]
 
@@ -68,6 +75,25 @@ def test_product_and_transpose_are_those_of_the_dense_matrix(make_transport: Mak
     pictures, gradient = computed.picture(texels.to(device)), computed.transposed(grad.to(device))
     torch.testing.assert_close(pictures.cpu(), expected(transports, texels).float(), rtol=1e-5, atol=1e-5)
     torch.testing.assert_close(gradient.cpu(), expected_transposed(transports, grad).float(), rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("way", [way for way in WAYS if way.startswith("kernels")])
+def test_a_program_takes_any_number_of_pixels_and_entries(
+    make_transport: Make, monkeypatch: pytest.MonkeyPatch, way: str
+) -> None:
+    """Rows that end with a program's pixels or not, and fill its lanes many times."""
+    device, make_product = WAYS[way]
+    transports = [make_transport(n, parts=3, longest=140) for n in range(2)]
+    rng = torch.Generator().manual_seed(6)
+    texels, grad = torch.rand(288, 3, generator=rng), torch.randn(126, 3, generator=rng)
+    picture, gradient = expected(transports, texels).float(), expected_transposed(transports, grad).float()
+    computed = make_product(tuple(t.to(device) for t in transports))
+    for pixels, entries in ((1, 64), (4, 16), (64, 64)):
+        tile = {"HALVINGS": pixels.bit_length() - 1, "ENTRIES": entries, "num_warps": 2}
+        monkeypatch.setattr(triton_kernels, "TRANSPOSED", tile)
+        monkeypatch.setattr(triton_kernels, "PICTURE", {"ROWS": pixels, "LANES": entries // 8, "num_warps": 2})
+        torch.testing.assert_close(computed.picture(texels.to(device)).cpu(), picture, rtol=1e-5, atol=1e-5)
+        torch.testing.assert_close(computed.transposed(grad.to(device)).cpu(), gradient, rtol=1e-5, atol=1e-5)
 
 
 DEVICES = ("cpu", "cuda") if CUDA else ("cpu",)
