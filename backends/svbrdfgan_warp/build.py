@@ -16,28 +16,42 @@ REACH = wp.constant(8)
 _WIDEN = resources.files(__package__).joinpath("native", "widen.h").read_text(encoding="utf-8")
 
 
+@wp.struct
+class Binary:
+    children: wp.array(dtype=wp.vec2i)  # of the inner nodes
+    counts: wp.array(dtype=wp.int32)  # triangles under each node
+    lower: wp.array(dtype=wp.vec3)
+    upper: wp.array(dtype=wp.vec3)
+
+
+@wp.struct
+class Wide:
+    nodes: wp.array(dtype=wp.uint32)  # 20 words each
+    sources: wp.array(dtype=wp.int32)  # for each, the binary node that it is made of
+    order: wp.array(dtype=wp.int32)  # faces, as the nodes name them
+    counters: wp.array(dtype=wp.int32)  # nodes, and triangles, so far
+
+
 @wp.kernel
 def bound(
     points: wp.array(dtype=wp.vec3),
     corners: wp.array(dtype=wp.int32),
     slack: float,
-    lower: wp.array(dtype=wp.vec3),
-    upper: wp.array(dtype=wp.vec3),
+    binary: Binary,
 ):
     """The bounds of the triangles, widened by `slack`."""
     i = wp.tid()
     a = points[corners[i * 3]]
     b = points[corners[i * 3 + 1]]
     c = points[corners[i * 3 + 2]]
-    lower[i] = wp.min(wp.min(a, b), c) - wp.vec3(slack)
-    upper[i] = wp.max(wp.max(a, b), c) + wp.vec3(slack)
+    binary.lower[i] = wp.min(wp.min(a, b), c) - wp.vec3(slack)
+    binary.upper[i] = wp.max(wp.max(a, b), c) + wp.vec3(slack)
 
 
 @wp.kernel
 def choose(
     clusters: wp.array(dtype=wp.int32),
-    lower: wp.array(dtype=wp.vec3),
-    upper: wp.array(dtype=wp.vec3),
+    binary: Binary,
     partner: wp.array(dtype=wp.int64),
 ):
     """For each cluster on the curve, the near one that together with it has the least surface; of equals the first.
@@ -45,13 +59,13 @@ def choose(
     Some two choose each other: those with the least surface of all, and of equals the first.
     """
     i = wp.tid()
-    low = lower[clusters[i]]
-    high = upper[clusters[i]]
+    low = binary.lower[clusters[i]]
+    high = binary.upper[clusters[i]]
     least = float(3.4e38)  # noqa: UP018 - Warp's way to declare a variable
     best = int(-1)  # noqa: UP018, RUF046
     for j in range(wp.max(0, i - REACH), wp.min(clusters.shape[0], i + REACH + 1)):
         if j != i:
-            d = wp.max(high, upper[clusters[j]]) - wp.min(low, lower[clusters[j]])
+            d = wp.max(high, binary.upper[clusters[j]]) - wp.min(low, binary.lower[clusters[j]])
             surface = d[0] * d[1] + d[1] * d[2] + d[2] * d[0]
             if surface < least or best < 0:
                 least = surface
@@ -60,34 +74,13 @@ def choose(
 
 
 @wp.func_native(_WIDEN)
-def widened(
-    wide: int,
-    n: int,
-    children: wp.array(dtype=wp.vec2i),
-    counts: wp.array(dtype=wp.int32),
-    lower: wp.array(dtype=wp.vec3),
-    upper: wp.array(dtype=wp.vec3),
-    sources: wp.array(dtype=wp.int32),
-    counters: wp.array(dtype=wp.int32),
-    placed_order: wp.array(dtype=wp.int32),
-    nodes: wp.array(dtype=wp.uint32),
-): ...
+def widened(wide: int, n: int, binary: Binary, grown: Wide): ...
 
 
 @wp.kernel
-def widen(
-    begin: int,
-    n: int,
-    children: wp.array(dtype=wp.vec2i),
-    counts: wp.array(dtype=wp.int32),
-    lower: wp.array(dtype=wp.vec3),
-    upper: wp.array(dtype=wp.vec3),
-    sources: wp.array(dtype=wp.int32),
-    counters: wp.array(dtype=wp.int32),
-    placed_order: wp.array(dtype=wp.int32),
-    nodes: wp.array(dtype=wp.uint32),
-):
-    widened(begin + wp.tid(), n, children, counts, lower, upper, sources, counters, placed_order, nodes)
+def widen(begin: int, n: int, binary: Binary, grown: Wide):
+    """The wide nodes from `begin` on, whose binary ones are known; adds their children at the end."""
+    widened(begin + wp.tid(), n, binary, grown)
 
 
 @wp.kernel

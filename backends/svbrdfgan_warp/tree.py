@@ -63,8 +63,12 @@ class _Binary:
         lower, upper = (torch.empty(nodes, 3, dtype=torch.float32, device=device) for _ in range(2))
         return cls(children, counts, lower, upper)
 
-    def bounds(self) -> tuple[Any, Any]:
-        return wp.from_torch(self.lower, wp.vec3), wp.from_torch(self.upper, wp.vec3)
+    def argument(self) -> build.Binary:
+        """The tree as kernels take it."""
+        result: Any = build.Binary()
+        result.children, result.counts = wp.from_torch(self.children, wp.vec2i), wp.from_torch(self.counts)
+        result.lower, result.upper = wp.from_torch(self.lower, wp.vec3), wp.from_torch(self.upper, wp.vec3)
+        return result
 
     def merge(self, node: int, first: Int[Tensor, " pairs"], second: Int[Tensor, " pairs"]) -> Int[Tensor, " pairs"]:
         """New nodes, numbered from `node`, each with these two children."""
@@ -83,10 +87,10 @@ def _merged(mesh: tuple[Any, Any], order: Int[Tensor, " triangles"], slack: floa
     """
     device, node = order.device, len(order)
     tree, clusters = _Binary.empty(node, device), order.int()
-    launch(build.bound, node, (*mesh, slack, *tree.bounds()), device)
+    launch(build.bound, node, (*mesh, slack, tree.argument()), device)
     while len(clusters) > 1:
         partner = torch.empty(len(clusters), dtype=torch.int64, device=device)
-        launch(build.choose, len(clusters), (wp.from_torch(clusters), *tree.bounds(), wp.from_torch(partner)), device)
+        launch(build.choose, len(clusters), (wp.from_torch(clusters), tree.argument(), wp.from_torch(partner)), device)
         index = torch.arange(len(clusters), device=device)
         mutual = partner[partner] == index
         first = (mutual & (index < partner)).nonzero().squeeze(1)
@@ -103,11 +107,12 @@ def _wide(tree: _Binary) -> tuple[Int[Tensor, "nodes 20"], Int[Tensor, " triangl
     nodes, order = torch.empty(n, 20, **integers), torch.empty(n, **integers)
     sources = torch.full((n,), 2 * n - 2, **integers)  # for each wide node, the binary one
     counters = torch.tensor([1, 0], **integers)  # nodes and triangles so far
-    given = (n, wp.from_torch(tree.children, wp.vec2i), wp.from_torch(tree.counts), *tree.bounds())
-    grown = tuple(map(wp.from_torch, (sources, counters, order)))
+    grown: Any = build.Wide()
+    grown.nodes, grown.sources = wp.from_torch(nodes.view(-1), wp.uint32), wp.from_torch(sources)
+    grown.order, grown.counters = wp.from_torch(order), wp.from_torch(counters)
     begin, end = 0, 1
     while begin < end:
-        launch(build.widen, end - begin, (begin, *given, *grown, wp.from_torch(nodes.view(-1), wp.uint32)), device)
+        launch(build.widen, end - begin, (begin, n, tree.argument(), grown), device)
         begin, end = end, int(counters[0])
     return nodes[:end].clone(), order
 

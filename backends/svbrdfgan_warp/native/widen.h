@@ -1,12 +1,12 @@
 // Node `wide` of the wide tree, from the node `sources[wide]` of the binary tree: up to eight children, in their octants.
 const int LEAF = 3;  // triangles in a leaf, at most
-auto triangles = [&](int node) { return counts.data[node]; };
+auto triangles = [&](int node) { return binary.counts.data[node]; };
 auto area = [&](int node) {
-    const wp::vec3 d = upper.data[node] - lower.data[node];
+    const wp::vec3 d = binary.upper.data[node] - binary.lower.data[node];
     return d[0] * d[1] + d[1] * d[2] + d[2] * d[0];
 };
 // Open the largest child until there are eight, or all are leaves.
-const int root = sources.data[wide];
+const int root = grown.sources.data[wide];
 int child[8];
 int count = 1;
 child[0] = root;
@@ -20,13 +20,13 @@ while (count < 8) {
         }
     if (largest < 0)
         break;
-    const wp::vec2i pair = children.data[child[largest] - n];
+    const wp::vec2i pair = binary.children.data[child[largest] - n];
     child[largest] = pair[0];
     child[count++] = pair[1];
 }
 // Each child takes the slot whose octant it lies in, as far as it is free: so slots are in order along any ray.
-const wp::vec3 low = lower.data[root];
-const wp::vec3 high = upper.data[root];
+const wp::vec3 low = binary.lower.data[root];
+const wp::vec3 high = binary.upper.data[root];
 int slots[8] = {-1, -1, -1, -1, -1, -1, -1, -1};
 bool placed[8] = {false, false, false, false, false, false, false, false};
 for (int round = 0; round < count; ++round) {
@@ -35,7 +35,7 @@ for (int round = 0; round < count; ++round) {
     for (int k = 0; k < count; ++k) {
         if (placed[k])
             continue;
-        const wp::vec3 off = lower.data[child[k]] + upper.data[child[k]] - low - high;
+        const wp::vec3 off = binary.lower.data[child[k]] + binary.upper.data[child[k]] - low - high;
         for (int s = 0; s < 8; ++s) {
             if (slots[s] >= 0)
                 continue;
@@ -71,12 +71,12 @@ for (int s = 0; s < 8; ++s)
         else leaf_triangles += triangles(node);
     }
 #ifdef __CUDA_ARCH__
-const int child_base = atomicAdd(&counters.data[0], inner_children);
-const int triangle_base = atomicAdd(&counters.data[1], leaf_triangles);
+const int child_base = atomicAdd(&grown.counters.data[0], inner_children);
+const int triangle_base = atomicAdd(&grown.counters.data[1], leaf_triangles);
 #else
-const int child_base = counters.data[0], triangle_base = counters.data[1];
-counters.data[0] += inner_children;
-counters.data[1] += leaf_triangles;
+const int child_base = grown.counters.data[0], triangle_base = grown.counters.data[1];
+grown.counters.data[0] += inner_children;
+grown.counters.data[1] += leaf_triangles;
 #endif
 unsigned char bytes[56];  // what is of each child: meta, then lower x y z and upper x y z
 for (int k = 0; k < 56; ++k)
@@ -91,23 +91,23 @@ for (int s = 0; s < 8; ++s) {
     if (many > LEAF) {
         inner_mask |= 1u << s;
         bytes[s] = (unsigned char)(32 + 24 + s);
-        sources.data[next_child++] = node;
+        grown.sources.data[next_child++] = node;
     } else {
         bytes[s] = (unsigned char)((((1 << many) - 1) << 5) | next_triangle);
         int walk[3] = {node};
         for (int size = 1, placed = 0; size > 0;) {
             const int next = walk[--size];
             if (next < n) {
-                placed_order.data[triangle_base + next_triangle + placed++] = next;
+                grown.order.data[triangle_base + next_triangle + placed++] = next;
             } else {
-                walk[size++] = children.data[next - n][1];
-                walk[size++] = children.data[next - n][0];
+                walk[size++] = binary.children.data[next - n][1];
+                walk[size++] = binary.children.data[next - n][0];
             }
         }
         next_triangle += many;
     }
     for (int axis = 0; axis < 3; ++axis) {
-        const float l = lower.data[node][axis], h = upper.data[node][axis];
+        const float l = binary.lower.data[node][axis], h = binary.upper.data[node][axis];
         int a = (int)(floorf((l - low[axis]) / step[axis]));
         int b = (int)(ceilf((h - low[axis]) / step[axis]));
         a = a < 0 ? 0 : a > 255 ? 255 : a;
@@ -118,7 +118,7 @@ for (int s = 0; s < 8; ++s) {
         bytes[32 + axis * 8 + s] = (unsigned char)b;
     }
 }
-unsigned int* out = nodes.data + size_t(wide) * 20;
+unsigned int* out = grown.nodes.data + size_t(wide) * 20;
 for (int axis = 0; axis < 3; ++axis) {
     union { float f; unsigned int u; } word;
     word.f = low[axis];
