@@ -12,7 +12,7 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import UnsupportedError
 from svbrdfgan.plugins import load_renderer
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.protocols import Pullback, Renderer
 from svbrdfgan.render_layer import RenderLayer
 from svbrdfgan.transport import TransportBatch, build_transport
 from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, View
@@ -232,3 +232,39 @@ def test_a_map_that_the_renderer_does_not_know_is_refused(stage: Stage) -> None:
     parts[0] = Material({"base_color": torch.ones(3), "metallic": metal})
     with pytest.raises(UnsupportedError, match="metallic"):
         RenderLayer(stage.renderer, SPP)(stage.prepared, Materials(tuple(parts)), stage.view, seed=SEED)
+
+
+@dataclass
+class Keeping(Watched):
+    """One that keeps what it traced."""
+
+    pulled: int = 0
+
+    @property
+    def capabilities(self) -> Any:
+        return replace(self.inner.capabilities, pullback=True)
+
+    def render_pullback(self, *args: Any, wrt: frozenset[str], spp: int, seed: int) -> tuple[Rendering, Pullback]:
+        def pullback(grad_image: Tensor) -> Gradients:
+            self.pulled += 1
+            return self.inner.render_vjp(*args, grad_image, wrt=wrt, spp=spp, seed=seed)
+
+        return self.inner.render(*args, spp=spp, seed=seed), pullback
+
+
+def test_what_was_traced_for_the_picture_serves_its_gradient(stage: Stage) -> None:
+    keeping, gradients = Keeping(stage.renderer), []
+    for renderer in (stage.renderer, keeping):
+        color = stage.colors[stage.learnable].clone().requires_grad_(True)
+        picture(replace(stage, renderer=renderer), {stage.learnable: color}).backward(random(10, 12, 3))
+        gradients.append(color.grad)
+    assert torch.equal(*gradients)
+    assert (keeping.pulled, keeping.asked) == (1, [])
+
+
+def test_samples_of_the_gradient_s_own_are_traced(stage: Stage) -> None:
+    keeping, color = Keeping(stage.renderer), stage.colors[stage.learnable].clone().requires_grad_(True)
+    picture(replace(stage, renderer=keeping), {stage.learnable: color}, spp_grad=2).sum().backward()
+    with torch.no_grad():
+        picture(replace(stage, renderer=keeping), {stage.learnable: color})
+    assert (keeping.pulled, keeping.asked) == (0, [frozenset({"base_color"})])

@@ -22,7 +22,7 @@ from svbrdfgan.networks import Generator
 from svbrdfgan.options import StrictModel, validate
 from svbrdfgan.training.config import GeneratorConfig, TrainConfig
 
-_FORMAT = "svbrdfgan generator 1"
+_FORMAT = "svbrdfgan generator 2"
 CONFIG, MODEL, ORACLE, LOG = "config.json", "model.safetensors", "oracle.safetensors", "log.jsonl"
 
 
@@ -96,7 +96,7 @@ def load_generator(path: Path) -> tuple[Generator, float | None]:
         with safe_open(path, framework="pt") as file:
             meta = file.metadata() or {}
             if meta.get("format") != _FORMAT:
-                raise AssetError(f"{path} is not a generator of this version.")
+                raise AssetError(f"{path} is not a generator of this version; train it anew.")
             weights: dict[str, Tensor] = {n: file.get_tensor(n) for n in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError) as error:
         raise AssetError(f"{path} cannot be read ({error}); train the run until it has saved a model.") from error
