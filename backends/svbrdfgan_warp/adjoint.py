@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.types import Gradients, Materials, View
-from svbrdfgan_warp import kernels, textures
+from svbrdfgan_warp import lookup, textures
 from svbrdfgan_warp.device import launch
 from svbrdfgan_warp.records import Records
 
@@ -29,7 +29,7 @@ class Adjoint:
         grad_light: of the environment's radiance; None if not wanted.
     """
 
-    atlas: kernels.Atlas
+    atlas: lookup.Atlas
     texels: Float[Tensor, "texels 3"]
     grad_image: Float[Tensor, "pixels 3"]
     grad_texels: Float[Tensor, "texels 3"] | None
@@ -38,7 +38,7 @@ class Adjoint:
     @classmethod
     def of(
         cls,
-        atlas: kernels.Atlas,
+        atlas: lookup.Atlas,
         texels: Float[Tensor, "texels 3"],
         view: View,
         grad_image: Float[Tensor, "height width 3"],
@@ -60,12 +60,12 @@ class Adjoint:
         if self.grad_texels is not None:
             sums = wp.from_torch(self.grad_texels, wp.vec3d)
             samples, *met = records.arguments()
-            runs = -(-count // kernels.RUN)
-            launch(kernels.scatter_texels, runs, (self.atlas, samples, count, *met, grad_image, sums), device)
+            runs = -(-count // lookup.RUN)
+            launch(lookup.scatter_texels, runs, (self.atlas, samples, count, *met, grad_image, sums), device)
         if self.grad_light is not None:
             arrivals, texels = (wp.from_torch(tensor, wp.vec3) for tensor in (records.arrivals, self.texels))
             sums, given = wp.from_torch(self.grad_light, wp.vec3d), (arrivals, texels, grad_image)
-            launch(kernels.scatter_light, count, (self.atlas, *records.met(), *given, sums), device)
+            launch(lookup.scatter_light, count, (self.atlas, *records.met(), *given, sums), device)
 
     def gradients(self, materials: Materials) -> Gradients:
         """The sums, each in the shape of its input."""

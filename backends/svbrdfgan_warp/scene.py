@@ -14,7 +14,7 @@ from torch import Tensor
 
 from svbrdfgan.types import Surface, View
 from svbrdfgan_warp import device as devices
-from svbrdfgan_warp import kernels
+from svbrdfgan_warp import kernels, lookup
 from svbrdfgan_warp.tree import plant
 
 
@@ -52,7 +52,8 @@ def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
     points, corners = floats(surface.positions - centre), integers(surface.faces)
     geometry: Any = kernels.Geometry()
     with devices.quiet():
-        wp.load_module(kernels, device=wp.device_from_torch(device))
+        for module in (kernels, lookup):
+            wp.load_module(module, device=wp.device_from_torch(device))
         geometry.nodes, geometry.triangles = plant(points, corners)
     geometry.radius = float(np.linalg.norm(high - low)) / 2
     geometry.points, geometry.corners = wp.from_torch(points, wp.vec3), wp.from_torch(corners)

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.types import Gradients, Materials, Rendering, View
-from svbrdfgan_warp import kernels, textures
+from svbrdfgan_warp import lookup, textures
 from svbrdfgan_warp.adjoint import Adjoint
 from svbrdfgan_warp.device import in_order, launch
 from svbrdfgan_warp.records import Records, Run, Tracer
@@ -34,7 +34,7 @@ class Shot:
     view: View
     runs: list[Run]
     materials: Materials
-    atlas: kernels.Atlas
+    atlas: lookup.Atlas
     texels: Float[Tensor, "texels 3"]
     kept: dict[Run, Records] = field(default_factory=dict)
 
@@ -53,7 +53,7 @@ class Shot:
 
         def develop(run: Run) -> Records:
             records = self.tracer(run)
-            launch(kernels.gather, run.pixels, (self.atlas, *records.arguments(), texels, *results), device)
+            launch(lookup.gather, run.pixels, (self.atlas, *records.arguments(), texels, *results), device)
             return records
 
         room = KEPT[device.type] if keep else 0

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.types import Materials
-from svbrdfgan_warp import kernels
+from svbrdfgan_warp import lookup
 
 
 def shapes(materials: Materials) -> list[tuple[int, int]]:
@@ -33,13 +33,13 @@ def unpack(texels: Float[Tensor, "texels 3"], materials: Materials) -> list[Floa
     return [piece.reshape(m.shape) for piece, m in zip(pieces, maps, strict=True)]
 
 
-def atlas(sizes: Sequence[tuple[int, int]], repeat: tuple[bool, bool], device: torch.device) -> kernels.Atlas:
+def atlas(sizes: Sequence[tuple[int, int]], repeat: tuple[bool, bool], device: torch.device) -> lookup.Atlas:
     """Where each part's texels begin, and how many rows and columns they have."""
     layout, begin = [], 0
     for rows, cols in sizes:
         layout.append((begin, rows, cols))
         begin += rows * cols
-    result: Any = kernels.Atlas()
+    result: Any = lookup.Atlas()
     result.layout = wp.from_torch(torch.tensor(layout, dtype=torch.int32, device=device), dtype=wp.vec3i)
     result.repeat_u, result.repeat_v = repeat
     return result

@@ -18,7 +18,7 @@ from torch.autograd.function import once_differentiable
 
 from svbrdfgan.networks import prologue_kernels as kernels
 from svbrdfgan.networks.norm import EPSILON
-from svbrdfgan.networks.prologue import Features, Prologue
+from svbrdfgan.networks.plain_prologue import Features, Prologue
 
 
 @dataclass(frozen=True)

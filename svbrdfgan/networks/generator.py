@@ -10,7 +10,8 @@ from torch import Tensor, nn
 
 from svbrdfgan.compositing import RGBA
 from svbrdfgan.networks.norm import Norm, make_norm
-from svbrdfgan.networks.prologue import Features, Prologue, prologue
+from svbrdfgan.networks.plain_prologue import Features, Prologue
+from svbrdfgan.networks.prologue import prologue
 
 GEOMETRY_CHANNELS = 6
 

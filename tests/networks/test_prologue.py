@@ -14,7 +14,8 @@ import torch
 from torch import Tensor, nn
 
 from svbrdfgan.networks import Generator, initialise
-from svbrdfgan.networks.prologue import Features, Prologue, plain, prologue
+from svbrdfgan.networks.plain_prologue import Features, Prologue, plain
+from svbrdfgan.networks.prologue import prologue
 
 CUDA = torch.cuda.is_available()
 INTERPRETED = os.environ.get("TRITON_INTERPRET") == "1"  # Triton's own interpreter runs kernels on the CPU
