@@ -22,6 +22,7 @@ from svbrdfgan.report.vehicles import Titled, Vehicle, subject_name
 from svbrdfgan.scoring.flip import display
 from svbrdfgan.training.picture import present
 from svbrdfgan.training.state import State, checkpoints
+from svbrdfgan.training.step import sides
 
 CYAN, YELLOW = (0.0, 0.78, 0.86), (1.0, 0.82, 0.05)
 _GREY, _TINT = 0.5, 0.85
@@ -68,16 +69,12 @@ def patch_maps(run: Path, evaluated: Evaluated, indices: Sequence[int]) -> Patch
 def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> Judged:
     """Shows the discriminator an exemplar, and the generator's layer in the same scene, as training does."""
     feed, number = evaluated.feed, int(evaluated.feed.exemplars.subject_of[index])
-    image, coverage, guide = feed.real([index])
-    stage = feed.stage([index], np.random.default_rng(0))
-    shown = stage.guide if evaluated.config.train.discriminator.guide else None
-    background = torch.full((1, 3), _GREY, device=image.device)
+    device = feed.images.device
+    layers, background = evaluated.layers["generated"][number : number + 1], torch.full((1, 3), _GREY, device=device)
     with torch.no_grad():
-        made = stage.render(evaluated.layers["generated"][number : number + 1].to(image.device))
-        real = discriminator(present(image, coverage, background, guide))[0].cpu()
-        fake = discriminator(present(made, stage.coverage, background, shown))[0].cpu()
-    pair = ((image, coverage), (made, stage.coverage))
-    first, second = (display(i[0].cpu().float(), _GREY, c[0].cpu().float()) for i, c in pair)
+        pair = sides(feed, [index], feed.stage([index], np.random.default_rng(0)), layers.to(device))
+        real, fake = (discriminator(present(image, cover, background, guide))[0].cpu() for image, cover, guide in pair)
+    first, second = (display(image[0].cpu().float(), _GREY, cover[0].cpu().float()) for image, cover, _ in pair)
     return Judged(first, second, real, fake)
 
 

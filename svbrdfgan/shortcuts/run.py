@@ -63,8 +63,8 @@ def probe_shortcuts(
         minutes: about the most that all probes may learn; what they find then depends on the machine.
 
     Raises:
-        ConfigError: there are fewer than five exemplars, they are imported pictures, or the renderer cannot do what is
-            asked.
+        ConfigError: there are fewer than five exemplars, they are imported pictures, the discriminator is to see
+            reflectance, or the renderer cannot do what is asked.
         AssetError: the data set is missing, not finished, or damaged.
     """
     began, shown = time.monotonic(), display or Silent()
@@ -93,6 +93,8 @@ def probe_shortcuts(
 
 def _open(config: TrainConfig, base: Path, display: Display) -> tuple[Darkroom, dict[Nuisance, str]]:
     """What makes the pictures, and in what they differ."""
+    if config.discriminator.sees != "radiance":
+        raise ConfigError("probe shows its discriminators radiance; probe with discriminator.sees: radiance.")
     device = Fabric(accelerator=config.device, devices=1).device
     kind: Literal["cuda", "cpu"] = "cuda" if device.type == "cuda" else "cpu"
     folder = (base / config.dataset).resolve()

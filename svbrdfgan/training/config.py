@@ -21,12 +21,16 @@ class GeneratorConfig(StrictModel):
 
 
 class DiscriminatorConfig(StrictModel):
-    """See `svbrdfgan.networks.Discriminator`. `guide` shows it the position and normal of what it looks at."""
+    """See `svbrdfgan.networks.Discriminator`. `guide` shows it the position and normal of what it looks at.
+
+    `sees: reflectance` divides the light out of both sides' pictures (see `svbrdfgan.training.reflectance`).
+    """
 
     width: int = Field(default=64, ge=4)
     layers: int = Field(default=3, ge=1, le=5)
     norm: Norm = "none"
     guide: bool = True
+    sees: Literal["radiance", "reflectance"] = "radiance"
 
 
 class LossConfig(StrictModel):
@@ -93,6 +97,8 @@ class TrainConfig(StrictModel):
     def _possible(self) -> TrainConfig:
         if self.rendering == "fresh" and self.discriminator.guide:
             raise ValueError("discriminator.guide needs rendering: transport, which knows what each pixel shows")
+        if self.rendering == "fresh" and self.discriminator.sees == "reflectance":
+            raise ValueError("discriminator.sees: reflectance needs rendering: transport, which knows the light")
         if self.spp_grad is not None and self.rendering == "transport":
             raise ValueError("spp_grad needs rendering: fresh; a stored transport's gradient is exact")
         if self.batch_size % self.devices:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from svbrdfgan.data.config import EnvironmentSource, Split
@@ -23,7 +23,23 @@ from svbrdfgan.training.config import ScenesConfig, TrainConfig
 from svbrdfgan.training.fresh import FreshRenders
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.stages import Stage, Transports
+from svbrdfgan.transport.shelf import Shelf
 from svbrdfgan.transport.transfer import send
+
+
+@dataclass(frozen=True, eq=False)
+class Demodulated:
+    """Exemplars with their light divided out.
+
+    Attributes:
+        reflectance: what they show, noise included.
+        noise: a factor of one on average, which is to that of `reflectance` as another draw of the same samples.
+        clear: where it can be told.
+    """
+
+    reflectance: Float[Tensor, "exemplars height width 3"]
+    noise: Float[Tensor, "exemplars height width 3"]
+    clear: Bool[Tensor, "exemplars height width"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +50,7 @@ class Feed:
         stages: where fakes are rendered.
         own: the exemplars' own scenes, which tell what their pictures show; the stages themselves where not perturbed.
         guides: position and normal as seen in each exemplar; None where the discriminator does not look at them.
+        demodulated: the exemplars' pictures with their light divided out; None where the discriminator sees radiance.
     """
 
     exemplars: Exemplars
@@ -43,6 +60,7 @@ class Feed:
     images: Float[Tensor, "exemplars height width 3"]
     coverage: Float[Tensor, "exemplars height width"]
     guides: Float[Tensor, "exemplars height width 6"] | None
+    demodulated: Demodulated | None = None
 
     def __len__(self) -> int:
         return len(self.exemplars)
@@ -88,14 +106,16 @@ def make_feed(
     stages = make_stages(config, exemplars, split, renderer, device, base)
     stages.build(range(len(exemplars)), progress)
     own = _own(config, stages)
+    images = exemplars.images.to(device)
     return Feed(
         exemplars=exemplars,
         stages=stages,
         own=own,
         buffers=torch.stack([s.geometry for s in exemplars.subjects]).to(device, memory_format=torch.channels_last),
-        images=exemplars.images.to(device),
+        images=images,
         coverage=exemplars.coverage.to(device),
         guides=_guides(config, own, device),
+        demodulated=_demodulated(config, own, images),
     )
 
 
@@ -130,11 +150,18 @@ def require_possible(config: TrainConfig, plan: DatasetPlan, renderer: Renderer[
 
 
 def _own(config: TrainConfig, stages: Transports | FreshRenders) -> Transports | FreshRenders:
-    """Stages of the exemplars' own scenes; held by the CPU where they serve no fakes."""
-    if isinstance(stages, FreshRenders) or (config.scenes.matched and config.scenes.pool):
+    """Stages of the exemplars' own scenes; held by the CPU where they serve no fakes.
+
+    What divides the light out of exemplars has no fewer samples than they, lest it add noise that fakes do not have.
+    """
+    if isinstance(stages, FreshRenders):
+        return stages
+    exact = config.discriminator.sees == "reflectance"
+    spp = max(config.spp, _samples(stages.exemplars)) if exact else config.spp
+    if config.scenes.matched and config.scenes.pool and spp == config.spp:
         return stages
     matched = Perturbation(ScenesConfig(), stages.perturbation.sampler)
-    return Transports(stages.exemplars, matched, stages.renderer, config.spp, 1, torch.device("cpu"), config.seed)
+    return Transports(stages.exemplars, matched, stages.renderer, spp, 1, torch.device("cpu"), config.seed)
 
 
 def _guides(
@@ -144,3 +171,29 @@ def _guides(
     if not config.discriminator.guide or not isinstance(own, Transports):
         return None
     return torch.stack([own.guide(index) for index in range(len(own.exemplars))]).half().to(device)
+
+
+def _demodulated(
+    config: TrainConfig, own: Transports | FreshRenders, images: Float[Tensor, "exemplars height width 3"]
+) -> Demodulated | None:
+    """The exemplars with their light divided out.
+
+    A fake divided by its own light has no noise; an exemplar has that of two, its picture and its light. So each
+    scene is traced once more, as its exemplar was but with other samples, for what the fakes lack.
+    """
+    if config.discriminator.sees == "radiance" or not isinstance(own, Transports):
+        return None
+    again = replace(own, spp=_samples(own.exemplars), seed=own.seed + 1, _held=Shelf(), _coming={}, _paths={})
+    clear = torch.empty(images.shape[:3], dtype=torch.bool, device=images.device)
+    shown = Demodulated(torch.empty_like(images), torch.empty_like(images), clear)
+    for index, image in enumerate(images):
+        lit, other = (traced.stage([index], np.random.default_rng(0)).illumination for traced in (own, again))
+        shown.reflectance[index] = lit.reflectance(image.to(lit.white.device)[None])[0]
+        shown.noise[index] = lit.reflectance(other.white + lit.background)[0]
+        shown.clear[index] = lit.clear[0]
+    return shown
+
+
+def _samples(exemplars: Exemplars) -> int:
+    """Per pixel, of their pictures."""
+    return max(scene.spp for scene in exemplars.scenes)

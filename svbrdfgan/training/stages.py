@@ -21,6 +21,7 @@ from svbrdfgan.data.scene import Scene
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import Renderer, TransportRenderer
 from svbrdfgan.training.perturb import Perturbation
+from svbrdfgan.training.reflectance import Illumination
 from svbrdfgan.transport import LightTransport, TransportBatch, build_transport
 from svbrdfgan.transport.shelf import Reader, Reading, Shelf
 from svbrdfgan.transport.transfer import send
@@ -67,6 +68,14 @@ class TransportStage:
     @property
     def guide(self) -> Float[Tensor, "batch height width 6"]:
         return self.batch.guide
+
+    @cached_property
+    def illumination(self) -> Illumination:
+        """How the learnable parts are lit."""
+        transports = self.batch.transports
+        background = torch.stack([t.background for t in transports])
+        white = torch.ones(len(self.batch.owner), *transports[0].texture_shape, 3, device=background.device)
+        return Illumination.of(self.batch.render(white) - background, background, self.guide)
 
     def render(self, layers: Layers) -> Images:
         return self.batch.render(composite(self.base, layers.float().index_select(0, self.batch.owner)))

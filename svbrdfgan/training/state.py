@@ -122,7 +122,7 @@ class State:
 
 def make_discriminator(config: DiscriminatorConfig) -> Discriminator:
     """The network for what it is shown: colours, and position and normal if it is guided."""
-    return Discriminator(channels=9 if config.guide else 3, **config.model_dump(exclude={"guide"}))
+    return Discriminator(channels=9 if config.guide else 3, **config.model_dump(exclude={"guide", "sees"}))
 
 
 def checkpoint_path(folder: Path, step: int) -> Path:

@@ -15,6 +15,7 @@ from svbrdfgan.losses import LOSSES, gradient_penalty, gradient_square
 from svbrdfgan.training.config import LossConfig, TrainConfig
 from svbrdfgan.training.feed import Feed
 from svbrdfgan.training.picture import present
+from svbrdfgan.training.stages import Layers, Stage, TransportStage
 from svbrdfgan.training.state import State
 from svbrdfgan.transport.transfer import send
 
@@ -59,9 +60,24 @@ def _play(
 ) -> Round:
     with fabric.autocast():
         layers = state.generator(feed.geometry(indices))
-    stage = feed.stage(indices, rng)
-    guide = stage.guide if config.discriminator.guide else None
-    return show(feed.real(indices), (stage.render(layers), stage.coverage, guide), rng)
+    return show(*sides(feed, indices, feed.stage(indices, rng), layers), rng)
+
+
+def sides(feed: Feed, indices: Sequence[int], stage: Stage, layers: Layers) -> tuple[Shot, Shot]:
+    """These exemplars, and fakes of these layers, as the discriminator is to see them.
+
+    Where it sees reflectance, both show only the pixels that are clear on both sides: no outline tells them apart.
+    """
+    real = feed.real(indices)
+    made, guide = stage.render(layers), None if feed.guides is None else stage.guide
+    if feed.demodulated is None:
+        return real, (made, stage.coverage, guide)
+    assert isinstance(stage, TransportStage)
+    picked, lit, own = send(torch.tensor(indices), real[0].device), stage.illumination, feed.demodulated
+    clear = (own.clear[picked] & lit.clear).float()
+    pair = own.reflectance[picked], lit.reflectance(made) * own.noise[picked]
+    shown, feigned = (image * clear.unsqueeze(-1) for image in pair)
+    return (shown, clear, real[2]), (feigned, clear, guide)
 
 
 def show(real: Shot, fake: Shot, rng: np.random.Generator) -> Round:

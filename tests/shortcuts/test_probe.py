@@ -121,3 +121,8 @@ def test_imported_pictures_are_refused(training: Training, boxes: Path, tmp_path
         path.write_text(json.dumps(json.loads(path.read_text()) | {"weathering": "unknown"}))
     with pytest.raises(ConfigError, match="imported pictures"):
         probe_shortcuts(training(dataset=str(folder)))
+
+
+def test_a_discriminator_that_sees_no_light_is_refused(training: Training) -> None:
+    with pytest.raises(ConfigError, match="sees: radiance"):
+        probe_shortcuts(training(discriminator={"sees": "reflectance"}))

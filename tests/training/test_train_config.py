@@ -61,6 +61,10 @@ def test_json_and_back() -> None:
         ({"scenes": {"camera": {"distance": {"uniform": [2, 1]}}}}, r"scenes\.camera\.distance"),
         ({"rendering": "fast"}, "rendering"),
         ({"rendering": "fresh"}, "discriminator.guide needs rendering: transport"),
+        (
+            {"rendering": "fresh", "discriminator": {"guide": False, "sees": "reflectance"}},
+            "discriminator.sees: reflectance needs rendering: transport",
+        ),
         ({"spp_grad": 4}, "spp_grad needs rendering: fresh"),
         (
             {"loss": {"gradient_penalty": 10.0}, "discriminator": {"norm": "instance"}},

@@ -274,7 +274,7 @@ def test_a_generator_that_says_no_channels_paints_rgba(tmp_path: Path) -> None:
     """As they were written before there were further maps."""
     small = GeneratorConfig(width=4, blocks=0)
     generator = Generator(**small.model_dump())
-    meta = {"format": "svbrdfgan generator 1", "generator": small.model_dump_json(), "score": "0.5"}
+    meta = {"format": "svbrdfgan generator 2", "generator": small.model_dump_json(), "score": "0.5"}
     save_file(generator.state_dict(), tmp_path / MODEL, meta)
     again, score = load_generator(tmp_path / MODEL)
     assert (again.channels, score) == (4, 0.5)
