@@ -32,7 +32,8 @@ def plant(points: Float[Tensor, "vertices 3"], corners: Int[Tensor, " 3_faces"])
     faces = len(corners) // 3
     twice = corners.repeat(2) if faces == 1 else corners  # a binary tree has two leaves at least
     mesh = (wp.from_torch(points, wp.vec3), wp.from_torch(twice))
-    tree = _merged(mesh, _curve(points, twice).argsort(), _SLACK * float(points.abs().max()))
+    corner = points[twice.long()].view(-1, 3, 3)  # of faces alone: stray points may lie anywhere
+    tree = _merged(mesh, _curve(corner).argsort(), _SLACK * float(corner.abs().max()))
     nodes, order = _wide(tree)
     triangles = torch.empty(len(order), 3, 4, dtype=torch.float32, device=points.device)
     kept = wp.from_torch(triangles, wp.vec4)
@@ -117,9 +118,8 @@ def _wide(tree: _Binary) -> tuple[Int[Tensor, "nodes 20"], Int[Tensor, " triangl
     return nodes[:end].clone(), order
 
 
-def _curve(points: Float[Tensor, "vertices 3"], corners: Int[Tensor, " 3_faces"]) -> Int[Tensor, " triangles"]:
+def _curve(corner: Float[Tensor, "triangles 3 3"]) -> Int[Tensor, " triangles"]:
     """The place of each triangle's middle on a Morton curve of 2^63 places."""
-    corner = points[corners.long()].view(-1, 3, 3)
     middle = (corner.amin(dim=1) + corner.amax(dim=1)) / 2
     low, size = middle.amin(dim=0), (middle.amax(dim=0) - middle.amin(dim=0)).amax().clamp_min(1e-30)
     cell = ((middle - low) / size * (2**_BITS - 1)).long().clamp(0, 2**_BITS - 1)

@@ -79,6 +79,17 @@ def test_rays_meet_what_they_meet_without_a_tree(mesh: Callable[[np.random.Gener
     assert not clear[both, face[both]].any()
 
 
+def test_points_of_no_face_change_nothing(device: str) -> None:
+    """Bounds are widened by what rounding at the farthest corner needs, not at a stray point."""
+    where, points = choose(device), torch.from_numpy(soup(np.random.default_rng(5)).reshape(-1, 3)).float()
+    corners = torch.arange(len(points), dtype=torch.int32, device=where)
+    stray = torch.cat([points, torch.full((1, 3), 1e6)])
+    # As sets: on CUDA nodes are numbered in the order in which threads come.
+    trees = [plant(each.to(where), corners) for each in (points, stray)]
+    bounds = [sorted(map(tuple, wp.to_torch(nodes).view(-1, 20)[:, :3].tolist())) for nodes, _ in trees]
+    assert bounds[0] == bounds[1]
+
+
 def _shot(points: ndarray, starts: ndarray, directions: ndarray, device: str) -> tuple[ndarray, ndarray]:
     where = choose(device)
     tree = plant(torch.from_numpy(points).to(where), torch.arange(len(points), dtype=torch.int32, device=where))
