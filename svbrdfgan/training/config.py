@@ -23,24 +23,24 @@ class GeneratorConfig(StrictModel):
 class DiscriminatorConfig(StrictModel):
     """See `svbrdfgan.networks.Discriminator`. `guide` shows it the position and normal of what it looks at.
 
-    `sees: reflectance` divides the light out of both sides' pictures (see `svbrdfgan.training.reflectance`).
+    `sees: reflectance` takes light, camera and noise out of the comparison (see `svbrdfgan.training.step.sides`).
     """
 
     width: int = Field(default=64, ge=4)
     layers: int = Field(default=3, ge=1, le=5)
     norm: Norm = "none"
     guide: bool = True
-    sees: Literal["radiance", "reflectance"] = "radiance"
+    sees: Literal["radiance", "reflectance"] = "reflectance"
 
 
 class LossConfig(StrictModel):
     """The game that is played (thesis 4.3.2, 5.3)."""
 
     name: Literal["vanilla", "lsgan", "wgan", "relativistic"] = "vanilla"
-    r1: float = Field(default=1.0, ge=0, description="weight of half |gradient|^2 per logit on real pictures")
+    r1: float = Field(default=0.1, ge=0, description="weight of half |gradient|^2 per logit on real pictures")
     r2: float = Field(default=0.0, ge=0, description="likewise on fakes")
     gradient_penalty: float = Field(default=0.0, ge=0, description="WGAN-GP's lambda")
-    penalty_every: int = Field(default=1, ge=1, description="steps; the weight grows likewise")
+    penalty_every: int = Field(default=8, ge=1, description="steps; the weight grows likewise")
     critic_steps: int = Field(default=1, ge=1, description="discriminator updates for each of the generator")
 
 
@@ -77,7 +77,7 @@ class TrainConfig(StrictModel):
     seed: int = 0
     steps: int = Field(default=20000, ge=1)
     minutes: float | None = Field(default=None, gt=0, description="stop earlier, after so much training time")
-    batch_size: int = Field(default=8, ge=1)
+    batch_size: int = Field(default=16, ge=1)
     generator: GeneratorConfig = GeneratorConfig()
     discriminator: DiscriminatorConfig = DiscriminatorConfig()
     loss: LossConfig = LossConfig()
@@ -113,23 +113,28 @@ RECIPES: dict[str, dict[str, Any]] = {
     # Thesis 4.3: WGAN-GP with its five critic steps, batch 1, its networks; what it does not say, as in its code base.
     "thesis": {
         "batch_size": 1,
-        "loss": {"name": "wgan", "r1": 0.0, "gradient_penalty": 10.0, "critic_steps": 5},
-        "discriminator": {"guide": False, "norm": "none"},
+        "loss": {"name": "wgan", "r1": 0.0, "gradient_penalty": 10.0, "penalty_every": 1, "critic_steps": 5},
+        "discriminator": {"guide": False, "norm": "none", "sees": "radiance"},
         "generator": {"norm": "instance", "upsampling": "strided"},
         "optimizer": {"beta1": 0.5, "beta2": 0.999, "ema_images": 0.0},
     },
 }
 """What a recipe sets where the configuration does not say."""
 
+_FRESH: dict[str, Any] = {"discriminator": {"guide": False, "sees": "radiance"}}
+"""Likewise what `rendering: fresh` sets, which does not know what its pixels show."""
+
 
 def train_config(data: dict[str, Any], source: str) -> TrainConfig:
-    """The configuration that the data describe, over what their recipe sets; `source` opens every message.
+    """The configuration that the data describe, over what their recipe and rendering set; `source` opens every message.
 
     Raises:
         ConfigError: one line for each fault.
     """
-    recipe = RECIPES.get(str(data.get("recipe", "default")), {})
-    return validate(TrainConfig, _merge(recipe, data), source)
+    defaults = RECIPES.get(str(data.get("recipe", "default")), {})
+    if data.get("rendering") == "fresh":
+        defaults = _merge(defaults, _FRESH)
+    return validate(TrainConfig, _merge(defaults, data), source)
 
 
 def _merge(defaults: dict[str, Any], data: dict[str, Any]) -> dict[str, Any]:

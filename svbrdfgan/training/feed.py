@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.data.config import EnvironmentSource, Split
@@ -22,24 +22,9 @@ from svbrdfgan.render_layer import RenderLayer
 from svbrdfgan.training.config import ScenesConfig, TrainConfig
 from svbrdfgan.training.fresh import FreshRenders
 from svbrdfgan.training.perturb import Perturbation
-from svbrdfgan.training.stages import Stage, Transports
-from svbrdfgan.transport.shelf import Shelf
+from svbrdfgan.training.reflectance import Sight
+from svbrdfgan.training.stages import Stage, Transports, sight_of
 from svbrdfgan.transport.transfer import send
-
-
-@dataclass(frozen=True, eq=False)
-class Demodulated:
-    """Exemplars with their light divided out.
-
-    Attributes:
-        reflectance: what they show, noise included.
-        noise: a factor of one on average, which is to that of `reflectance` as another draw of the same samples.
-        clear: where it can be told.
-    """
-
-    reflectance: Float[Tensor, "exemplars height width 3"]
-    noise: Float[Tensor, "exemplars height width 3"]
-    clear: Bool[Tensor, "exemplars height width"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +35,7 @@ class Feed:
         stages: where fakes are rendered.
         own: the exemplars' own scenes, which tell what their pictures show; the stages themselves where not perturbed.
         guides: position and normal as seen in each exemplar; None where the discriminator does not look at them.
-        demodulated: the exemplars' pictures with their light divided out; None where the discriminator sees radiance.
+        demodulated: whether the discriminator sees reflectance, rather than radiance.
     """
 
     exemplars: Exemplars
@@ -60,7 +45,7 @@ class Feed:
     images: Float[Tensor, "exemplars height width 3"]
     coverage: Float[Tensor, "exemplars height width"]
     guides: Float[Tensor, "exemplars height width 6"] | None
-    demodulated: Demodulated | None = None
+    demodulated: bool = False
 
     def __len__(self) -> int:
         return len(self.exemplars)
@@ -79,9 +64,19 @@ class Feed:
         """Where an exemplar's picture shows the outermost learnable surface, positive."""
         return self.own.seen(index)
 
+    def sight(self, indices: Sequence[int]) -> Sight:
+        """What these exemplars show of their textures."""
+        return sight_of(self.own.stage(indices, np.random.default_rng(0)))
+
     def stage(self, indices: Sequence[int], rng: np.random.Generator) -> Stage:
         """Scenes for as many fakes."""
         return self.stages.stage(indices, rng)
+
+    def expect(self, indices: Sequence[int], rng: np.random.Generator) -> None:
+        """Begins to read what `stage`, given a generator in the same state, and `sight` will want of these."""
+        self.stages.expect(indices, rng)
+        if self.demodulated and self.own is not self.stages:
+            self.own.expect(indices, np.random.default_rng(0))
 
 
 def make_feed(
@@ -93,8 +88,13 @@ def make_feed(
     *,
     base: Path = Path(),
     progress: Callable[[int], None] | None = None,
+    share: tuple[int, int] = (0, 1),
 ) -> Feed:
     """Loads a split and makes its stages. Only the training split's scenes are perturbed.
+
+    Args:
+        share: this process's rank and how many there are. Each begins at another scene and finds what the others have
+            stored meanwhile, so that together they trace each scene about once.
 
     Raises:
         AssetError: the data set is not there, not finished, or damaged.
@@ -104,8 +104,11 @@ def make_feed(
     exemplars = load_exemplars(folder, split)
     config = config if split == "train" else config.model_copy(update={"scenes": ScenesConfig()})
     stages = make_stages(config, exemplars, split, renderer, device, base)
-    stages.build(range(len(exemplars)), progress)
     own = _own(config, stages)
+    rank, world = share
+    order = np.roll(np.arange(len(exemplars)), -(rank * len(exemplars) // world)).tolist()
+    for scenes in [stages] if own is stages else [stages, own]:
+        scenes.build(order, progress)
     images = exemplars.images.to(device)
     return Feed(
         exemplars=exemplars,
@@ -115,7 +118,7 @@ def make_feed(
         images=images,
         coverage=exemplars.coverage.to(device),
         guides=_guides(config, own, device),
-        demodulated=_demodulated(config, own, images),
+        demodulated=config.discriminator.sees == "reflectance",
     )
 
 
@@ -144,24 +147,25 @@ def require_possible(config: TrainConfig, plan: DatasetPlan, renderer: Renderer[
     if maps and config.rendering == "transport":
         raise ConfigError(
             f"rendering: transport is for base_color alone, and the data set's layers paint {', '.join(maps)} too: "
-            "set rendering: fresh, discriminator.guide: false, and a renderer whose capabilities name these maps."
+            "set rendering: fresh, and a renderer whose capabilities name these maps."
         )
     require_maps(renderer, maps, differentiable=True)
 
 
 def _own(config: TrainConfig, stages: Transports | FreshRenders) -> Transports | FreshRenders:
-    """Stages of the exemplars' own scenes; held by the CPU where they serve no fakes.
+    """Stages of the exemplars' own scenes; held by the CPU where training only looks at them once.
 
-    What divides the light out of exemplars has no fewer samples than they, lest it add noise that fakes do not have.
+    What divides the light out of exemplars has no fewer samples than they.
     """
     if isinstance(stages, FreshRenders):
         return stages
-    exact = config.discriminator.sees == "reflectance"
-    spp = max(config.spp, _samples(stages.exemplars)) if exact else config.spp
+    demodulated = config.discriminator.sees == "reflectance"
+    spp = max([config.spp] + [scene.spp for scene in stages.exemplars.scenes if demodulated])
     if config.scenes.matched and config.scenes.pool and spp == config.spp:
         return stages
     matched = Perturbation(ScenesConfig(), stages.perturbation.sampler)
-    return Transports(stages.exemplars, matched, stages.renderer, spp, 1, torch.device("cpu"), config.seed)
+    device = stages.device if demodulated else torch.device("cpu")
+    return Transports(stages.exemplars, matched, stages.renderer, spp, 1, device, config.seed)
 
 
 def _guides(
@@ -171,29 +175,3 @@ def _guides(
     if not config.discriminator.guide or not isinstance(own, Transports):
         return None
     return torch.stack([own.guide(index) for index in range(len(own.exemplars))]).half().to(device)
-
-
-def _demodulated(
-    config: TrainConfig, own: Transports | FreshRenders, images: Float[Tensor, "exemplars height width 3"]
-) -> Demodulated | None:
-    """The exemplars with their light divided out.
-
-    A fake divided by its own light has no noise; an exemplar has that of two, its picture and its light. So each
-    scene is traced once more, as its exemplar was but with other samples, for what the fakes lack.
-    """
-    if config.discriminator.sees == "radiance" or not isinstance(own, Transports):
-        return None
-    again = replace(own, spp=_samples(own.exemplars), seed=own.seed + 1, _held=Shelf(), _coming={}, _paths={})
-    clear = torch.empty(images.shape[:3], dtype=torch.bool, device=images.device)
-    shown = Demodulated(torch.empty_like(images), torch.empty_like(images), clear)
-    for index, image in enumerate(images):
-        lit, other = (traced.stage([index], np.random.default_rng(0)).illumination for traced in (own, again))
-        shown.reflectance[index] = lit.reflectance(image.to(lit.white.device)[None])[0]
-        shown.noise[index] = lit.reflectance(other.white + lit.background)[0]
-        shown.clear[index] = lit.clear[0]
-    return shown
-
-
-def _samples(exemplars: Exemplars) -> int:
-    """Per pixel, of their pictures."""
-    return max(scene.spp for scene in exemplars.scenes)

@@ -21,7 +21,7 @@ from svbrdfgan.data.scene import Scene
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import Renderer, TransportRenderer
 from svbrdfgan.training.perturb import Perturbation
-from svbrdfgan.training.reflectance import Illumination
+from svbrdfgan.training.reflectance import Sight
 from svbrdfgan.transport import LightTransport, TransportBatch, build_transport
 from svbrdfgan.transport.shelf import Reader, Reading, Shelf
 from svbrdfgan.transport.transfer import send
@@ -70,15 +70,23 @@ class TransportStage:
         return self.batch.guide
 
     @cached_property
-    def illumination(self) -> Illumination:
-        """How the learnable parts are lit."""
-        transports = self.batch.transports
-        background = torch.stack([t.background for t in transports])
-        white = torch.ones(len(self.batch.owner), *transports[0].texture_shape, 3, device=background.device)
-        return Illumination.of(self.batch.render(white) - background, background, self.guide)
+    def sight(self) -> Sight:
+        """What the scenes show of the textures."""
+        return Sight.of(self.batch)
 
     def render(self, layers: Layers) -> Images:
         return self.batch.render(composite(self.base, layers.float().index_select(0, self.batch.owner)))
+
+
+def sight_of(stage: Stage) -> Sight:
+    """What a stage of stored transports shows of its textures.
+
+    Raises:
+        TypeError: it is of another kind, which configurations do not allow where this is wanted.
+    """
+    if not isinstance(stage, TransportStage):
+        raise TypeError(f"{type(stage).__name__} does not know what its pixels show")
+    return stage.sight
 
 
 @dataclass(frozen=True, eq=False)

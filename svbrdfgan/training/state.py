@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from svbrdfgan.compositing import RGBA
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.networks import Discriminator, Generator, initialise
+from svbrdfgan.training.averaging import GradientAverage
 from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
 
 _KEEP = 2
@@ -39,14 +40,20 @@ class State:
     averaged: Generator
     generator_adam: torch.optim.Adam
     discriminator_adam: torch.optim.Adam
+    generator_gradients: GradientAverage
+    discriminator_gradients: GradientAverage
     step: int = 0
     seconds: float = 0.0
     best: tuple[float, int] = (-float("inf"), 0)
     history: list[dict[str, float]] = field(default_factory=list)
 
     @classmethod
-    def fresh(cls, config: TrainConfig, device: torch.device, channels: int = RGBA) -> State:
-        """The state before the first step, for layers of so many channels; the same for the same seed on any device."""
+    def fresh(cls, config: TrainConfig, device: torch.device, channels: int = RGBA, processes: int = 1) -> State:
+        """The state before the first step, for layers of so many channels; the same for the same seed on any device.
+
+        Args:
+            processes: how many share each step.
+        """
         rng = torch.Generator().manual_seed(config.seed)
         generator = Generator(**config.generator.model_dump(), channels=channels)
         discriminator = make_discriminator(config.discriminator)
@@ -60,6 +67,8 @@ class State:
             averaged=copy.deepcopy(generator).requires_grad_(False),
             generator_adam=torch.optim.Adam(generator.parameters(), adam.generator_rate, betas),
             discriminator_adam=torch.optim.Adam(discriminator.parameters(), adam.discriminator_rate, betas),
+            generator_gradients=GradientAverage(generator, processes),
+            discriminator_gradients=GradientAverage(discriminator, processes),
         )
 
     def average(self, batch_size: int, half_life: float) -> None:

@@ -15,7 +15,8 @@ from svbrdfgan.losses import LOSSES, gradient_penalty, gradient_square
 from svbrdfgan.training.config import LossConfig, TrainConfig
 from svbrdfgan.training.feed import Feed
 from svbrdfgan.training.picture import present
-from svbrdfgan.training.stages import Layers, Stage, TransportStage
+from svbrdfgan.training.reflectance import carried
+from svbrdfgan.training.stages import Layers, Stage, sight_of
 from svbrdfgan.training.state import State
 from svbrdfgan.transport.transfer import send
 
@@ -66,18 +67,19 @@ def _play(
 def sides(feed: Feed, indices: Sequence[int], stage: Stage, layers: Layers) -> tuple[Shot, Shot]:
     """These exemplars, and fakes of these layers, as the discriminator is to see them.
 
-    Where it sees reflectance, both show only the pixels that are clear on both sides: no outline tells them apart.
+    Where it sees reflectance, fakes are seen from the exemplars' cameras, whatever their own. The exemplars go to the
+    fakes' cameras and back, so that both are blurred alike, and both show only what all of this leaves.
     """
-    real = feed.real(indices)
-    made, guide = stage.render(layers), None if feed.guides is None else stage.guide
-    if feed.demodulated is None:
-        return real, (made, stage.coverage, guide)
-    assert isinstance(stage, TransportStage)
-    picked, lit, own = send(torch.tensor(indices), real[0].device), stage.illumination, feed.demodulated
-    clear = (own.clear[picked] & lit.clear).float()
-    pair = own.reflectance[picked], lit.reflectance(made) * own.noise[picked]
-    shown, feigned = (image * clear.unsqueeze(-1) for image in pair)
-    return (shown, clear, real[2]), (feigned, clear, guide)
+    real, made = feed.real(indices), stage.render(layers)
+    if not feed.demodulated:
+        return real, (made, stage.coverage, None if feed.guides is None else stage.guide)
+    here, there = feed.sight(indices), sight_of(stage)
+    shown, clear = carried(here.reflectance(real[0]), here.clear, here, there, here)
+    feigned, also = carried(there.reflectance(made), there.clear, there, here, here)
+    both = clear & also
+    pair = (torch.where(both.unsqueeze(-1), image, 0.0) for image in (shown, feigned))
+    first, second = ((image, both.float(), real[2]) for image in pair)
+    return first, second
 
 
 def show(real: Shot, fake: Shot, rng: np.random.Generator) -> Round:
@@ -102,7 +104,7 @@ def _update_discriminator(
         report["d_penalty"] = penalty.detach()
     state.discriminator_adam.zero_grad(set_to_none=True)
     total.backward()
-    _average_gradients(fabric, critic)
+    state.discriminator_gradients.finish()
     state.discriminator_adam.step()
     correct = (
         (real_logits > fake_logits).float().mean() if real_logits.shape == fake_logits.shape else total.new_zeros(())
@@ -131,19 +133,8 @@ def _update_generator(fabric: Fabric, config: TrainConfig, state: State, game: R
     total = LOSSES[config.loss.name].generator(real_logits, fake_logits)
     state.generator_adam.zero_grad(set_to_none=True)
     total.backward()
-    _average_gradients(fabric, state.generator)
+    state.generator_gradients.finish()
     state.generator_adam.step()
     state.step += 1
     state.average(config.batch_size, config.optimizer.ema_images)
     return {"g_loss": total.detach()}
-
-
-def _average_gradients(fabric: Fabric, network: nn.Module) -> None:
-    """The mean over processes. By hand, since penalties differentiate twice, which wrappers of modules do not allow."""
-    if fabric.world_size == 1:
-        return
-    gradients = [p.grad for p in network.parameters() if p.grad is not None]
-    flat = fabric.all_reduce(torch.cat([g.flatten() for g in gradients]), reduce_op="mean")
-    assert isinstance(flat, Tensor)
-    for gradient, part in zip(gradients, flat.split([g.numel() for g in gradients]), strict=True):
-        gradient.copy_(part.reshape(gradient.shape))

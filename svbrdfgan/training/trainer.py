@@ -113,7 +113,7 @@ def auto_precision(device: str) -> Literal["bf16-mixed", "32-true"]:
 def _train(fabric: Fabric, resolved: RunConfig, run: Path, base: Path, display: Display) -> State:
     session = _open(fabric, resolved, run, base, display)
     config, device = session.config, fabric.device
-    state = State.fresh(config, device, layer_channels(resolved.dataset.maps))
+    state = State.fresh(config, device, layer_channels(resolved.dataset.maps), fabric.world_size)
     found = checkpoints(run)
     if found:
         state.load(found[-1])
@@ -137,18 +137,15 @@ def _open(fabric: Fabric, resolved: RunConfig, run: Path, base: Path, display: D
     config, device = resolved.train, fabric.device
     folder = Path(resolved.dataset_folder)
     renderer = resolve_renderer(config.renderer, "cuda" if device.type == "cuda" else "cpu")
-    splits = resolved.dataset.splits
-    feeds = {}
-    for split in ("train", "validation"):
-        if split in splits:
-            display.begin(f"light transport of the {split} scenes")
-            feeds[split] = make_feed(config, folder, split, renderer, device, base=base, progress=display.advance)
-    scorer = None
-    if "validation" in feeds and fabric.is_global_zero:
-        train_feed, held_out = feeds["train"], feeds["validation"]
-        targets, _ = make_targets(train_feed.exemplars, train_feed.seen, device, _CONSTANT_TARGETS)
+    make = partial(make_feed, config, folder, renderer=renderer, device=device, base=base, progress=display.advance)
+    display.begin("light transport of the train scenes")
+    feed, scorer = make(split="train", share=(fabric.global_rank, fabric.world_size)), None
+    if "validation" in resolved.dataset.splits and fabric.is_global_zero:
+        display.begin("light transport of the validation scenes")
+        held_out = make(split="validation")
+        targets, _ = make_targets(feed.exemplars, feed.seen, device, _CONSTANT_TARGETS)
         scorer = Scorer.make(held_out.exemplars, held_out.seen, best_constant(targets), device)
-    return _Session(fabric, config, run, feeds["train"], scorer, None, display)
+    return _Session(fabric, config, run, feed, scorer, None, display)
 
 
 def _loop(session: _Session, state: State) -> None:
@@ -187,7 +184,7 @@ def _batches(session: _Session, step: int) -> list[Sequence[int]]:
 def _expect(session: _Session, step: int, batches: Sequence[Sequence[int]]) -> None:
     """Has the scenes of a step read while those before it are played."""
     for critic, indices in enumerate(batches):
-        session.feed.stages.expect(indices, chance(session.fabric, session.config, step, critic))
+        session.feed.expect(indices, chance(session.fabric, session.config, step, critic))
 
 
 def _out_of_time(session: _Session, state: State) -> bool:

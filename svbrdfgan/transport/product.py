@@ -62,6 +62,10 @@ class TransportBatch:
         return torch.stack([t.guide for t in self.transports]).float()
 
     @cached_property
+    def background(self) -> Float[Tensor, "batch height width 3"]:
+        return torch.stack([t.background for t in self.transports])
+
+    @cached_property
     def owner(self) -> Int[Tensor, " textures"]:
         """For every texture, in order, the view that it belongs to."""
         owners = [view for view, t in enumerate(self.transports) for _ in t.parts]
@@ -81,6 +85,15 @@ class TransportBatch:
         pixels: Tensor = _Picture.apply(texels, self.product)
         return pixels.reshape(len(self.transports), *first.coverage.shape, 3)
 
+    def linear(self, textures: Float[Tensor, "textures rows cols 3"]) -> Float[Tensor, "batch height width 3"]:
+        """T @ textures: the pictures without the background."""
+        return self.render(textures) - self.background
+
+    def transposed(self, images: Float[Tensor, "batch height width 3"]) -> Float[Tensor, "textures rows cols 3"]:
+        """T^T @ images, differentiable in them (once)."""
+        texels: Tensor = _Transposed.apply(images.reshape(-1, 3).float().contiguous(), self.product)
+        return texels.reshape(-1, *self.transports[0].texture_shape, 3)
+
 
 class _Picture(torch.autograd.Function):
     """background + T @ texels, with T^T for its gradient."""
@@ -95,6 +108,22 @@ class _Picture(torch.autograd.Function):
     def backward(ctx: FunctionCtx, grad: Tensor) -> tuple[Tensor, None]:
         product: Product = ctx.product  # type: ignore[attr-defined]
         return product.transposed(grad.contiguous()), None
+
+
+class _Transposed(torch.autograd.Function):
+    """T^T @ pixels, with T for its gradient."""
+
+    @staticmethod
+    def forward(ctx: FunctionCtx, pixels: Tensor, product: Product) -> Tensor:
+        ctx.product = product  # type: ignore[attr-defined]
+        return product.transposed(pixels)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: FunctionCtx, grad: Tensor) -> tuple[Tensor, None]:
+        product: Product = ctx.product  # type: ignore[attr-defined]
+        grad = grad.contiguous()
+        return product.picture(grad) - product.picture(torch.zeros_like(grad)), None
 
 
 def _product(transports: tuple[LightTransport, ...]) -> Product:

@@ -23,7 +23,7 @@ def cell(experiment: str, row: str, profile: ProfileName = "gpu") -> Cell:
 
 
 def test_the_names() -> None:
-    wanted = "backward-samples batch-size embedding environment loss meshes pose-noise samples training"
+    wanted = "backward-samples batch-size embedding environment loss meshes pose-noise recipe samples training"
     assert wanted.split() == NAMES
 
 
@@ -129,7 +129,7 @@ def test_the_other_renderer_is_another(profile: ProfileName) -> None:
 @pytest.mark.parametrize("profile", PROFILES)
 def test_the_matched_run_is_one_for_all_experiments(profile: ProfileName) -> None:
     rows = {"training": "matched", "pose-noise": "noise-0", "environment": "matched", "loss": "recipe"}
-    rows |= {"embedding": "hemispherical", "batch-size": "batch-8", "meshes": "all"}
+    rows |= {"embedding": "hemispherical", "batch-size": "batch-16", "meshes": "all", "recipe": "ours"}
     specs = {cell(experiment, row, profile).spec.model_dump_json() for experiment, row in rows.items()}
     assert len(specs) == 1
 

@@ -73,9 +73,11 @@ def test_every_loss_runs(name: str, config: Callable[..., TrainConfig], feed: Fe
         assert all(bool(value.isfinite()) for value in told.values())
 
 
-def test_the_discriminator_learns_to_tell(config: Callable[..., TrainConfig], feed: Feed) -> None:
+def test_the_discriminator_learns_to_tell(config: Callable[..., TrainConfig], tiny_dataset: Path) -> None:
     """Against a generator that stands still."""
-    chosen = config(optimizer={"generator_rate": 1e-12, "discriminator_rate": 3e-2}, loss={"r1": 0.0})
+    rates, plain = {"generator_rate": 1e-12, "discriminator_rate": 3e-2}, {"sees": "radiance"}
+    chosen = config(optimizer=rates, loss={"r1": 0.0}, discriminator=plain)
+    feed = make_feed(chosen, tiny_dataset, "train", load_renderer("numpy"), CPU)
     told = play(chosen, State.fresh(chosen, CPU), feed, 80)
     first, last = (float(told[n]["d_loss"]) for n in (0, -1))
     assert last < 0.8 * first
@@ -134,7 +136,9 @@ def test_fresh_rendering_has_the_gradient_of_the_transport(
     """The same scenes drawn, the same samples: the same pictures, and the same first gradient of the generator."""
     kinds = {
         "transport": config(
-            scenes={"pool": 0}, discriminator={"guide": False}, optimizer={"discriminator_rate": 1e-12}
+            scenes={"pool": 0},
+            discriminator={"guide": False, "sees": "radiance"},
+            optimizer={"discriminator_rate": 1e-12},
         ),
         "fresh": config(rendering="fresh", discriminator={"guide": False}, optimizer={"discriminator_rate": 1e-12}),
     }

@@ -21,6 +21,7 @@ def test_the_thesis_recipe_is_wgan_gp_of_batch_one() -> None:
     assert (thesis.loss.r1, thesis.loss.r2) == (0.0, 0.0)
     assert (thesis.generator.width, thesis.generator.blocks, thesis.generator.norm) == (64, 6, "instance")
     assert (thesis.discriminator.guide, thesis.discriminator.norm) == (False, "none")
+    assert (thesis.discriminator.sees, thesis.loss.penalty_every) == ("radiance", 1)
     assert (thesis.optimizer.beta1, thesis.optimizer.beta2, thesis.optimizer.ema_images) == (0.5, 0.999, 0.0)
 
 
@@ -28,6 +29,13 @@ def test_what_is_said_goes_before_what_a_recipe_says() -> None:
     mine = config(recipe="thesis", batch_size=3, loss={"gradient_penalty": 1.0})
     assert mine.batch_size == 3
     assert (mine.loss.name, mine.loss.gradient_penalty, mine.loss.critic_steps) == ("wgan", 1.0, 5)
+
+
+@pytest.mark.parametrize("recipe", ["default", "thesis"])
+def test_fresh_rendering_shows_pictures_alone_unless_told_otherwise(recipe: str) -> None:
+    fresh = config(recipe=recipe, rendering="fresh", discriminator={"width": 32}).discriminator
+    assert (fresh.width, fresh.guide, fresh.sees) == (32, False, "radiance")
+    assert config().discriminator.sees == "reflectance"
 
 
 def test_a_recipe_stays_as_it_is() -> None:
@@ -60,9 +68,9 @@ def test_json_and_back() -> None:
         ({"scenes": {"pool": -1}}, r"scenes\.pool"),
         ({"scenes": {"camera": {"distance": {"uniform": [2, 1]}}}}, r"scenes\.camera\.distance"),
         ({"rendering": "fast"}, "rendering"),
-        ({"rendering": "fresh"}, "discriminator.guide needs rendering: transport"),
+        ({"rendering": "fresh", "discriminator": {"guide": True}}, "discriminator.guide needs rendering: transport"),
         (
-            {"rendering": "fresh", "discriminator": {"guide": False, "sees": "reflectance"}},
+            {"rendering": "fresh", "discriminator": {"sees": "reflectance"}},
             "discriminator.sees: reflectance needs rendering: transport",
         ),
         ({"spp_grad": 4}, "spp_grad needs rendering: fresh"),

@@ -1,0 +1,89 @@
+"""Means of gradients over processes, found while the backward pass still runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import accumulate
+
+import torch
+import torch.distributed as dist
+from torch import Tensor, nn
+
+BUCKET_BYTES = 4 * 2**20
+_ALIGNMENT = 64  # values: kernels read what begins at multiples of 16 bytes faster
+
+
+class GradientAverage:
+    """The mean over processes of a network's gradients.
+
+    By hooks, since penalties differentiate twice, which wrappers of modules do not allow. The last parameters, whose
+    gradients come first, are in the first bucket, and a bucket goes out when all of it and all before it are there, so
+    that every process sends the same ones in the same order. One process has no hooks.
+
+    Args:
+        processes: of the default group. Each makes one for a network alike, and the same backward passes.
+        bucket_bytes: as soon as there are so many, another bucket is begun.
+    """
+
+    def __init__(self, network: nn.Module, processes: int, bucket_bytes: int = BUCKET_BYTES) -> None:
+        groups = _groups(list(network.parameters()), bucket_bytes) if processes > 1 else ()
+        self._buckets = [_Bucket(group, processes) for group in groups]
+        self._missing = [len(bucket.parameters) for bucket in self._buckets]
+        self._sent: list[dist.Work] = []
+        for number, bucket in enumerate(self._buckets):
+            for parameter in bucket.parameters:
+                parameter.register_post_accumulate_grad_hook(partial(self._arrive, number))
+
+    def finish(self) -> None:
+        """Makes the gradients means, after each backward pass; those that the pass did not give stay None."""
+        for bucket in self._buckets[len(self._sent) :]:
+            self._sent.append(bucket.send())
+        for work in self._sent:
+            work.wait()
+        self._sent.clear()
+        self._missing = [len(bucket.parameters) for bucket in self._buckets]
+
+    def _arrive(self, number: int, _: Tensor) -> None:
+        self._missing[number] -= 1
+        while len(self._sent) < len(self._buckets) and not self._missing[len(self._sent)]:
+            self._sent.append(self._buckets[len(self._sent)].send())
+
+
+class _Bucket:
+    """Room for the gradients of some parameters, each strided as its parameter, which optimizers are faster with."""
+
+    def __init__(self, parameters: Sequence[nn.Parameter], processes: int) -> None:
+        self.parameters, self._processes = parameters, processes
+        sizes = (-(-p.numel() // _ALIGNMENT) * _ALIGNMENT for p in parameters)
+        *starts, total = accumulate(sizes, initial=0)
+        self._flat = torch.zeros(total, dtype=parameters[0].dtype, device=parameters[0].device)
+        places = zip(parameters, starts, strict=True)
+        self._views = [self._flat.as_strided(p.shape, p.stride(), start) for p, start in places]
+
+    def send(self) -> dist.Work:
+        """Begins to make the mean, and makes the gradients views of it."""
+        views, gradients = [], []
+        for parameter, view in zip(self.parameters, self._views, strict=True):
+            if parameter.grad is None:
+                view.zero_()
+                continue
+            views.append(view)
+            gradients.append(parameter.grad)
+            parameter.grad = view
+        if views:
+            torch._foreach_copy_(views, gradients)
+        self._flat.div_(self._processes)
+        return dist.all_reduce(self._flat, async_op=True)  # Fabric's has a barrier, which waits for the GPU
+
+
+def _groups(parameters: Sequence[nn.Parameter], least_bytes: int) -> Iterator[list[nn.Parameter]]:
+    """The parameters from the last to the first, in groups of at least so many bytes but for the last group."""
+    group: list[nn.Parameter] = []
+    for parameter in reversed(parameters):
+        group.append(parameter)
+        if sum(p.nbytes for p in group) >= least_bytes:
+            yield group
+            group = []
+    if group:
+        yield group
