@@ -19,8 +19,8 @@ REMEDIES: Mapping[Nuisance, str] = MappingProxyType(
         "discriminator judge in UV space, under the exemplar's visibility, where pose cannot be seen.",
         "light": "Give the fakes lights that cover the exemplars' (scenes.environment), with the same jitter of "
         "exposure and white balance on both sides; or estimate each exemplar's light through the renderer.",
-        "noise": "Train with the exemplars' own samples per pixel (spp); or add noise to the cleaner side, or blur "
-        "what the discriminator sees at first.",
+        "noise": "Train with the exemplars' own samples per pixel (spp), or make exemplars of more where the "
+        "discriminator sees reflectance; or add noise to the cleaner side, or blur what it sees at first.",
         "renderer": "Train through the renderer that made the exemplars, with as many bounces; where that cannot be, "
         "denoise or blur both sides alike.",
     }
@@ -38,7 +38,9 @@ def differences(
         trained_with: renders the fakes.
     """
     found: dict[Nuisance, str] = {"pose": _pose(config.scenes), "light": _light(config.scenes)}
-    if dataset.spp != config.spp:
+    if config.discriminator.sees == "reflectance":
+        found["noise"] = f"{dataset.spp} samples per pixel in exemplars, no noise in fakes"
+    elif dataset.spp != config.spp:
         found["noise"] = f"{dataset.spp} samples per pixel in exemplars, {config.spp} in fakes"
     if (type(made_with), made_with.capabilities) != (type(trained_with), trained_with.capabilities):
         found["renderer"] = f"{_title(made_with)} for exemplars, {_title(trained_with)} for fakes"

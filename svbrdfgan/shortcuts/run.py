@@ -20,10 +20,10 @@ from svbrdfgan.data.studio import resolve_renderer
 from svbrdfgan.display import Display, Silent
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io import save_image
+from svbrdfgan.shortcuts.darkroom import Darkroom, Differing
 from svbrdfgan.shortcuts.diagnosis import Diagnosis, Finding
 from svbrdfgan.shortcuts.learn import Margins, Roles, Trial
 from svbrdfgan.shortcuts.nuisances import NUISANCES, REMEDIES, Nuisance, differences
-from svbrdfgan.shortcuts.stills import Darkroom, Differing
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.feed import require_possible
 
@@ -63,8 +63,8 @@ def probe_shortcuts(
         minutes: about the most that all probes may learn; what they find then depends on the machine.
 
     Raises:
-        ConfigError: there are fewer than five exemplars, they are imported pictures, the discriminator is to see
-            reflectance, or the renderer cannot do what is asked.
+        ConfigError: there are fewer than five exemplars, they are imported pictures, or the renderer cannot do what is
+            asked.
         AssetError: the data set is missing, not finished, or damaged.
     """
     began, shown = time.monotonic(), display or Silent()
@@ -73,7 +73,7 @@ def probe_shortcuts(
     everything = frozenset(how)
     shown.begin("clean pictures of both sides")
     trials = {
-        differing: Trial(config, darkroom.real(differing), darkroom.fake(differing), roles)
+        differing: Trial(config, *darkroom.pair(differing), roles)
         for differing in (everything, *(frozenset({name}) for name in how))
     }
     pictured = time.monotonic()
@@ -93,8 +93,6 @@ def probe_shortcuts(
 
 def _open(config: TrainConfig, base: Path, display: Display) -> tuple[Darkroom, dict[Nuisance, str]]:
     """What makes the pictures, and in what they differ."""
-    if config.discriminator.sees != "radiance":
-        raise ConfigError("probe shows its discriminators radiance; probe with discriminator.sees: radiance.")
     device = Fabric(accelerator=config.device, devices=1).device
     kind: Literal["cuda", "cpu"] = "cuda" if device.type == "cuda" else "cpu"
     folder = (base / config.dataset).resolve()

@@ -26,7 +26,7 @@ BOXES = {
     "environment_rows": 16,
     "splits": {"train": {"meshes": {"files": ["*.glb"]}, "views": 5}},
 }
-TRAINING = {"batch_size": 2, "discriminator": {"width": 8, "layers": 2}, "renderer": WARP, "spp": 8, "device": "cpu"}
+TRAINING = {"batch_size": 2, "renderer": WARP, "spp": 8, "device": "cpu"}
 
 
 def box(width: float, height: float, length: float) -> Mesh:
@@ -51,4 +51,9 @@ def boxes(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def training(boxes: Path) -> Callable[..., TrainConfig]:
     """How to train on the boxes with a tiny discriminator, with changes."""
-    return lambda **changes: train_config({"dataset": str(boxes), **TRAINING, **changes}, "here")
+
+    def changed(sees: str = "radiance", guide: bool = True, **changes: object) -> TrainConfig:
+        discriminator = {"width": 8, "layers": 2, "sees": sees, "guide": guide}
+        return train_config({"dataset": str(boxes), "discriminator": discriminator, **TRAINING, **changes}, "here")
+
+    return changed

@@ -20,13 +20,15 @@ from svbrdfgan.shortcuts.stills import Stills
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, train_config
 
 
-def config(**changes: object) -> TrainConfig:
-    return train_config({"dataset": "d", "discriminator": {"width": 8, "layers": 1, "guide": False}, **changes}, "here")
+def config(sees: str = "radiance", **changes: object) -> TrainConfig:
+    return train_config(
+        {"dataset": "d", "discriminator": {"width": 8, "layers": 1, "guide": False, "sees": sees}, **changes}, "here"
+    )
 
 
 def noise(count: int, seed: int, mean: float = 0.5) -> Stills:
     image = mean + 0.1 * torch.randn(count, 16, 16, 3, generator=torch.Generator().manual_seed(seed))
-    return Stills.of(image, torch.ones(count, 16, 16))
+    return Stills.of((image, torch.ones(count, 16, 16), None))
 
 
 def test_no_subject_has_two_roles() -> None:
@@ -89,11 +91,12 @@ def test_what_differs_is_said(dataset_data: Callable[..., dict[str, object]]) ->
     dataset = validate(DatasetConfig, dataset_data(), "here")
     one, two = load_renderer("numpy"), load_renderer("numpy", {"max_bounces": 3})
 
-    def said(**changes: object) -> dict[str, str]:
-        return dict(differences(config(**changes), dataset, two if changes.get("seed") else one, one))
+    def said(sees: str = "radiance", **changes: object) -> dict[str, str]:
+        return dict(differences(config(sees, **changes), dataset, two if changes.get("seed") else one, one))
 
     assert said(spp=8) == {}
     assert said(spp=9) == {"noise": "8 samples per pixel in exemplars, 9 in fakes"}
+    assert said("reflectance", spp=8) == {"noise": "8 samples per pixel in exemplars, no noise in fakes"}
     assert said(spp=8, seed=1) == {
         "renderer": "NumpyRenderer with 3 bounces for exemplars, NumpyRenderer with 1 bounce for fakes"
     }

@@ -34,8 +34,7 @@ def tried(diagnosis: Diagnosis) -> set[str]:
 
 @pytest.mark.parametrize("guide", [True, False])
 def test_matched_scenes_come_out_at_chance(guide: bool, training: Training) -> None:
-    matched = training(discriminator={"width": 8, "layers": 2, "guide": guide})
-    diagnosis = probe_shortcuts(matched).diagnosis
+    diagnosis = probe_shortcuts(training(guide=guide)).diagnosis
     share = diagnosis.together.share
     assert share is not None
     assert not share.told
@@ -45,17 +44,42 @@ def test_matched_scenes_come_out_at_chance(guide: bool, training: Training) -> N
     assert diagnosis.lines() == [f"No shortcut was found that tells more than {share.high:.0%} of pairs."]
 
 
-def test_other_light_is_told_and_named(training: Training, boxes: Path, tmp_path: Path) -> None:
-    """Red light, and cameras redrawn from the exemplars' own distribution, which nothing can tell."""
-    shutil.copytree(boxes, tmp_path / "dataset")
-    save_environment(tmp_path / "red.exr", torch.tensor([1.0, 0.3, 0.3]).expand(8, 16, 3).contiguous())
-    scenes: dict[str, Any] = {"environment": {"files": ["red.exr"]}, "camera": {}}
-    diagnosis = probe_shortcuts(training(dataset="dataset", scenes=scenes), base=tmp_path).diagnosis
+@pytest.fixture(scope="module")
+def red(boxes: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The boxes beside a red sky."""
+    base = tmp_path_factory.mktemp("red")
+    shutil.copytree(boxes, base / "dataset")
+    save_environment(base / "red.exr", torch.tensor([1.0, 0.3, 0.3]).expand(8, 16, 3).contiguous())
+    return base
+
+
+LIT_RED: dict[str, Any] = {"environment": {"files": ["red.exr"]}, "camera": {}}
+"""And cameras redrawn from the exemplars' own distribution, which nothing can tell."""
+
+
+def test_other_light_is_told_and_named(training: Training, red: Path) -> None:
+    diagnosis = probe_shortcuts(training(dataset="dataset", scenes=LIT_RED), base=red).diagnosis
     assert tried(diagnosis) == {"pose", "light"}
     assert told(diagnosis) == {"light"}
     assert diagnosis.together.share is not None
     assert diagnosis.together.share.told
     assert diagnosis.lines() == [f"light {diagnosis.alone['light'].verdict}. {REMEDIES['light']}"]
+
+
+@pytest.mark.parametrize("guide", [True, False])
+def test_neither_light_nor_pose_is_told_by_reflectance(guide: bool, training: Training, red: Path) -> None:
+    """Nor by its guide, where cameras differ as much as the light."""
+    scenes = LIT_RED | HIGH
+    diagnosis = probe_shortcuts(training("reflectance", guide, dataset="dataset", scenes=scenes), base=red).diagnosis
+    assert tried(diagnosis) == {"pose", "light", "noise"}
+    assert told(diagnosis) <= {"noise"}
+
+
+@pytest.mark.parametrize("spp", [2, 8])
+def test_noise_is_told_by_reflectance_however_many_samples_fakes_have(spp: int, training: Training) -> None:
+    diagnosis = probe_shortcuts(training("reflectance", spp=spp)).diagnosis
+    assert (tried(diagnosis), told(diagnosis)) == ({"noise"}, {"noise"})
+    assert diagnosis.alone["noise"].differs == "8 samples per pixel in exemplars, no noise in fakes"
 
 
 def test_other_samples_are_told_and_named(training: Training) -> None:
@@ -66,7 +90,7 @@ def test_other_samples_are_told_and_named(training: Training) -> None:
 
 
 def test_other_cameras_are_told_without_transports_too(training: Training) -> None:
-    fresh = training(scenes=HIGH, rendering="fresh", discriminator={"width": 8, "layers": 2, "guide": False})
+    fresh = training(scenes=HIGH, rendering="fresh", guide=False)
     assert told(probe_shortcuts(fresh).diagnosis) == {"pose"}
 
 
@@ -121,8 +145,3 @@ def test_imported_pictures_are_refused(training: Training, boxes: Path, tmp_path
         path.write_text(json.dumps(json.loads(path.read_text()) | {"weathering": "unknown"}))
     with pytest.raises(ConfigError, match="imported pictures"):
         probe_shortcuts(training(dataset=str(folder)))
-
-
-def test_a_discriminator_that_sees_no_light_is_refused(training: Training) -> None:
-    with pytest.raises(ConfigError, match="sees: radiance"):
-        probe_shortcuts(training(discriminator={"sees": "reflectance"}))
