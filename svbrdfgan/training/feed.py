@@ -88,13 +88,8 @@ def make_feed(
     *,
     base: Path = Path(),
     progress: Callable[[int], None] | None = None,
-    share: tuple[int, int] = (0, 1),
 ) -> Feed:
     """Loads a split and makes its stages. Only the training split's scenes are perturbed.
-
-    Args:
-        share: this process's rank and how many there are. Each begins at another scene and finds what the others have
-            stored meanwhile, so that together they trace each scene about once.
 
     Raises:
         AssetError: the data set is not there, not finished, or damaged.
@@ -105,8 +100,7 @@ def make_feed(
     config = config if split == "train" else config.model_copy(update={"scenes": ScenesConfig()})
     stages = make_stages(config, exemplars, split, renderer, device, base)
     own = _own(config, stages)
-    rank, world = share
-    order = np.roll(np.arange(len(exemplars)), -(rank * len(exemplars) // world)).tolist()
+    order = _any_order(exemplars)
     for scenes in [stages] if own is stages else [stages, own]:
         scenes.build(order, progress)
     images = exemplars.images.to(device)
@@ -166,6 +160,15 @@ def _own(config: TrainConfig, stages: Transports | FreshRenders) -> Transports |
     matched = Perturbation(ScenesConfig(), stages.perturbation.sampler)
     device = stages.device if demodulated else torch.device("cpu")
     return Transports(stages.exemplars, matched, stages.renderer, spp, 1, device, config.seed)
+
+
+def _any_order(exemplars: Exemplars) -> list[int]:
+    """All of them, subject by subject, by true chance.
+
+    Processes that want the same scenes at the same time so begin with different ones, and find the others' stored.
+    """
+    place = np.random.default_rng().permutation(len(exemplars.subjects))
+    return np.argsort(place[exemplars.subject_of.numpy()], kind="stable").tolist()
 
 
 def _guides(

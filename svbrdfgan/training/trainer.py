@@ -139,7 +139,7 @@ def _open(fabric: Fabric, resolved: RunConfig, run: Path, base: Path, display: D
     renderer = resolve_renderer(config.renderer, "cuda" if device.type == "cuda" else "cpu")
     make = partial(make_feed, config, folder, renderer=renderer, device=device, base=base, progress=display.advance)
     display.begin("light transport of the train scenes")
-    feed, scorer = make(split="train", share=(fabric.global_rank, fabric.world_size)), None
+    feed, scorer = make(split="train"), None
     if "validation" in resolved.dataset.splits and fabric.is_global_zero:
         display.begin("light transport of the validation scenes")
         held_out = make(split="validation")

@@ -133,7 +133,7 @@ def test_the_page_s_files_are_right() -> None:
         yaml.safe_load(block) for block in re.findall(r"^```yaml\n(.*?)^```", PAGE.read_text(), re.M | re.S)
     )
     assert len(read_manifest(own, "page").pictures) > 1
-    assert train_config(training, "page").scenes.environment == "redrawn"
+    assert train_config(training, "page").scenes.matched
 
 
 def test_the_page_s_commands_parse() -> None:

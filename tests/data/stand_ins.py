@@ -24,7 +24,7 @@ from svbrdfgan.compositing import over
 from svbrdfgan.data.config import PAINTS, PartSelection
 from svbrdfgan.data.scene import OrbitCamera
 from svbrdfgan.data.subject import Subject, make_subject
-from svbrdfgan.io import load_environment, save_image, save_mesh_glb
+from svbrdfgan.io import load_environment, load_mesh, save_image, save_mesh_glb
 from svbrdfgan.plugins import load_embedding, load_renderer
 from svbrdfgan.procedural import KINDS, build_sky, build_vehicle, sample_sky, sample_vehicle
 from svbrdfgan.protocols import Renderer
@@ -45,6 +45,8 @@ class StandIn:
         gain: what the camera multiplied radiance by.
         camera: the true one.
         told: the camera that the manifest names.
+        sky, turn: the light, by its place among the studio's, and its rotation in radians.
+        amount: of the recipe.
     """
 
     file: str
@@ -54,6 +56,9 @@ class StandIn:
     camera: OrbitCamera
     told: OrbitCamera
     paint: tuple[float, float, float]
+    sky: int
+    turn: float
+    amount: float
 
 
 @dataclass(frozen=True)
@@ -69,14 +74,16 @@ class Studio:
 
     def shoot(self, folder: Path, subject: Subject, mesh: str, views: int, rng: np.random.Generator) -> list[StandIn]:
         """Photographs of a vehicle, weathered once, with masks beside them."""
-        recipe = recipe_from_options(self.recipe, {"amount": float(rng.uniform(0.8, 1.0))})
+        amount = float(rng.uniform(0.8, 1.0))
+        recipe = recipe_from_options(self.recipe, {"amount": amount})
         layer = weather(subject.surface, subject.buffer, recipe, GLOSS)
         prepared, paint = self.renderer.prepare(subject.surface), PAINTS[rng.integers(len(PAINTS))]
-        materials = subject.materials({"body": paint}, layer, GLOSS)
+        painted = dict.fromkeys((subject.surface.parts[part].name for part in subject.learnable), paint)
+        materials = subject.materials(painted, layer, GLOSS)
         taken = []
         for number in range(views):
-            camera, sky = _camera(rng), self.skies[rng.integers(len(self.skies))]
-            light = Environment(sky / sky.mean(), rng.uniform(0, 2 * math.pi))
+            camera, sky = _camera(rng), int(rng.integers(len(self.skies)))
+            light = Environment(self.skies[sky] / self.skies[sky].mean(), rng.uniform(0, 2 * math.pi))
             seed = int(rng.integers(2**31))
             again = partial(self._picture, prepared, materials, light, seed)
             made = again(camera.camera(), self.size, self.spp)
@@ -88,7 +95,7 @@ class Studio:
             )
             save_image((folder / file).with_suffix(".mask.png"), (coverage > 0.5).float().unsqueeze(-1))
             told = _mistaken(camera, self.camera_error, rng)
-            taken.append(StandIn(file, mesh, again, gain, camera, told, paint))
+            taken.append(StandIn(file, mesh, again, gain, camera, told, paint, sky, light.rotation, amount))
         return taken
 
     def _picture(
@@ -104,21 +111,32 @@ class Studio:
         return self.renderer.render(prepared, materials, View(camera, light, *size), spp=spp, seed=seed)
 
 
-def make_stand_ins(folder: Path, studio: Studio, vehicles: int, views: int, seed: int = 0) -> list[StandIn]:
-    """Photographs, masks and meshes in a folder, and a `manifest.yaml` of them: half with masks, half by look-at."""
+def make_stand_ins(
+    folder: Path, studio: Studio, vehicles: int, views: int, seed: int = 0, meshes: Sequence[Path] = ()
+) -> list[StandIn]:
+    """Photographs, masks and meshes in a folder, and a `manifest.yaml` of them: half with masks, half by look-at.
+
+    Args:
+        vehicles: how many procedural ones.
+        meshes: those to take instead, of length 1, on the ground, with the nose at +Z.
+    """
     rng = np.random.default_rng(seed)
     embedding = load_embedding("hemispherical", {"resolution": 64})
     made: list[StandIn] = []
-    for number in range(vehicles):
-        mesh = build_vehicle(sample_vehicle(list(KINDS)[number % len(KINDS)], seed=9000 + 100 * seed + number))
-        file = f"meshes/car_{number}.glb"
+    for number in range(len(meshes) or vehicles):
+        if meshes:
+            mesh, file = load_mesh(meshes[number]), f"meshes/{meshes[number].name}"
+        else:
+            mesh = build_vehicle(sample_vehicle(list(KINDS)[number % len(KINDS)], seed=9000 + 100 * seed + number))
+            file = f"meshes/car_{number}.glb"
         save_mesh_glb(folder / file, mesh)
         subject = make_subject(mesh, embedding, 128, PartSelection())
         made += studio.shoot(folder, subject, file, views, rng)
     manifest = {"pictures": [_entry(one, number) for number, one in enumerate(made)]}
     manifest["paint"] = {one.mesh: list(one.paint) for one in made}
     (folder / "manifest.yaml").write_text(yaml.safe_dump(manifest), encoding="utf-8")
-    truth = [{"file": one.file, "gain": one.gain, "camera": one.camera.model_dump()} for one in made]
+    known = ("file", "mesh", "gain", "sky", "turn", "amount")
+    truth = [{name: getattr(one, name) for name in known} | {"camera": one.camera.model_dump()} for one in made]
     (folder / "truth.json").write_text(json.dumps(truth, indent=1), encoding="utf-8")
     return made
 
@@ -193,12 +211,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--bounces", type=int, default=4)
     parser.add_argument("--error", type=float, default=1.0, help="of cameras, in degrees")
     parser.add_argument("--renderer", default="mitsuba")
+    parser.add_argument("--meshes", type=Path, nargs="*", default=(), help="instead of procedural vehicles")
     parser.add_argument("--skies", type=Path, nargs="*", default=())
     given = parser.parse_args(arguments)
     skies = [load_environment(path) for path in given.skies] or [build_sky(sample_sky(seed)) for seed in range(50, 56)]
     renderer = load_renderer(given.renderer, {"max_bounces": given.bounces})
     studio = Studio(renderer, tuple(skies), tuple(given.size), given.spp, given.error)
-    make_stand_ins(given.out, studio, given.vehicles, given.views)
+    make_stand_ins(given.out, studio, given.vehicles, given.views, meshes=given.meshes)
 
 
 if __name__ == "__main__":

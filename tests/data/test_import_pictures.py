@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
+import torch.nn.functional as F
 from stand_ins import SHOULDER, StandIn
 
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.generate import generate
 from svbrdfgan.data.imported.build import Imported, import_pictures
+from svbrdfgan.data.imported.light import GLOSS, white
 from svbrdfgan.data.imported.manifest import Manifest, read_manifest
 from svbrdfgan.data.plan import DatasetPlan
 from svbrdfgan.data.scene import Scene
+from svbrdfgan.data.subject import Subject
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.evaluation import evaluate
+from svbrdfgan.plugins import load_renderer
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.trainer import train
+from svbrdfgan.types import Materials, Rendering
 from svbrdfgan.yaml_files import load_yaml
 
 Photographs = tuple[Path, list[StandIn]]
@@ -31,6 +37,7 @@ SMALL: dict[str, Any] = {
     "embedding": {"name": "hemispherical", "resolution": 32},
     "environments": {"procedural": {"count": 3, "seed": 1}},
     "environment_rows": 16,
+    "light": "mean",
 }
 
 
@@ -47,9 +54,9 @@ def with_true_cameras(photographs: Photographs, **changes: Any) -> Manifest:
 
 @pytest.fixture(scope="module")
 def imported(photographs: Photographs, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, tuple[Imported, ...]]:
-    """The stand-ins as a data set, by the cameras that their manifest tells. Not to be changed."""
+    """The stand-ins as a data set, by the cameras that their manifest tells, light estimated. Not to be changed."""
     folder = tmp_path_factory.mktemp("imported") / "own"
-    return folder, import_pictures(declared(photographs), folder, base=photographs[0])
+    return folder, import_pictures(declared(photographs, light="estimated"), folder, base=photographs[0])
 
 
 @pytest.fixture(scope="module")
@@ -57,24 +64,45 @@ def exemplars(imported: tuple[Path, tuple[Imported, ...]]) -> Exemplars:
     return load_exemplars(imported[0], "train")
 
 
-def test_an_exemplar_is_the_linear_picture_up_to_exposure(photographs: Photographs, tmp_path: Path) -> None:
-    """Against the radiance that was there, rendered anew from the exemplar's camera: within 9 % of the mean.
+def rendered(exemplars: Exemplars, index: int, materials: Callable[[Subject], Materials]) -> Rendering:
+    """Other materials in an exemplar's scene, with next to no noise."""
+    scene, subject = exemplars.scenes[index], exemplars.subject(index)
+    renderer = load_renderer("mitsuba", {"device": "cpu"})
+    view = exemplars.studio.view(scene)
+    return renderer.render(renderer.prepare(subject.surface), materials(subject), view, spp=1024, seed=5)
 
-    Most of that is the photographs' noise. Colour, and so the exposure of each channel, is kept within 3 %.
+
+def test_an_exemplar_is_the_linear_picture_up_to_exposure_and_gloss(photographs: Photographs, tmp_path: Path) -> None:
+    """Against the radiance that was there, rendered anew from the exemplar's camera: within 12 % of the mean.
+
+    Most of that is noise. Colour, and so the exposure of each channel, is kept within 3 %.
     """
     import_pictures(with_true_cameras(photographs), tmp_path / "own", base=photographs[0])
     found = load_exemplars(tmp_path / "own", "train")
     for number, one in enumerate(photographs[1]):
         true = one.again(found.scenes[number].camera.camera(), (48, 48), 256)
         image, coverage = found.images[number].float(), found.coverage[number].float()
-        if number % 2 == 0:  # with a mask, which is of whole pixels
-            assert (coverage - true.coverage).abs().mean() < 0.01
+        veil = GLOSS * rendered(found, number, lambda s: white(s.learnable, len(s.surface.parts))).image
         below = (true.image * one.gain < SHOULDER).all(dim=-1)
-        full = (coverage > 0.99) & (true.coverage > 0.99) & below
-        assert full.sum() > 200
-        wanted = true.image[full] * (image[full].mean() / true.image[full].mean())
-        assert (image[full] - wanted).abs().mean() < 0.09 * wanted.mean()
-        assert torch.allclose(image[full].mean(dim=0), wanted.mean(dim=0), rtol=0.03)
+        whole = torch.minimum(coverage, true.coverage) > 0.99
+        full = (F.max_pool2d((~whole).float()[None], 3, 1, 1)[0] == 0) & below  # not what was filled in at the edge
+        assert full.sum() > 150
+        shown = image[full] + veil[full]
+        wanted = true.image[full] * (shown.mean() / true.image[full].mean())
+        assert (shown - wanted).abs().mean() < 0.12 * wanted.mean()
+        assert torch.allclose(shown.mean(dim=0), wanted.mean(dim=0), rtol=0.03)
+
+
+def test_outlines_are_the_mesh_s_with_a_mask_and_without(exemplars: Exemplars) -> None:
+    """So that no outline tells an exemplar from a fake. What the mask leaves open has the colour of what is near."""
+    for index in range(len(exemplars)):
+        made = rendered(exemplars, index, lambda s: s.materials({}, None))
+        coverage, image = exemplars.coverage[index].float(), exemplars.images[index].float()
+        assert (coverage - made.coverage).abs().max() < 0.25  # noise of 64 samples
+        assert (coverage - made.coverage).abs().mean() < 0.01
+        edge = (coverage > 0.3) & (coverage < 0.99)
+        inside = image[coverage > 0.99].mean()
+        assert (image[edge] / coverage[edge].unsqueeze(-1)).mean() == pytest.approx(float(inside), rel=0.6)
 
 
 def test_every_picture_is_an_exemplar(photographs: Photographs, imported: Any, exemplars: Exemplars) -> None:
@@ -98,7 +126,9 @@ def test_scenes_keep_paint_camera_and_that_the_truth_is_unknown(photographs: Pho
         assert scene.materials == {"body": one.paint}
         # From where the manifest says, within what turning the camera leaves alone: its place.
         assert scene.camera.camera().origin == pytest.approx(one.told.camera().origin, abs=1e-6)
-        assert scene.environment.asset.path == "assets/environments/mean of the pool.exr"
+    lights = [scene.environment for scene in exemplars.scenes]
+    assert [one.asset.path for one in lights] == [f"assets/environments/light of picture {n}.exr" for n in range(4)]
+    assert {(one.scale, one.rotation_degrees) for one in lights} == {(1.0, 0.0)}
     assert exemplars.layers == (None,) * 4
 
 
@@ -117,10 +147,8 @@ def test_masks_agree_with_good_cameras_and_not_with_bad_ones(photographs: Photog
     assert "correct the camera or the mask" in told[0].doubts[0]
 
 
-def test_exposure_of_the_photograph_does_not_matter(
-    photographs: Photographs, exemplars: Exemplars, tmp_path: Path
-) -> None:
-    """A picture of half the linear brightness is the same exemplar."""
+def test_exposure_of_the_photograph_does_not_matter(photographs: Photographs, tmp_path: Path) -> None:
+    """A picture of half the linear brightness is the same exemplar, under the mean light."""
     from svbrdfgan.io import load_image, save_exr
 
     entry = load_yaml(photographs[0] / "manifest.yaml")["pictures"][0]
@@ -132,8 +160,17 @@ def test_exposure_of_the_photograph_does_not_matter(
         paint={photographs[1][0].mesh: list(photographs[1][0].paint)},
     )
     import_pictures(changed, tmp_path / "own", base=photographs[0])
-    again = load_exemplars(tmp_path / "own", "train")
-    assert torch.allclose(again.images[0], exemplars.images[0], rtol=2e-3, atol=2e-3)
+    import_pictures(declared(photographs), tmp_path / "plain", base=photographs[0])
+    again, plain = (load_exemplars(tmp_path / name, "train") for name in ("own", "plain"))
+    assert torch.allclose(again.images[0], plain.images[0], rtol=2e-3, atol=2e-3)
+    assert {scene.environment.asset.path for scene in plain.scenes} == {"assets/environments/mean of the pool.exr"}
+
+
+def test_a_light_is_the_same_every_time(photographs: Photographs, imported: Any, tmp_path: Path) -> None:
+    import_pictures(declared(photographs, light="estimated"), tmp_path / "own", base=photographs[0])
+    for number in range(4):
+        name = f"assets/environments/light of picture {number}.exr"
+        assert (tmp_path / "own" / name).read_bytes() == (imported[0] / name).read_bytes()
 
 
 def test_a_light_that_is_known_is_the_scene_s_own(photographs: Photographs, tmp_path: Path) -> None:
@@ -142,7 +179,7 @@ def test_a_light_that_is_known_is_the_scene_s_own(photographs: Photographs, tmp_
     save_environment(tmp_path / "street.exr", torch.full((8, 16, 3), 3.0))
     entry = load_yaml(photographs[0] / "manifest.yaml")["pictures"][0]
     known = {"environment": str(tmp_path / "street.exr"), "environment_rotation_degrees": 40.0}
-    changed = declared(photographs, pictures=[{**entry, **known}], paint={})
+    changed = declared(photographs, pictures=[{**entry, **known}], paint={}, light="estimated")
     import_pictures(changed, tmp_path / "own", base=photographs[0])
     (scene,) = load_exemplars(tmp_path / "own", "train").scenes
     assert scene.environment.asset.path == "assets/environments/own street.exr"
@@ -150,11 +187,11 @@ def test_a_light_that_is_known_is_the_scene_s_own(photographs: Photographs, tmp_
     assert scene.environment.scale * 3 == pytest.approx(1.0, rel=1e-3)
 
 
-def test_it_trains_with_light_redrawn_and_cannot_be_scored(
-    imported: Any, training_data: Any, tmp_path: Path, exemplars: Exemplars
+@pytest.mark.parametrize("scenes", [{}, {"environment": "redrawn", "pool": 2}])
+def test_it_trains_and_cannot_be_scored(
+    imported: Any, training_data: Any, tmp_path: Path, exemplars: Exemplars, scenes: dict[str, Any]
 ) -> None:
     folder = imported[0]
-    scenes = {"environment": "redrawn", "pool": 2}
     config = train_config(training_data(dataset=str(folder), scenes=scenes, renderer="mitsuba", steps=2), "here")
     state = train(config, tmp_path / "run")
     assert state.step == 2

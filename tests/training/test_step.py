@@ -17,7 +17,7 @@ from torch import Tensor
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.plugins import load_renderer
 from svbrdfgan.training.config import TrainConfig, train_config
-from svbrdfgan.training.feed import Feed, make_feed
+from svbrdfgan.training.feed import Feed, _any_order, make_feed
 from svbrdfgan.training.picture import present
 from svbrdfgan.training.state import State, checkpoints
 from svbrdfgan.training.step import Diagnostics, training_step
@@ -259,6 +259,12 @@ def test_guides_are_of_the_exemplars_own_scenes(
     assert replace(feed, guides=None).real([0])[2] is None
     assert all(torch.equal(moved.seen(index), feed.seen(index)) for index in range(len(feed)))
     assert moved.own is not moved.stages
+
+
+def test_processes_begin_with_scenes_of_different_subjects(feed: Feed) -> None:
+    """In any order, but with all views of a subject in a row, which is prepared once."""
+    orders = {tuple(_any_order(feed.exemplars)) for _ in range(64)}
+    assert orders == {(0, 1, 2, 3, 4, 5), (3, 4, 5, 0, 1, 2)}
 
 
 @pytest.mark.parametrize("pool", [1, 2])

@@ -1,4 +1,4 @@
-"""Pictures that were found good, as exemplars on disk: masked, exposed alike, each with its scene."""
+"""Pictures that were found good, as exemplars on disk: masked, exposed alike, like pictures of fakes, with scenes."""
 
 from __future__ import annotations
 
@@ -8,13 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from scipy.ndimage import grey_erosion
+from jaxtyping import Float
+from scipy.ndimage import distance_transform_edt, grey_erosion
+from torch import Tensor
 
 from svbrdfgan.data.config import Split
 from svbrdfgan.data.distributions import mean
 from svbrdfgan.data.generate import exemplar_paths, save_exemplar
 from svbrdfgan.data.imported.check import Order, Shot
 from svbrdfgan.data.imported.exposure import exposure, mean_light
+from svbrdfgan.data.imported.light import GLOSS, estimate, film_size, light, look, white
 from svbrdfgan.data.imported.manifest import Manifest
 from svbrdfgan.data.plan import DatasetPlan, environment_asset, mesh_asset
 from svbrdfgan.data.sampler import EnvironmentAsset, MeshAsset
@@ -22,12 +25,13 @@ from svbrdfgan.data.scene import Scene, SceneEnvironment
 from svbrdfgan.data.studio import Studio, resolve_renderer
 from svbrdfgan.io import load_environment
 from svbrdfgan.protocols import Renderer
-from svbrdfgan.types import Mesh, Rendering
+from svbrdfgan.types import Environment, Materials, Mesh, Rendering, View
 
 Place = tuple[Split, int]
 """Where an exemplar lies in its data set."""
 
-_SPP = 64
+_SPP, _SMOOTH_SPP, _LIGHT_SPP = 64, 1024, 16
+_WHOLE = 0.99
 _ERODED = 1 / 64
 """Of the film's height: how far a silhouette shrinks where it stands in for a mask."""
 
@@ -81,7 +85,8 @@ class _Darkroom:
 
     Attributes:
         meshes: the data set's, by the manifest's file.
-        lights: those that pictures name, by file; the mean of the pool's, which stands for the unknown, by None.
+        lights: those that pictures name, by file; the mean by None.
+        mean: the mean light of the pool, which stands for the unknown.
         prepared: the surface of the last picture, which is likely that of the next.
     """
 
@@ -90,6 +95,7 @@ class _Darkroom:
     renderer: Renderer[Any]
     meshes: dict[str, MeshAsset]
     lights: dict[str | None, SceneEnvironment]
+    mean: Float[Tensor, "rows cols 3"]
     prepared: tuple[str, Any] | None = None
 
     @classmethod
@@ -98,14 +104,15 @@ class _Darkroom:
         config, rows = plan.config, plan.config.environment_rows
         files = [file for split in config.splits for file in manifest.meshes(split)]
         assets = [mesh for split in config.splits for mesh in plan.meshes[split]]
-        unknown = environment_asset("mean of the pool", mean_light(plan.sampler("train"), folder), rows, folder)
-        lights: dict[str | None, SceneEnvironment] = {None: SceneEnvironment(asset=unknown.asset)}
+        unknown = mean_light(plan.sampler("train"), folder)
+        asset = environment_asset("mean of the pool", unknown, rows, folder).asset
+        lights: dict[str | None, SceneEnvironment] = {None: SceneEnvironment(asset=asset)}
         for file in {entry.environment for entry in manifest.pictures if entry.environment}:
             known = environment_asset(f"own {Path(file).stem}", load_environment(base / file), rows, folder)
             scale = known.normalisation * max(mean(config.environment_brightness), 1e-6)
             lights[file] = SceneEnvironment(asset=known.asset, scale=scale)
         renderer = resolve_renderer(manifest.renderer)
-        return cls(manifest, Studio(folder), renderer, dict(zip(files, assets, strict=True)), lights)
+        return cls(manifest, Studio(folder), renderer, dict(zip(files, assets, strict=True)), lights, unknown)
 
     def develop(self, shot: Shot, number: int, paths: tuple[Path, Path]) -> float:
         """Writes one exemplar, and gives what the picture was multiplied by."""
@@ -113,9 +120,27 @@ class _Darkroom:
         clean = self._clean(scene)
         masked = _masked(shot, clean)
         factor = exposure(masked, clean)
-        save_exemplar(paths[0], Rendering(masked.image * factor, masked.coverage))
+        exposed = Rendering(masked.image * factor, masked.coverage)
+        if shot.entry.environment is None and self.manifest.light == "estimated":
+            scene = scene.model_copy(update={"environment": self._light(scene, exposed)})
+        bare = _completed(exposed, clean.coverage, self._veil(scene))
+        save_exemplar(paths[0], Rendering(bare.image * self._noise(scene), bare.coverage))
         scene.save(paths[1])
         return factor
+
+    def _light(self, scene: Scene, exposed: Rendering) -> SceneEnvironment:
+        """The scene's own light, as its picture tells it."""
+        subject, (width, height) = self.studio.subject(scene), film_size(scene.width, scene.height)
+        prepared, seed = self._prepared(scene), scene.seed
+
+        def shoot(materials: Materials, radiance: Float[Tensor, "rows cols 3"]) -> Rendering:
+            view = View(scene.camera.camera(), Environment(radiance), width, height)
+            return _on_cpu(self.renderer.render(prepared, materials, view, spp=_LIGHT_SPP, seed=seed))
+
+        sight = look(exposed, shoot, subject.materials(scene.materials, None), subject.learnable, self.mean)
+        found = light(self.mean, estimate(sight, self.manifest.weathering_color))
+        rows, folder = self.manifest.environment_rows, self.studio.folder
+        return SceneEnvironment(asset=environment_asset(f"light of picture {scene.seed}", found, rows, folder).asset)
 
     def _scene(self, shot: Shot, number: int) -> Scene:
         manifest, entry = self.manifest, shot.entry
@@ -139,13 +164,33 @@ class _Darkroom:
         )
 
     def _clean(self, scene: Scene) -> Rendering:
-        """The scene without weathering, on the CPU."""
+        """The scene without weathering."""
+        return self._picture(scene, self.studio.subject(scene).materials(scene.materials, None), _SPP)
+
+    def _veil(self, scene: Scene) -> Float[Tensor, "height width 3"]:
+        """What the learnable parts' gloss adds to the picture, roughly."""
         subject = self.studio.subject(scene)
+        return GLOSS * self._picture(scene, white(subject.learnable, len(subject.surface.parts)), _SMOOTH_SPP).image
+
+    def _noise(self, scene: Scene) -> Float[Tensor, "height width 3"]:
+        """A factor of one on average: what `_SPP` samples in each pixel make of a white mesh."""
+        count = len(self.studio.subject(scene).surface.parts)
+        some, many = (self._picture(scene, white(range(count), count), spp).image for spp in (_SPP, _SMOOTH_SPP))
+        return torch.where(many > 0, some / many, 1.0)
+
+    def _picture(self, scene: Scene, materials: Materials, spp: int) -> Rendering:
+        view = self.studio.view(scene)
+        return _on_cpu(self.renderer.render(self._prepared(scene), materials, view, spp=spp, seed=scene.seed))
+
+    def _prepared(self, scene: Scene) -> Any:
+        """The scene's surface, as the renderer wants it."""
         if self.prepared is None or self.prepared[0] != scene.mesh.path:
-            self.prepared = scene.mesh.path, self.renderer.prepare(subject.surface)
-        materials, view = subject.materials(scene.materials, None), self.studio.view(scene)
-        made = self.renderer.render(self.prepared[1], materials, view, spp=_SPP, seed=scene.seed)
-        return Rendering(made.image.cpu(), made.coverage.cpu())
+            self.prepared = scene.mesh.path, self.renderer.prepare(self.studio.subject(scene).surface)
+        return self.prepared[1]
+
+
+def _on_cpu(made: Rendering) -> Rendering:
+    return Rendering(made.image.cpu(), made.coverage.cpu())
 
 
 def _masked(shot: Shot, clean: Rendering) -> Rendering:
@@ -159,3 +204,16 @@ def _masked(shot: Shot, clean: Rendering) -> Rendering:
     reach = 1 + 2 * max(1, round(_ERODED * len(coverage)))
     silhouette = torch.from_numpy(grey_erosion(clean.coverage.numpy(), size=(reach, reach))) * (coverage > 0.999)
     return Rendering(image * silhouette.unsqueeze(-1), silhouette)
+
+
+def _completed(
+    taken: Rendering, coverage: Float[Tensor, "height width"], veil: Float[Tensor, "height width 3"]
+) -> Rendering:
+    """The picture without the veil, in the mesh's own silhouette, lest outlines tell it from the pictures of fakes.
+
+    What mask and silhouette do not have in common takes the colour of the nearest pixel that they have.
+    """
+    known = torch.minimum(taken.coverage, coverage) > _WHOLE
+    _, (row, col) = distance_transform_edt(~known.numpy(), return_indices=True)
+    bare = (taken.image - veil).clamp(min=0) / taken.coverage.clamp(min=_WHOLE).unsqueeze(-1)
+    return Rendering(bare[row, col] * coverage.unsqueeze(-1), coverage)

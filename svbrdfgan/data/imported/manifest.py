@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -74,6 +74,10 @@ class Manifest(StrictModel):
     pictures: tuple[PictureEntry, ...]
     test: tuple[str, ...] = Field(default=(), description="meshes whose pictures are kept from training")
     paint: dict[str, Reflectance] = Field(default={}, description="by mesh, of its learnable parts")
+    light: Literal["estimated", "mean"] = Field(default="estimated", description="where a picture names none")
+    weathering_color: Reflectance = Field(
+        default=(0.18, 0.18, 0.18), description="roughly; tells light from weathering"
+    )
     image: tuple[Annotated[int, Field(ge=8, le=8192)], Annotated[int, Field(ge=8, le=8192)]] = (256, 256)
     texture: int = Field(default=256, ge=16, le=4096, multiple_of=4)
     renderer: Plugin = PluginChoice(name="auto")
