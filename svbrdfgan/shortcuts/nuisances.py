@@ -15,12 +15,12 @@ NUISANCES: tuple[Nuisance, ...] = get_args(Nuisance)
 
 REMEDIES: Mapping[Nuisance, str] = MappingProxyType(
     {
-        "pose": "Draw the fakes' cameras from the distribution of the exemplars' own (scenes.camera); or let the "
-        "discriminator judge in UV space, under the exemplar's visibility, where pose cannot be seen.",
-        "light": "Give the fakes lights that cover the exemplars' (scenes.environment), with the same jitter of "
-        "exposure and white balance on both sides; or estimate each exemplar's light through the renderer.",
-        "noise": "Train with the exemplars' own samples per pixel (spp), or make exemplars of more where the "
-        "discriminator sees reflectance; or add noise to the cleaner side, or blur what it sees at first.",
+        "pose": "Let the discriminator see reflectance (discriminator.sees), carried to the exemplar's camera; or draw "
+        "the fakes' cameras from the distribution of the exemplars' own (scenes.camera).",
+        "light": "Let the discriminator see reflectance (discriminator.sees), where the exemplars' light is known; or "
+        "give the fakes lights that cover theirs (scenes.environment).",
+        "noise": "Where the discriminator sees radiance, train with the exemplars' own samples per pixel (spp), or let "
+        "it see reflectance; there, exemplars of more samples have less noise, which hardly hinders learning.",
         "renderer": "Train through the renderer that made the exemplars, with as many bounces; where that cannot be, "
         "denoise or blur both sides alike.",
     }
