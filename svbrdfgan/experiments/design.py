@@ -22,7 +22,7 @@ from svbrdfgan.experiments.definition import (
 )
 from svbrdfgan.faults import did_you_mean
 from svbrdfgan.options import StrictModel
-from svbrdfgan.training.config import TrainConfig, train_config
+from svbrdfgan.training.config import TrainConfig, settled, train_config
 from svbrdfgan.yaml_files import apply_overrides
 
 _ELSEWHERE = "dataset"
@@ -136,7 +136,7 @@ class Design:
         source = f"{self.name}, row {name}"
         dataset = dataset_config(data["dataset"], source)
         told = {"recipe": recipe, "seed": seed, "dataset": _ELSEWHERE}
-        train = train_config({**data["train"], **told}, source)
+        train = settled(train_config({**data["train"], **told}, source), dataset.spp)
         return Cell(self.name, name, recipe, seed, RunSpec(train=train, oracle=self._oracle(dataset, train)))
 
     def changes(self, name: str) -> list[str]:

@@ -24,7 +24,7 @@ from svbrdfgan.shortcuts.darkroom import Darkroom, Differing
 from svbrdfgan.shortcuts.diagnosis import Diagnosis, Finding
 from svbrdfgan.shortcuts.learn import Margins, Roles, Trial
 from svbrdfgan.shortcuts.nuisances import NUISANCES, REMEDIES, Nuisance, differences
-from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.config import TrainConfig, settled
 from svbrdfgan.training.feed import require_possible
 
 PAIRS = "pairs.png"
@@ -73,7 +73,7 @@ def probe_shortcuts(
     everything = frozenset(how)
     shown.begin("clean pictures of both sides")
     trials = {
-        differing: Trial(config, *darkroom.pair(differing), roles)
+        differing: Trial(darkroom.config, *darkroom.pair(differing), roles)
         for differing in (everything, *(frozenset({name}) for name in how))
     }
     pictured = time.monotonic()
@@ -97,6 +97,7 @@ def _open(config: TrainConfig, base: Path, display: Display) -> tuple[Darkroom, 
     kind: Literal["cuda", "cpu"] = "cuda" if device.type == "cuda" else "cpu"
     folder = (base / config.dataset).resolve()
     plan = DatasetPlan.load(folder)
+    config = settled(config, plan.config.spp)
     trained_with = resolve_renderer(config.renderer, kind)
     require_possible(config, plan, trained_with)
     same = plan.config.renderer == config.renderer

@@ -23,14 +23,15 @@ class GeneratorConfig(StrictModel):
 class DiscriminatorConfig(StrictModel):
     """See `svbrdfgan.networks.Discriminator`. `guide` shows it the position and normal of what it looks at.
 
-    `sees: reflectance` takes light, camera and noise out of the comparison (see `svbrdfgan.training.step.sides`).
+    `sees: reflectance` takes light, camera and noise out of the comparison (see `svbrdfgan.training.step.sides`);
+    `auto` does so unless there is nothing to take out (see `settled`).
     """
 
     width: int = Field(default=64, ge=4)
     layers: int = Field(default=3, ge=1, le=5)
     norm: Norm = "none"
     guide: bool = True
-    sees: Literal["radiance", "reflectance"] = "reflectance"
+    sees: Literal["auto", "radiance", "reflectance"] = "auto"
 
 
 class LossConfig(StrictModel):
@@ -121,7 +122,7 @@ RECIPES: dict[str, dict[str, Any]] = {
 }
 """What a recipe sets where the configuration does not say."""
 
-_FRESH: dict[str, Any] = {"discriminator": {"guide": False, "sees": "radiance"}}
+_FRESH: dict[str, Any] = {"discriminator": {"guide": False}}
 """Likewise what `rendering: fresh` sets, which does not know what its pixels show."""
 
 
@@ -135,6 +136,20 @@ def train_config(data: dict[str, Any], source: str) -> TrainConfig:
     if data.get("rendering") == "fresh":
         defaults = _merge(defaults, _FRESH)
     return validate(TrainConfig, _merge(defaults, data), source)
+
+
+def settled(config: TrainConfig, spp: int) -> TrainConfig:
+    """The configuration with what its discriminator sees decided, for exemplars of so many samples per pixel.
+
+    `auto` is radiance where fakes are shown in their exemplars' own scenes with as many samples, since then nothing but
+    texture tells them apart, and where `rendering` is `fresh`; else reflectance.
+    """
+    discriminator = config.discriminator
+    if discriminator.sees != "auto":
+        return config
+    plain = config.rendering == "fresh" or (config.scenes.matched and config.spp == spp)
+    sees = "radiance" if plain else "reflectance"
+    return config.model_copy(update={"discriminator": discriminator.model_copy(update={"sees": sees})})
 
 
 def _merge(defaults: dict[str, Any], data: dict[str, Any]) -> dict[str, Any]:

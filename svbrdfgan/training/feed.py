@@ -19,7 +19,7 @@ from svbrdfgan.data.studio import require_maps
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.render_layer import RenderLayer
-from svbrdfgan.training.config import ScenesConfig, TrainConfig
+from svbrdfgan.training.config import ScenesConfig, TrainConfig, settled
 from svbrdfgan.training.fresh import FreshRenders
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.reflectance import Sight
@@ -95,7 +95,9 @@ def make_feed(
         AssetError: the data set is not there, not finished, or damaged.
         ConfigError: the renderer cannot do what the configuration asks.
     """
-    require_possible(config, DatasetPlan.load(folder), renderer)
+    plan = DatasetPlan.load(folder)
+    require_possible(config, plan, renderer)
+    config = settled(config, plan.config.spp)
     exemplars = load_exemplars(folder, split)
     config = config if split == "train" else config.model_copy(update={"scenes": ScenesConfig()})
     stages = make_stages(config, exemplars, split, renderer, device, base)

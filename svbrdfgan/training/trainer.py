@@ -22,7 +22,7 @@ from svbrdfgan.data.studio import resolve_renderer
 from svbrdfgan.display import Display, Silent
 from svbrdfgan.errors import ConfigError, TrainingError
 from svbrdfgan.scoring.recovered import Scorer, best_constant, make_targets
-from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.config import TrainConfig, settled
 from svbrdfgan.training.feed import Feed, make_feed
 from svbrdfgan.training.journal import Journal, finite
 from svbrdfgan.training.run import CONFIG, MODEL, RunConfig, save_generator, versions
@@ -95,6 +95,7 @@ class _Session:
 def _resolve(config: TrainConfig, run: Path, base: Path, resume: bool) -> RunConfig:
     folder = (base / config.dataset).resolve()
     plan = DatasetPlan.load(folder)
+    config = settled(config, plan.config.spp)
     resolved = RunConfig(train=config, dataset=plan.config, dataset_folder=str(folder), versions=versions())
     if (run / CONFIG).is_file() and checkpoints(run):
         if not resume:

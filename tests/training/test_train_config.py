@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.training.config import TrainConfig, train_config
+from svbrdfgan.training.config import TrainConfig, settled, train_config
 
 
 def config(**data: Any) -> TrainConfig:
@@ -32,10 +32,28 @@ def test_what_is_said_goes_before_what_a_recipe_says() -> None:
 
 
 @pytest.mark.parametrize("recipe", ["default", "thesis"])
-def test_fresh_rendering_shows_pictures_alone_unless_told_otherwise(recipe: str) -> None:
+def test_fresh_rendering_shows_no_guide_unless_told(recipe: str) -> None:
     fresh = config(recipe=recipe, rendering="fresh", discriminator={"width": 32}).discriminator
-    assert (fresh.width, fresh.guide, fresh.sees) == (32, False, "radiance")
-    assert config().discriminator.sees == "reflectance"
+    assert (fresh.width, fresh.guide) == (32, False)
+
+
+@pytest.mark.parametrize(
+    ("data", "sees"),
+    [
+        ({}, "radiance"),
+        ({"scenes": {"pool": 3}}, "radiance"),
+        ({"spp": 16}, "reflectance"),
+        ({"scenes": {"environment": "redrawn"}}, "reflectance"),
+        ({"scenes": {"camera_noise_degrees": 1}}, "reflectance"),
+        ({"scenes": {"camera": {}}}, "reflectance"),
+        ({"scenes": {"environment": "redrawn"}, "rendering": "fresh"}, "radiance"),
+        ({"scenes": {"environment": "redrawn"}, "recipe": "thesis"}, "radiance"),
+        ({"discriminator": {"sees": "reflectance"}}, "reflectance"),
+        ({"scenes": {"environment": "redrawn"}, "discriminator": {"sees": "radiance"}}, "radiance"),
+    ],
+)
+def test_plain_pictures_are_seen_where_only_texture_differs(data: dict[str, Any], sees: str) -> None:
+    assert settled(config(**data), spp=64).discriminator.sees == sees
 
 
 def test_a_recipe_stays_as_it_is() -> None:
