@@ -19,7 +19,7 @@ from svbrdfgan.protocols import Renderer
 from svbrdfgan.shortcuts.nuisances import Nuisance, scenes_with
 from svbrdfgan.shortcuts.stills import HALF_LIMIT, Stills
 from svbrdfgan.training.config import ScenesConfig, TrainConfig
-from svbrdfgan.training.feed import Feed, make_stages
+from svbrdfgan.training.feed import Feed, make_stages, own_spp
 from svbrdfgan.training.fresh import FreshRenders
 from svbrdfgan.training.stages import Transports
 from svbrdfgan.training.step import sides
@@ -68,8 +68,7 @@ class Darkroom:
     def _feed(self, differing: Differing) -> Feed:
         """Training's, but that its exemplars are clean, and that fakes differ from them in these nuisances alone."""
         exemplars, scenes = self.exemplars, self.config.scenes
-        spp = [scene.spp for scene in exemplars.scenes if self._demodulated]
-        own = self._stages(scenes_with(scenes, frozenset()), max([self.config.spp, *spp]))
+        own = self._stages(scenes_with(scenes, frozenset()), own_spp(self.config, exemplars))
         images, coverage = self._twins(differing & {"noise", "renderer"}, own)
         return Feed(
             exemplars=exemplars,

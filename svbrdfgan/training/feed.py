@@ -149,19 +149,21 @@ def require_possible(config: TrainConfig, plan: DatasetPlan, renderer: Renderer[
 
 
 def _own(config: TrainConfig, stages: Transports | FreshRenders) -> Transports | FreshRenders:
-    """Stages of the exemplars' own scenes; held by the CPU where training only looks at them once.
-
-    What divides the light out of exemplars has no fewer samples than they.
-    """
+    """Stages of the exemplars' own scenes; held by the CPU where training only looks at them once."""
     if isinstance(stages, FreshRenders):
         return stages
-    demodulated = config.discriminator.sees == "reflectance"
-    spp = max([config.spp] + [scene.spp for scene in stages.exemplars.scenes if demodulated])
+    spp = own_spp(config, stages.exemplars)
     if config.scenes.matched and config.scenes.pool and spp == config.spp:
         return stages
     matched = Perturbation(ScenesConfig(), stages.perturbation.sampler)
-    device = stages.device if demodulated else torch.device("cpu")
+    device = stages.device if config.discriminator.sees == "reflectance" else torch.device("cpu")
     return Transports(stages.exemplars, matched, stages.renderer, spp, 1, device, config.seed)
+
+
+def own_spp(config: TrainConfig, exemplars: Exemplars) -> int:
+    """Samples per pixel of the exemplars' own scenes. What divides their light out has no fewer than they."""
+    demodulated = config.discriminator.sees == "reflectance"
+    return max([config.spp] + [scene.spp for scene in exemplars.scenes if demodulated])
 
 
 def _any_order(exemplars: Exemplars) -> list[int]:

@@ -91,7 +91,8 @@ class TransportBatch:
 
     def transposed(self, images: Float[Tensor, "batch height width 3"]) -> Float[Tensor, "textures rows cols 3"]:
         """T^T @ images, differentiable in them (once)."""
-        texels: Tensor = _Transposed.apply(images.reshape(-1, 3).float().contiguous(), self.product)
+        pixels, background = (part.reshape(-1, 3).float().contiguous() for part in (images, self.background))
+        texels: Tensor = _Transposed.apply(pixels, self.product, background)
         return texels.reshape(-1, *self.transports[0].texture_shape, 3)
 
 
@@ -114,16 +115,15 @@ class _Transposed(torch.autograd.Function):
     """T^T @ pixels, with T for its gradient."""
 
     @staticmethod
-    def forward(ctx: FunctionCtx, pixels: Tensor, product: Product) -> Tensor:
-        ctx.product = product  # type: ignore[attr-defined]
+    def forward(ctx: FunctionCtx, pixels: Tensor, product: Product, background: Tensor) -> Tensor:
+        ctx.product, ctx.background = product, background  # type: ignore[attr-defined]
         return product.transposed(pixels)
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: FunctionCtx, grad: Tensor) -> tuple[Tensor, None]:
+    def backward(ctx: FunctionCtx, grad: Tensor) -> tuple[Tensor, None, None]:
         product: Product = ctx.product  # type: ignore[attr-defined]
-        grad = grad.contiguous()
-        return product.picture(grad) - product.picture(torch.zeros_like(grad)), None
+        return product.picture(grad.contiguous()) - ctx.background, None, None  # type: ignore[attr-defined]
 
 
 def _product(transports: tuple[LightTransport, ...]) -> Product:

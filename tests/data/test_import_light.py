@@ -12,7 +12,7 @@ from numpy import ndarray
 from scipy.optimize import nnls
 from torch import Tensor
 
-from svbrdfgan.data.imported.light import LOBES, Sight, estimate, film_size, light, lobes, look
+from svbrdfgan.data.imported.light import LOBES, Evidence, estimate, film_size, light, lobes, look
 from svbrdfgan.errors import AssetError
 from svbrdfgan.plugins import load_embedding, load_renderer
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
@@ -84,8 +84,8 @@ def test_lobes_share_the_sphere_among_them() -> None:
 
 
 def test_light_of_the_lobes_is_recovered(white: ndarray, weights: ndarray) -> None:
-    sight = Sight(taken(white, weights, PAINT), np.broadcast_to(PAINT, white.shape[:2]), white)
-    found = estimate(sight, GREY)
+    evidence = Evidence(taken(white, weights, PAINT), np.broadcast_to(PAINT, white.shape[:2]), white)
+    found = estimate(evidence, GREY)
     assert error(white, found, weights) < 0.02
     assert error(white, np.ones_like(weights), weights) > 0.2  # what the mean light errs
 
@@ -96,27 +96,27 @@ def test_weathering_of_a_third_is_not_taken_for_light(white: ndarray, weights: n
     third = normals[:, 1] < np.quantile(normals[:, 1], 1 / 3)
     share = third * np.random.default_rng(1).uniform(0.3, 1.0, len(normals))
     color = paint + share[:, None] * (np.array([0.26, 0.17, 0.10]) - paint)
-    sight = Sight(taken(white, weights, color), np.broadcast_to(paint, white.shape[:2]), white)
-    plain = np.stack([nnls(white[:, c] * (paint[c] + 0.02), sight.taken[:, c])[0] for c in range(3)])
+    evidence = Evidence(taken(white, weights, color), np.broadcast_to(paint, white.shape[:2]), white)
+    plain = np.stack([nnls(white[:, c] * (paint[c] + 0.02), evidence.taken[:, c])[0] for c in range(3)])
     assert error(white[third], plain, weights) > 0.5
-    assert error(white[third], estimate(sight, GREY), weights) < 0.2
-    assert error(white, estimate(sight, GREY), weights) < 0.15
+    assert error(white[third], estimate(evidence, GREY), weights) < 0.2
+    assert error(white, estimate(evidence, GREY), weights) < 0.15
 
 
 def test_light_is_never_negative_and_the_same_every_time(white: ndarray) -> None:
     """Whatever the picture: here, noise."""
     noise = np.random.default_rng(2).exponential(size=white.shape[:2])
-    sight = Sight(noise, np.broadcast_to(PAINT, white.shape[:2]), white)
-    found = estimate(sight, GREY)
+    evidence = Evidence(noise, np.broadcast_to(PAINT, white.shape[:2]), white)
+    found = estimate(evidence, GREY)
     assert np.isfinite(found).all()
     assert found.min() >= 0
-    assert np.array_equal(found, estimate(sight, GREY))
+    assert np.array_equal(found, estimate(evidence, GREY))
     assert float(light(gradient(), found).min()) >= 0
 
 
 def test_what_a_picture_does_not_show_stays_the_mean(white: ndarray) -> None:
-    sight = Sight(taken(white, 2 * np.ones((3, LOBES)), PAINT), np.broadcast_to(PAINT, white.shape[:2]), white)
-    found = light(gradient(), estimate(sight, GREY)) / gradient()
+    evidence = Evidence(taken(white, 2 * np.ones((3, LOBES)), PAINT), np.broadcast_to(PAINT, white.shape[:2]), white)
+    found = light(gradient(), estimate(evidence, GREY)) / gradient()
     assert float(found[ROWS // 2, 0].mean()) == pytest.approx(2, abs=0.1)  # +Z, at the seam
     assert float(found[ROWS // 2, ROWS].mean()) < 1.6  # -Z, behind
 
@@ -145,10 +145,10 @@ def test_a_picture_of_a_mesh_tells_its_light(shooting: Shooting) -> None:
     shoot, clean, learnable = shooting
     sun = gradient() * (1 + 14 * lobes(ROWS, 2 * ROWS)[[20, 21, 33]].sum(dim=0)).unsqueeze(-1)
     matt = Materials(tuple(Material.lambertian(part.base_color + 0.02) for part in clean.parts))
-    sight = look(shoot(matt, sun), shoot, clean, learnable, gradient())
-    assert len(sight.taken) > 100
-    assert np.abs(sight.base / PAINT - 1).mean() < 0.05
-    found = light(gradient(), estimate(sight, GREY))
+    evidence = look(shoot(matt, sun), shoot, clean, learnable, gradient())
+    assert len(evidence.taken) > 100
+    assert np.abs(evidence.base / PAINT - 1).mean() < 0.05
+    found = light(gradient(), estimate(evidence, GREY))
     made, true, mean = (shoot(clean, one).image for one in (found, sun, gradient()))
     seen = true.sum(dim=-1) > 0.05
     assert float((made[seen] / true[seen] - 1).abs().median()) < 0.1

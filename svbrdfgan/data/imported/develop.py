@@ -137,8 +137,8 @@ class _Darkroom:
             view = View(scene.camera.camera(), Environment(radiance), width, height)
             return _on_cpu(self.renderer.render(prepared, materials, view, spp=_LIGHT_SPP, seed=seed))
 
-        sight = look(exposed, shoot, subject.materials(scene.materials, None), subject.learnable, self.mean)
-        found = light(self.mean, estimate(sight, self.manifest.weathering_color))
+        evidence = look(exposed, shoot, subject.materials(scene.materials, None), subject.learnable, self.mean)
+        found = light(self.mean, estimate(evidence, self.manifest.weathering_color))
         rows, folder = self.manifest.environment_rows, self.studio.folder
         return SceneEnvironment(asset=environment_asset(f"light of picture {scene.seed}", found, rows, folder).asset)
 

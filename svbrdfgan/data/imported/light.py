@@ -45,7 +45,7 @@ Shoot = Callable[[Materials, Light], Rendering]
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class Evidence:
     """What a picture tells of its light, at the pixels that learnable parts fill.
 
     Attributes:
@@ -65,7 +65,7 @@ def film_size(width: int, height: int) -> tuple[int, int]:
     return max(1, round(width * shrink)), max(1, round(height * shrink))
 
 
-def look(taken: Rendering, shoot: Shoot, clean: Materials, learnable: Sequence[int], mean: Light) -> Sight:
+def look(taken: Rendering, shoot: Shoot, clean: Materials, learnable: Sequence[int], mean: Light) -> Evidence:
     """What a picture tells of its light.
 
     Args:
@@ -89,7 +89,7 @@ def look(taken: Rendering, shoot: Shoot, clean: Materials, learnable: Sequence[i
             "too little of its learnable parts is seen to tell its light: name its 'environment', or set 'light: mean'."
         )
     base = shot.image[told] / full[told]
-    return Sight(*(part.double().numpy() for part in (image[told], base, lit[told])))
+    return Evidence(*(part.double().numpy() for part in (image[told], base, lit[told])))
 
 
 def lobes(rows: int, cols: int) -> Float[Tensor, "lobes rows cols"]:
@@ -107,16 +107,16 @@ def light(mean: Light, weights: Float[ndarray, "3 lobes"]) -> Light:
     return mean * torch.einsum("cl,lrw->rwc", torch.from_numpy(weights).float(), lobes(*mean.shape[:2]))
 
 
-def estimate(sight: Sight, dirt: tuple[float, float, float]) -> Float[ndarray, "3 lobes"]:
+def estimate(evidence: Evidence, dirt: tuple[float, float, float]) -> Float[ndarray, "3 lobes"]:
     """Each lobe's weight in each channel: one where it is as in the mean light.
 
     Args:
         dirt: linear reflectance of whatever weathering lays on paint, roughly.
     """
-    base, laid = sight.base + GLOSS, np.asarray(dirt) - sight.base
-    bright = (sight.base * sight.white.sum(axis=-1)).mean(axis=-1, keepdims=True)
+    base, laid = evidence.base + GLOSS, np.asarray(dirt) - evidence.base
+    bright = (evidence.base * evidence.white.sum(axis=-1)).mean(axis=-1, keepdims=True)
     unit = bright + _DARK * np.median(bright)
-    taken, white = sight.taken / unit, sight.white / unit[..., None]
+    taken, white = evidence.taken / unit, evidence.white / unit[..., None]
     weights = np.ones((3, white.shape[-1]))
     for done in range(_ROUNDS):
         lit = np.einsum("pcl,cl->pc", white, weights)
