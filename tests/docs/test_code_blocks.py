@@ -12,9 +12,13 @@ import pytest
 import torch
 
 from svbrdfgan.cli import COMMANDS, main
+from svbrdfgan.data.config import dataset_config
 from svbrdfgan.io import load_mesh
+from svbrdfgan.training.config import train_config
+from svbrdfgan.yaml_files import apply_overrides, load_yaml
 
-PAGES = ("README.md", "docs/quickstart.md", "docs/write-a-renderer.md", "docs/write-a-uv-embedding.md")
+REPOSITORY = Path(__file__).parents[2]
+PAGES = ["README.md", *sorted(page.relative_to(REPOSITORY).as_posix() for page in REPOSITORY.glob("docs/*.md"))]
 Run = Callable[[str], dict[str, Any]]
 
 
@@ -58,8 +62,8 @@ def test_the_example_of_light_transport(run: Run) -> None:
 
 def commands(text: str) -> list[list[str]]:
     """The calls of the program in blocks for a shell and in inline code."""
-    blocks = "\n".join(re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL))
-    inline = "\n".join(re.findall(r"`(svbrdfgan [^`\n]+)`", text))
+    blocks = "\n".join(re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL)).replace("\\\n", " ")
+    inline = "\n".join(re.sub(r"\s+", " ", call) for call in re.findall(r"(?<!`)`(svbrdfgan [^`]+)`(?!`)", text))
     lines = [shlex.split(line, comments=True) for line in f"{blocks}\n{inline}".splitlines()]
     return [line[1:] for line in lines if line[:1] == ["svbrdfgan"] and len(line) > 1]
 
@@ -69,23 +73,47 @@ def check(call: list[str]) -> None:
     name, *arguments = call
     assert name in COMMANDS, name
     command = main.get_command(click.Context(main), name)
-    if arguments and command is not None:
+    if arguments not in ([], ["import"]) and command is not None:
         command.make_context(name, arguments)
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_commands_are_those_of_the_program(page: str, repository: Path) -> None:
-    found = commands((repository / page).read_text(encoding="utf-8"))
-    assert found
-    for call in found:
+def test_commands_are_those_of_the_program(
+    page: str, repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("assets").mkdir()  # which --assets wants to be there
+    for call in commands((repository / page).read_text(encoding="utf-8")):
         check(call)
 
 
 def test_a_wrong_command_is_found() -> None:
     with pytest.raises(click.UsageError):
         check(commands("`svbrdfgan bake MESH --nonsense -o DIR`")[0])
+    with pytest.raises(click.UsageError):
+        check(commands("```sh\nsvbrdfgan dataset \\\n  dataset.yaml\n```\n")[0])
+    with pytest.raises(click.UsageError):
+        check(commands("(`svbrdfgan dataset\ndataset.yaml`)")[0])
     with pytest.raises(AssertionError):
         check(["dream"])
+
+
+def test_the_commands_of_the_experiments_find_their_files(repository: Path) -> None:
+    """With the two examples beside cars/ and envmaps/, since paths in a YAML file are relative to it."""
+    made = set()
+    calls = commands((repository / "docs" / "experiments.md").read_text(encoding="utf-8"))
+    for name, config, *words in (call for call in calls if call[0] in ("dataset", "train") and "-o" in call):
+        assert Path(config).name == config  # so that these and the paths of options are relative to one folder
+        given = load_yaml(repository / "examples" / "vehicles" / config)
+        data = apply_overrides(given, [word for word in words if "=" in word])
+        if name == "dataset":
+            made.add(words[words.index("-o") + 1])
+            declared = dataset_config(data, config)
+            sources = [declared.environments, *(split.meshes for split in declared.splits.values())]
+            assert {Path(file).parts[0] for source in sources for file in source.files} == {"cars", "envmaps"}
+        else:
+            assert train_config(data, config).dataset in made
+    assert made == {"dataset", "data-stretch"}
 
 
 def first_column(text: str, header: str) -> set[str]:

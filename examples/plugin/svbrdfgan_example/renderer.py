@@ -12,14 +12,12 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from svbrdfgan.errors import ConfigError, UnsupportedError
+from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import RendererCapabilities
+from svbrdfgan.refusals import check_cotangent, check_radiance, check_render, check_transport
 from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan_example.grid import Grid, meet
 from svbrdfgan_example.light import Light, bilinear
-
-_READ = frozenset({"base_color"})
-_DIFFERENTIATED = frozenset({"base_color", "environment"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +28,7 @@ class Prepared:
     normals: Tensor
     uv: Tensor
     part: Tensor
-    parts: int
+    parts: tuple[str, ...]
     repeat: tuple[bool, bool]
 
 
@@ -50,7 +48,7 @@ class GridRenderer:
     chunk: int = 65536
 
     capabilities: ClassVar[RendererCapabilities] = RendererCapabilities(
-        maps=_READ, differentiable=_DIFFERENTIATED, max_bounces=1, transport=True, stochastic=True
+        differentiable=frozenset({"base_color", "environment"}), transport=True
     )
     device: ClassVar[torch.device] = torch.device("cpu")
 
@@ -66,14 +64,15 @@ class GridRenderer:
             torch.from_numpy(a[surface.faces]).double() for a in (surface.positions, surface.normals, surface.uv)
         )
         grid = Grid.of_triangles(positions, self.density)
-        part = torch.tensor(surface.face_part)
-        return Prepared(grid, normals, uv, part, len(surface.parts), surface.repeat)
+        part, names = torch.tensor(surface.face_part), tuple(part.name for part in surface.parts)
+        return Prepared(grid, normals, uv, part, names, surface.repeat)
 
     def render(self, prepared: Prepared, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
         """The picture: transport, times the textures."""
+        check_render("grid", self.capabilities, prepared.parts, materials, spp=spp)
         film = torch.zeros(view.height * view.width, 4, dtype=torch.float64)
         with torch.no_grad():
-            colors = _base_colors(prepared, materials)
+            colors = _base_colors(materials)
             for samples in self._samples(prepared, view, _radiance(view), spp, seed):
                 seen = torch.cat([samples.weight * _albedo(prepared, colors, samples), samples.share], dim=1)
                 film.index_add_(0, samples.pixel, seen)
@@ -92,13 +91,10 @@ class GridRenderer:
         seed: int,
     ) -> Gradients:
         """By torch's own differentiation of the lookups; directions are constants."""
-        if unknown := wrt - _DIFFERENTIATED:
-            raise UnsupportedError(f"grid renderer: there is no gradient for {', '.join(sorted(unknown))}.")
-        if grad_image.shape != (view.height, view.width, 3):
-            shape = tuple(grad_image.shape)
-            raise ConfigError(f"grid renderer: grad_image has shape {shape}; wanted {(view.height, view.width, 3)}.")
+        check_render("grid", self.capabilities, prepared.parts, materials, spp=spp, wrt=wrt)
+        check_cotangent("grid", view, grad_image)
         grad = grad_image.detach().cpu().double().reshape(-1, 3)
-        colors = [color.requires_grad_("base_color" in wrt) for color in _base_colors(prepared, materials)]
+        colors = [color.requires_grad_("base_color" in wrt) for color in _base_colors(materials)]
         light = _radiance(view).requires_grad_("environment" in wrt)
         inputs = [value for value in (*colors, light) if value.requires_grad]
         totals = [torch.zeros_like(value) for value in inputs]
@@ -114,12 +110,11 @@ class GridRenderer:
 
     def transport(self, prepared: Prepared, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
         """The samples that `render` multiplies with the textures."""
-        for samples in self._samples(prepared, view, _radiance(view), spp, seed):
-            yield TransportSamples(samples.pixel, samples.part, samples.uv.float(), samples.weight.float())
+        check_transport("grid", self.capabilities, spp=spp)
+        samples = self._samples(prepared, view, _radiance(view), spp, seed)
+        return (TransportSamples(s.pixel, s.part, s.uv.float(), s.weight.float()) for s in samples)
 
     def _samples(self, prepared: Prepared, view: View, radiance: Tensor, spp: int, seed: int) -> Iterator[_Samples]:
-        if spp < 1:
-            raise ConfigError(f"grid renderer: spp is {spp}; wanted 1 or more.")
         mixed = np.random.SeedSequence(seed % 2**64).generate_state(1)  # torch alone takes only the lower 32 bits
         rng = torch.Generator().manual_seed(int(mixed[0]))
         light = Light.of(view.environment, radiance)
@@ -190,16 +185,11 @@ def _albedo(prepared: Prepared, colors: list[Tensor], samples: _Samples) -> Tens
     return albedo
 
 
-def _base_colors(prepared: Prepared, materials: Materials) -> list[Tensor]:
+def _base_colors(materials: Materials) -> list[Tensor]:
     """Of each part, in double precision, apart from the caller's tensors."""
-    if len(materials) != prepared.parts:
-        wanted = f"one for each of the surface's {prepared.parts} parts"
-        raise ConfigError(f"grid renderer: got {len(materials)} materials; wanted {wanted}.")
-    for material in materials.parts:
-        if unread := material.maps.keys() - _READ:
-            raise UnsupportedError(f"grid renderer: it does not read {', '.join(sorted(unread))}; drop the map.")
     return [material.base_color.detach().cpu().double().clone() for material in materials.parts]
 
 
 def _radiance(view: View) -> Tensor:
+    check_radiance(view.environment.radiance)
     return view.environment.radiance.detach().cpu().double().clone()
