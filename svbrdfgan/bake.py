@@ -51,7 +51,7 @@ class GeometryBuffer:
     bounds: Float[Tensor, "2 3"]
 
     def network_input(self) -> Float[Tensor, "6 rows cols"]:
-        """Position and normal for the generator, in [-1, 1].
+        """Position and normal for the generator, in [-1, 1]; heights are above 1 where the surface is taller than that.
 
         Positions are taken from the middle of the bounding box, on the ground, and divided by half its longer
         horizontal side: lengths compare within a vehicle, and vehicles of any size look alike.

@@ -9,8 +9,8 @@ from types import MappingProxyType
 from typing import Literal
 
 from svbrdfgan.errors import PluginError
+from svbrdfgan.plugin_probe import probe
 from svbrdfgan.plugins import RENDERERS, Plugin, list_plugins
-from svbrdfgan.probe import probe
 
 RANKING: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"cuda": ("warp", "mitsuba", "numpy"), "cpu": ("mitsuba", "warp", "numpy")}

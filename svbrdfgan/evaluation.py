@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
@@ -18,23 +18,29 @@ from torch import Tensor
 
 from svbrdfgan.compositing import RGBA
 from svbrdfgan.data.config import Split
+from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.data.plan import PLAN
 from svbrdfgan.data.studio import resolve_renderer
 from svbrdfgan.display import Display, Silent
+from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.records import save_record
 from svbrdfgan.networks import Generator
 from svbrdfgan.options import StrictModel
 from svbrdfgan.scoring.flip import display as as_displayed
 from svbrdfgan.scoring.flip import flip
-from svbrdfgan.scoring.recovered import Scorer, best_constant, make_targets, mean_errors
+from svbrdfgan.scoring.recovered import Scorer, SeenTexels, constant_layer, make_targets, mean_errors
 from svbrdfgan.training.config import ScenesConfig
-from svbrdfgan.training.feed import Feed, make_feed
+from svbrdfgan.training.feed import Feed, buffers_of, make_feed, make_seen
 from svbrdfgan.training.oracle import OracleConfig, train_oracle
-from svbrdfgan.training.run import ORACLE, RunConfig, load_generator, load_model, save_generator
-from svbrdfgan.training.trainer import auto_precision
+from svbrdfgan.training.run import ORACLE, ORACLE_NOTES, RunConfig, load_generator, load_model, save_generator
+from svbrdfgan.training.trainer import auto_precision, require_device
 
 EVALUATION = "evaluation.json"
 _ORACLE_TARGETS = 2048
-_CONSTANT_TARGETS = 64
+
+Pictured = tuple[Exemplars, SeenTexels]
+"""A split, and what its pictures show."""
 
 log = logging.getLogger(__name__)
 
@@ -91,8 +97,7 @@ class Evaluation(StrictModel):
         return told + [f"{name}: {error:.3f} mean absolute error" for name, error in self.maps.items()]
 
     def save(self, run: Path) -> None:
-        with atomic_path(run / EVALUATION) as temporary:
-            temporary.write_text(json.dumps(self.model_dump(), indent=1) + "\n", encoding="utf-8")
+        save_record(run / EVALUATION, self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,35 +120,48 @@ def evaluate(
     split: Split = "test",
     oracle: bool = True,
     device: Literal["auto", "cpu", "cuda"] = "auto",
+    dataset: Path | None = None,
     schedule: OracleConfig | None = None,
     display: Display | None = None,
 ) -> Evaluated:
     """Scores a run on a split, training the oracle first if the run has none yet, and writes `evaluation.json`.
 
+    Args:
+        dataset: where the run's data set is now, if it was moved.
+
     Raises:
-        AssetError: no run, no model yet, or no such split.
+        AssetError: no run, no model yet, no data set where it was, or no such split.
+        ConfigError: the data set is another, or the device cannot be had.
     """
     shown = display or Silent()
+    require_device(device)
     model = load_model(run)
+    if dataset is not None:
+        model = replace(model, config=model.config.moved(dataset))
+    elif not (Path(model.config.dataset_folder) / PLAN).is_file():
+        was = model.config.dataset_folder
+        raise AssetError(f"the run's data set is no longer {was}: say where it is, with --dataset, or make it anew.")
     config = model.config.train.model_copy(update={"scenes": ScenesConfig()})  # the exemplars' own
     fabric = Fabric(accelerator=device, devices=1, precision=auto_precision(device))
-    renderer = resolve_renderer(config.renderer, "cuda" if fabric.device.type == "cuda" else "cpu")
+    renderer, _ = resolve_renderer(config.renderer, "cuda" if fabric.device.type == "cuda" else "cpu")
     folder = Path(model.config.dataset_folder)
 
-    @cache
-    def feed(of: Split) -> Feed:
-        shown.begin(f"light transport of the {of} scenes")
-        return make_feed(config, folder, of, renderer, fabric.device, progress=shown.advance)
+    shown.begin(f"light transport of the {split} scenes")
+    scored = make_feed(config, folder, split, renderer, fabric.device, progress=shown.advance)
 
-    scored = feed(split)
-    trained = feed("train")
-    targets, _ = make_targets(trained.exemplars, trained.seen, fabric.device, _CONSTANT_TARGETS)
-    constant = best_constant(targets)
+    @cache
+    def pictured(of: Split) -> Pictured:
+        if of == split:
+            return scored.exemplars, scored.seen
+        shown.begin(f"light transport of the {of} scenes")
+        return make_seen(config, folder, of, renderer, shown.advance)
+
+    constant = constant_layer(*pictured("train"), fabric.device)
     scorer = Scorer.make(scored.exemplars, scored.seen, constant, fabric.device)
     layers = {"generated": _layers(fabric, scorer, model.generator)}
     found = None
     if oracle:
-        found = _oracle(run, fabric, model.config, trained, feed, constant, schedule or OracleConfig(), shown)
+        found = _oracle(run, fabric, model.config, pictured, constant, schedule or OracleConfig(), shown)
         layers["oracle"] = _layers(fabric, scorer, found.generator)
     layers["constant"] = constant.expand_as(layers["generated"])
     shown.begin("comparing pictures", len(scored))
@@ -167,26 +185,26 @@ def _oracle(
     run: Path,
     fabric: Fabric,
     config: RunConfig,
-    trained: Feed,
-    feed: Callable[[Split], Feed],
+    pictured: Callable[[Split], Pictured],
     constant: Tensor,
     schedule: OracleConfig,
     shown: Display,
 ) -> _Found:
     """The run's oracle; where there is none, trained now, its plateau judged on the validation split."""
-    path, notes = run / ORACLE, run / "oracle.json"
+    path, notes = run / ORACLE, run / ORACLE_NOTES
     if path.is_file() and notes.is_file():
         told = json.loads(notes.read_text(encoding="utf-8"))
         return _Found(load_generator(path)[0].to(fabric.device), told["plateau"], told["steps"])
-    held_out = feed("validation") if "validation" in config.dataset.splits else trained
-    scorer = Scorer.make(held_out.exemplars, held_out.seen, constant, fabric.device)
-    targets, _ = make_targets(trained.exemplars, trained.seen, fabric.device, _ORACLE_TARGETS)
+    trained, seen = pictured("train")
+    targets, _ = make_targets(trained, seen, fabric.device, _ORACLE_TARGETS)
+    held_out = pictured("validation") if "validation" in config.dataset.splits else (trained, seen)
+    scorer = Scorer.make(*held_out, constant, fabric.device)
     shown.begin("training the supervised oracle")
 
     def watch(step: int, score: float) -> None:
         shown.advance(schedule.every, f"recovered {score:.3f}")
 
-    oracle = train_oracle(fabric, config.train, trained.buffers, targets, scorer, schedule, watch)
+    oracle = train_oracle(fabric, config.train, buffers_of(trained, fabric.device), targets, scorer, schedule, watch)
     save_generator(path, oracle.generator, config.train.generator, oracle.score)
     with atomic_path(notes) as temporary:
         temporary.write_text(json.dumps({"plateau": oracle.plateau, "steps": oracle.steps}), encoding="utf-8")
@@ -238,7 +256,7 @@ def _layers(fabric: Fabric, scorer: Scorer, generator: Generator) -> Float[Tenso
 def _flips(feed: Feed, layers: dict[str, Tensor], shown: Display) -> dict[str, float]:
     """Mean FLIP between the exemplars and pictures of the same scenes under each set of layers, and under G0's own."""
     totals = dict.fromkeys([*layers, "truth"], 0.0)
-    weathered = [index for index in range(len(feed)) if feed.exemplars.layers[index] is not None]
+    weathered = [index for index in range(len(feed)) if feed.exemplars.weathered(index)]
     for index in weathered:
         truth = as_displayed(feed.exemplars.images[index], coverage=feed.exemplars.coverage[index].float())
         for name, picture in pictures(feed, index, layers).items():
@@ -257,6 +275,6 @@ def pictures(feed: Feed, index: int, layers: dict[str, Tensor]) -> dict[str, Flo
     for name, layer in chosen.items():
         if layer is not None:
             with torch.no_grad():
-                image = stage.render(layer.unsqueeze(0).to(feed.buffers.device))[0]
-            shown[name] = as_displayed(image.cpu(), coverage=stage.coverage[0].cpu().float())
+                image, coverage = stage.render(layer.unsqueeze(0).to(feed.buffers.device))
+            shown[name] = as_displayed(image[0].cpu(), coverage=coverage[0].cpu().float())
     return shown

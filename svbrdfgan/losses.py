@@ -22,10 +22,10 @@ Critic = Callable[[Float[Tensor, "batch channels height width"]], Logits]
 
 @dataclass(frozen=True)
 class GANLoss:
-    """What each player minimises, given (real logits, fake logits)."""
+    """What each player minimises, given (real logits, fake logits). The generator's real ones are found if it asks."""
 
     discriminator: Callable[[Logits, Logits], Scalar]
-    generator: Callable[[Logits, Logits], Scalar]
+    generator: Callable[[Callable[[], Logits], Logits], Scalar]
 
 
 def _softplus(logits: Logits) -> Scalar:
@@ -52,7 +52,7 @@ LOSSES: Mapping[str, GANLoss] = MappingProxyType(
         # Jolicoeur-Martineau 2019 (RpGAN); with R1 and R2 it is R3GAN (Huang et al. 2024)
         "relativistic": GANLoss(
             discriminator=lambda real, fake: _softplus(fake - real),
-            generator=lambda real, fake: _softplus(real - fake),
+            generator=lambda real, fake: _softplus(real() - fake),
         ),
     }
 )

@@ -71,6 +71,18 @@ def build(factory: Callable[..., Made], options: Mapping[str, object], path: str
         raise ConfigError(f"{path}: {error}") from error
 
 
+def differing_keys(mine: Mapping[str, Any], its: Mapping[str, Any], path: str = "") -> list[str]:
+    """Dotted keys whose values differ between two dumps of records, or that one of them lacks, sorted."""
+    found: list[str] = []
+    for key in sorted(mine.keys() | its.keys()):
+        a, b, name = mine.get(key), its.get(key), f"{path}{key}"
+        if isinstance(a, dict) and isinstance(b, dict):
+            found += differing_keys(a, b, f"{name}.")
+        elif a != b:
+            found.append(name)
+    return found
+
+
 def _options_model(factory: Callable[..., object]) -> tuple[type[BaseModel], dict[str, str]]:
     """A record with one aliased field for each keyword parameter, and the parameter that each field stands for."""
     try:

@@ -1,4 +1,4 @@
-"""The two interfaces that plugins implement. This file is the whole contract; `docs/conventions.md` fixes the meanings.
+"""The two interfaces that plugins implement. `docs/conventions.md` fixes the meanings, and `svbrdfgan.testing` judges.
 
 A renderer is a class whose constructor takes typed keyword options, all with defaults, and checks them. It is
 registered under the entry-point group `svbrdfgan.renderers`; an embedding under `svbrdfgan.uv_embeddings`.
@@ -51,7 +51,7 @@ class Renderer(Protocol[Prepared]):
 
     @property
     def device(self) -> torch.device:
-        """Where its results live. Inputs may live anywhere."""
+        """Where its results live; "cuda" stands for any of its devices. Inputs may live anywhere."""
         ...
 
     def prepare(self, surface: Surface) -> Prepared:
@@ -63,6 +63,8 @@ class Renderer(Protocol[Prepared]):
 
         Raises:
             UnsupportedError: a material has a map that `capabilities.maps` does not name.
+            SvbrdfganError: not one material for each part, `spp` below 1, or radiance that is no light;
+                `svbrdfgan.refusals` raises all that a renderer is to raise.
         """
         ...
 
@@ -84,6 +86,7 @@ class Renderer(Protocol[Prepared]):
 
         Raises:
             UnsupportedError: `wrt` names something that `capabilities.differentiable` does not.
+            SvbrdfganError: as `render`, or `grad_image` is not of the view's film.
         """
         ...
 
@@ -93,7 +96,10 @@ class TransportRenderer(Renderer[Prepared], Protocol[Prepared]):
     """A renderer that can also say how the picture depends on the textures: an optional power, for direct light."""
 
     def transport(self, prepared: Prepared, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
-        """The samples of the picture that `render` makes with the same view, `spp` and `seed`, in chunks."""
+        """The samples of the picture that `render` makes with the same view, `spp` and `seed`, in chunks.
+
+        What is refused is refused by the call, not by the first chunk.
+        """
         ...
 
 
@@ -108,7 +114,10 @@ class PullbackRenderer(Renderer[Prepared], Protocol[Prepared]):
     def render_pullback(
         self, prepared: Prepared, materials: Materials, view: View, *, wrt: frozenset[str], spp: int, seed: int
     ) -> tuple[Rendering, Pullback]:
-        """What `render` gives, and `render_vjp` with the same arguments, as a function of `grad_image` alone."""
+        """What `render` gives, and `render_vjp` with the same arguments, as a function of `grad_image` alone.
+
+        The function does not depend on what is written into materials and light afterwards.
+        """
         ...
 
 

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from svbrdfgan.errors import UnsupportedError
 from svbrdfgan.protocols import Prepared, Pullback, PullbackRenderer, Renderer
 from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, View
 
@@ -41,9 +42,19 @@ class RenderLayer(Generic[Prepared]):
         wrt = {name for (_, name), value in zip(names, values, strict=True) if value.requires_grad}
         if radiance.requires_grad:
             wrt.add("environment")
-        call = _Call(self, prepared, names, view, seed, frozenset(wrt if torch.is_grad_enabled() else ()))
+        wanted = frozenset(wrt if torch.is_grad_enabled() else ())
+        self._require_differentiable(wanted)
+        call = _Call(self, prepared, names, view, seed, wanted)
         image, coverage = _Render.apply(call, radiance, *values)
         return Rendering(image, coverage)
+
+    def _require_differentiable(self, wanted: frozenset[str]) -> None:
+        lacking = sorted(wanted - self.renderer.capabilities.differentiable)
+        if lacking:
+            raise UnsupportedError(
+                f"{type(self.renderer).__name__} has no gradients for {', '.join(lacking)}: detach them, or choose a "
+                "renderer that has."
+            )
 
 
 @dataclass(frozen=True, eq=False)

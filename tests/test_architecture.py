@@ -15,8 +15,9 @@ PLUGINS = sorted(
 PLUGIN_NAMES = {folder.name for folder in PLUGINS}
 
 ERRORS, TYPES, PROTOCOLS = "svbrdfgan.errors", "svbrdfgan.types", "svbrdfgan.protocols"
-FOR_BACKENDS = (TYPES, PROTOCOLS, ERRORS)
-FOR_EMBEDDINGS = (*FOR_BACKENDS, "svbrdfgan.geometry")
+REFUSALS = "svbrdfgan.refusals"
+FOR_BACKENDS = (TYPES, PROTOCOLS, ERRORS, REFUSALS)
+FOR_EMBEDDINGS = (TYPES, PROTOCOLS, ERRORS, "svbrdfgan.geometry")
 
 
 def imports(source: str, module: str, is_package: bool = False) -> Iterator[str]:
@@ -37,7 +38,7 @@ def within(name: str, *allowed: str) -> bool:
 
 def forbidden_in_core(module: str, names: Iterator[str]) -> list[str]:
     """What a module of the core imports though it must not: plugins, and whatever lies above it."""
-    layers = {ERRORS: (ERRORS,), TYPES: (TYPES, ERRORS), PROTOCOLS: (PROTOCOLS, TYPES, ERRORS)}
+    layers = {ERRORS: (ERRORS,), TYPES: (TYPES, ERRORS), PROTOCOLS: (PROTOCOLS, TYPES, ERRORS), REFUSALS: FOR_BACKENDS}
     layer = next((allowed for base, allowed in layers.items() if within(module, base)), ("svbrdfgan",))
     return [
         name

@@ -235,6 +235,24 @@ def test_a_map_that_the_renderer_does_not_know_is_refused(stage: Stage) -> None:
 
 
 @dataclass
+class Seeing(Watched):
+    """One that has gradients for nothing."""
+
+    @property
+    def capabilities(self) -> Any:
+        return replace(self.inner.capabilities, differentiable=frozenset())
+
+
+def test_what_has_no_gradient_is_refused_before_it_is_rendered(stage: Stage) -> None:
+    blind = replace(stage, renderer=Seeing(stage.renderer))
+    color = stage.colors[stage.learnable].clone().requires_grad_(True)
+    with pytest.raises(UnsupportedError, match="Seeing has no gradients for base_color"):
+        picture(blind, {stage.learnable: color})
+    with torch.no_grad():
+        assert picture(blind, {stage.learnable: color}).max() > 0
+
+
+@dataclass
 class Keeping(Watched):
     """One that keeps what it traced."""
 

@@ -8,7 +8,7 @@ kernels are compiled anew as scenes come and go. Vertices are kept instead, whic
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
@@ -20,7 +20,24 @@ from svbrdfgan_mitsuba.exchange import tensor
 from svbrdfgan_mitsuba.film import Run
 from svbrdfgan_mitsuba.jit import dr
 from svbrdfgan_mitsuba.sums import Sums, leaf
+from svbrdfgan_mitsuba.textures import Taps
 from svbrdfgan_mitsuba.vertex import Hits, Samples, Tracer, Values, Vertex
+
+
+@dataclass(frozen=True, eq=False)
+class Direct:
+    """The samples of a run where pictures are linear in the base colour: direct light, and no gloss.
+
+    Attributes:
+        found: whether a sample met the surface.
+        part, uv: where.
+        weight: the radiance that a white surface sends.
+    """
+
+    found: Any
+    part: Any
+    uv: Any
+    weight: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +46,33 @@ class Paths:
 
     tracer: Tracer
     bounces: int
+
+    @property
+    def linear(self) -> bool:
+        """Whether pictures are linear in the base colour."""
+        return self.bounces == 1 and self.tracer.maps.rough is None
+
+    def direct(self, run: Run) -> Direct:
+        """The samples of the run, 25 bytes each, where the picture is linear."""
+        mi, samples = self.tracer.mi, Samples.of(self.tracer.mi, run)
+        vertex = self._meet(self.tracer.start(samples), samples, 1)
+        white = replace(vertex.values, base_color=mi.Color3f(1.0))
+        direct = Direct(vertex.found, vertex.part, vertex.uv, self.tracer.shade(vertex, white)[0])
+        dr.eval(direct.found, direct.part, direct.uv, direct.weight)
+        return direct
+
+    def develop_direct(self, run: Run, direct: Direct) -> tuple[Float[Tensor, "pixels 3"], Float[Tensor, " pixels"]]:
+        """What `develop` gives, of samples that are there."""
+        mi, color = self.tracer.mi, self.tracer.maps.color
+        radiance = direct.weight * self._texels(direct).read(mi.Color3f, color.texels)
+        return run.mean(mi, radiance).view(-1, 3), run.mean(mi, mi.Float(direct.found))
+
+    def backpropagate_direct(self, run: Run, direct: Direct, grad_image: Float[Tensor, "pixels 3"], sums: Sums) -> None:
+        """Likewise what `backpropagate` adds for the base colour."""
+        grad = direct.weight * run.spread(self.tracer.mi, grad_image)
+        self._texels(direct).add(sums.base_color, list(grad))
+        dr.eval(sums.base_color)
+        dr.sync_thread()
 
     def develop(self, run: Run) -> tuple[Float[Tensor, "pixels 3"], Float[Tensor, " pixels"]]:
         """The mean radiance of each pixel of the run, and its coverage."""
@@ -75,16 +119,13 @@ class Paths:
 
     def record(self, run: Run) -> TransportSamples:
         """The camera samples of the run that met the surface, under direct light."""
-        mi, samples = self.tracer.mi, Samples.of(self.tracer.mi, run)
-        vertex = self._meet(self.tracer.start(samples), samples, 1)
-        weight = self.tracer.shade(vertex, vertex.values)[0] / dr.opaque(mi.Float, run.spp)
-        dr.eval(vertex.found, vertex.part, vertex.uv, weight)
-        index = tensor(vertex.found).nonzero().squeeze(1)
+        direct = self.direct(run)
+        index = tensor(direct.found).nonzero().squeeze(1)
         return TransportSamples(
             pixel=index // run.spp + run.first,
-            part=tensor(mi.Int32(vertex.part))[index].long(),
-            uv=torch.stack([tensor(channel)[index] for channel in vertex.uv], dim=1),
-            weight=torch.stack([tensor(channel)[index] for channel in weight], dim=1),
+            part=tensor(self.tracer.mi.Int32(direct.part))[index].long(),
+            uv=torch.stack([tensor(channel)[index] for channel in direct.uv], dim=1),
+            weight=torch.stack([tensor(channel)[index] for channel in direct.weight], dim=1) / run.spp,
         )
 
     def _walk(self, samples: Samples, grad: Any) -> list[tuple[Hits, Any]]:
@@ -98,6 +139,9 @@ class Paths:
             walked.append((vertex.hits, grad * onward))
             dr.eval(walked[-1])
         return walked
+
+    def _texels(self, direct: Direct) -> Taps:
+        return self.tracer.maps.color.taps(self.tracer.mi, direct.part, direct.uv, direct.found)[0]
 
     def _meet(self, hits: Hits, samples: Samples, depth: int) -> Vertex:
         return self.tracer.meet(hits, samples, depth, last=depth == self.bounces)

@@ -74,7 +74,8 @@ class Dielectric:
     def density(self, incoming: Any) -> Any:
         half, facing = self._half(incoming)
         facets = self._facets(dr.detach(self.roughness))
-        mirrored = facets.pdf(self.viewer, half) / (4.0 * dr.maximum(facing, 1e-12))
+        viewer = self.mi.Vector3f(self.viewer.x, self.viewer.y, dr.maximum(self.viewer.z, 1e-7))  # pdf divides by z
+        mirrored = facets.pdf(viewer, half) / (4.0 * dr.maximum(facing, 1e-12))
         diffuse = dr.maximum(incoming.z, 0.0) * dr.inv_pi
         mixed = dr.lerp(diffuse, dr.select(facing > 0.0, mirrored, 0.0), GLOSS)
         return dr.select(self.glossy, mixed, diffuse)

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.types import Materials
+from svbrdfgan.types import Material, Materials
 from svbrdfgan_mitsuba.exchange import floats, tensor, unsigned
 from svbrdfgan_mitsuba.jit import dr
 
@@ -137,6 +137,13 @@ class Maps:
         return cls(
             Atlas.of(mi, color, white, repeat, device), None if none else Atlas.of(mi, rough, smooth, repeat, device)
         )
+
+
+def own(materials: Materials) -> Materials:
+    """Materials that stay as they are when the caller writes into these. Those of several parts `Atlas` copies."""
+    if len(materials) > 1:
+        return materials
+    return Materials(tuple(Material({n: m.detach().clone() for n, m in part.maps.items()}) for part in materials.parts))
 
 
 def _neighbours(coordinate: Any, size: Any, repeat: Any) -> tuple[Any, Any, Any]:

@@ -26,21 +26,26 @@ _NAMES = {"cpu": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 def choose(name: str) -> torch.device:
     """The torch device that `name` means: "auto", "cpu", "cuda" or "cuda:0"; "auto" prefers CUDA.
 
-    Dr.Jit works on the first GPU.
+    Dr.Jit works on the first GPU, where torch and Dr.Jit both can.
 
     Raises:
-        ConfigError: another name, or there is no such device.
-        PluginError: there is no LLVM for the CPU.
+        ConfigError: another name, or torch finds no such device.
+        PluginError: there is no LLVM for the CPU, or Dr.Jit cannot use the GPU that was asked for.
     """
     if not re.fullmatch(r"auto|cpu|cuda(:0)?", name):
         raise ConfigError(f"mitsuba renderer: device is {name!r}; wanted 'auto', 'cpu', 'cuda' or 'cuda:0'.")
     has_cuda = torch.cuda.is_available()
-    if name == "cpu" or (name == "auto" and not has_cuda):
+    works = has_cuda and dr.has_backend(dr.JitBackend.CUDA)
+    if name == "cpu" or (name == "auto" and not works):
         llvm.require()
         return torch.device("cpu")
     if not has_cuda:
         raise ConfigError(f"mitsuba renderer: device is {name!r}, but torch finds no CUDA device; choose 'cpu'.")
-    _require_cuda()
+    if not works:
+        raise PluginError(
+            f"mitsuba renderer: device is {name!r}, but drjit cannot use CUDA here, for lack of NVIDIA's driver; "
+            "choose 'cpu'."
+        )
     return torch.device("cuda", 0)
 
 
@@ -74,10 +79,3 @@ def assign(mi: Any, thing: Any, values: Mapping[str, Any]) -> None:
     thing.traverse(Places())
     for name, value in values.items():
         mi.set_property(*found[name], value)
-
-
-def _require_cuda() -> None:
-    if not dr.has_backend(dr.JitBackend.CUDA):
-        raise PluginError(
-            "mitsuba renderer: drjit cannot use CUDA here, for lack of NVIDIA's driver; choose device 'cpu'."
-        )

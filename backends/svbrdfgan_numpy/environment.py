@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from svbrdfgan.errors import AssetError
+from svbrdfgan.refusals import check_radiance
 from svbrdfgan.types import Environment
 from svbrdfgan_numpy.taps import Taps, bilinear_taps
 
@@ -72,9 +72,8 @@ def prepare_light(environment: Environment) -> Light:
     Raises:
         AssetError: radiance that is negative or not finite.
     """
+    check_radiance(environment.radiance)
     pixels, (rows, cols, _) = pixels_of(environment), environment.radiance.shape
-    if not np.isfinite(pixels).all() or pixels.min() < 0.0:
-        raise AssetError("environment holds radiance that is negative or not finite; wanted light: clean the image.")
     area = np.repeat(np.sin(np.pi * (np.arange(rows) + 0.5) / rows), cols)
     power = pixels.mean(axis=-1) * area
     power = power if power.any() else area

@@ -11,11 +11,11 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
-from svbrdfgan.errors import ConfigError, UnsupportedError
+from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import RendererCapabilities
+from svbrdfgan.refusals import check_cotangent, check_render, check_transport
 from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan_numpy.bounce import Bounce
-from svbrdfgan_numpy.checks import check_gradient, check_materials
 from svbrdfgan_numpy.environment import pixels_of, prepare_light
 from svbrdfgan_numpy.integrator import Scene, trace_paths
 from svbrdfgan_numpy.radiance import radiance, radiance_vjp
@@ -68,7 +68,7 @@ class NumpyRenderer:
 
     def render(self, prepared: PreparedSurface, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
         """The picture; see `Renderer.render`."""
-        check_materials(prepared.surface, materials, self.capabilities.maps)
+        self._check(prepared, materials, spp)
         maps, environment = _textures(materials, prepared.surface), pixels_of(view.environment)
         image, coverage = np.zeros((view.height * view.width, 3)), np.zeros(view.height * view.width)
         for pixels, bounces in self._trace(_scene(prepared, view, materials), spp, seed):
@@ -90,8 +90,8 @@ class NumpyRenderer:
         seed: int,
     ) -> Gradients:
         """The gradient; see `Renderer.render_vjp`. That of the environment takes the drawn directions as given."""
-        check_materials(prepared.surface, materials, self.capabilities.maps)
-        check_gradient(view, grad_image, wrt, self.capabilities.differentiable)
+        self._check(prepared, materials, spp, wrt)
+        check_cotangent("numpy", view, grad_image)
         maps, environment = _textures(materials, prepared.surface), pixels_of(view.environment)
         grad_pixels = grad_image.detach().cpu().double().numpy().reshape(-1, 3) / spp
         grad_maps = {name: np.zeros_like(texture.texels) for name, texture in maps.items() if name in wrt}
@@ -114,16 +114,17 @@ class NumpyRenderer:
         Raises:
             UnsupportedError: paths have more than one bounce, so that pictures are not linear in the base colour.
         """
-        if self.max_bounces > 1:
-            raise UnsupportedError(
-                f"numpy renderer: transport is for direct light, and max_bounces is {self.max_bounces}; set it to 1."
-            )
+        check_transport("numpy", self.capabilities, spp=spp)
         return _samples(self._trace(_scene(prepared, view), spp, seed), pixels_of(view.environment), spp)
+
+    def _check(
+        self, prepared: PreparedSurface, materials: Materials, spp: int, wrt: frozenset[str] = frozenset()
+    ) -> None:
+        parts = [part.name for part in prepared.surface.parts]
+        check_render("numpy", self.capabilities, parts, materials, spp=spp, wrt=wrt)
 
     def _trace(self, scene: Scene, spp: int, seed: int) -> Iterator[tuple[Int[ndarray, " pixels"], list[Bounce]]]:
         """All the paths of a picture, some pixels at a time."""
-        if spp < 1:
-            raise ConfigError(f"numpy renderer: spp is {spp}; wanted at least 1 sample in each pixel.")
         step = max(1, self.chunk_vertices // (spp * self.max_bounces))
         return _chunks(scene, step, spp, seed, self.max_bounces)
 

@@ -64,15 +64,3 @@ def intersect(
     u, v, distance = dot(s, p) * inverse, dot(direction, q) * inverse, dot(edge2, q) * inverse
     meets = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (distance > 0.0)
     return np.where(meets, distance, np.inf), np.stack([u, v], axis=-1)
-
-
-def brute_force_hits(
-    corners: Float[ndarray, "faces 3 3"], origin: Float[ndarray, "rays 3"], direction: Float[ndarray, "rays 3"]
-) -> Hits:
-    """The first triangle that each ray meets, by trying them all: the twin that the tree is tested against."""
-    hits = Hits.none(len(origin))
-    rays = np.arange(len(origin))
-    for face, triangle in enumerate(corners):
-        tries = intersect(np.broadcast_to(triangle, (len(rays), 3, 3)), origin, direction)
-        hits.keep_nearer(rays, np.full(len(rays), face), *tries)
-    return hits

@@ -54,9 +54,10 @@ def choose(
     binary: Binary,
     partner: wp.array(dtype=wp.int64),
 ):
-    """For each cluster on the curve, the near one that together with it has the least surface; of equals the first.
+    """For each cluster on the curve, the near one that together with it has the least surface.
 
-    Some two choose each other: those with the least surface of all, and of equals the first.
+    Of equals the one whose index differs in the lowest bits, so that a row of coincident boxes pairs off at once. Both
+    keys are the same from either side, and no two neighbours share an index: some two always choose each other.
     """
     i = wp.tid()
     low = binary.lower[clusters[i]]
@@ -67,7 +68,7 @@ def choose(
         if j != i:
             d = wp.max(high, binary.upper[clusters[j]]) - wp.min(low, binary.lower[clusters[j]])
             surface = d[0] * d[1] + d[1] * d[2] + d[2] * d[0]
-            if surface < least or best < 0:
+            if best < 0 or surface < least or (surface == least and (i ^ j) < (i ^ best)):
                 least = surface
                 best = j
     partner[i] = wp.int64(best)

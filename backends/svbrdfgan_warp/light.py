@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import weakref
 from dataclasses import dataclass, field
+from itertools import accumulate, islice
 from typing import Any
 
 import torch
@@ -12,12 +14,22 @@ import warp as wp
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from svbrdfgan.errors import AssetError
+from svbrdfgan.refusals import check_radiance
 from svbrdfgan.types import Environment
 from svbrdfgan_warp.emitter import Light
 
 _NUMBERS = 2**32
-_KEPT = 4
+_KEPT, _PIXELS = 12, 2**24
+"""Environments kept, and their pixels, at most; a pixel takes 32 bytes."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """A light, a copy of its radiance, and what that was last copied from or found equal to."""
+
+    radiance: Float[Tensor, "rows cols 3"]
+    light: Light
+    source: weakref.ref[Tensor]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,11 +37,11 @@ class Lights:
     """Environments on one device: the last few are kept, and known again by what they hold.
 
     Attributes:
-        kept: radiance and light, those used last in front.
+        kept: those used last in front.
     """
 
     device: torch.device
-    kept: list[tuple[Float[Tensor, "rows cols 3"], Light]] = field(default_factory=list)
+    kept: list[_Kept] = field(default_factory=list)
 
     def of(self, environment: Environment) -> Light:
         """The environment as the kernels read it.
@@ -37,13 +49,22 @@ class Lights:
         Raises:
             AssetError: radiance that is negative or not finite.
         """
-        radiance = environment.radiance.detach().to(self.device, torch.float32)
-        found = next((pair for pair in tuple(self.kept) if torch.equal(pair[0], radiance)), None)
-        if found is None:
-            found = radiance.clone(), _tables(radiance)
+        given, before = environment.radiance, tuple(self.kept)
+        radiance = given.detach().to(self.device, torch.float32)
+        # The same tensor first; compared nevertheless, since not every way to write into one is seen by torch.
+        likely = sorted(before, key=lambda kept: kept.source() is not given)
+        same = next((kept for kept in likely if torch.equal(kept.radiance, radiance)), None)
+        values = (same.radiance, same.light) if same else (radiance.clone(), _tables(radiance))
+        first = _Kept(*values, weakref.ref(given))
         # A list is replaced in one step, so that threads see an old one or a new one.
-        self.kept[:] = [found, *(pair for pair in self.kept if pair is not found)][:_KEPT]
-        return _turned(found[1], environment.rotation)
+        self.kept[:] = _fitting([first, *(kept for kept in before if kept is not same)])
+        return _turned(first.light, environment.rotation)
+
+
+def _fitting(lights: list[_Kept]) -> list[_Kept]:
+    """The first, and as many after it as may be kept."""
+    pixels = accumulate(kept.radiance.numel() // 3 for kept in lights)
+    return lights[: max(1, sum(total <= _PIXELS for total in islice(pixels, _KEPT)))]
 
 
 def _turned(light: Light, rotation: float) -> Light:
@@ -55,12 +76,10 @@ def _turned(light: Light, rotation: float) -> Light:
 
 def _tables(radiance: Float[Tensor, "rows cols 3"]) -> Light:
     """What the kernels read, but for the rotation."""
+    check_radiance(radiance)
     rows, cols, _ = radiance.shape
     importance = _importance(radiance)
-    by_row = importance.sum(dim=1, keepdim=True).T
-    if not ((radiance >= 0).all() & by_row.isfinite().all()):
-        raise AssetError("environment holds radiance that is negative or not finite; wanted light: clean the image.")
-    row_share, row_first = _table(by_row)
+    row_share, row_first = _table(importance.sum(dim=1, keepdim=True).T)
     col_share, col_first = _table(importance)
     density = row_share.T * col_share * (rows * cols / (2 * math.pi**2))
 

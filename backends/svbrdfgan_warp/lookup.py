@@ -143,7 +143,7 @@ def scatter_light(
     grad_image: wp.array(dtype=wp.vec3),
     grad_light: wp.array2d(dtype=wp.vec3d),
 ):
-    """The transpose of `trace` and `gather`: adds share * base_color * grad_image to the pixels of each arrival."""
+    """The transpose of `light_up` and `gather`: adds share * base_color * grad_image to the pixels of each arrival."""
     i = wp.tid()
     if part[i] >= 0:
         g = wp.cw_mul(albedo(atlas, texels, part[i], uv[i]), grad_image[samples.first + i / samples.spp])

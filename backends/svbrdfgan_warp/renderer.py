@@ -9,8 +9,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.errors import ConfigError, UnsupportedError
 from svbrdfgan.protocols import Pullback, RendererCapabilities
+from svbrdfgan.refusals import check_cotangent, check_device, check_render, check_transport
 from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan_warp import scene
 from svbrdfgan_warp.device import choose, in_order
@@ -92,52 +92,25 @@ class WarpRenderer:
 
     def transport(self, prepared: PreparedSurface, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
         """The samples that `render` makes, before materials; sorted by pixel."""
-        self._check(prepared, spp)
-        tracer = Tracer.of(prepared, view, self._lights.of(view.environment))
+        check_transport("warp", CAPABILITIES, spp=spp)
+        tracer = self._tracer(prepared, view)
         return in_order(lambda run: tracer(run).transport(), runs(view, spp, seed, self.device), self.device)
 
     def _shot(
         self, prepared: PreparedSurface, materials: Materials, view: View, wrt: frozenset[str], spp: int, seed: int
     ) -> Shot:
-        self._check(prepared, spp)
-        _check_materials(prepared, materials)
-        if unknown := sorted(wrt - CAPABILITIES.differentiable):
-            raise UnsupportedError(
-                f"warp renderer: there is no gradient for {', '.join(unknown)}; "
-                f"wrt may name {', '.join(sorted(CAPABILITIES.differentiable))}."
-            )
-        light = self._lights.of(view.environment)
-        tracer = Tracer.of(prepared, view, light, arrivals="environment" in wrt)
+        check_render("warp", CAPABILITIES, prepared.parts, materials, spp=spp, wrt=wrt)
+        tracer = self._tracer(prepared, view, arrivals="environment" in wrt)
         return Shot.of(tracer, view, runs(view, spp, seed, self.device), materials)
 
-    def _check(self, prepared: PreparedSurface, spp: int) -> None:
-        if spp < 1:
-            raise ConfigError(f"warp renderer: spp is {spp}; wanted at least 1 sample per pixel.")
-        if prepared.device != self.device:
-            raise ConfigError(
-                f"warp renderer: the surface was prepared on {prepared.device}; prepare it again for {self.device}."
-            )
-
-
-def _check_materials(prepared: PreparedSurface, materials: Materials) -> None:
-    if len(materials) != len(prepared.parts):
-        raise ConfigError(
-            f"warp renderer: got {len(materials)} materials for a surface of {len(prepared.parts)} parts; "
-            "wanted one for each part, in the surface's order."
-        )
-    for part, material in zip(prepared.parts, materials.parts, strict=True):
-        if unread := sorted(material.maps.keys() - CAPABILITIES.maps):
-            raise UnsupportedError(
-                f"warp renderer: the material of part {part!r} has {', '.join(unread)}, but this renderer reads "
-                "base_color alone: drop the map, or take a renderer that reads it (`svbrdfgan backends` shows maps)."
-            )
+    def _tracer(self, prepared: PreparedSurface, view: View, *, arrivals: bool = False) -> Tracer:
+        check_device("warp", prepared.device, self.device)
+        return Tracer.of(prepared, view, self._lights.of(view.environment), arrivals=arrivals)
 
 
 def _pullback(shot: Shot, wrt: frozenset[str]) -> Pullback:
     def pullback(grad_image: Float[Tensor, "height width 3"]) -> Gradients:
-        film = (shot.view.height, shot.view.width, 3)
-        if grad_image.shape != film:
-            raise ConfigError(f"warp renderer: grad_image has shape {tuple(grad_image.shape)}; wanted {film}.")
+        check_cotangent("warp", shot.view, grad_image)
         return shot.backpropagate(grad_image, wrt)
 
     return pullback

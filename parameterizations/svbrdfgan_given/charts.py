@@ -10,6 +10,7 @@ from numpy import ndarray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from svbrdfgan.geometry.normals import uv_areas
 from svbrdfgan_given.overlap import overlapping_pairs
 
 _STEPS = 1 << 20  # corners that agree to this fraction of the square are the same
@@ -18,10 +19,9 @@ _FLAT = 1e-12  # of the square of the longest edge
 
 def signed_areas(uv: Float[ndarray, "faces 3 2"]) -> Float[ndarray, " faces"]:
     """Areas in the square, negative where mirrored; exactly zero for a face that is a line or a point."""
-    p, q = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
-    twice = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
-    longest = np.max([(e * e).sum(axis=1) for e in (p, q, q - p)], axis=0)
-    return np.where(np.abs(twice) > np.maximum(_FLAT * longest, 1e-300), twice / 2.0, 0.0)
+    area = uv_areas(uv)
+    longest = np.square(uv - np.roll(uv, 1, axis=1)).sum(axis=2).max(axis=1)
+    return np.where(2.0 * np.abs(area) > np.maximum(_FLAT * longest, 1e-300), area, 0.0)
 
 
 def find_charts(faces: Int[ndarray, "faces 3"], uv: Float[ndarray, "faces 3 2"]) -> Int[ndarray, " faces"]:
@@ -74,7 +74,7 @@ def _parted(
     """The labels, with each chart that lies on itself cut into charts that do not."""
     index = np.flatnonzero(good)
     found = [index[pairs] for pairs in overlapping_pairs(corners[index], label[index])] if len(index) else []
-    pairs = np.unique(np.concatenate(found), axis=0) if found else np.zeros((0, 2), dtype=np.int64)
+    pairs = np.concatenate(found) if found else np.zeros((0, 2), dtype=np.int64)
     rivals: dict[int, set[int]] = {}
     for one, other in pairs.tolist():
         rivals.setdefault(one, set()).add(other)

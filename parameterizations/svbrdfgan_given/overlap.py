@@ -8,24 +8,27 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from svbrdfgan.geometry.cells import Grid
+
 TOLERANCE = 1e-6
 """Triangles that reach into each other by less than this do not overlap: neighbours are rounded apart in files."""
 
 _AT_ONCE = 1 << 19
-_MOST_CELLS = 256  # along a side
 
 
 def overlapping_pairs(
     corners: Float[ndarray, "triangles 3 2"], group: Int[ndarray, " triangles"]
 ) -> Iterator[Int[ndarray, "pairs 2"]]:
-    """The pairs of one group that overlap, in pieces of bounded size; a pair may come more than once.
+    """The pairs of one group that overlap, in pieces of bounded size.
 
     The triangles are wound counter-clockwise.
     """
-    triangle, cell = _listed(corners)
-    key = group[triangle] * (_MOST_CELLS**2) + cell
+    grid = _grid(corners)
+    low = corners.min(axis=1)
+    triangle, cell = grid.entries(corners)
+    key = group[triangle] * grid.side**2 + cell
     order = np.argsort(key, kind="stable")
-    triangle, key = triangle[order], key[order]
+    triangle, cell, key = triangle[order], cell[order], key[order]
     last = np.searchsorted(key, key, side="right")
     after = last - np.arange(len(key)) - 1
     total = np.cumsum(after)
@@ -36,22 +39,16 @@ def overlapping_pairs(
         one = np.repeat(np.arange(start, stop), after[start:stop])
         step = np.arange(len(one)) - np.repeat(total[start:stop] - after[start:stop] - done, after[start:stop])
         pairs = triangle[np.stack([one, one + 1 + step], axis=1)]
+        pairs = pairs[grid.cells(low[pairs].max(axis=1)) == cell[one]]  # of the cells that they share, in one
         yield pairs[_overlap(corners[pairs[:, 0]], corners[pairs[:, 1]])]
         start = stop
 
 
-def _listed(corners: Float[ndarray, "triangles 3 2"]) -> tuple[Int[ndarray, " entries"], Int[ndarray, " entries"]]:
-    """Each triangle with each cell that its box meets, of a grid whose cells are about as large as the triangles."""
+def _grid(corners: Float[ndarray, "triangles 3 2"]) -> Grid:
+    """Cells about as large as the triangles."""
     low, high = corners.min(axis=1), corners.max(axis=1)
-    origin, extent = low.min(axis=0), max(float((high.max(axis=0) - low.min(axis=0)).max()), 1e-300)
-    side = int(np.clip(extent / max(float((high - low).mean()), 1e-300), 1, _MOST_CELLS))
-    first, last = (np.clip((ends - origin) * (side / extent), 0, side - 1).astype(np.int64) for ends in (low, high))
-    size = last - first + 1
-    count = size.prod(axis=1)
-    triangle = np.repeat(np.arange(len(corners)), count)
-    step = np.arange(len(triangle)) - np.repeat(np.cumsum(count) - count, count)
-    row, col = np.divmod(step, size[triangle, 0])
-    return triangle, (first[triangle, 1] + row) * _MOST_CELLS + first[triangle, 0] + col
+    extent, mean = (high.max(axis=0) - low.min(axis=0)).max(), (high - low).mean()
+    return Grid.around(corners, extent / max(mean, 1e-300))
 
 
 def _overlap(one: Float[ndarray, "pairs 3 2"], other: Float[ndarray, "pairs 3 2"]) -> Bool[ndarray, " pairs"]:

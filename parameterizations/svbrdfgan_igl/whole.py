@@ -10,7 +10,7 @@ from numpy import ndarray
 from svbrdfgan.geometry.normals import face_areas
 from svbrdfgan_igl.energy import face_stretch, stretch
 from svbrdfgan_igl.flatten import least_stretch
-from svbrdfgan_igl.seams import Edges, Net, branch, cut_open, opening
+from svbrdfgan_igl.seams import Net, branch, cut_open, opening
 from svbrdfgan_igl.start import MILD, mildness, tutte
 from svbrdfgan_igl.topology import Disk, compact, components, is_manifold
 
@@ -62,15 +62,13 @@ def _worst_places(
         uv = least_stretch(disk, "free", 0.0, _PROXY_ROUNDS) if mildness(disk) > MILD else tutte(disk)
         if seams is None and stretch(disk.positions, disk.faces, uv) <= ENOUGH:
             break
-        vertex = int(source[_worst_vertex(disk, uv, net, cut, source)])
+        vertex = int(source[_worst_vertex(disk, uv)])
         places.append(net.positions[vertex])
         cut = branch(net, cut, vertex)
     return places
 
 
-def _worst_vertex(
-    disk: Disk, uv: Float[ndarray, "vertices 2"], net: Net, cut: Edges, source: Int[ndarray, " vertices"]
-) -> int:
+def _worst_vertex(disk: Disk, uv: Float[ndarray, "vertices 2"]) -> int:
     """The inner vertex around which stretch is greatest, not counting those next to a border."""
     cost = np.log(face_stretch(disk.positions, disk.faces, uv))
     total = np.bincount(disk.faces.ravel(), np.repeat(cost, 3), len(uv))

@@ -13,8 +13,8 @@ from svbrdfgan.bench.programs import Figures, Program, faster
 from svbrdfgan.bench.scene import BenchScene
 from svbrdfgan.display import Display
 from svbrdfgan.errors import ConfigError
+from svbrdfgan.plugin_probe import probe_all
 from svbrdfgan.plugins import RENDERERS, find_plugin, list_plugins
-from svbrdfgan.probe import probe_all
 
 SLOW = ("numpy",)
 """Minutes on the standard scene; measured if named."""

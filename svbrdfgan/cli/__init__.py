@@ -26,7 +26,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "bake": ("svbrdfgan.cli.bake:command", "Unwrap a mesh and write its geometry buffer."),
         "weather": ("svbrdfgan.cli.weather:command", "Weather a mesh by a procedural recipe."),
         "dataset": ("svbrdfgan.cli.dataset:command", "Make exemplar images with their scenes."),
-        "probe": ("svbrdfgan.cli.shortcut:command", "What could tell real from fake besides texture, before training."),
+        "probe": ("svbrdfgan.cli.probe:command", "What could tell real from fake besides texture, before training."),
         "train": ("svbrdfgan.cli.train:command", "Train a generator on a data set; resume with --resume."),
         "evaluate": ("svbrdfgan.cli.evaluate:command", "Score a trained generator on vehicles it never saw."),
         "experiment": (
@@ -84,6 +84,13 @@ class LazyGroup(click.Group):
             if ctx.params["debug"]:
                 raise
             raise click.ClickException(str(error)) from error
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            if ctx.params["debug"] or error.strerror is None:
+                raise
+            where = f" ({error.filename})" if error.filename else ""
+            raise click.ClickException(f"{error.strerror}{where}.") from error
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

@@ -40,7 +40,7 @@ _GROUPS = {"renderer": RENDERERS, "embedding": EMBEDDINGS}
 @click.option("--only", default="", metavar="TEXT", help="Only tests whose group.name contains TEXT.")
 @click.option("--json", "as_json", is_flag=True, help="Print a list of objects instead of a table.")
 @click.option("--pairs", is_flag=True, help="Compare the installed renderers with each other, or NAME with all others.")
-@click.option("--profile", type=click.Choice(["ci", "slow"]), default="ci", show_default=True, help="Of --pairs.")
+@click.option("--profile", type=click.Choice(["ci", "slow"]), help="Of --pairs.  [default: ci]")
 @click.option("--scene", "scenes", multiple=True, metavar="SCENE", help="One of those of --pairs; repeatable.")
 @click.option("--markdown", is_flag=True, help="Print the table of --pairs as Markdown.")
 def command(
@@ -50,7 +50,7 @@ def command(
     only: str,
     as_json: bool,
     pairs: bool,
-    profile: str,
+    profile: str | None,
     scenes: tuple[str, ...],
     markdown: bool,
 ) -> None:
@@ -59,10 +59,14 @@ def command(
     It is tried in a process of its own first, so that one that aborts is told from one that fails. Exits with 1 where
     a test failed. With --pairs it is the table of `docs/consistency.md`: whether renderers agree with each other.
     """
+    if pairs and (options or only):
+        raise click.UsageError("--option and --only are of the check of one plugin: leave them out, or --pairs.")
+    if not pairs and (scenes or markdown or profile is not None):
+        raise click.UsageError("--profile, --scene and --markdown are of --pairs: give it too.")
     if pairs:
         from svbrdfgan.cli.pairs import show_pairs
 
-        return show_pairs(name, profile, scenes, "json" if as_json else "markdown" if markdown else "table")
+        return show_pairs(name, profile or "ci", scenes, "json" if as_json else "markdown" if markdown else "table")
     if name is None:
         raise click.UsageError("say the NAME of a renderer or UV embedding, or --pairs.")
     plugin = _plugin(name, kind)
@@ -126,8 +130,8 @@ def _plugin(name: str, kind: str | None) -> Plugin:
 
 def _kit(plugin: Plugin, options: dict[str, Any]) -> type[Kit]:
     """The tests of the plugin, once it has shown that it can be made with the options."""
+    from svbrdfgan.plugin_probe import probe
     from svbrdfgan.plugins import make
-    from svbrdfgan.probe import probe
 
     outcome = probe(plugin)
     if outcome.status != "ok":

@@ -56,6 +56,8 @@ def command(
     from svbrdfgan.processes import cores
     from svbrdfgan.yaml_files import apply_overrides, load_yaml
 
+    if dry_run and preview:
+        raise click.UsageError("--dry-run and --preview each stop before the data set is made: choose one.")
     declared = dataset_config(apply_overrides(load_yaml(config), overrides), str(config))
     if dry_run:
         _dry_run(declared, config.parent)
@@ -71,10 +73,16 @@ def _generate(declared: DatasetConfig, base: Path, out: Path, devices: int, work
     from svbrdfgan.cli.display import terminal_display
     from svbrdfgan.data.generate import generate
 
-    with terminal_display(Console(stderr=True)) as display:
-        plan = generate(declared, out, base=base, devices=devices, workers=workers, display=display)
+    try:
+        with terminal_display(Console(stderr=True)) as display:
+            plan = generate(declared, out, base=base, devices=devices, workers=workers, display=display)
+    except KeyboardInterrupt:
+        click.echo(f"{out}: stopped; the same command goes on.", err=True)
+        raise
     for split in declared.splits:
         click.echo(f"{split}: {len(plan.sampler(split))} exemplars of {len(plan.meshes[split])} meshes")
+    painted = sorted({name for meshes in plan.meshes.values() for mesh in meshes for name in mesh.painted})
+    click.echo(f"parts with a layer: {', '.join(painted)}")
 
 
 def _dry_run(declared: DatasetConfig, base: Path) -> None:

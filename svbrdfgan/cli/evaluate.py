@@ -12,9 +12,14 @@ import click
 @click.argument("run", type=click.Path(path_type=Path))
 @click.option("--split", default="test", show_default=True, type=click.Choice(["train", "validation", "test"]))
 @click.option("--no-oracle", is_flag=True, help="Leave out the supervised oracle, which takes minutes the first time.")
+@click.option("--dataset", type=click.Path(path_type=Path), help="Where the run's data set is now, if it was moved.")
 @click.option("--device", default="auto", show_default=True, type=click.Choice(["auto", "cpu", "cuda"]))
 def command(
-    run: Path, split: Literal["train", "validation", "test"], no_oracle: bool, device: Literal["auto", "cpu", "cuda"]
+    run: Path,
+    split: Literal["train", "validation", "test"],
+    no_oracle: bool,
+    dataset: Path | None,
+    device: Literal["auto", "cpu", "cuda"],
 ) -> None:
     """Score RUN on a split it was not trained on; write evaluation.json and report.html into it."""
     from rich.console import Console
@@ -24,7 +29,7 @@ def command(
     from svbrdfgan.report import write_report
 
     with terminal_display(Console(stderr=True)) as display:
-        evaluated = evaluate(run, split=split, oracle=not no_oracle, device=device, display=display)
+        evaluated = evaluate(run, split=split, oracle=not no_oracle, device=device, dataset=dataset, display=display)
     for line in evaluated.evaluation.lines():
         click.echo(line)
     click.echo(str(write_report(run, evaluated)))

@@ -37,12 +37,13 @@ def command(
 ) -> None:
     """Run experiments, or those of YAML files of your own, and write OUT/NAME/table.md of each, with its pictures.
 
-    Stop it when you like, or have it stopped by --until; run again, it goes on, and what failed is tried again. With
-    `--until 0` it only writes the tables. Experiments in one OUT share data sets, oracles and runs where they are
-    equal; give one command several names rather than two commands the same OUT. --only names runs as OUT/NAME/table.md
-    does, or several by shell patterns; what is left out at the end may be anything: `--only 'pose-noise/noise-10'`,
-    `--only '*/*/default/0'`. KEY=VALUE changes what all rows start from, such as `train.minutes=1` or
-    `dataset.spp=16`. The gpu profile is the real one; cpu checks the trend, in some two minutes a run.
+    Stop it when you like, or have it stopped by --until; run again, it goes on, and what failed is tried again. Exits
+    with 1 where a run failed. With `--until 0` it only writes the tables. Experiments in one OUT share data sets,
+    oracles and runs where they are equal; give one command several names rather than two commands the same OUT.
+    --only names runs as OUT/NAME/table.md does, or several by shell patterns; what is left out at the end may be
+    anything: `--only 'pose-noise/noise-10'`, `--only '*/*/default/0'`. KEY=VALUE changes what all rows start from,
+    such as `train.minutes=1` or `dataset.spp=16`. The gpu profile is the real one; cpu checks the trend, in some two
+    minutes a run.
     """
     if listing:
         _list(profile)
@@ -72,6 +73,8 @@ def command(
         for line, run in each.failures:
             click.echo(f"failed: {line.row}, {line.recipe}, seed {run.seed}: {run.reason}", err=True)
         click.echo(str(out / each.design.name / "table.md"))
+    if any(each.failures for each in results):
+        raise click.exceptions.Exit(1)
 
 
 def _list(profile: Literal["cpu", "gpu"]) -> None:

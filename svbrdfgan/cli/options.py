@@ -2,9 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+import click
+
+from svbrdfgan.errors import ConfigError
 from svbrdfgan.yaml_files import apply_overrides
+
+if TYPE_CHECKING:
+    from svbrdfgan.data.config import PartSelection
+    from svbrdfgan.data.subject import Subject
+
+learnable_option = click.option(
+    "--learnable",
+    multiple=True,
+    metavar="PATTERN",
+    help="Parts that carry the layer, as 'body*'; repeatable.  [default: all but glass, wheels, lights and the like]",
+)
 
 
 def key_values(pairs: tuple[str, ...]) -> dict[str, Any]:
@@ -14,3 +29,27 @@ def key_values(pairs: tuple[str, ...]) -> dict[str, Any]:
         ConfigError: a word is not of that form.
     """
     return apply_overrides({}, pairs)
+
+
+def selected(patterns: tuple[str, ...]) -> PartSelection | None:
+    """The parts that `--learnable` names; None where it was not given."""
+    from svbrdfgan.data.config import PartSelection
+
+    return PartSelection(include=patterns, exclude=()) if patterns else None
+
+
+def require_apart(mesh: Path, out: Path) -> None:
+    """Refuses to write over the mesh that is read.
+
+    Raises:
+        ConfigError: both are one file.
+    """
+    if out.exists() and mesh.exists() and out.samefile(mesh):
+        raise ConfigError(f"{out} is the mesh itself, of which the result keeps little: choose another name.")
+
+
+def tell_parts(subject: Subject) -> None:
+    """Says on stderr which parts carry the layer, since names alone decide that."""
+    parts = [(part.name, number in subject.learnable) for number, part in enumerate(subject.surface.parts)]
+    carrying, clean = (", ".join(name for name, learnable in parts if learnable is wanted) for wanted in (True, False))
+    click.echo(f"layer on: {carrying}; left clean: {clean or 'none'}", err=True)

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from svbrdfgan.cli.options import key_values
+
+if TYPE_CHECKING:
+    from svbrdfgan.data.scene import Scene
 
 
 @click.command("render")
@@ -28,11 +32,13 @@ def command(
     from svbrdfgan.data.studio import Studio, resolve_renderer
     from svbrdfgan.io import save_image
 
+    if options and renderer is None:
+        raise click.UsageError("--option is of --renderer: name one.")
     described = Scene.load(scene)
     chosen = described.renderer if renderer is None else PluginChoice(name=renderer, options=key_values(options))
     described = described.model_copy(update={"spp": spp or described.spp})
     studio = Studio(assets or _asset_folder(scene, described), keep=False)
-    rendering = render_scene(studio, resolve_renderer(chosen), described)
+    rendering = render_scene(studio, resolve_renderer(chosen)[0], described)
     if out.suffix.lower() == ".exr":
         save_exemplar(out, rendering)
     elif out.suffix.lower() in (".jpg", ".jpeg"):
@@ -44,10 +50,7 @@ def command(
     click.echo(str(out))
 
 
-def _asset_folder(path: Path, scene: object) -> Path:
+def _asset_folder(path: Path, scene: Scene) -> Path:
     """The nearest folder above the scene file in which its mesh is found; its own folder if there is none."""
-    from svbrdfgan.data.scene import Scene
-
-    assert isinstance(scene, Scene)
     folders = [path.parent, *path.resolve().parent.parents]
     return next((folder for folder in folders if (folder / scene.mesh.path).is_file()), path.parent)

@@ -6,19 +6,24 @@ from pathlib import Path
 
 import click
 
+from svbrdfgan.cli.options import learnable_option, require_apart, selected, tell_parts
+
 
 @click.command("texture")
 @click.argument("mesh", type=click.Path(path_type=Path))
 @click.option("--model", "run", required=True, type=click.Path(path_type=Path), help="Folder of a training run.")
+@learnable_option
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="GLB to write.")
-def command(mesh: Path, run: Path, out: Path) -> None:
+def command(mesh: Path, run: Path, learnable: tuple[str, ...], out: Path) -> None:
     """Weather MESH with the generator of a run; write it as GLB, and the layer by itself as PNG beside it."""
     from svbrdfgan.apply import paint
     from svbrdfgan.export import write_weathered
     from svbrdfgan.io import load_mesh
     from svbrdfgan.training.run import load_model
 
+    require_apart(mesh, out)
     model = load_model(run)
-    subject, layer = paint(load_mesh(mesh), model)
+    subject, layer = paint(load_mesh(mesh), model, selected(learnable))
     alone = write_weathered(out, subject, layer, model.config.maps)
+    tell_parts(subject)
     click.echo(f"{out}\n{alone}")

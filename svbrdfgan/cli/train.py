@@ -12,7 +12,7 @@ import click
 @click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder of the run.")
 @click.option(
-    "--resume", is_flag=True, help="Go on from the latest checkpoint, to the same weights as if never stopped."
+    "--resume", is_flag=True, help="Go on from the latest checkpoint; on a CPU to the same weights as if never stopped."
 )
 def command(config: Path, overrides: tuple[str, ...], out: Path, resume: bool) -> None:
     """Train a generator as CONFIG says.
@@ -27,7 +27,11 @@ def command(config: Path, overrides: tuple[str, ...], out: Path, resume: bool) -
     from svbrdfgan.yaml_files import apply_overrides, load_yaml
 
     declared = train_config(apply_overrides(load_yaml(config), overrides), str(config))
-    with terminal_display(Console(stderr=True)) as display:
-        state = train(declared, out, base=config.parent, resume=resume, display=display)
+    try:
+        with terminal_display(Console(stderr=True)) as display:
+            state = train(declared, out, base=config.parent, resume=resume, display=display)
+    except KeyboardInterrupt:
+        click.echo(f"{out}: stopped; the same command with --resume goes on.", err=True)
+        raise
     best = f", validation recovered {state.best[0]:.3f} at step {state.best[1]}" if state.history else ""
     click.echo(f"{out}: {state.step} steps in {state.seconds / 60:.1f} minutes{best}")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from svbrdfgan.cli.options import key_values
+from svbrdfgan.cli.options import key_values, learnable_option, require_apart, selected, tell_parts
 
 
 @click.command("weather")
@@ -19,6 +19,7 @@ from svbrdfgan.cli.options import key_values
     "--map", "maps", multiple=True, metavar="NAME=BARE", help="Paint this map too, as roughness=0.3; repeatable."
 )
 @click.option("--embedding", default="hemispherical", show_default=True, help="See `svbrdfgan embeddings`.")
+@learnable_option
 @click.option(
     "--resolution", default=512, show_default=True, type=click.IntRange(16, 8192), help="Texels along a side."
 )
@@ -31,6 +32,7 @@ def command(
     options: tuple[str, ...],
     maps: tuple[str, ...],
     embedding: str,
+    learnable: tuple[str, ...],
     resolution: int,
     out: Path,
 ) -> None:
@@ -43,8 +45,11 @@ def command(
     from svbrdfgan.plugins import load_embedding
     from svbrdfgan.weathering import recipe_from_options, weather
 
+    require_apart(mesh, out)
     bare = map_values(key_values(maps), "--map")
     chosen = recipe_from_options(recipe, {"amount": amount, "seed": seed, **key_values(options)})
-    subject = make_subject(load_mesh(mesh), load_embedding(embedding), resolution, PartSelection())
+    selection = selected(learnable) or PartSelection()
+    subject = make_subject(load_mesh(mesh), load_embedding(embedding), resolution, selection)
     alone = write_weathered(out, subject, weather(subject.surface, subject.buffer, chosen, bare), bare)
+    tell_parts(subject)
     click.echo(f"{out}\n{alone}")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from fnmatch import fnmatchcase
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from svbrdfgan.data.distributions import Choice, Color, Fixed, Integer, Number, Paint, Uniform
+from svbrdfgan.data.distributions import Choice, Color, Fixed, Integer, Number, Paint, Uniform, within
 from svbrdfgan.options import StrictModel, validate
 from svbrdfgan.types import Part
 from svbrdfgan.types.material import CHANNELS
@@ -98,6 +99,10 @@ class EnvironmentSource(StrictModel):
     procedural: ProceduralSkies | None = None
 
 
+ELEVATION, DISTANCE, FIELD_OF_VIEW, BRIGHTNESS = (-89.0, 89.0), (0.05, math.inf), (1.0, 170.0), (1e-6, math.inf)
+"""Least and greatest that are allowed; what `normal` draws beyond is clamped to them."""
+
+
 class CameraDistribution(StrictModel):
     """Cameras on a sphere about the middle of the mesh's bounding box.
 
@@ -105,9 +110,9 @@ class CameraDistribution(StrictModel):
     """
 
     azimuth_degrees: Number = Uniform(uniform=(0.0, 360.0))
-    elevation_degrees: Number = Uniform(uniform=(5.0, 35.0))
-    distance: Number = Fixed[float](fixed=0.9)
-    vertical_fov_degrees: Number = Fixed[float](fixed=35.0)
+    elevation_degrees: Annotated[Number, within(*ELEVATION)] = Uniform(uniform=(5.0, 35.0))
+    distance: Annotated[Number, within(*DISTANCE)] = Fixed[float](fixed=0.9)
+    vertical_fov_degrees: Annotated[Number, within(*FIELD_OF_VIEW)] = Fixed[float](fixed=35.0)
 
 
 class SplitConfig(StrictModel):
@@ -129,7 +134,7 @@ class WeatheringDistribution(StrictModel):
     """The ground-truth generator G0 (thesis 4.2). A fixed seed makes the layer a function of the geometry."""
 
     recipe: str = "road-dirt"
-    amount: Number = Fixed[float](fixed=1.0)
+    amount: Annotated[Number, within(0, 1)] = Fixed[float](fixed=1.0)
     seed: Integer = Fixed[int](fixed=0)
     options: dict[str, Any] = {}
 
@@ -151,12 +156,12 @@ class DatasetConfig(StrictModel):
     renderer: Plugin = PluginChoice(name="auto")
     embedding: Plugin = PluginChoice(name="hemispherical")
     learnable: PartSelection = PartSelection()
-    paint: Paint | None = Choice[Color](choice=PAINTS)
-    maps: FurtherMaps[Number] = {}
+    paint: Annotated[Paint, within(0, 1)] | None = Choice[Color](choice=PAINTS)
+    maps: FurtherMaps[Annotated[Number, within(0, 1)]] = {}
     environments: EnvironmentSource = EnvironmentSource(procedural=ProceduralSkies(count=8))
     environment_rotation_degrees: Number = Uniform(uniform=(0.0, 360.0))
     environment_rows: int = Field(default=256, ge=8, description="larger maps are shrunk, keeping their energy")
-    environment_brightness: Number = Fixed[float](fixed=1.0)
+    environment_brightness: Annotated[Number, within(*BRIGHTNESS)] = Fixed[float](fixed=1.0)
     camera: CameraDistribution = CameraDistribution()
     weathering: WeatheringDistribution | None = WeatheringDistribution()
     splits: dict[Split, SplitConfig]

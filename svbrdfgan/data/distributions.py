@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Generic, TypeVar
 
 import numpy as np
-from pydantic import BeforeValidator, Discriminator, Tag, model_validator
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, model_validator
 
 from svbrdfgan.options import StrictModel
 
@@ -95,6 +96,28 @@ Number = Annotated[
     _BY_KIND,
 ]
 """A distribution over numbers."""
+
+
+def within(low: float, high: float = math.inf) -> AfterValidator:
+    """Refuses values, ends of `uniform` and choices that are not in [low, high]. What `normal` draws is clamped."""
+
+    def check(declared: Any) -> Any:
+        match declared:
+            case Fixed():
+                given = [declared.fixed]
+            case Uniform():
+                given = list(declared.uniform)
+            case Choice():
+                given = list(declared.choice)
+            case _:
+                return declared
+        for value in given:
+            if not all(low <= number <= high for number in (value if isinstance(value, tuple) else (value,))):
+                wanted = f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
+                raise ValueError(f"{value} is not allowed; wanted numbers {wanted}")
+        return declared
+
+    return AfterValidator(check)
 
 
 def mean(declared: Number) -> float:

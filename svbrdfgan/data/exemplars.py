@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 from jaxtyping import Float, Int
@@ -12,7 +14,7 @@ from torch import Tensor
 from svbrdfgan.data.config import Split
 from svbrdfgan.data.generate import exemplar_paths
 from svbrdfgan.data.plan import DatasetPlan
-from svbrdfgan.data.scene import Scene
+from svbrdfgan.data.scene import Scene, SceneWeathering
 from svbrdfgan.data.studio import Studio, subject_key
 from svbrdfgan.data.subject import Subject
 from svbrdfgan.errors import AssetError
@@ -29,7 +31,8 @@ class Exemplars:
         scenes: what made each picture.
         subjects: the surfaces pictured, each once.
         subject_of: for each exemplar, its subject.
-        layers: what G0 painted on each exemplar's surface; None where nothing did, or nobody knows what.
+        layers: what G0 painted on each exemplar's surface; None where it is not `weathered`. Read when looked at, since
+            where every exemplar has its own, they take more memory than the pictures.
     """
 
     images: Float[Tensor, "exemplars height width 3"]
@@ -37,7 +40,7 @@ class Exemplars:
     scenes: tuple[Scene, ...]
     subjects: tuple[Subject, ...]
     subject_of: Int[Tensor, " exemplars"]
-    layers: tuple[Float[Tensor, "rows cols channels"] | None, ...]
+    layers: Sequence[Float[Tensor, "rows cols channels"] | None]
     studio: Studio
 
     def __len__(self) -> int:
@@ -45,6 +48,10 @@ class Exemplars:
 
     def subject(self, exemplar: int) -> Subject:
         return self.subjects[int(self.subject_of[exemplar])]
+
+    def weathered(self, exemplar: int) -> bool:
+        """Whether it is known what G0 painted on it."""
+        return isinstance(self.scenes[exemplar].weathering, SceneWeathering)
 
     def views_of(self, subject: int) -> list[int]:
         """The exemplars that show a subject."""
@@ -79,9 +86,22 @@ def load_exemplars(folder: Path, split: Split) -> Exemplars:
         scenes=scenes,
         subjects=tuple(studio.subject(scenes[index]) for index in first.values()),
         subject_of=torch.tensor([number[key] for key in keys]),
-        layers=tuple(studio.layer(scene) for scene in scenes),
+        layers=_StoredLayers(studio, scenes),
         studio=studio,
     )
+
+
+class _StoredLayers(Sequence[Any]):
+    def __init__(self, studio: Studio, scenes: Sequence[Scene]) -> None:
+        self._studio, self._scenes = studio, scenes
+
+    def __len__(self) -> int:
+        return len(self._scenes)
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return _StoredLayers(self._studio, self._scenes[index])
+        return self._studio.layer(self._scenes[index])
 
 
 def load_picture(path: Path) -> Float[Tensor, "height width 4"]:

@@ -48,7 +48,7 @@ def generate(
         ConfigError: the folder holds another data set, or a pattern matches nothing.
         AssetError: an asset cannot be read, or the disk cannot be written.
     """
-    _require_plugins(config)
+    require_plugins(config)
     plan = make_plan(config, folder, base)
     fabric = Fabric(accelerator="auto", devices=devices, strategy="ddp_spawn" if devices > 1 else "auto")
     work = partial(_work, plan=plan, folder=folder, by_mesh=_by_mesh(plan, folder), workers=max(1, workers // devices))
@@ -87,10 +87,15 @@ def save_exemplar(path: Path, rendering: Rendering) -> None:
     save_exr(path, {"R": red, "G": green, "B": blue, "A": rendering.coverage}, half=True)
 
 
-def _require_plugins(config: DatasetConfig) -> None:
-    """Refuses what no exemplar could be made with, before anything is written that would have to be deleted."""
+def require_plugins(config: DatasetConfig) -> None:
+    """Refuses what no exemplar could be made with, before anything is written that would have to be deleted.
+
+    Raises:
+        ConfigError: the renderer, the embedding or the recipe cannot do what is asked.
+        PluginError: one of them is unknown, or does not work here.
+    """
     if config.renderer.name != "auto" or config.maps:
-        require_maps(resolve_renderer(config.renderer), config.maps)
+        require_maps(resolve_renderer(config.renderer)[0], config.maps)
     load_embedding(config.embedding.name, config.embedding.options)
     if config.weathering is None:
         raise ConfigError("weathering is null, as in a data set of imported pictures: name a recipe.")
@@ -114,12 +119,13 @@ def _work(
     workers: int,
     display: Display,
 ) -> None:
-    renderer = resolve_renderer(plan.config.renderer, "cuda" if fabric.device.type == "cuda" else "cpu")
+    renderer, chosen = resolve_renderer(plan.config.renderer, "cuda" if fabric.device.type == "cuda" else "cpu")
     studio = Studio(folder)
     display.begin("exemplars", sum(map(len, by_mesh)))
     mine = by_mesh[fabric.global_rank :: fabric.world_size]
     samplers = {split: plan.sampler(split) for split in plan.config.splits}
-    scenes = [[samplers[split].scene(index) for split, index in todo] for todo in mine]
+    made_by = {"renderer": chosen}
+    scenes = [[samplers[split].scene(index).model_copy(update=made_by) for split, index in todo] for todo in mine]
     for number in baked(folder, scenes, workers):
         prepared = renderer.prepare(studio.subject(scenes[number][0]).surface)
         for (split, index), scene in zip(mine[number], scenes[number], strict=True):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -15,11 +16,11 @@ from torch import Tensor
 
 from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, MeshSource, Split
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset, MeshAsset
-from svbrdfgan.data.scene import AssetRef, load_json
+from svbrdfgan.data.scene import AssetRef
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io import load_environment, load_mesh, save_environment, save_mesh_glb
-from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.options import StrictModel, validate
+from svbrdfgan.io.records import load_json, save_record
+from svbrdfgan.options import StrictModel, differing_keys, validate
 from svbrdfgan.procedural import build_room, build_sky, build_vehicle, sample_sky, sample_vehicle
 from svbrdfgan.types import Mesh
 
@@ -42,8 +43,7 @@ class DatasetPlan(StrictModel):
         return ConfigSampler(self.config, split, self.meshes[split], self.environments[split])
 
     def save(self, folder: Path) -> None:
-        with atomic_path(folder / PLAN) as temporary:
-            temporary.write_text(self.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        save_record(folder / PLAN, self)
 
     @classmethod
     def load(cls, folder: Path) -> DatasetPlan:
@@ -73,11 +73,15 @@ def make_plan(config: DatasetConfig, folder: Path, base: Path) -> DatasetPlan:
     """
     if (folder / PLAN).is_file():
         plan = DatasetPlan.load(folder)
-        if plan.config != config:
+        if plan.config == config:
+            _tell_of_new_files(plan, folder, base)
+            return plan
+        if any(next((folder / split).glob("*.json"), None) for split in plan.config.splits):
+            changed = ", ".join(differing_keys(plan.config.model_dump(), config.model_dump()))
             raise ConfigError(
-                f"{folder} holds a data set of another configuration; choose another folder or delete it."
+                f"{folder} holds a data set of another configuration ({changed}); choose another folder or delete it."
             )
-        return plan
+        (folder / PLAN).unlink()  # of which nothing was made
     meshes = {split: _meshes(source.meshes, config, folder, base) for split, source in config.splits.items()}
     lights = {
         split: gather_environments(source.environments or config.environments, config.environment_rows, folder, base)
@@ -85,6 +89,7 @@ def make_plan(config: DatasetConfig, folder: Path, base: Path) -> DatasetPlan:
     }
     _require_distinct(mesh.asset for pool in meshes.values() for mesh in pool)
     _require_distinct(light.asset for pool in lights.values() for light in pool)
+    _require_held_out(meshes)
     plan = DatasetPlan(config=config, meshes=meshes, environments=lights)
     plan.save(folder)
     return plan
@@ -164,7 +169,10 @@ def _matches(patterns: tuple[str, ...], base: Path) -> list[Path]:
     for pattern in patterns:
         absolute = Path(pattern).expanduser()
         root = Path(absolute.anchor) if absolute.is_absolute() else base
-        matches = sorted(root.glob(str(absolute.relative_to(root) if absolute.is_absolute() else absolute)))
+        try:
+            matches = sorted(root.glob(str(absolute.relative_to(root) if absolute.is_absolute() else absolute)))
+        except (ValueError, IndexError) as error:
+            raise ConfigError(f"{pattern!r} is not a shell pattern of files ({error}); correct it.") from error
         if not matches:
             raise ConfigError(f"no file matches {pattern!r} in {base}; correct the pattern or the folder.")
         found += [match for match in matches if match not in found]
@@ -184,6 +192,33 @@ def _require_distinct(assets: Iterable[AssetRef]) -> None:
                 f"different files of two splits share the name {Path(asset.path).stem!r}; rename one, "
                 "since a data set keeps assets by name."
             )
+
+
+def _require_held_out(meshes: Mapping[Split, tuple[MeshAsset, ...]]) -> None:
+    """Scores are of meshes that were never trained on."""
+    trained = {mesh.asset.sha256 for mesh in meshes.get("train", ())}
+    for split, pool in meshes.items():
+        for mesh in pool if split != "train" else ():
+            if mesh.asset.sha256 in trained:
+                raise ConfigError(
+                    f"the mesh {mesh.name!r} is in the splits train and {split}, which would be scored on what it was "
+                    "trained on: name other files, or give 'procedural' another seed."
+                )
+
+
+def _tell_of_new_files(plan: DatasetPlan, folder: Path, base: Path) -> None:
+    """Assets were gathered when the data set was begun: what patterns match only now is not among them."""
+    config = plan.config
+    for split, source in config.splits.items():
+        kept = {mesh.name for mesh in plan.meshes[split]} | {light.name for light in plan.environments[split]}
+        for files in (source.meshes.files, (source.environments or config.environments).files):
+            with suppress(ConfigError):  # the files may have gone, since the folder has copies
+                new = sorted({path.stem for path in _matches(files, base)} - kept)
+                if new:
+                    log.warning(
+                        "%s was begun without %s, which %s files match now: choose another folder to have them in.",
+                        *(folder, ", ".join(new), split),
+                    )
 
 
 def _reference(path: Path, folder: Path) -> AssetRef:

@@ -11,7 +11,15 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from svbrdfgan.data.config import CameraDistribution, DatasetConfig, Split
+from svbrdfgan.data.config import (
+    BRIGHTNESS,
+    DISTANCE,
+    ELEVATION,
+    FIELD_OF_VIEW,
+    CameraDistribution,
+    DatasetConfig,
+    Split,
+)
 from svbrdfgan.data.scene import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
 from svbrdfgan.options import StrictModel
 
@@ -77,7 +85,7 @@ class ConfigSampler:
             learnable=config.learnable,
             materials={} if paint is None else dict.fromkeys(mesh.painted, paint),
             weathering=self._weathering(rng),
-            maps={name: min(max(value.sample(rng), 0.0), 1.0) for name, value in config.maps.items()},
+            maps={name: _clamped(value.sample(rng), (0.0, 1.0)) for name, value in config.maps.items()},
         )
 
     def draw_environment(
@@ -90,7 +98,7 @@ class ConfigSampler:
         return SceneEnvironment(
             asset=environment.asset,
             rotation_degrees=self.config.environment_rotation_degrees.sample(rng),
-            scale=max(brightness, 1e-6) * environment.normalisation,
+            scale=_clamped(brightness, BRIGHTNESS) * environment.normalisation,
         )
 
     def draw_camera(
@@ -99,13 +107,13 @@ class ConfigSampler:
         """A camera about the middle of the mesh's box, from the split's distribution or another."""
         declared, (width, height) = declared or self.config.camera_of(self.split), self.config.image
         lower, upper = np.asarray(mesh.bounds)
-        fov = min(max(declared.vertical_fov_degrees.sample(rng), 1.0), 170.0)
+        fov = _clamped(declared.vertical_fov_degrees.sample(rng), FIELD_OF_VIEW)
         x, y, z = ((lower + upper) / 2).tolist()
         fit = fit_distance(float(np.linalg.norm(upper - lower)) / 2, math.radians(fov), width / height)
         return OrbitCamera(
             azimuth_degrees=declared.azimuth_degrees.sample(rng) % 360.0,
-            elevation_degrees=min(max(declared.elevation_degrees.sample(rng), -89.0), 89.0),
-            distance=max(declared.distance.sample(rng), 0.05) * fit,
+            elevation_degrees=_clamped(declared.elevation_degrees.sample(rng), ELEVATION),
+            distance=_clamped(declared.distance.sample(rng), DISTANCE) * fit,
             target=(x, y, z),
             vertical_fov_degrees=fov,
         )
@@ -121,10 +129,14 @@ class ConfigSampler:
             return "unknown"
         return SceneWeathering(
             recipe=declared.recipe,
-            amount=min(max(declared.amount.sample(rng), 0.0), 1.0),
+            amount=_clamped(declared.amount.sample(rng), (0.0, 1.0)),
             seed=declared.seed.sample(rng),
             options=declared.options,
         )
+
+
+def _clamped(value: float, limits: tuple[float, float]) -> float:
+    return min(max(value, limits[0]), limits[1])
 
 
 def fit_distance(radius: float, vertical_fov: float, aspect: float) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,8 +10,7 @@ from pydantic import Field
 
 from svbrdfgan.data.config import FurtherMaps, PartSelection, Plugin, PluginChoice
 from svbrdfgan.data.distributions import Color
-from svbrdfgan.errors import AssetError
-from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.records import load_record, save_record
 from svbrdfgan.options import StrictModel, validate
 from svbrdfgan.types import Camera
 
@@ -87,8 +85,7 @@ class Scene(StrictModel):
     weathering: SceneWeathering | Literal["unknown"] | None = None
 
     def save(self, path: Path) -> None:
-        with atomic_path(path) as temporary:
-            temporary.write_text(self.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        save_record(path, self)
 
     @classmethod
     def load(cls, path: Path) -> Scene:
@@ -98,7 +95,7 @@ class Scene(StrictModel):
             AssetError: missing, or not JSON.
             ConfigError: a key is unknown or a value wrong.
         """
-        return validate(cls, load_json(path), str(path))
+        return load_record(cls, path)
 
 
 class _Maps(StrictModel):
@@ -112,13 +109,3 @@ def map_values(data: dict[str, Any], source: str) -> dict[str, float]:
         ConfigError: a name is unknown or a value not in [0, 1].
     """
     return validate(_Maps, {"maps": data}, source).maps
-
-
-def load_json(path: Path) -> Any:
-    """The contents of a JSON file, or one sentence about why not."""
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise AssetError(f"{path} cannot be read: {error.strerror or error}.") from error
-    except ValueError as error:
-        raise AssetError(f"{path} is not valid JSON: {error}.") from error

@@ -1,4 +1,4 @@
-"""Subjects and layers on disk: safetensors with JSON beside the numbers, safe to open from a stranger."""
+"""Subjects and layers on disk."""
 
 from __future__ import annotations
 
@@ -11,17 +11,15 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Float
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor
 
 from svbrdfgan.bake import GeometryBuffer
 from svbrdfgan.data.subject import Subject
-from svbrdfgan.errors import AssetError
-from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.types import Part, Surface
 
 _SUBJECT, _LAYER = "svbrdfgan subject 1", "svbrdfgan layer 1"
+_REMEDY = "delete it to have it made anew"
 
 
 def save_subject(path: Path, subject: Subject) -> None:
@@ -31,7 +29,7 @@ def save_subject(path: Path, subject: Subject) -> None:
     tensors |= {f"base.{part}": base for part, base in enumerate(subject.base)}
     parts = [{"name": p.name, "base_color": p.base_color, "hidden": p.hidden} for p in subject.surface.parts]
     header = {"learnable": subject.learnable, "parts": parts, "repeat": subject.surface.repeat}
-    _save(path, tensors, {"format": _SUBJECT, "header": json.dumps(header)})
+    save_tensors(path, _SUBJECT, tensors, {"header": json.dumps(header)})
 
 
 def load_subject(path: Path) -> Subject:
@@ -40,19 +38,20 @@ def load_subject(path: Path) -> Subject:
     Raises:
         AssetError: missing, damaged, or of another version.
     """
-    tensors, meta = _load(path, _SUBJECT)
-    header = json.loads(meta["header"])
-    parts = tuple(Part(p["name"], tuple(p["base_color"]), hidden=p["hidden"]) for p in header["parts"])
-    arrays = {k: v.numpy() for k, v in _under("surface.", tensors).items()}
-    surface = Surface(**arrays, parts=parts, repeat=tuple(header["repeat"]))
-    buffer = GeometryBuffer(**_like(GeometryBuffer, _under("buffer.", tensors)))
-    base = tuple(tensors[f"base.{part}"] for part in range(len(parts)))
-    return Subject(surface, buffer, tuple(header["learnable"]), base)
+    with stored_tensors(path, _SUBJECT, _REMEDY) as (tensors, words):
+        header = json.loads(words["header"])
+        parts = tuple(Part(p["name"], tuple(p["base_color"]), hidden=p["hidden"]) for p in header["parts"])
+        arrays = {k: v.numpy() for k, v in _under("surface.", tensors).items()}
+        surface = Surface(**arrays, parts=parts, repeat=tuple(header["repeat"]))
+        buffer = GeometryBuffer(**_like(GeometryBuffer, _under("buffer.", tensors)))
+        base = tuple(tensors[f"base.{part}"] for part in range(len(parts)))
+        subject = Subject(surface, buffer, tuple(header["learnable"]), base)
+    return subject
 
 
 def save_layer(path: Path, layer: Float[Tensor, "rows cols channels"]) -> None:
     """Writes a layer in single precision."""
-    _save(path, {"layer": layer.float()}, {"format": _LAYER})
+    save_tensors(path, _LAYER, {"layer": layer.float()}, {})
 
 
 def load_layer(path: Path) -> Float[Tensor, "rows cols channels"]:
@@ -61,23 +60,9 @@ def load_layer(path: Path) -> Float[Tensor, "rows cols channels"]:
     Raises:
         AssetError: missing, damaged, or of another version.
     """
-    return _load(path, _LAYER)[0]["layer"]
-
-
-def _save(path: Path, tensors: Mapping[str, Tensor], meta: dict[str, str]) -> None:
-    with atomic_path(path) as temporary:
-        save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, temporary, meta)
-
-
-def _load(path: Path, wanted: str) -> tuple[dict[str, Tensor], dict[str, str]]:
-    try:
-        with safe_open(path, framework="pt") as file:
-            meta = file.metadata() or {}
-            if meta.get("format") != wanted:
-                raise AssetError(f"{path} is not a {wanted!r} file; delete it to have it made anew.")
-            return {name: file.get_tensor(name) for name in file.keys()}, meta  # noqa: SIM118
-    except (OSError, SafetensorError) as error:
-        raise AssetError(f"{path} cannot be read ({error}); delete it to have it made anew.") from error
+    with stored_tensors(path, _LAYER, _REMEDY) as (tensors, _):
+        layer = tensors["layer"]
+    return layer
 
 
 def _tensors(record: Any) -> dict[str, Tensor]:

@@ -18,22 +18,29 @@ from svbrdfgan.data.config import PluginChoice
 from svbrdfgan.data.scene import AssetRef, Scene, SceneWeathering
 from svbrdfgan.data.store import load_layer, load_subject, save_layer, save_subject
 from svbrdfgan.data.subject import Subject, make_subject
-from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.errors import AssetError, ConfigError, EmbeddingError
 from svbrdfgan.io import load_environment, load_mesh
 from svbrdfgan.plugins import load_embedding, load_renderer
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.types import Environment, View
-from svbrdfgan.weathering import recipe_from_options, weather
+from svbrdfgan.weathering import Recipe, Site, find_site, recipe_from_options, weather
 
 _CACHE = "cache"
+_LAYERS = 64
+"""Kept in memory, at most."""
 
 
-def resolve_renderer(choice: PluginChoice, device: Literal["auto", "cpu", "cuda"] = "auto") -> Renderer[Any]:
-    """The renderer that a configuration names; `auto` is the best one that works."""
+def resolve_renderer(
+    choice: PluginChoice, device: Literal["auto", "cpu", "cuda"] = "auto"
+) -> tuple[Renderer[Any], PluginChoice]:
+    """The renderer that a configuration names, `auto` being the best one that works; and the choice, to be recorded.
+
+    What `auto` chose is recorded by name, without the device, so that another machine can render the same.
+    """
     if choice.name == "auto":
         best = choose_renderer(device)
-        return load_renderer(best.name, best.options)
-    return load_renderer(choice.name, choice.options)
+        return load_renderer(best.name, best.options), PluginChoice(name=best.name)
+    return load_renderer(choice.name, choice.options), choice
 
 
 def require_maps(renderer: Renderer[Any], maps: Iterable[str], *, differentiable: bool = False) -> None:
@@ -55,7 +62,7 @@ def require_maps(renderer: Renderer[Any], maps: Iterable[str], *, differentiable
 
 @dataclass
 class Studio:
-    """Everything that scenes of one folder need, made at most once.
+    """Everything that scenes of one folder need, made at most once; of layers, the last are at hand.
 
     Attributes:
         folder: what asset paths are relative to.
@@ -65,6 +72,7 @@ class Studio:
     folder: Path
     keep: bool = True
     _subjects: dict[str, Subject] = field(default_factory=dict)
+    _sites: dict[str, Site] = field(default_factory=dict)
     _layers: dict[str, Float[Tensor, "rows cols channels"]] = field(default_factory=dict)
     _lights: dict[str, Float[Tensor, "rows cols 3"]] = field(default_factory=dict)
 
@@ -84,10 +92,9 @@ class Studio:
         if key not in self._layers:
             path = self.folder / _CACHE / "layers" / f"{key}.safetensors"
             recipe = _recipe(scene.weathering)
-            subject = self.subject(scene)
-            self._layers[key] = self._stored(
-                path, load_layer, save_layer, lambda: weather(subject.surface, subject.buffer, recipe, scene.maps)
-            )
+            if len(self._layers) >= _LAYERS:
+                del self._layers[next(iter(self._layers))]
+            self._layers[key] = self._stored(path, load_layer, save_layer, lambda: self._weather(scene, recipe))
         return self._layers[key]
 
     def view(self, scene: Scene) -> View:
@@ -114,16 +121,24 @@ class Studio:
 
     def forget(self) -> None:
         """Lets go of subjects and layers; environments stay."""
-        self._subjects.clear()
-        self._layers.clear()
+        for kept in (self._subjects, self._sites, self._layers):
+            kept.clear()
+
+    def _weather(self, scene: Scene, recipe: Recipe) -> Float[Tensor, "rows cols channels"]:
+        """The layers of a surface share what takes most of the time; it is large, so that of one alone is kept."""
+        subject, key = self.subject(scene), subject_key(scene)
+        if key not in self._sites:
+            self._sites.clear()
+            self._sites[key] = find_site(subject.surface, subject.buffer)
+        return weather(subject.surface, subject.buffer, recipe, scene.maps, site=self._sites[key])
 
     def _make_subject(self, scene: Scene) -> Subject:
         mesh = load_mesh(self.file(scene.mesh))
         embedding = load_embedding(scene.embedding.name, scene.embedding.options)
         try:
             return make_subject(mesh, embedding, scene.texture, scene.learnable)
-        except AssetError as error:
-            raise AssetError(f"{scene.mesh.path}: {error}") from error
+        except (AssetError, EmbeddingError) as error:
+            raise type(error)(f"{scene.mesh.path}: {error}") from error
 
     def _stored(self, path: Path, load: Callable[..., Any], save: Callable[..., None], make: Callable[[], Any]) -> Any:
         if self.keep and path.is_file():
@@ -140,7 +155,7 @@ def subject_key(scene: Scene) -> str:
     return f"{Path(scene.mesh.path).stem}-{_digest(*parts)}"
 
 
-def _recipe(weathering: SceneWeathering) -> Any:
+def _recipe(weathering: SceneWeathering) -> Recipe:
     options = {"amount": weathering.amount, "seed": weathering.seed, **weathering.options}
     return recipe_from_options(weathering.recipe, options)
 

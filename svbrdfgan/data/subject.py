@@ -116,6 +116,6 @@ def make_subject(mesh: Mesh, embedding: UVEmbedding, resolution: int, selection:
         names = ", ".join(part.name for part in mesh.parts)
         raise AssetError(
             f"no visible part is learnable: the mesh has {names}; include {list(selection.include)}, "
-            f"exclude {list(selection.exclude)}. Change 'learnable' so that it selects one."
+            f"exclude {list(selection.exclude)}. Change 'learnable' (--learnable) so that it selects one."
         )
     return Subject(surface, buffer, learnable, bake_base_color(mesh, surface, buffer))

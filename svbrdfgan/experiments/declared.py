@@ -6,11 +6,10 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
-from svbrdfgan.data.scene import load_json
 from svbrdfgan.errors import ConfigError, SvbrdfganError
 from svbrdfgan.experiments.design import Design, RunSpec
-from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.options import StrictModel, validate
+from svbrdfgan.io.records import load_record, save_record
+from svbrdfgan.options import StrictModel
 
 DEFINITION = "definition.json"
 
@@ -33,11 +32,10 @@ def keep_definition(design: Design, root: Path) -> None:
     folder = root / design.name
     path = folder / DEFINITION
     if not path.is_file():
-        with atomic_path(path) as temporary:
-            temporary.write_text(mine.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        save_record(path, mine)
         return
     try:
-        changed = _difference(mine, validate(Declared, load_json(path), str(path)))
+        changed = _difference(mine, load_record(Declared, path))
     except SvbrdfganError:
         changed = "a key that this version does not know"
     if changed:

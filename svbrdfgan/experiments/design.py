@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
+from typing import get_args
 
-from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, dataset_config
+from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, Split, dataset_config
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.experiments.definition import (
     Experiment,
@@ -135,6 +136,9 @@ class Design:
         data = apply_overrides(self._base, self.changes(name))
         source = f"{self.name}, row {name}"
         dataset = dataset_config(data["dataset"], source)
+        lacking = [split for split in get_args(Split) if split not in dataset.splits]
+        if lacking:
+            raise ConfigError(f"{source}: dataset.splits lacks {' and '.join(lacking)}, on which scores are taken.")
         told = {"recipe": recipe, "seed": seed, "dataset": _ELSEWHERE}
         train = settled(train_config({**data["train"], **told}, source), dataset.spp)
         return Cell(self.name, name, recipe, seed, RunSpec(train=train, oracle=self._oracle(dataset, train)))

@@ -74,7 +74,8 @@ def gradient_noise(feed: Feed, layers: Float[Tensor, "subjects rows cols channel
     for index in choose_views(feed.exemplars, _VIEWS):
         layer = layers[int(feed.exemplars.subject_of[index])].unsqueeze(0)
         with torch.no_grad():
-            difference = feed.stage([index], np.random.default_rng(0)).render(layer) - feed.real([index])[0].float()
+            made, _ = feed.stage([index], np.random.default_rng(0)).render(layer)
+        difference = made - feed.real([index])[0].float()
         draws = torch.stack([_gradient(feed, index, layer, difference, draw) for draw in range(1, _DRAWS + 1)])
         variance = float(draws.var(dim=0).sum())
         noise += variance
@@ -84,6 +85,7 @@ def gradient_noise(feed: Feed, layers: Float[Tensor, "subjects rows cols channel
 
 def _gradient(feed: Feed, index: int, layer: Tensor, difference: Tensor, draw: int) -> Tensor:
     learned = layer.detach().clone().requires_grad_(True)
-    feed.stage([index], np.random.default_rng(draw)).render(learned).backward(difference)
+    made, _ = feed.stage([index], np.random.default_rng(draw)).render(learned)
+    made.backward(difference)
     assert learned.grad is not None
     return learned.grad

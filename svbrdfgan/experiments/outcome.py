@@ -6,11 +6,10 @@ from pathlib import Path
 
 from pydantic import Field
 
-from svbrdfgan.data.scene import load_json
 from svbrdfgan.evaluation import Evaluation, share
 from svbrdfgan.experiments.definition import Measure
-from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.options import StrictModel, validate
+from svbrdfgan.io.records import load_record, save_record
+from svbrdfgan.options import StrictModel
 
 OUTCOME, CEILING = "outcome.json", "ceiling.json"
 
@@ -33,8 +32,7 @@ class Ceiling(StrictModel):
         return verdict.model_copy(update={**its, "fraction": share(verdict.recovered, self.evaluation.oracle)})
 
     def save(self, oracle: Path) -> None:
-        with atomic_path(oracle / CEILING) as temporary:
-            temporary.write_text(self.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        save_record(oracle / CEILING, self)
 
     @classmethod
     def load(cls, oracle: Path) -> Ceiling:
@@ -44,7 +42,7 @@ class Ceiling(StrictModel):
             AssetError: there is no oracle yet, or the file is damaged.
             ConfigError: it is of another version.
         """
-        return validate(cls, load_json(oracle / CEILING), str(oracle / CEILING))
+        return load_record(cls, oracle / CEILING)
 
 
 class Point(StrictModel):
@@ -100,8 +98,7 @@ class Outcome(StrictModel):
         return max((point.recovered for point in self.history if point.seconds <= seconds), default=None)
 
     def save(self, run: Path) -> None:
-        with atomic_path(run / OUTCOME) as temporary:
-            temporary.write_text(self.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        save_record(run / OUTCOME, self)
 
     @classmethod
     def load(cls, run: Path) -> Outcome:
@@ -111,4 +108,4 @@ class Outcome(StrictModel):
             AssetError: the run is not over, or the file is damaged.
             ConfigError: it is of another version.
         """
-        return validate(cls, load_json(run / OUTCOME), str(run / OUTCOME))
+        return load_record(cls, run / OUTCOME)

@@ -42,7 +42,9 @@ class _Child:
         return lines[-1].strip() if lines else f"it ended with exit code {code}"
 
     def terminate(self) -> None:
-        """Ends it and the processes that it started."""
+        """Ends it and the processes that it started, if it has not ended."""
+        if self.process.poll() is not None:
+            return
         if os.name == "posix":
             os.killpg(self.process.pid, signal.SIGTERM)
         else:

@@ -6,10 +6,9 @@ import re
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from svbrdfgan.data.scene import load_json
 from svbrdfgan.errors import SvbrdfganError
-from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.options import StrictModel, validate
+from svbrdfgan.io.records import load_record, save_record
+from svbrdfgan.options import StrictModel
 
 SPEC = "spec.json"
 
@@ -28,7 +27,7 @@ class Shelf(Generic[Spec]):
         self.specs: dict[str, Spec] = {}
         for path in sorted(folder.glob(f"*/{SPEC}")):
             try:
-                self.specs[path.parent.name] = validate(model, load_json(path), str(path))
+                self.specs[path.parent.name] = load_record(model, path)
             except SvbrdfganError:
                 continue
 
@@ -49,7 +48,6 @@ class Shelf(Generic[Spec]):
         number, free = 1, stem
         while (self.folder / free).exists():
             number, free = number + 1, f"{stem}-{number + 1}"
-        with atomic_path(self.folder / free / SPEC) as temporary:
-            temporary.write_text(spec.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        save_record(self.folder / free / SPEC, spec)
         self.specs[free] = spec
         return self.folder / free

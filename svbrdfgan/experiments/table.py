@@ -106,10 +106,12 @@ def _absent(lines: Iterable[Line]) -> str:
 
 
 def _machines(results: Results) -> str:
-    """On what, and how many at once: seconds of different ones cannot be compared."""
+    """On what, and how many at once: seconds of different ones cannot be compared. And by which versions."""
     found = dict.fromkeys(f"{o.device}, {o.jobs} at once" for o in results.outcomes)
     mixed = " These differ, so compare seconds only where they agree." if len(found) > 1 else ""
-    return f"Seconds are those of runs on {'; '.join(found)}.{mixed}" if found else ""
+    made = dict.fromkeys(", ".join(f"{name} {of}" for name, of in o.versions.items()) for o in results.outcomes)
+    several = f" Several versions made them: {'; '.join(made)}." if len(made) > 1 else ""
+    return f"Seconds are those of runs on {'; '.join(found)}.{mixed}{several}" if found else ""
 
 
 def _runs(lines: Iterable[Line]) -> Iterable[str]:

@@ -23,7 +23,7 @@ from svbrdfgan.options import StrictModel
 from svbrdfgan.report import write_report
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.oracle import OracleConfig
-from svbrdfgan.training.run import CONFIG, ORACLE, load_generator, versions
+from svbrdfgan.training.run import CONFIG, ORACLE, load_generator
 from svbrdfgan.training.state import State
 from svbrdfgan.training.trainer import train
 
@@ -120,7 +120,7 @@ class RunTask(_Task):
             measures=measure(evaluated),
             device=torch.cuda.get_device_name() if torch.cuda.is_available() else "CPU",
             jobs=self.jobs,
-            versions=versions(),
+            versions=evaluated.config.versions,
         ).save(self.path)
         _forget_checkpoints(self.path)
 
@@ -157,7 +157,7 @@ def _train(task: OracleTask | RunTask, config: TrainConfig, dataset: str) -> Sta
 
 
 def _point(config: TrainConfig, entry: dict[str, float]) -> Point:
-    shown = round(entry["step"]) * config.batch_size * config.loss.critic_steps
+    shown = round(entry["step"]) * config.images_per_step
     return Point(images=shown, seconds=entry["seconds"], recovered=entry["recovered"])
 
 

@@ -1,1 +1,1 @@
-"""Triangles: shading normals, subdivision, rasterising over the UV square, and which surfaces lie beneath others."""
+"""Triangles: normals, areas, samples, cells, subdivision, rasterising over UV, and which surfaces lie under others."""

@@ -36,6 +36,12 @@ def face_areas(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "fac
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
+def uv_areas(corners: Float[ndarray, "faces 3 2"]) -> Float[ndarray, " faces"]:
+    """Areas of triangles of the plane; negative where they are wound clockwise."""
+    p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return 0.5 * (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
+
+
 def corner_angles(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> Float[ndarray, "faces 3"]:
     """The angle of each triangle at each of its corners, radians."""
     corners = positions[faces]

@@ -190,8 +190,8 @@ def _sunlight(parameters: SkyParameters) -> Float[ndarray, " 3"]:
 def _sun(parameters: SkyParameters, direction: ndarray, solid_angle: ndarray) -> Float[ndarray, "rows cols 3"]:
     """The sun's disc, smeared over about a pixel above the horizon, with all its energy."""
     size = max(0.8 * math.pi / direction.shape[0], math.radians(0.27))
-    cosine = direction @ parameters.sun_direction
-    disc = np.exp((cosine - 1.0) / (0.5 * size**2))[..., None] * (direction[..., 1:2] > 0.0)
+    cosine = np.where(direction[..., 1] > 0.0, direction @ parameters.sun_direction, -np.inf)
+    disc = np.exp((cosine - cosine.max()) / (0.5 * size**2))[..., None]  # relative: pixels may all be far from the sun
     return _sunlight(parameters) * disc / (disc * solid_angle).sum()
 
 

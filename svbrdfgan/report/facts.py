@@ -71,7 +71,7 @@ def half_way(evaluation: Evaluation, config: TrainConfig, journal: Journal) -> F
         return None
     for line in journal:
         if line.get("recovered", -1.0) >= evaluation.oracle / 2 > 0:
-            images = line["step"] * config.batch_size
+            images = line["step"] * config.images_per_step
             took = duration(line["seconds"])
             return Figure(
                 "images to half", f"{images:,.0f}", f"Seen until validation passed half the oracle, in {took}."
@@ -92,27 +92,27 @@ def flip_bars(evaluation: Evaluation) -> list[Bar]:
     return [Bar(name, f"{value:.3f}", 100 * (value / longest)) for name, value in known.items()]
 
 
-def title(config: RunConfig) -> str:
-    """What was learned, and from what."""
+def title(config: RunConfig, plan: DatasetPlan | None) -> str:
+    """What was learned, and from what; without a plan, the data set is gone."""
     what = _recipe(config).replace("-", " ").capitalize()
-    plan = _plan(config)
     if plan is None:
         return f"{what}, learned from pictures"
     return f"{what}, learned from {len(plan.sampler('train')):,} pictures of {len(plan.meshes['train']):,} vehicles"
 
 
-def summary(config: RunConfig, evaluated: Evaluated, journal: Journal) -> list[tuple[str, str]]:
+def summary(evaluated: Evaluated, plan: DatasetPlan | None, journal: Journal) -> list[tuple[str, str]]:
     """What was learned, from what, and for how long."""
+    config = evaluated.config
     dataset, train = config.dataset, config.train
     width, height = dataset.image
-    told = [("vehicles", _counts(config, evaluated)), ("weathering", _recipe(config))]
+    told = [("vehicles", _counts(plan, evaluated.evaluation)), ("weathering", _recipe(config))]
     told.append(("embedding", dataset.embedding.name))
     told.append(("pictures", f"{width} x {height}, {dataset.spp} samples per pixel"))
     told.append(("texture", f"{dataset.texture} x {dataset.texture}"))
     told.append(("loss", f"{train.loss.name}, batch {train.batch_size}"))
     if journal:
         steps, seconds = journal[-1]["step"], journal[-1].get("seconds")
-        images = f"{steps:,.0f} steps, {steps * train.batch_size:,.0f} images"
+        images = f"{steps:,.0f} steps, {steps * train.images_per_step:,.0f} images"
         told.append(("trained", images if seconds is None else f"{images} in {duration(seconds)}"))
     return told
 
@@ -139,15 +139,14 @@ def _oracle_meaning(evaluation: Evaluation) -> str:
     return f"{ceiling} Still rising{steps}, so the true ceiling is higher."
 
 
-def _counts(config: RunConfig, evaluated: Evaluated) -> str:
+def _counts(plan: DatasetPlan | None, judged: Evaluation) -> str:
     """Vehicles and pictures of each split; of the one that was scored, where the data set is gone."""
-    plan = _plan(config)
     if plan is None:
-        judged = evaluated.evaluation
         return f"{judged.subjects} {judged.split} in {judged.exemplars} pictures"
     return ", ".join(f"{len(plan.meshes[split])} {split}" for split in plan.config.splits)
 
 
-def _plan(config: RunConfig) -> DatasetPlan | None:
+def find_plan(config: RunConfig) -> DatasetPlan | None:
+    """What the run's data set is; None where it is gone."""
     folder = Path(config.dataset_folder)
     return DatasetPlan.load(folder) if (folder / PLAN).is_file() else None

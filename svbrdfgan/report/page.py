@@ -11,7 +11,7 @@ from svbrdfgan.evaluation import Evaluated
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.options import StrictModel
 from svbrdfgan.report.curves import draw
-from svbrdfgan.report.facts import HELD_OUT, flip_bars, summary, title, verdict
+from svbrdfgan.report.facts import HELD_OUT, find_plan, flip_bars, summary, title, verdict
 from svbrdfgan.report.patches import patch_maps
 from svbrdfgan.report.pictures import data_uri
 from svbrdfgan.report.progress import charts
@@ -40,14 +40,14 @@ def _contents(run: Path, evaluated: Evaluated) -> dict[str, Any]:
     views = choose_views(evaluated.feed.exemplars, _VEHICLES)
     textures = views[:_TEXTURES]
     top = error_scale(evaluated, textures)
-    journal = read_journal(run)
+    journal, plan = read_journal(run), find_plan(config)
     drawn = charts(journal, evaluation, config.train)
     return {
         "name": run.resolve().name,
-        "title": title(config),
+        "title": title(config, plan),
         "evaluation": evaluation,
         "subjects_title": HELD_OUT[evaluation.split],
-        "summary": summary(config, evaluated, journal),
+        "summary": summary(evaluated, plan, journal),
         "verdict": verdict(evaluation, config.train, journal),
         "flip_bars": flip_bars(evaluation),
         "vehicles": [rendered(evaluated, index) for index in views],

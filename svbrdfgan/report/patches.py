@@ -21,7 +21,7 @@ from svbrdfgan.report.pictures import Picture
 from svbrdfgan.report.vehicles import Titled, Vehicle, subject_name
 from svbrdfgan.scoring.flip import display
 from svbrdfgan.training.picture import present
-from svbrdfgan.training.state import State, checkpoints
+from svbrdfgan.training.state import checkpoints, load_discriminator
 from svbrdfgan.training.step import sides
 
 CYAN, YELLOW = (0.0, 0.78, 0.86), (1.0, 0.82, 0.05)
@@ -55,15 +55,15 @@ def patch_maps(run: Path, evaluated: Evaluated, indices: Sequence[int]) -> Patch
     if not found or not indices:
         return None
     try:
-        state = State.fresh(evaluated.config.train, evaluated.feed.buffers.device)
-        state.load(found[-1])
+        discriminator, step = load_discriminator(found[-1], evaluated.config.train.discriminator)
     except SvbrdfganError as error:
         log.warning("the discriminator is left out of the report: %s", error)
         return None
-    judged = [judge(evaluated, state.discriminator.eval(), index) for index in indices]
+    discriminator.to(evaluated.feed.images.device)
+    judged = [judge(evaluated, discriminator, index) for index in indices]
     names = [subject_name(evaluated.feed.exemplars.scenes[index]) for index in indices]
     scale = Scale.make(evaluated.config.train.loss.name, judged)
-    return PatchMaps(state.step, scale.told, tuple(_row(n, pair, scale) for n, pair in zip(names, judged, strict=True)))
+    return PatchMaps(step, scale.told, tuple(_row(n, pair, scale) for n, pair in zip(names, judged, strict=True)))
 
 
 def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> Judged:

@@ -18,8 +18,6 @@ from svbrdfgan.evaluation import Evaluated, pictures
 from svbrdfgan.report.pictures import Picture, framed, heat, over_checker, signed_as_color, upright
 from svbrdfgan.scoring.flip import display, flip
 
-Layer = Float[Tensor, "rows cols 4"]
-
 
 @dataclass(frozen=True, eq=False)
 class Titled:
@@ -40,13 +38,22 @@ class Vehicle:
 
 
 def choose_views(exemplars: Exemplars, limit: int) -> list[int]:
-    """The first weathered exemplar of each of up to `limit` subjects, spread evenly: chosen without looking."""
+    """A weathered exemplar of each of up to `limit` subjects, spread evenly, whatever was learned of them.
+
+    Of a subject's, that which is nearest to middle grey as displayed: most of it is neither black nor white.
+    """
     views = [exemplars.views_of(number) for number in range(len(exemplars.subjects))]
-    weathered = [[view for view in group if exemplars.layers[view] is not None] for group in views]
-    first = [group[0] for group in weathered if group]
-    if len(first) <= limit:
-        return first
-    return [first[round(n * (len(first) - 1) / max(limit - 1, 1))] for n in range(limit)]
+    weathered = [list(filter(exemplars.weathered, group)) for group in views]
+    groups = [group for group in weathered if group]
+    if len(groups) > limit:
+        groups = [groups[round(n * (len(groups) - 1) / max(limit - 1, 1))] for n in range(limit)]
+    return [min(group, key=lambda view: abs(_brightness(exemplars, view) - 0.5)) for group in groups]
+
+
+def _brightness(exemplars: Exemplars, index: int) -> float:
+    """Of what a picture covers, as displayed."""
+    covered = exemplars.coverage[index].float().sum()
+    return float(display(exemplars.images[index].float()).sum() / (3 * covered).clamp(min=1e-6))
 
 
 def subject_name(scene: Scene) -> str:

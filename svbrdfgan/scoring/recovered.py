@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import torch
 from jaxtyping import Bool, Float
@@ -17,15 +18,13 @@ from torch import Tensor
 
 from svbrdfgan.compositing import RGBA, composite
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.data.scene import Scene
-from svbrdfgan.data.subject import Subject
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io import srgb_from_linear
 
 SeenTexels = Callable[[int], Float[Tensor, "rows cols"]]
 """For an exemplar, a positive number wherever its picture shows the outermost learnable surface."""
 
-
+_CONSTANT_TARGETS = 64
 POLE_DEGREES = 30.0
 """Around a pole: within it, the hemispherical map widens what runs around the pole more than twice."""
 
@@ -62,38 +61,38 @@ def make_targets(
 ) -> tuple[list[Target], float]:
     """The targets of exemplars whose truth is known, evenly chosen up to `limit`, and the seen share of learnable area.
 
-    A texel counts if any picture of its subject shows it.
+    A texel counts if any picture of its subject shows it. Only subjects of chosen exemplars are looked at.
 
     Raises:
         AssetError: of no exemplar is it known how it is weathered, or none shows any learnable texel.
     """
+    views = [view for number in range(len(exemplars.subjects)) for view in exemplars.views_of(number)]
+    known = list(filter(exemplars.weathered, views))
+    if limit is not None and len(known) > limit:
+        known = [known[int(i)] for i in torch.linspace(0, len(known) - 1, limit)]
     targets, shares = [], []
-    for number, subject in enumerate(exemplars.subjects):
-        views = exemplars.views_of(number)
-        shown = torch.stack([seen(view).cpu() > 0 for view in views]).any(dim=0)
+    for number, chosen in groupby(known, key=lambda view: int(exemplars.subject_of[view])):
+        subject = exemplars.subjects[number]
+        shown = torch.stack([seen(view).cpu() > 0 for view in exemplars.views_of(number)]).any(dim=0)
         area = subject.buffer.area * subject.learnable_texels
         weight = area * shown
         shares.append(float(weight.sum() / area.sum().clamp(min=1e-12)))
-        if weight.sum() <= 0:
-            continue
-        for view in views:
-            truth = exemplars.layers[view]
-            if truth is not None:
-                targets.append(Target(number, truth, _base(subject, exemplars.scenes[view]), weight))
+        if weight.sum() > 0:
+            targets += [_target(exemplars, view, weight.to(device)) for view in chosen]
     if not targets:
         raise AssetError(
             "nothing can be scored: of no exemplar that shows a learnable part is it known how it is weathered "
             "(imported pictures have no truth)."
         )
-    if limit is not None and len(targets) > limit:
-        targets = [targets[int(i)] for i in torch.linspace(0, len(targets) - 1, limit)]
-    moved = [Target(t.subject, t.truth.to(device), t.base.to(device), t.weight.to(device)) for t in targets]
-    return moved, sum(shares) / len(shares)
+    return targets, sum(shares) / len(shares)
 
 
-def _base(subject: Subject, scene: Scene) -> Float[Tensor, "rows cols values"]:
-    albedo = subject.base_albedo(scene.materials)
-    return torch.cat([albedo, torch.tensor(list(scene.maps.values())).expand(*albedo.shape[:2], -1)], dim=-1)
+def _target(exemplars: Exemplars, view: int, weight: Float[Tensor, "rows cols"]) -> Target:
+    scene, truth = exemplars.scenes[view], exemplars.layers[view]
+    assert truth is not None
+    albedo = exemplars.subject(view).base_albedo(scene.materials)
+    base = torch.cat([albedo, torch.tensor(list(scene.maps.values())).expand(*albedo.shape[:2], -1)], dim=-1)
+    return Target(int(exemplars.subject_of[view]), truth.to(weight.device), base.to(weight.device), weight)
 
 
 def mean_errors(targets: Sequence[Target], layers: Float[Tensor, "subjects rows cols channels"]) -> list[float]:
@@ -133,6 +132,15 @@ def best_constant(targets: Sequence[Target], steps: int = 400) -> Float[Tensor, 
         error.backward()
         adam.step()
     return torch.cat([best[1], further])
+
+
+def constant_layer(exemplars: Exemplars, seen: SeenTexels, device: torch.device) -> Float[Tensor, " channels"]:
+    """The one layer of least E on up to 64 of these exemplars, evenly chosen.
+
+    Raises:
+        AssetError: as `make_targets`.
+    """
+    return best_constant(make_targets(exemplars, seen, device, _CONSTANT_TARGETS)[0])
 
 
 def near_poles(geometry: Float[Tensor, "subjects 6 rows cols"]) -> Bool[Tensor, "subjects rows cols"]:

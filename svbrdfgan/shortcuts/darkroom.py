@@ -122,8 +122,8 @@ class Darkroom:
     def _exact(self, own: Transports | FreshRenders) -> Iterator[tuple[Tensor, Tensor]]:
         """What the exemplars' own light makes of a clean surface."""
         for index in self.chosen:
-            stage = own.stage([index], np.random.default_rng(0))
-            yield stage.render(self._nothing(1))[0], stage.coverage[0]
+            image, coverage = own.stage([index], np.random.default_rng(0)).render(self._nothing(1))
+            yield image[0], coverage[0]
             self.progress(1)
 
     def _guides(self, own: Transports | FreshRenders) -> Float[Tensor, "exemplars height width 6"] | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.records import save_record
 from svbrdfgan.options import StrictModel
 from svbrdfgan.shortcuts.nuisances import Nuisance
 
@@ -102,5 +102,4 @@ class Diagnosis(StrictModel):
         return [f"No shortcut was found{bound}."]
 
     def save(self, folder: Path) -> None:
-        with atomic_path(folder / DIAGNOSIS) as temporary:
-            temporary.write_text(self.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        save_record(folder / DIAGNOSIS, self)

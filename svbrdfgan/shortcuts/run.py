@@ -26,6 +26,7 @@ from svbrdfgan.shortcuts.learn import Margins, Roles, Trial
 from svbrdfgan.shortcuts.nuisances import NUISANCES, REMEDIES, Nuisance, differences
 from svbrdfgan.training.config import TrainConfig, settled
 from svbrdfgan.training.feed import require_possible
+from svbrdfgan.training.trainer import require_device
 
 PAIRS = "pairs.png"
 _MOST = 1024
@@ -93,16 +94,17 @@ def probe_shortcuts(
 
 def _open(config: TrainConfig, base: Path, display: Display) -> tuple[Darkroom, dict[Nuisance, str]]:
     """What makes the pictures, and in what they differ."""
+    require_device(config.device)
     device = Fabric(accelerator=config.device, devices=1).device
     kind: Literal["cuda", "cpu"] = "cuda" if device.type == "cuda" else "cpu"
     folder = (base / config.dataset).resolve()
     plan = DatasetPlan.load(folder)
     config = settled(config, plan.config.spp)
-    trained_with = resolve_renderer(config.renderer, kind)
+    trained_with, chosen_renderer = resolve_renderer(config.renderer, kind)
     require_possible(config, plan, trained_with)
-    same = plan.config.renderer == config.renderer
-    made_with = trained_with if same else resolve_renderer(plan.config.renderer, kind)
     exemplars = load_exemplars(folder, "train")
+    recorded = exemplars.scenes[0].renderer
+    made_with = trained_with if recorded == chosen_renderer else resolve_renderer(recorded, kind)[0]
     _require_known(exemplars)
     chosen = np.unique(np.linspace(0, len(exemplars) - 1, min(len(exemplars), _MOST)).round().astype(int)).tolist()
     darkroom = Darkroom(config, exemplars, chosen, trained_with, made_with, device, base, display.advance)

@@ -70,8 +70,25 @@ class ScenesConfig(StrictModel):
         return self.camera_noise_degrees == 0 and self.camera is None and self.environment == "same"
 
 
+RECIPES: dict[str, dict[str, Any]] = {
+    "default": {},
+    # Thesis 4.3: WGAN-GP with its five critic steps, batch 1, its networks; what it does not say, as in its code base.
+    "thesis": {
+        "batch_size": 1,
+        "loss": {"name": "wgan", "r1": 0.0, "gradient_penalty": 10.0, "penalty_every": 1, "critic_steps": 5},
+        "discriminator": {"guide": False, "norm": "none", "sees": "radiance"},
+        "generator": {"norm": "instance", "upsampling": "strided"},
+        "optimizer": {"beta1": 0.5, "beta2": 0.999, "ema_images": 0.0},
+    },
+}
+"""What a recipe sets where the configuration does not say."""
+
+_FRESH: dict[str, Any] = {"discriminator": {"guide": False}}
+"""Likewise what `rendering: fresh` sets, which does not know what its pixels show."""
+
+
 class TrainConfig(StrictModel):
-    """A whole training run."""
+    """A whole training run. What is not said is as its recipe and its rendering have it (`RECIPES`)."""
 
     dataset: str
     recipe: Literal["default", "thesis"] = "default"
@@ -95,6 +112,18 @@ class TrainConfig(StrictModel):
     save_every: int = Field(default=1000, ge=1)
 
     @model_validator(mode="after")
+    def _filled(self) -> TrainConfig:
+        for defaults in (_FRESH if self.rendering == "fresh" else {}, RECIPES[self.recipe]):
+            for name, default in defaults.items():
+                value = getattr(self, name)
+                if isinstance(value, StrictModel):
+                    default = value.model_copy(update={k: default[k] for k in default.keys() - value.model_fields_set})
+                elif name in self.model_fields_set:
+                    continue
+                object.__setattr__(self, name, default)  # a validator's return would not reach the constructor
+        return self
+
+    @model_validator(mode="after")
     def _possible(self) -> TrainConfig:
         if self.rendering == "fresh" and self.discriminator.guide:
             raise ValueError("discriminator.guide needs rendering: transport, which knows what each pixel shows")
@@ -108,34 +137,19 @@ class TrainConfig(StrictModel):
             raise ValueError("loss.gradient_penalty needs discriminator.norm none or group")
         return self
 
-
-RECIPES: dict[str, dict[str, Any]] = {
-    "default": {},
-    # Thesis 4.3: WGAN-GP with its five critic steps, batch 1, its networks; what it does not say, as in its code base.
-    "thesis": {
-        "batch_size": 1,
-        "loss": {"name": "wgan", "r1": 0.0, "gradient_penalty": 10.0, "penalty_every": 1, "critic_steps": 5},
-        "discriminator": {"guide": False, "norm": "none", "sees": "radiance"},
-        "generator": {"norm": "instance", "upsampling": "strided"},
-        "optimizer": {"beta1": 0.5, "beta2": 0.999, "ema_images": 0.0},
-    },
-}
-"""What a recipe sets where the configuration does not say."""
-
-_FRESH: dict[str, Any] = {"discriminator": {"guide": False}}
-"""Likewise what `rendering: fresh` sets, which does not know what its pixels show."""
+    @property
+    def images_per_step(self) -> int:
+        """Exemplars that a step shows the discriminator, in all its updates."""
+        return self.batch_size * self.loss.critic_steps
 
 
 def train_config(data: dict[str, Any], source: str) -> TrainConfig:
-    """The configuration that the data describe, over what their recipe and rendering set; `source` opens every message.
+    """The configuration that the data describe; `source` opens every message.
 
     Raises:
         ConfigError: one line for each fault.
     """
-    defaults = RECIPES.get(str(data.get("recipe", "default")), {})
-    if data.get("rendering") == "fresh":
-        defaults = _merge(defaults, _FRESH)
-    return validate(TrainConfig, _merge(defaults, data), source)
+    return validate(TrainConfig, data, source)
 
 
 def settled(config: TrainConfig, spp: int) -> TrainConfig:
@@ -150,11 +164,3 @@ def settled(config: TrainConfig, spp: int) -> TrainConfig:
     plain = config.rendering == "fresh" or (config.scenes.matched and config.spp == spp)
     sees = "radiance" if plain else "reflectance"
     return config.model_copy(update={"discriminator": discriminator.model_copy(update={"sees": sees})})
-
-
-def _merge(defaults: dict[str, Any], data: dict[str, Any]) -> dict[str, Any]:
-    merged = dict(defaults)
-    for key, value in data.items():
-        below = merged.get(key)
-        merged[key] = _merge(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
-    return merged

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,13 @@ from svbrdfgan.data.studio import require_maps
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.render_layer import RenderLayer
+from svbrdfgan.scoring.recovered import SeenTexels
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, settled
 from svbrdfgan.training.fresh import FreshRenders
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.reflectance import Sight
-from svbrdfgan.training.stages import Stage, Transports, sight_of
+from svbrdfgan.training.stages import Stage, Transports
+from svbrdfgan.transport.cache import TransportCache
 from svbrdfgan.transport.transfer import send
 
 
@@ -33,7 +35,9 @@ class Feed:
 
     Attributes:
         stages: where fakes are rendered.
-        own: the exemplars' own scenes, which tell what their pictures show; the stages themselves where not perturbed.
+        own: the exemplars' own scenes, which tell what their pictures show; the stages themselves where they are not
+            perturbed and have samples enough, or are rendered anew. Traced as they are asked for, unless the
+            discriminator is shown what they tell.
         guides: position and normal as seen in each exemplar; None where the discriminator does not look at them.
         demodulated: whether the discriminator sees reflectance, rather than radiance.
     """
@@ -66,7 +70,9 @@ class Feed:
 
     def sight(self, indices: Sequence[int]) -> Sight:
         """What these exemplars show of their textures."""
-        return sight_of(self.own.stage(indices, np.random.default_rng(0)))
+        if not isinstance(self.own, Transports):
+            raise TypeError(f"{type(self.own).__name__} do not know what pictures show")
+        return Sight.of(self.own.batch(indices))
 
     def stage(self, indices: Sequence[int], rng: np.random.Generator) -> Stage:
         """Scenes for as many fakes."""
@@ -101,21 +107,55 @@ def make_feed(
     exemplars = load_exemplars(folder, split)
     config = config if split == "train" else config.model_copy(update={"scenes": ScenesConfig()})
     stages = make_stages(config, exemplars, split, renderer, device, base)
-    own = _own(config, stages)
-    order = _any_order(exemplars)
-    for scenes in [stages] if own is stages else [stages, own]:
-        scenes.build(order, progress)
+    own, order = _own(config, stages), _any_order(exemplars)
+    demodulated = config.discriminator.sees == "reflectance"
+    stages.build(order, progress)
+    if own is not stages and (demodulated or config.discriminator.guide):
+        own.build(order, progress)
     images = exemplars.images.to(device)
     return Feed(
         exemplars=exemplars,
         stages=stages,
         own=own,
-        buffers=torch.stack([s.geometry for s in exemplars.subjects]).to(device, memory_format=torch.channels_last),
+        buffers=buffers_of(exemplars, device),
         images=images,
         coverage=exemplars.coverage.to(device),
         guides=_guides(config, own, device),
-        demodulated=config.discriminator.sees == "reflectance",
+        demodulated=demodulated,
     )
+
+
+def make_seen(
+    config: TrainConfig,
+    folder: Path,
+    split: Split,
+    renderer: Renderer[Any],
+    progress: Callable[[int], None] | None = None,
+) -> tuple[Exemplars, SeenTexels]:
+    """A split, and what its pictures show: all that targets need. A scene is traced when it is asked for.
+
+    Raises:
+        AssetError: the data set is not there, not finished, or damaged.
+        ConfigError: the renderer cannot do what the configuration asks.
+    """
+    exemplars = load_exemplars(folder, split)
+    told = settled(config, DatasetPlan.load(folder).config.spp)
+    told = told.model_copy(update={"scenes": ScenesConfig(), "spp": own_spp(told, exemplars)})
+    own = make_stages(told, exemplars, split, renderer, torch.device("cpu"), Path())
+    if isinstance(own, Transports):
+        own = replace(own, _held=TransportCache(0))
+
+    def seen(index: int) -> Float[Tensor, "rows cols"]:
+        if progress is not None:
+            progress(1)
+        return own.seen(index)
+
+    return exemplars, seen
+
+
+def buffers_of(exemplars: Exemplars, device: torch.device) -> Float[Tensor, "subjects 6 rows cols"]:
+    """What the generator sees of each subject, its channels last."""
+    return torch.stack([s.geometry for s in exemplars.subjects]).to(device, memory_format=torch.channels_last)
 
 
 def make_stages(
@@ -129,7 +169,7 @@ def make_stages(
         lights = gather_environments(scenes.environment, plan.config.environment_rows, folder, base)
     perturbation = Perturbation(scenes, plan.sampler(split), lights)
     if config.rendering == "fresh":
-        return FreshRenders(exemplars, perturbation, RenderLayer(renderer, config.spp, config.spp_grad), device)
+        return FreshRenders(exemplars, perturbation, RenderLayer(renderer, config.spp, config.spp_grad))
     return Transports(exemplars, perturbation, renderer, config.spp, scenes.pool, device, config.seed)
 
 
@@ -149,15 +189,17 @@ def require_possible(config: TrainConfig, plan: DatasetPlan, renderer: Renderer[
 
 
 def _own(config: TrainConfig, stages: Transports | FreshRenders) -> Transports | FreshRenders:
-    """Stages of the exemplars' own scenes; held by the CPU where training only looks at them once."""
+    """Stages of the exemplars' own scenes; not held in memory where training only looks at them once."""
     if isinstance(stages, FreshRenders):
         return stages
     spp = own_spp(config, stages.exemplars)
     if config.scenes.matched and config.scenes.pool and spp == config.spp:
         return stages
     matched = Perturbation(ScenesConfig(), stages.perturbation.sampler)
-    device = stages.device if config.discriminator.sees == "reflectance" else torch.device("cpu")
-    return Transports(stages.exemplars, matched, stages.renderer, spp, 1, device, config.seed)
+    own = Transports(stages.exemplars, matched, stages.renderer, spp, 1, stages.device, config.seed)
+    if config.discriminator.sees == "reflectance":
+        return own
+    return replace(own, device=torch.device("cpu"), _held=TransportCache(0))
 
 
 def own_spp(config: TrainConfig, exemplars: Exemplars) -> int:

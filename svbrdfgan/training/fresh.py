@@ -15,7 +15,8 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.scene import Scene
 from svbrdfgan.render_layer import RenderLayer
 from svbrdfgan.training.perturb import Perturbation
-from svbrdfgan.training.stages import Images, Layers, outermost
+from svbrdfgan.training.stages import Coverage, Images, Layers, outermost, surface_of
+from svbrdfgan.types import Rendering
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,14 +28,14 @@ class FreshStage:
     exemplars: Exemplars
     indices: tuple[int, ...]
     prepared: tuple[Any, ...]
-    coverage: Float[Tensor, "batch height width"]
     guide: None = None
 
-    def render(self, layers: Layers) -> Images:
-        images = [self._render(n, layer).image for n, layer in enumerate(layers)]
-        return torch.stack(images).to(layers.device)
+    def render(self, layers: Layers) -> tuple[Images, Coverage]:
+        shown = [self._render(n, layer) for n, layer in enumerate(layers)]
+        images, coverage = (torch.stack(part) for part in zip(*((s.image, s.coverage) for s in shown), strict=True))
+        return images.to(layers.device), coverage.to(layers.device)
 
-    def _render(self, n: int, layer: Float[Tensor, "rows cols channels"]) -> Any:
+    def _render(self, n: int, layer: Float[Tensor, "rows cols channels"]) -> Rendering:
         subject, scene = self.exemplars.subject(self.indices[n]), self.scenes[n]
         materials = subject.materials(scene.materials, layer.float(), scene.maps)
         return self.layer(self.prepared[n], materials, self.exemplars.studio.view(scene), seed=scene.seed)
@@ -47,7 +48,6 @@ class FreshRenders:
     exemplars: Exemplars
     perturbation: Perturbation
     layer: RenderLayer[Any]
-    device: torch.device
     _prepared: dict[int, Any] = field(default_factory=dict)
 
     def build(self, indices: Iterable[int], progress: Callable[[int], None] | None = None) -> None:
@@ -58,13 +58,10 @@ class FreshRenders:
                 progress(1)
 
     def stage(self, indices: Sequence[int], rng: np.random.Generator) -> FreshStage:
-        """A scene for each of these exemplars, its coverage that of the exemplar's own picture."""
+        """A scene for each of these exemplars."""
         scenes = tuple(self.perturbation.scene(self.exemplars.scenes[i], i, rng) for i in indices)
         prepared = tuple(self._surface(index) for index in indices)
-        coverage = torch.stack(
-            [self._coverage(i, scene, p) for i, scene, p in zip(indices, scenes, prepared, strict=True)]
-        )
-        return FreshStage(self.layer, scenes, self.exemplars, tuple(indices), prepared, coverage.to(self.device))
+        return FreshStage(self.layer, scenes, self.exemplars, tuple(indices), prepared)
 
     def expect(self, indices: Sequence[int], rng: np.random.Generator) -> None:
         """Does nothing: pictures cannot be had ahead of their layers."""
@@ -86,14 +83,5 @@ class FreshRenders:
         seen = [gradients.materials[part]["base_color"].abs().sum(dim=-1).cpu() for part in subject.learnable]
         return outermost(self.exemplars, index, torch.stack(seen))
 
-    def _coverage(self, index: int, scene: Scene, prepared: Any) -> Float[Tensor, "height width"]:
-        """One cheap render: the layer changes no coverage."""
-        materials = self.exemplars.subject(index).materials(scene.materials, None)
-        view = self.exemplars.studio.view(scene)
-        return self.layer.renderer.render(prepared, materials, view, spp=self.layer.spp, seed=scene.seed).coverage
-
     def _surface(self, index: int) -> Any:
-        number = int(self.exemplars.subject_of[index])
-        if number not in self._prepared:
-            self._prepared[number] = self.layer.renderer.prepare(self.exemplars.subjects[number].surface)
-        return self._prepared[number]
+        return surface_of(self.exemplars, index, self.layer.renderer, self._prepared)

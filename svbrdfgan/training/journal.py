@@ -7,10 +7,10 @@ import logging
 from pathlib import Path
 from typing import Any
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.training.run import LOG
 
 log = logging.getLogger(__name__)
@@ -20,10 +20,10 @@ class Journal:
     """Appends to a run's log; lines after `step`, of a run that was stopped and resumed there, are dropped."""
 
     def __init__(self, run: Path, step: int) -> None:
-        run.mkdir(parents=True, exist_ok=True)
         self.path = run / LOG
         kept = [line for line in read_journal(run) if line["step"] <= step]
-        self.path.write_text("".join(json.dumps(line) + "\n" for line in kept), encoding="utf-8")
+        with atomic_path(self.path) as temporary:
+            temporary.write_text("".join(json.dumps(line) + "\n" for line in kept), encoding="utf-8")
         self.board = _board(run, step)
 
     def write(self, step: int, values: dict[str, float]) -> None:
@@ -63,8 +63,3 @@ def _board(run: Path, step: int) -> Any:
         log.info("TensorBoard is not installed; pip install 'svbrdfgan[tensorboard]' for its curves and pictures")
         return None
     return SummaryWriter(str(run / "tensorboard"), purge_step=step + 1 if step else None)
-
-
-def finite(values: dict[str, Tensor]) -> bool:
-    """Whether all numbers are."""
-    return bool(torch.isfinite(torch.stack([value.detach().float().reshape(()) for value in values.values()])).all())

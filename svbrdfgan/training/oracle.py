@@ -16,6 +16,7 @@ from torch import Tensor
 from svbrdfgan.networks import Generator, initialise
 from svbrdfgan.scoring.recovered import Scorer, Target
 from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.state import make_generator
 
 log = logging.getLogger(__name__)
 
@@ -67,10 +68,10 @@ def train_oracle(
     watch: Watch | None = None,
 ) -> Oracle:
     """Minimises E, of every map, on the training targets, until the score of `scorer` stops rising; keeps the best."""
-    generator = Generator(**config.generator.model_dump(), channels=targets[0].truth.shape[-1])
+    generator = make_generator(config.generator, targets[0].truth.shape[-1])
     initialise(generator, torch.Generator().manual_seed(config.seed))
     generator.to(geometry.device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
-    adam = torch.optim.Adam(generator.parameters(), schedule.rate, betas=(0.9, 0.99))
+    adam = torch.optim.Adam(generator.parameters(), schedule.rate, betas=(0.9, 0.99), fused=True)
     rng = np.random.default_rng([config.seed, 1])
     best, best_score, stalled, halved = copy.deepcopy(generator), -float("inf"), 0, 0
     for step in range(1, schedule.steps + 1):

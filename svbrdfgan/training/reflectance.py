@@ -30,13 +30,13 @@ class Sight:
     """What a batch of views shows of their textures: each pixel a mean of texels.
 
     Attributes:
-        white: the pictures of the learnable parts alone, were they white; infinite where not clear.
-        clear: where reflectance can be told: at least half the pixel is learnable, and no channel of `white` is darker
-            than 2 % of its mean over such pixels.
+        shading: the pictures of the learnable parts alone, were they white; infinite where not clear.
+        clear: where reflectance can be told: at least half the pixel is learnable, and no channel of `shading` is below
+            2 % of its mean over such pixels.
     """
 
     batch: TransportBatch
-    white: Image
+    shading: Image
     clear: Pixels
 
     @classmethod
@@ -44,17 +44,17 @@ class Sight:
         """That of these views."""
         first = batch.transports[0]
         ones = torch.ones(len(batch.owner), *first.texture_shape, 3, device=first.texel.device)
-        white = batch.linear(ones)
-        clear = _clear(white, batch.guide)
-        return cls(batch, torch.where(clear.unsqueeze(-1), white, torch.inf), clear)
+        shading = batch.linear(ones)
+        clear = _clear(shading, batch.guide)
+        return cls(batch, torch.where(clear.unsqueeze(-1), shading, torch.inf), clear)
 
     def reflectance(self, image: Image) -> Image:
         """What these pictures of the views show, in [0, 1.5]; zero where it cannot be told. Differentiable."""
-        return ((image.float() - self.batch.background) / self.white).clamp(0.0, _LARGEST)
+        return ((image.float() - self.batch.background) / self.shading).clamp(0.0, _LARGEST)
 
     def lifted(self, reflectance: Image, clear: Pixels) -> tuple[Texture, Texels]:
         """The texture that clear pixels show, each texel the mean of those that show it; and where they show any."""
-        share = clear.unsqueeze(-1) / self.white
+        share = clear.unsqueeze(-1) / self.shading
         weight = self.batch.transposed(share)
         touched = (weight > _TOUCHED).all(dim=-1, keepdim=True)
         texture = self.batch.transposed(reflectance * share) / torch.where(touched, weight, torch.inf)
@@ -62,9 +62,9 @@ class Sight:
 
     def projected(self, texture: Texture, touched: Texels) -> tuple[Image, Pixels]:
         """How these views see a texture that is known in places, and where half of what they see of it is."""
-        share = self.batch.linear(touched.expand_as(texture).float()) / self.white
+        share = self.batch.linear(touched.expand_as(texture).float()) / self.shading
         clear = (share > _SHARE).all(dim=-1)
-        return self.batch.linear(texture) / self.white / torch.where(clear.unsqueeze(-1), share, torch.inf), clear
+        return self.batch.linear(texture) / self.shading / torch.where(clear.unsqueeze(-1), share, torch.inf), clear
 
 
 def carried(reflectance: Image, clear: Pixels, *path: Sight) -> tuple[Image, Pixels]:
@@ -77,9 +77,9 @@ def carried(reflectance: Image, clear: Pixels, *path: Sight) -> tuple[Image, Pix
     return reflectance, clear
 
 
-def _clear(white: Image, guide: Float[Tensor, "batch height width 6"]) -> Pixels:
+def _clear(shading: Image, guide: Float[Tensor, "batch height width 6"]) -> Pixels:
     """By the guide of the same views: its normal is at most as long as the learnable share of a pixel."""
     learnable = (guide[..., 3:].norm(dim=-1) >= _SHARE).unsqueeze(-1)
     count = learnable.sum(dim=(1, 2), keepdim=True).clamp(min=1)
-    mean = (white * learnable).sum(dim=(1, 2), keepdim=True) / count
-    return (white > _DARK * mean).all(dim=-1) & learnable.squeeze(-1)
+    mean = (shading * learnable).sum(dim=(1, 2), keepdim=True) / count
+    return (shading > _DARK * mean).all(dim=-1) & learnable.squeeze(-1)

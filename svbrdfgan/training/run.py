@@ -8,22 +8,30 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
-from torch import Tensor
 
 from svbrdfgan.compositing import RGBA
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.distributions import mean
-from svbrdfgan.data.scene import load_json
+from svbrdfgan.data.plan import DatasetPlan
 from svbrdfgan.errors import AssetError, ConfigError
-from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.records import load_record, save_record
+from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.networks import Generator
-from svbrdfgan.options import StrictModel, validate
+from svbrdfgan.options import StrictModel, differing_keys, validate
 from svbrdfgan.training.config import GeneratorConfig, TrainConfig
+from svbrdfgan.training.state import make_generator
 
 _FORMAT = "svbrdfgan generator 2"
-CONFIG, MODEL, ORACLE, LOG = "config.json", "model.safetensors", "oracle.safetensors", "log.jsonl"
+CONFIG, MODEL, LOG = "config.json", "model.safetensors", "log.jsonl"
+ORACLE, ORACLE_NOTES = "oracle.safetensors", "oracle.json"
+_LENGTH = ("steps", "minutes", "score_every", "save_every", "device", "devices", "dataset")
+_STABILITY = {"optimizer": {"generator_rate", "discriminator_rate"}, "loss": {"r1"}}
+_FREE: dict[str, Any] = {
+    "train": dict.fromkeys(_LENGTH, True) | _STABILITY,
+    "versions": True,
+    "dataset_folder": True,
+}
+"""What may differ when a run is resumed."""
 
 
 class RunConfig(StrictModel):
@@ -39,9 +47,19 @@ class RunConfig(StrictModel):
         """What layers paint beside base_color, and what usually lies beneath: the mean of what was learned on."""
         return {name: min(max(mean(value), 0.0), 1.0) for name, value in self.dataset.maps.items()}
 
+    def moved(self, folder: Path) -> RunConfig:
+        """The same with its data set elsewhere.
+
+        Raises:
+            AssetError: no data set is there.
+            ConfigError: it is another.
+        """
+        if DatasetPlan.load(folder).config != self.dataset:
+            raise ConfigError(f"{folder} is of another configuration than the data set that the run learned from.")
+        return self.model_copy(update={"dataset_folder": str(folder.resolve())})
+
     def save(self, run: Path) -> None:
-        with atomic_path(run / CONFIG) as temporary:
-            temporary.write_text(self.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        save_record(run / CONFIG, self)
 
     @classmethod
     def load(cls, run: Path) -> RunConfig:
@@ -52,18 +70,17 @@ class RunConfig(StrictModel):
         """
         if not (run / CONFIG).is_file():
             raise AssetError(f"{run} is not a run: it has no {CONFIG}; make one with `svbrdfgan train`.")
-        return validate(cls, load_json(run / CONFIG), str(run / CONFIG))
+        return load_record(cls, run / CONFIG)
 
     def require_same(self, other: RunConfig) -> None:
         """Refuses to resume a run with what would not be the same run.
 
         Raises:
-            ConfigError: anything but its length, its log and the machine differs.
+            ConfigError: anything but its length, its log, the machine, where things lie, and what may have to change
+                where a loss was not finite (the rates and loss.r1) differs.
         """
-        free: dict[str, Any] = {"train": {"steps", "minutes", "score_every", "save_every", "device", "devices"}}
-        free |= {"versions": True, "dataset_folder": True}
-        mine, its = (config.model_dump(exclude=free) for config in (self, other))
-        changed = sorted(_differences(mine, its))
+        mine, its = (config.model_dump(exclude=_FREE) for config in (self, other))
+        changed = differing_keys(mine, its)
         if changed:
             raise ConfigError(f"the run was started with other settings ({', '.join(changed)}); start a new one.")
 
@@ -79,11 +96,8 @@ class Model:
 
 def save_generator(path: Path, generator: Generator, config: GeneratorConfig, score: float | None) -> None:
     """Writes a generator's weights with what is needed to build it."""
-    meta = {"format": _FORMAT, "generator": config.model_dump_json(), "score": json.dumps(score)}
-    meta["channels"] = json.dumps(generator.channels)
-    tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in generator.state_dict().items()}
-    with atomic_path(path) as temporary:
-        save_file(tensors, temporary, meta)
+    words = {"generator": config.model_dump_json(), "score": json.dumps(score)}
+    save_tensors(path, _FORMAT, generator.state_dict(), words | {"channels": json.dumps(generator.channels)})
 
 
 def load_generator(path: Path) -> tuple[Generator, float | None]:
@@ -92,18 +106,12 @@ def load_generator(path: Path) -> tuple[Generator, float | None]:
     Raises:
         AssetError: missing, damaged, or of another kind.
     """
-    try:
-        with safe_open(path, framework="pt") as file:
-            meta = file.metadata() or {}
-            if meta.get("format") != _FORMAT:
-                raise AssetError(f"{path} is not a generator of this version; train it anew.")
-            weights: dict[str, Tensor] = {n: file.get_tensor(n) for n in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError) as error:
-        raise AssetError(f"{path} cannot be read ({error}); train the run until it has saved a model.") from error
-    built = validate(GeneratorConfig, json.loads(meta["generator"]), str(path)).model_dump()
-    generator = Generator(**built, channels=json.loads(meta.get("channels", str(RGBA))))
-    generator.load_state_dict(weights)
-    return generator.eval().requires_grad_(False), json.loads(meta["score"])
+    with stored_tensors(path, _FORMAT, "train the run until it has saved a model") as (weights, words):
+        built = validate(GeneratorConfig, json.loads(words["generator"]), str(path))
+        generator = make_generator(built, json.loads(words.get("channels", str(RGBA))))
+        generator.load_state_dict(weights)
+        score = json.loads(words["score"])
+    return generator.eval().requires_grad_(False), score
 
 
 def load_model(run: Path) -> Model:
@@ -131,14 +139,3 @@ def versions() -> dict[str, str]:
         "numpy": numpy.__version__,
         "python": platform.python_version(),
     }
-
-
-def _differences(mine: dict[str, Any], its: dict[str, Any], path: str = "") -> list[str]:
-    found: list[str] = []
-    for key in mine.keys() | its.keys():
-        a, b, name = mine.get(key), its.get(key), f"{path}{key}"
-        if isinstance(a, dict) and isinstance(b, dict):
-            found += _differences(a, b, f"{name}.")
-        elif a != b:
-            found.append(name)
-    return found

@@ -23,11 +23,12 @@ from svbrdfgan.protocols import Renderer, TransportRenderer
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.reflectance import Sight
 from svbrdfgan.transport import LightTransport, TransportBatch, build_transport
-from svbrdfgan.transport.shelf import Reader, Reading, Shelf
+from svbrdfgan.transport.cache import Reader, Reading, TransportCache
 from svbrdfgan.transport.transfer import send
 
 Layers = Float[Tensor, "batch rows cols channels"]
 Images = Float[Tensor, "batch height width 3"]
+Coverage = Float[Tensor, "batch height width"]
 
 _Key = tuple[int, int]
 """An exemplar, and which of the scenes kept for it."""
@@ -39,13 +40,10 @@ class Stage(Protocol):
     """A batch of scenes. `guide` is position and normal as seen, premultiplied; None if the renderer cannot tell."""
 
     @property
-    def coverage(self) -> Float[Tensor, "batch height width"]: ...
-
-    @property
     def guide(self) -> Float[Tensor, "batch height width 6"] | None: ...
 
-    def render(self, layers: Layers) -> Images:
-        """The pictures of these layers on the learnable parts, differentiable in the layers."""
+    def render(self, layers: Layers) -> tuple[Images, Coverage]:
+        """The pictures of these layers on the learnable parts, differentiable in the layers; and their coverage."""
         ...
 
 
@@ -62,10 +60,6 @@ class TransportStage:
     base: Float[Tensor, "textures *#size 3"]
 
     @property
-    def coverage(self) -> Float[Tensor, "batch height width"]:
-        return self.batch.coverage
-
-    @property
     def guide(self) -> Float[Tensor, "batch height width 6"]:
         return self.batch.guide
 
@@ -74,8 +68,9 @@ class TransportStage:
         """What the scenes show of the textures."""
         return Sight.of(self.batch)
 
-    def render(self, layers: Layers) -> Images:
-        return self.batch.render(composite(self.base, layers.float().index_select(0, self.batch.owner)))
+    def render(self, layers: Layers) -> tuple[Images, Coverage]:
+        textures = composite(self.base, layers.float().index_select(0, self.batch.owner))
+        return self.batch.render(textures), self.batch.coverage
 
 
 def sight_of(stage: Stage) -> Sight:
@@ -101,7 +96,7 @@ class Transports:
         perturbation: how.
         renderer: traces them.
         spp: samples per pixel.
-        pool: scenes kept for each exemplar; 0 draws and traces a new one at every visit.
+        pool: scenes kept for each exemplar; 0 traces a new one at every visit, of surfaces that stay prepared.
         device: where transports are held.
         seed: of the perturbations.
     """
@@ -113,10 +108,11 @@ class Transports:
     pool: int
     device: torch.device
     seed: int = 0
-    _held: MutableMapping[_Key, LightTransport] = field(default_factory=Shelf)
+    _held: MutableMapping[_Key, LightTransport] = field(default_factory=TransportCache)
     _coming: dict[_Key, Reading] = field(default_factory=dict)
     _paths: dict[_Key, Path] = field(default_factory=dict)
     _prepared: dict[int, Any] = field(default_factory=dict)
+    _bases: dict[int, list[Tensor]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not isinstance(self.renderer, TransportRenderer) or not self.renderer.capabilities.transport:
@@ -139,7 +135,11 @@ class Transports:
             transports = [self._stored(key) for key in self._chosen(indices, rng)]
         else:
             transports = [self._trace(index, self._scene(index, rng)).to(self.device) for index in indices]
-        return TransportStage(TransportBatch.stack(transports), self._base(indices, transports))
+        return TransportStage(TransportBatch.stack(transports), self._base(indices))
+
+    def batch(self, indices: Sequence[int]) -> TransportBatch:
+        """The first scene kept for each of these exemplars."""
+        return TransportBatch.stack([self._stored((index, 0)) for index in indices])
 
     def expect(self, indices: Sequence[int], rng: np.random.Generator) -> None:
         """Begins to read what a later `stage` will want of these exemplars, given a generator in the same state.
@@ -193,19 +193,20 @@ class Transports:
 
     def _key(self, scene: Scene) -> str:
         """A name for all that the transport depends on."""
-        renderer = f"{type(self.renderer).__qualname__}{self.renderer.capabilities.max_bounces}"
+        kind = type(self.renderer)
+        renderer = f"{kind.__module__}.{kind.__qualname__}{self.renderer.capabilities.max_bounces}"
         described = scene.model_dump_json(exclude={"weathering", "renderer", "spp", "maps"})
         return hashlib.sha256(f"{described}{renderer}{self.spp}".encode()).hexdigest()[:24]
 
     def _trace(self, index: int, scene: Scene) -> LightTransport:
-        subject, number = self.exemplars.subject(index), int(self.exemplars.subject_of[index])
-        if number not in self._prepared:
-            self._prepared.clear()
-            self._prepared[number] = self.renderer.prepare(subject.surface)
+        subject = self.exemplars.subject(index)
+        if self.pool and int(self.exemplars.subject_of[index]) not in self._prepared:
+            self._prepared.clear()  # the scenes of a subject are traced in a row, and once
         view = self.exemplars.studio.view(scene)
+        prepared = surface_of(self.exemplars, index, self.renderer, self._prepared)
         assert isinstance(self.renderer, TransportRenderer)
         return build_transport(
-            self.renderer.transport(self._prepared[number], view, spp=self.spp, seed=scene.seed),
+            self.renderer.transport(prepared, view, spp=self.spp, seed=scene.seed),
             materials=subject.materials(scene.materials, None),
             learnable=subject.learnable,
             guide=subject.geometry.permute(1, 2, 0),
@@ -214,16 +215,28 @@ class Transports:
             repeat=subject.surface.repeat,
         )
 
-    def _base(self, indices: Sequence[int], transports: Sequence[LightTransport]) -> Tensor:
-        bases = [
-            self.exemplars.subject(index).base_colors(self.exemplars.scenes[index].materials)[part]
-            for index, transport in zip(indices, transports, strict=True)
-            for part in transport.parts
-        ]
+    def _base(self, indices: Sequence[int]) -> Tensor:
+        bases = [base for index in indices for base in self._bases_of(index)]
         if all(base.ndim == 1 for base in bases):
             return send(torch.stack(bases).reshape(-1, 1, 1, 3), self.device)
         size = (*self.exemplars.subjects[0].buffer.part.shape, 3)
         return send(torch.stack([base.expand(size) for base in bases]), self.device)
+
+    def _bases_of(self, index: int) -> list[Tensor]:
+        """Of each learnable part."""
+        if index not in self._bases:
+            subject = self.exemplars.subject(index)
+            colors = subject.base_colors(self.exemplars.scenes[index].materials)
+            self._bases[index] = [colors[part] for part in subject.learnable]
+        return self._bases[index]
+
+
+def surface_of(exemplars: Exemplars, index: int, renderer: Renderer[Any], kept: dict[int, Any]) -> Any:
+    """An exemplar's surface as its renderer prepared it, now or before; `kept` holds those, by subject."""
+    number = int(exemplars.subject_of[index])
+    if number not in kept:
+        kept[number] = renderer.prepare(exemplars.subjects[number].surface)
+    return kept[number]
 
 
 def outermost(exemplars: Exemplars, index: int, seen: Float[Tensor, "parts rows cols"]) -> Float[Tensor, "rows cols"]:

@@ -6,6 +6,8 @@ import copy
 import json
 import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,12 +16,13 @@ import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from svbrdfgan.compositing import RGBA
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.networks import Discriminator, Generator, initialise
 from svbrdfgan.training.averaging import GradientAverage
-from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
+from svbrdfgan.training.config import DiscriminatorConfig, GeneratorConfig, TrainConfig
 
 _KEEP = 2
 
@@ -55,7 +58,7 @@ class State:
             processes: how many share each step.
         """
         rng = torch.Generator().manual_seed(config.seed)
-        generator = Generator(**config.generator.model_dump(), channels=channels)
+        generator = make_generator(config.generator, channels)
         discriminator = make_discriminator(config.discriminator)
         for network in (generator, discriminator):
             initialise(network, rng)
@@ -65,8 +68,8 @@ class State:
             generator=generator,
             discriminator=discriminator,
             averaged=copy.deepcopy(generator).requires_grad_(False),
-            generator_adam=torch.optim.Adam(generator.parameters(), adam.generator_rate, betas),
-            discriminator_adam=torch.optim.Adam(discriminator.parameters(), adam.discriminator_rate, betas),
+            generator_adam=torch.optim.Adam(generator.parameters(), adam.generator_rate, betas, fused=True),
+            discriminator_adam=torch.optim.Adam(discriminator.parameters(), adam.discriminator_rate, betas, fused=True),
             generator_gradients=GradientAverage(generator, processes),
             discriminator_gradients=GradientAverage(discriminator, processes),
         )
@@ -75,9 +78,8 @@ class State:
         """Moves the averaged generator towards the current one: half the way in `half_life` images, sooner at first."""
         half_life = min(half_life, 0.1 * self.step * batch_size)
         keep = 0.5 ** (batch_size / half_life) if half_life > 0 else 0.0
-        with torch.no_grad():
-            for mean, now in zip(self.averaged.parameters(), self.generator.parameters(), strict=True):
-                mean.lerp_(now, 1.0 - keep)
+        means, now = list(self.averaged.parameters()), list(self.generator.parameters())
+        get_ema_multi_avg_fn(keep)(means, now, None)
 
     def save(self, folder: Path) -> None:
         """Writes a checkpoint: a folder that appears whole or not at all. The latest two are kept."""
@@ -100,18 +102,12 @@ class State:
             AssetError: it is damaged.
             TrainingError: it is of other networks.
         """
-        try:
-            tensors = load_file(checkpoint / "state.safetensors")
-            counters = json.loads((checkpoint / "state.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError, SafetensorError) as error:
-            raise AssetError(f"{checkpoint} is damaged ({error}); delete it to resume from the one before.") from error
-        try:
+        tensors, counters = _read(checkpoint)
+        with _of_these_networks(checkpoint):
             for name, network in self._networks().items():
                 network.load_state_dict(_under(f"{name}.", tensors))
             for name, adam in self._optimizers().items():
                 _load_adam(adam, _under(f"{name}.", tensors))
-        except (KeyError, RuntimeError, ValueError) as error:
-            raise TrainingError(f"{checkpoint} is of other networks than the configuration's: {error}") from error
         self.step, self.seconds = counters["step"], counters["seconds"]
         self.best, self.history = tuple(counters["best"]), counters["history"]
 
@@ -129,9 +125,28 @@ class State:
         return {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
 
 
+def load_discriminator(checkpoint: Path, config: DiscriminatorConfig) -> tuple[Discriminator, int]:
+    """The discriminator of a checkpoint, on the CPU, and the step that it is of.
+
+    Raises:
+        AssetError: the checkpoint is damaged.
+        TrainingError: it is of another network.
+    """
+    tensors, counters = _read(checkpoint)
+    discriminator = make_discriminator(config)
+    with _of_these_networks(checkpoint):
+        discriminator.load_state_dict(_under("discriminator.", tensors))
+    return discriminator.eval().requires_grad_(False), counters["step"]
+
+
+def make_generator(config: GeneratorConfig, channels: int) -> Generator:
+    """The network for layers of so many channels (`layer_channels`)."""
+    return Generator(**config.model_dump(), channels=channels)
+
+
 def make_discriminator(config: DiscriminatorConfig) -> Discriminator:
     """The network for what it is shown: colours, and position and normal if it is guided."""
-    return Discriminator(channels=9 if config.guide else 3, **config.model_dump(exclude={"guide", "sees"}))
+    return Discriminator(channels=9 if config.guide else 3, **config.model_dump(include={"width", "layers", "norm"}))
 
 
 def checkpoint_path(folder: Path, step: int) -> Path:
@@ -143,12 +158,32 @@ def checkpoints(folder: Path) -> list[Path]:
     return sorted((folder / "checkpoints").glob("step_*"))
 
 
+def _read(checkpoint: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """Its tensors and its counters."""
+    try:
+        tensors = load_file(checkpoint / "state.safetensors")
+        return tensors, json.loads((checkpoint / "state.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError, SafetensorError) as error:
+        raise AssetError(f"{checkpoint} is damaged ({error}); delete it to resume from the one before.") from error
+
+
+@contextmanager
+def _of_these_networks(checkpoint: Path) -> Iterator[None]:
+    try:
+        yield
+    except (KeyError, RuntimeError, ValueError) as error:
+        raise TrainingError(f"{checkpoint} is of other networks than the configuration's: {error}") from error
+
+
 def _load_adam(adam: torch.optim.Adam, tensors: dict[str, Tensor]) -> None:
     state: dict[int, dict[str, Any]] = {}
     for name, tensor in tensors.items():
         number, key = name.split(".", 1)
         state.setdefault(int(number), {})[key] = tensor
     adam.load_state_dict({"state": state, "param_groups": adam.state_dict()["param_groups"]})
+    for parameter, moments in adam.state.items():  # fused steps want the parameter's strides, which files do not keep
+        alike = {key: value for key, value in moments.items() if value.shape == parameter.shape}
+        moments.update({key: torch.empty_like(parameter).copy_(value) for key, value in alike.items()})
 
 
 def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

@@ -70,9 +70,9 @@ def sides(feed: Feed, indices: Sequence[int], stage: Stage, layers: Layers) -> t
     Where it sees reflectance, fakes are seen from the exemplars' cameras, whatever their own. The exemplars go to the
     fakes' cameras and back, so that both are blurred alike, and both show only what all of this leaves.
     """
-    real, made = feed.real(indices), stage.render(layers)
+    real, (made, coverage) = feed.real(indices), stage.render(layers)
     if not feed.demodulated:
-        return real, (made, stage.coverage, None if feed.guides is None else stage.guide)
+        return real, (made, coverage, None if feed.guides is None else stage.guide)
     here, there = feed.sight(indices), sight_of(stage)
     shown, clear = carried(here.reflectance(real[0]), here.clear, here, there, here)
     feigned, also = carried(there.reflectance(made), there.clear, there, here, here)
@@ -95,7 +95,7 @@ def _update_discriminator(
     critic, real, fake = state.discriminator, game.real.detach(), game.fake.detach()
     critic.requires_grad_(True)
     with fabric.autocast():
-        real_logits, fake_logits = critic(real), critic(fake)
+        real_logits, fake_logits = critic(torch.cat((real, fake))).chunk(2)
     total = LOSSES[loss.name].discriminator(real_logits, fake_logits)
     report = {"d_loss": total.detach(), "d_real": real_logits.detach().mean(), "d_fake": fake_logits.detach().mean()}
     if state.step % loss.penalty_every == 0:
@@ -106,10 +106,7 @@ def _update_discriminator(
     total.backward()
     state.discriminator_gradients.finish()
     state.discriminator_adam.step()
-    correct = (
-        (real_logits > fake_logits).float().mean() if real_logits.shape == fake_logits.shape else total.new_zeros(())
-    )
-    return report | {"d_accuracy": correct.detach()}
+    return report | {"d_accuracy": (real_logits > fake_logits).float().mean()}
 
 
 def _penalty(loss: LossConfig, critic: nn.Module, real: Tensor, fake: Tensor, rng: np.random.Generator) -> Tensor:
@@ -126,11 +123,13 @@ def _penalty(loss: LossConfig, critic: nn.Module, real: Tensor, fake: Tensor, rn
 
 def _update_generator(fabric: Fabric, config: TrainConfig, state: State, game: Round) -> Diagnostics:
     state.discriminator.requires_grad_(False)
-    with fabric.autocast():
-        fake_logits = state.discriminator(game.fake)
-        with torch.no_grad():
-            real_logits = state.discriminator(game.real)
-    total = LOSSES[config.loss.name].generator(real_logits, fake_logits)
+
+    def judged(pictures: Pictures) -> Tensor:
+        with fabric.autocast():
+            logits: Tensor = state.discriminator(pictures)
+        return logits
+
+    total = LOSSES[config.loss.name].generator(lambda: judged(game.real), judged(game.fake))
     state.generator_adam.zero_grad(set_to_none=True)
     total.backward()
     state.generator_gradients.finish()

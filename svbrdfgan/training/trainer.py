@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import logging
 import math
 import time
@@ -21,16 +20,17 @@ from svbrdfgan.data.plan import DatasetPlan
 from svbrdfgan.data.studio import resolve_renderer
 from svbrdfgan.display import Display, Silent
 from svbrdfgan.errors import ConfigError, TrainingError
-from svbrdfgan.scoring.recovered import Scorer, best_constant, make_targets
+from svbrdfgan.plugins import RENDERERS, find_plugin
+from svbrdfgan.scoring.recovered import Scorer, constant_layer
 from svbrdfgan.training.config import TrainConfig, settled
-from svbrdfgan.training.feed import Feed, make_feed
-from svbrdfgan.training.journal import Journal, finite
-from svbrdfgan.training.run import CONFIG, MODEL, RunConfig, save_generator, versions
-from svbrdfgan.training.state import State, checkpoints
+from svbrdfgan.training.feed import Feed, make_feed, make_seen
+from svbrdfgan.training.interrupt import interrupts_wait
+from svbrdfgan.training.journal import Journal
+from svbrdfgan.training.run import CONFIG, MODEL, ORACLE, ORACLE_NOTES, RunConfig, save_generator, versions
+from svbrdfgan.training.state import State, checkpoint_path, checkpoints
 from svbrdfgan.training.step import Diagnostics, chance, training_step
 
 _REPORT_EVERY = 50
-_CONSTANT_TARGETS = 64
 
 log = logging.getLogger(__name__)
 
@@ -48,10 +48,12 @@ def train(
         The last state; where there were several processes, as its checkpoint keeps it.
 
     Raises:
-        ConfigError: the folder holds another run, or the renderer cannot do what is asked.
+        ConfigError: the folder holds another run, or the renderer or the device cannot do what is asked.
         AssetError: the data set or a checkpoint is missing or damaged.
         TrainingError: a loss is not finite.
+        KeyboardInterrupt: after the step in which it came, which is saved, where there is one process.
     """
+    require_device(config.device)
     resolved = _resolve(config, run, base, resume)
     precision = config.precision if config.precision != "auto" else auto_precision(config.device)
     fabric = Fabric(
@@ -101,8 +103,22 @@ def _resolve(config: TrainConfig, run: Path, base: Path, resume: bool) -> RunCon
         if not resume:
             raise ConfigError(f"{run} holds a run already; give --resume to go on with it, or another folder.")
         RunConfig.load(run).require_same(resolved)
-    resolved.save(run)
+    else:
+        if resume:
+            log.warning("%s has no checkpoint to go on from: it begins anew", run)
+        for left in (MODEL, ORACLE, ORACLE_NOTES):
+            (run / left).unlink(missing_ok=True)
     return resolved
+
+
+def require_device(device: str) -> None:
+    """Refuses what torch cannot compute on here.
+
+    Raises:
+        ConfigError: it is "cuda", and torch sees no GPU.
+    """
+    if device == "cuda" and not torch.cuda.is_available():
+        raise ConfigError("device: torch sees no CUDA GPU here; use auto or cpu, or install torch's build for CUDA.")
 
 
 def auto_precision(device: str) -> Literal["bf16-mixed", "32-true"]:
@@ -137,15 +153,19 @@ def _train_apart(fabric: Fabric, resolved: RunConfig, run: Path, base: Path) -> 
 def _open(fabric: Fabric, resolved: RunConfig, run: Path, base: Path, display: Display) -> _Session:
     config, device = resolved.train, fabric.device
     folder = Path(resolved.dataset_folder)
-    renderer = resolve_renderer(config.renderer, "cuda" if device.type == "cuda" else "cpu")
-    make = partial(make_feed, config, folder, renderer=renderer, device=device, base=base, progress=display.advance)
+    renderer, chosen = resolve_renderer(config.renderer, "cuda" if device.type == "cuda" else "cpu")
+    if fabric.is_global_zero:
+        origin = find_plugin(RENDERERS, chosen.name).origin
+        made_by = {"renderer": f"{chosen.name} ({origin})"}
+        resolved.model_copy(update={"versions": resolved.versions | made_by}).save(run)
     display.begin("light transport of the train scenes")
-    feed, scorer = make(split="train"), None
+    feed = make_feed(config, folder, "train", renderer, device, base=base, progress=display.advance)
+    scorer = None
     if "validation" in resolved.dataset.splits and fabric.is_global_zero:
+        constant = constant_layer(feed.exemplars, feed.seen, device)
         display.begin("light transport of the validation scenes")
-        held_out = make(split="validation")
-        targets, _ = make_targets(feed.exemplars, feed.seen, device, _CONSTANT_TARGETS)
-        scorer = Scorer.make(held_out.exemplars, held_out.seen, best_constant(targets), device)
+        held_out = make_seen(config, folder, "validation", renderer, display.advance)
+        scorer = Scorer.make(*held_out, constant, device)
     return _Session(fabric, config, run, feed, scorer, None, display)
 
 
@@ -154,22 +174,27 @@ def _loop(session: _Session, state: State) -> None:
     report_step, report_time = state.step, began
     coming = _batches(session, state.step)
     _expect(session, state.step, coming)
-    while state.step < config.steps and not _out_of_time(session, state):
-        batches, coming = coming, _batches(session, state.step + 1)
-        _expect(session, state.step + 1, coming)
-        diagnostics = training_step(session.fabric, config, state, session.feed, batches)
-        now = time.monotonic()
-        state.seconds = before + now - began
-        session.display.advance(1)
-        if state.step % _REPORT_EVERY == 0:
-            rate = (state.step - report_step) * config.batch_size / max(now - report_time, 1e-9)
-            _report(session, state, diagnostics, rate)
-            report_step, report_time = state.step, time.monotonic()
-        if state.step % config.score_every == 0:
-            _score(session, state)
-        if state.step % config.save_every == 0:
-            _save(session, state, diagnostics)
-    _finish(session, state)
+    latest: Diagnostics = {}
+    with interrupts_wait(session.fabric.world_size == 1) as interrupted:
+        while state.step < config.steps and not _out_of_time(session, state) and not interrupted():
+            batches, coming = coming, _batches(session, state.step + 1)
+            _expect(session, state.step + 1, coming)
+            latest |= training_step(session.fabric, config, state, session.feed, batches)
+            now = time.monotonic()
+            state.seconds = before + now - began
+            session.display.advance(1)
+            if state.step % _REPORT_EVERY == 0:
+                rate = (state.step - report_step) * config.images_per_step / max(now - report_time, 1e-9)
+                _report(session, state, latest, rate)
+                report_step, report_time, latest = state.step, time.monotonic(), {}
+            if state.step % config.score_every == 0:
+                _score(session, state)
+            if state.step % config.save_every == 0 and state.step < config.steps:
+                _save(session, state, latest)
+        if interrupted():
+            _save(session, state, latest)
+            raise KeyboardInterrupt
+    _finish(session, state, latest)
 
 
 def _batches(session: _Session, step: int) -> list[Sequence[int]]:
@@ -200,7 +225,7 @@ def _out_of_time(session: _Session, state: State) -> bool:
 
 
 def _report(session: _Session, state: State, diagnostics: Diagnostics, rate: float) -> None:
-    _require_finite(state, diagnostics)
+    _require_finite(session, state, diagnostics)
     values = {name: float(value) for name, value in diagnostics.items()}
     values |= {"images_per_second": rate, "seconds": state.seconds}
     if session.journal is not None:
@@ -217,41 +242,46 @@ def _score(session: _Session, state: State) -> None:
         layers = session.scorer.layers(state.averaged)
     score = session.scorer.recovered_by(layers)
     if not math.isfinite(score):
-        raise _not_finite(state)
+        raise _not_finite(session, state)
     session.journal.show(state.step, "learned above truth", session.scorer.picture(layers))
     state.history.append({"step": state.step, "seconds": state.seconds, "recovered": score})
     session.journal.write(state.step, {"recovered": score, "seconds": state.seconds})
     if score > state.best[0]:
         state.best = (score, state.step)
-        save_generator(session.run / MODEL, copy.deepcopy(state.averaged), session.config.generator, score)
+        save_generator(session.run / MODEL, state.averaged, session.config.generator, score)
 
 
 def _save(session: _Session, state: State, diagnostics: Diagnostics) -> None:
-    _require_finite(state, diagnostics)
-    if session.first:
+    _require_finite(session, state, diagnostics)
+    if session.first and not checkpoint_path(session.run, state.step).is_dir():
         state.save(session.run)
 
 
-def _finish(session: _Session, state: State) -> None:
+def _finish(session: _Session, state: State, diagnostics: Diagnostics) -> None:
     """The last score and checkpoint; where there was no validation split, the last model is the model."""
-    _require_finite(state, {})
+    _require_finite(session, state, diagnostics)
     if not session.first:
         return
+    scores = len(state.history)
     if not state.history or state.history[-1]["step"] != state.step:
         _score(session, state)
     if session.scorer is None:
         save_generator(session.run / MODEL, state.averaged, session.config.generator, None)
-    state.save(session.run)
+    if len(state.history) > scores or not checkpoint_path(session.run, state.step).is_dir():
+        state.save(session.run)
 
 
-def _require_finite(state: State, diagnostics: Diagnostics) -> None:
+def _require_finite(session: _Session, state: State, diagnostics: Diagnostics) -> None:
     weights = {name: parameter.sum() for name, parameter in state.generator.named_parameters()}
-    if not finite(diagnostics | weights):
-        raise _not_finite(state)
+    values = torch.stack([value.detach().float().reshape(()) for value in (diagnostics | weights).values()])
+    if not bool(torch.isfinite(values).all()):
+        raise _not_finite(session, state)
 
 
-def _not_finite(state: State) -> TrainingError:
+def _not_finite(session: _Session, state: State) -> TrainingError:
+    saved = bool(checkpoints(session.run))
     return TrainingError(
-        f"training stopped at step {state.step}: a loss or weight is not finite; the last checkpoint is good. "
-        "Lower optimizer.generator_rate or optimizer.discriminator_rate, or raise loss.r1, and resume."
+        f"training stopped at step {state.step}: a loss or weight is not finite"
+        f"{'; the last checkpoint is good' if saved else ''}. Lower optimizer.generator_rate or "
+        f"optimizer.discriminator_rate, or raise loss.r1, and {'resume' if saved else 'start again'}."
     )

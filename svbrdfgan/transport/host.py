@@ -29,37 +29,52 @@ class HostProduct:
     transports: tuple[LightTransport, ...]
 
     def picture(self, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
-        image = np.concatenate([view.background.numpy().reshape(-1, 3) for view in self.transports])
+        background = np.concatenate([view.background.numpy().reshape(-1, 3) for view in self.transports])
+        return torch.from_numpy(self._added(background, texels))
+
+    def linear(self, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
+        pixels = sum(len(view.start) - 1 for view in self.transports)
+        return torch.from_numpy(self._added(np.zeros((pixels, 3), np.float32), texels))
+
+    def _added(
+        self, image: Float[ndarray, "pixels 3"], texels: Float[Tensor, "texels 3"]
+    ) -> Float[ndarray, "pixels 3"]:
+        """The image, to which T @ texels is added in place."""
         values = _channels(texels)
-        for channel, pixels, own, matrix in self._blocks():
-            image[pixels, channel] += matrix @ values[channel, own]
-        return torch.from_numpy(image)
+        for matrix, weights, pixels, own in self._blocks():
+            for channel, weight in enumerate(weights):
+                matrix.data = weight
+                image[pixels, channel] += matrix @ values[channel, own]
+        return image
 
     def transposed(self, grad: Float[Tensor, "pixels 3"]) -> Float[Tensor, "texels 3"]:
         texels = np.empty((sum(view.texels for view in self.transports), 3), np.float32)
         values = _channels(grad)
-        for channel, pixels, own, matrix in self._blocks():
-            texels[own, channel] = matrix.T @ values[channel, pixels]
+        for matrix, weights, pixels, own in self._blocks():
+            transposed = matrix.T
+            for channel, weight in enumerate(weights):
+                transposed.data = weight
+                texels[own, channel] = transposed @ values[channel, pixels]
         return torch.from_numpy(texels)
 
-    def _blocks(self) -> Iterator[tuple[int, slice, slice, csr_matrix]]:
-        """A channel, a view's pixels and texels, and T there."""
+    def _blocks(self) -> Iterator[tuple[csr_matrix, list[Float[ndarray, " entries"]], slice, slice]]:
+        """For each view T, to be given the weights of a channel, which share their indices; its pixels, its texels."""
         pixel, texel = 0, 0
-        for matrices in self._matrices:
-            pixels, texels = matrices[0].shape
-            for channel, matrix in enumerate(matrices):
-                yield channel, slice(pixel, pixel + pixels), slice(texel, texel + texels), matrix
+        for matrix, weights in self._matrices:
+            pixels, texels = matrix.shape
+            yield matrix, weights, slice(pixel, pixel + pixels), slice(texel, texel + texels)
             pixel, texel = pixel + pixels, texel + texels
 
     @cached_property
-    def _matrices(self) -> list[list[csr_matrix]]:
-        """T of red, green and blue, which share their indices, of each view."""
-        return [_matrices(view) for view in self.transports]
+    def _matrices(self) -> list[tuple[csr_matrix, list[Float[ndarray, " entries"]]]]:
+        return [_matrix(view) for view in self.transports]
 
 
-def _matrices(view: LightTransport) -> list[csr_matrix]:
-    shape, indices = (len(view.start) - 1, view.texels), (view.texel.numpy(), view.start.numpy())
-    return [csr_matrix((_single(weight, view), *indices), shape=shape, copy=False) for weight in view.weight.unbind(1)]
+def _matrix(view: LightTransport) -> tuple[csr_matrix, list[Float[ndarray, " entries"]]]:
+    """T with the weights of one channel, and those of all three. SciPy takes longer to make a matrix than to use it."""
+    weights = [_single(weight, view) for weight in view.weight.unbind(1)]
+    indices, shape = (view.texel.numpy(), view.start.numpy()), (len(view.start) - 1, view.texels)
+    return csr_matrix((weights[0], *indices), shape=shape, copy=False), weights
 
 
 def _single(weight: Float[Tensor, " entries"], view: LightTransport) -> Float[ndarray, " entries"]:

@@ -49,14 +49,27 @@ def color_of(address, there):
 
 
 @triton.jit
-def picture(views, textures, image, pixels, HALF: tl.constexpr, ROWS: tl.constexpr, LANES: tl.constexpr):
-    """image = background + T @ textures."""
+def picture(
+    views,
+    textures,
+    image,
+    pixels,
+    HALF: tl.constexpr,
+    BACKGROUND: tl.constexpr,
+    ROWS: tl.constexpr,
+    LANES: tl.constexpr,
+):
+    """image = T @ textures, before the background if there is to be one."""
     start, texel, weight, scale, background, offset = view_of(views, HALF)
     pixel = tl.program_id(0) * ROWS + tl.arange(0, ROWS)
     inside = pixel < pixels
     first = tl.load(start + pixel, mask=inside, other=0)
     last = tl.load(start + pixel + 1, mask=inside, other=0)
-    behind_red, behind_green, behind_blue = color_of(background + pixel * 3, inside)
+    behind_red = tl.zeros([ROWS], tl.float32)
+    behind_green = tl.zeros([ROWS], tl.float32)
+    behind_blue = tl.zeros([ROWS], tl.float32)
+    if BACKGROUND:
+        behind_red, behind_green, behind_blue = color_of(background + pixel * 3, inside)
     textures += offset * 3
     red = tl.zeros([ROWS, LANES], tl.float32)
     green = tl.zeros([ROWS, LANES], tl.float32)
@@ -159,8 +172,14 @@ class KernelProduct:
         return cls(kept, send(torch.tensor(rows), device), half, 4 if _adds_vectors(device) else 3)
 
     def picture(self, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
+        return self._shown(texels, BACKGROUND=True)
+
+    def linear(self, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
+        return self._shown(texels, BACKGROUND=False)
+
+    def _shown(self, texels: Float[Tensor, "texels 3"], **constants: bool) -> Float[Tensor, "pixels 3"]:
         image = texels.new_empty(len(self.transports) * self._pixels, 3)
-        self._launch(picture, PICTURE["ROWS"], texels, image, **PICTURE)
+        self._launch(picture, PICTURE["ROWS"], texels, image, **constants, **PICTURE)
         return image
 
     def transposed(self, grad: Float[Tensor, "pixels 3"]) -> Float[Tensor, "texels 3"]:

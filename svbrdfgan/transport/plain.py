@@ -18,17 +18,20 @@ class PlainProduct:
     transports: tuple[LightTransport, ...]
 
     def picture(self, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
+        return self.linear(texels) + torch.cat([view.background.reshape(-1, 3) for view in self.transports])
+
+    def linear(self, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
         of_views = texels.split([view.texels for view in self.transports])
-        return torch.cat([_picture(view, own) for view, own in zip(self.transports, of_views, strict=True)])
+        return torch.cat([_linear(view, own) for view, own in zip(self.transports, of_views, strict=True)])
 
     def transposed(self, grad: Float[Tensor, "pixels 3"]) -> Float[Tensor, "texels 3"]:
         of_views = grad.chunk(len(self.transports))
         return torch.cat([_transposed(view, own) for view, own in zip(self.transports, of_views, strict=True)])
 
 
-def _picture(view: LightTransport, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
+def _linear(view: LightTransport, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
     picked = view.weight * texels[view.texel.long()] * view.scale
-    return view.background.reshape(-1, 3).index_add(0, _pixel(view), picked)
+    return texels.new_zeros(len(view.start) - 1, 3).index_add_(0, _pixel(view), picked)
 
 
 def _transposed(view: LightTransport, grad: Float[Tensor, "pixels 3"]) -> Float[Tensor, "texels 3"]:

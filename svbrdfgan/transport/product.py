@@ -26,6 +26,10 @@ class Product(Protocol):
         """background + T @ texels."""
         ...
 
+    def linear(self, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
+        """T @ texels. However bright the background, small values are not lost."""
+        ...
+
     def transposed(self, grad: Float[Tensor, "pixels 3"]) -> Float[Tensor, "texels 3"]:
         """T^T @ grad."""
         ...
@@ -77,53 +81,55 @@ class TransportBatch:
         Raises:
             ValueError: other textures are wanted than these.
         """
+        return self._shown(textures, background=True)
+
+    def linear(self, textures: Float[Tensor, "textures rows cols 3"]) -> Float[Tensor, "batch height width 3"]:
+        """T @ textures: the pictures without the background; likewise."""
+        return self._shown(textures, background=False)
+
+    def _shown(self, textures: Tensor, background: bool) -> Tensor:
         first = self.transports[0]
         wanted = (sum(len(t.parts) for t in self.transports), *first.texture_shape, 3)
         if textures.shape != wanted:
             raise ValueError(f"got textures of shape {tuple(textures.shape)}; the batch wants {wanted}")
         texels = textures.reshape(-1, 3).float().contiguous()
-        pixels: Tensor = _Picture.apply(texels, self.product)
+        pixels: Tensor = _Picture.apply(texels, self.product, background)
         return pixels.reshape(len(self.transports), *first.coverage.shape, 3)
-
-    def linear(self, textures: Float[Tensor, "textures rows cols 3"]) -> Float[Tensor, "batch height width 3"]:
-        """T @ textures: the pictures without the background."""
-        return self.render(textures) - self.background
 
     def transposed(self, images: Float[Tensor, "batch height width 3"]) -> Float[Tensor, "textures rows cols 3"]:
         """T^T @ images, differentiable in them (once)."""
-        pixels, background = (part.reshape(-1, 3).float().contiguous() for part in (images, self.background))
-        texels: Tensor = _Transposed.apply(pixels, self.product, background)
+        texels: Tensor = _Transposed.apply(images.reshape(-1, 3).float().contiguous(), self.product)
         return texels.reshape(-1, *self.transports[0].texture_shape, 3)
 
 
 class _Picture(torch.autograd.Function):
-    """background + T @ texels, with T^T for its gradient."""
+    """T @ texels, with or without the background, and T^T for its gradient."""
 
     @staticmethod
-    def forward(ctx: FunctionCtx, texels: Tensor, product: Product) -> Tensor:
+    def forward(ctx: FunctionCtx, texels: Tensor, product: Product, background: bool) -> Tensor:
         ctx.product = product  # type: ignore[attr-defined]
-        return product.picture(texels)
+        return product.picture(texels) if background else product.linear(texels)
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: FunctionCtx, grad: Tensor) -> tuple[Tensor, None]:
+    def backward(ctx: FunctionCtx, grad: Tensor) -> tuple[Tensor, None, None]:
         product: Product = ctx.product  # type: ignore[attr-defined]
-        return product.transposed(grad.contiguous()), None
+        return product.transposed(grad.contiguous()), None, None
 
 
 class _Transposed(torch.autograd.Function):
     """T^T @ pixels, with T for its gradient."""
 
     @staticmethod
-    def forward(ctx: FunctionCtx, pixels: Tensor, product: Product, background: Tensor) -> Tensor:
-        ctx.product, ctx.background = product, background  # type: ignore[attr-defined]
+    def forward(ctx: FunctionCtx, pixels: Tensor, product: Product) -> Tensor:
+        ctx.product = product  # type: ignore[attr-defined]
         return product.transposed(pixels)
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: FunctionCtx, grad: Tensor) -> tuple[Tensor, None, None]:
+    def backward(ctx: FunctionCtx, grad: Tensor) -> tuple[Tensor, None]:
         product: Product = ctx.product  # type: ignore[attr-defined]
-        return product.picture(grad.contiguous()) - ctx.background, None, None  # type: ignore[attr-defined]
+        return product.linear(grad.contiguous()), None
 
 
 def _product(transports: tuple[LightTransport, ...]) -> Product:

@@ -8,12 +8,9 @@ from typing import Any
 
 import torch
 from jaxtyping import Float, Int
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor
 
-from svbrdfgan.errors import AssetError
-from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.transport.transfer import send
 
 _FORMAT = "svbrdfgan light transport 1"
@@ -91,14 +88,8 @@ class LightTransport:
 
     def save(self, path: Path) -> None:
         """Writes one safetensors file, atomically."""
-        meta = {
-            "format": _FORMAT,
-            "parts": ",".join(map(str, self.parts)),
-            "texture_shape": ",".join(map(str, self.texture_shape)),
-        }
-        tensors = {name: tensor.contiguous().cpu() for name, tensor in self.tensors().items()}
-        with atomic_path(path) as temporary:
-            save_file(tensors, temporary, meta)
+        words = {"parts": self.parts, "texture_shape": self.texture_shape}
+        save_tensors(path, _FORMAT, self.tensors(), {name: ",".join(map(str, of)) for name, of in words.items()})
 
     @classmethod
     def load(cls, path: Path) -> LightTransport:
@@ -107,23 +98,12 @@ class LightTransport:
         Raises:
             AssetError: the file is missing, damaged, or not a light transport.
         """
-        try:
-            with safe_open(path, framework="pt") as file:
-                meta = file.metadata() or {}
-                if meta.get("format") != _FORMAT:
-                    raise AssetError(
-                        f"{path} is not a light transport of this version; delete it to have it traced anew."
-                    )
-                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-            rows, cols = (int(n) for n in meta["texture_shape"].split(","))
-            parts = tuple(int(n) for n in meta["parts"].split(",") if n)
+        with stored_tensors(path, _FORMAT, "delete it to have it traced anew") as (tensors, words):
+            rows, cols = (int(n) for n in words["texture_shape"].split(","))
+            parts = tuple(int(n) for n in words["parts"].split(",") if n)
             transport = cls(**tensors, parts=parts, texture_shape=(rows, cols))
             transport._require_consistent()
-            return transport
-        except (OSError, SafetensorError, KeyError, TypeError, ValueError) as error:
-            raise AssetError(
-                f"{path} cannot be read as a light transport ({error}); delete it to have it traced anew."
-            ) from error
+        return transport
 
     def _require_consistent(self) -> None:
         """Products trust indices, so those of a file are checked; ValueError if one of them leads out of its array."""

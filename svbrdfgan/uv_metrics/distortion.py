@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from svbrdfgan.geometry.normals import uv_areas
 from svbrdfgan.uv_metrics.outside import Outside
 
 _THINNEST = 1e-6  # of the square: rounding to float32, as files hold UVs, decides the stretch of thinner faces
@@ -49,7 +50,7 @@ def singular_values(
 ) -> tuple[Float[ndarray, " faces"], Float[ndarray, " faces"]]:
     """Gamma and gamma of the linear map from the square to each triangle; not normalised, infinite if collapsed."""
     p, q = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
-    twice = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
+    twice = 2.0 * uv_areas(uv)
     longest = np.max([np.linalg.norm(e, axis=1) for e in (p, q, q - p)], axis=0)
     good = np.abs(twice) > _THINNEST * longest
     e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

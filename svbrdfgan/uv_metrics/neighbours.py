@@ -10,6 +10,7 @@ from numpy import ndarray
 from scipy.spatial import cKDTree
 
 from svbrdfgan.geometry.normals import face_normals
+from svbrdfgan.geometry.sampling import faces_by_area, points_in_triangle
 from svbrdfgan.uv_metrics.outside import Outside
 
 POINTS = 1 << 16  # as many as texels at 256 x 256
@@ -38,12 +39,8 @@ class Samples:
 
 
 def spread(found: Outside, count: int) -> Samples:
-    """`count` points, each for the same area; without chance (within a face by the R2 sequence, Roberts 2018)."""
-    total = np.cumsum(found.areas)
-    face = np.searchsorted(total, (np.arange(count) + 0.5) * (total[-1] / count)).clip(max=len(total) - 1)
-    square = (0.5 + np.arange(count)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])) % 1.0
-    square = np.where(square.sum(axis=1, keepdims=True) > 1.0, 1.0 - square, square)
-    weights = np.column_stack([1.0 - square.sum(axis=1), square])
+    """`count` points, each for the same area; without chance."""
+    face, weights = faces_by_area(np.cumsum(found.areas), count), points_in_triangle(np.arange(count))
     return Samples(
         face=face,
         positions=np.einsum("pk,pkx->px", weights, found.positions[found.faces[face]]),

@@ -14,7 +14,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from svbrdfgan.geometry.normals import face_areas, face_normals
+from svbrdfgan.geometry.normals import face_areas, face_normals, uv_areas
+from svbrdfgan.geometry.sampling import upper_frames
 from svbrdfgan.geometry.subdivide import EdgePredicate, Pieces, refine
 from svbrdfgan.types import Surface
 from svbrdfgan.uv_metrics.stab import Triangles
@@ -60,8 +61,7 @@ class Outside:
     @property
     def uv_areas(self) -> Float[ndarray, " faces"]:
         """Areas in the unit square; negative where the map is mirrored, seen from outside."""
-        p, q = self.uv[:, 1] - self.uv[:, 0], self.uv[:, 2] - self.uv[:, 0]
-        return 0.5 * (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
+        return uv_areas(self.uv)
 
     @property
     def diagonal(self) -> float:
@@ -114,7 +114,7 @@ def _seen_from(
     """
     points, normals = pieces.positions[pieces.faces].mean(axis=1), face_normals(pieces.positions, pieces.faces)
     front, back = np.zeros(len(points), dtype=np.int64), np.zeros(len(points), dtype=np.int64)
-    for frame in _frames(DIRECTIONS):
+    for frame in upper_frames(_mixed(DIRECTIONS)):
         cosine = np.einsum("px,x->p", normals, frame[2])
         asked = np.flatnonzero((front < _CLEARLY) & (np.abs(cosine) > _GRAZING))
         # not by BLAS, whose threads cost more than they save on three columns
@@ -127,19 +127,9 @@ def _seen_from(
     return front, back
 
 
-def _frames(count: int) -> Float[ndarray, "directions 3 3"]:
-    """Orthonormal rows whose last is a direction of the upper half of the sphere, evenly spread (Fibonacci lattice).
-
-    In an order (golden-ratio steps through the heights) in which the first few look from everywhere.
-    """
-    rank = np.argsort((np.arange(count) * 0.6180339887498949) % 1.0)
-    height = (rank + 0.5) / count
-    turn = rank * (np.pi * (3.0 - np.sqrt(5.0)))
-    ring = np.sqrt(1.0 - height**2)
-    axes = np.stack([ring * np.cos(turn), height, ring * np.sin(turn)], axis=1)
-    first = np.cross(axes, np.roll(axes, 1, axis=1))
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(axes, first), axes], axis=1)
+def _mixed(count: int) -> Int[ndarray, " count"]:
+    """The numbers below `count`, by golden-ratio steps: the first few are from everywhere."""
+    return np.argsort((np.arange(count) * 0.6180339887498949) % 1.0)
 
 
 def _source_corners(surface: Surface) -> Float[ndarray, "source_faces 3 3"]:

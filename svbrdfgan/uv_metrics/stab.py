@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from svbrdfgan.geometry.cells import Grid
+
 _AT_ONCE = 1 << 21
-_LEAST, _MOST = 8, 256  # cells along a side
-_PER_TRIANGLE = 8  # cells that a triangle may be listed in, on average
 _STEP = 4  # candidates tried at once
 _EDGE = 1e-9  # barycentric: points on an edge belong to both sides, so that no ray slips between neighbours
 
@@ -28,25 +28,6 @@ class Stabs:
     point: Int[ndarray, " stabs"]
     triangle: Int[ndarray, " stabs"]
     barycentric: Float[ndarray, "stabs 3"]
-
-
-@dataclass(frozen=True, eq=False)
-class Grid:
-    """Square cells over the box around some triangles.
-
-    Attributes:
-        low: lower corner.
-        cell: side of a cell.
-        side: cells along a side.
-    """
-
-    low: Float[ndarray, " 2"]
-    cell: float
-    side: int
-
-    def cells(self, points: Float[ndarray, "*n 2"]) -> Int[ndarray, "*n 2"]:
-        """Column and row of the cell of each point; the nearest one for points outside."""
-        return np.clip((points - self.low) / self.cell, 0, self.side - 1).astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,20 +52,15 @@ class Triangles:
         """The triangles, wound either way."""
         top = np.zeros(len(corners)) if top is None else top
         weights, good = _barycentric_rows(corners)
-        grid, low, high = _grid(corners)
-        size = high - low + 1
-        count = np.where(good, size.prod(axis=1), 0)
-        triangle = np.repeat(np.arange(len(corners)), count)
-        step = np.arange(len(triangle)) - np.repeat(np.cumsum(count) - count, count)
-        row, col = np.divmod(step, size[triangle, 0])
-        cell = (low[triangle, 1] + row) * grid.side + low[triangle, 0] + col
+        grid = Grid.around(corners, max(8.0, len(corners) ** 0.5))
+        triangle, cell = grid.entries(corners[good])
+        triangle = np.flatnonzero(good)[triangle]
         first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=grid.side**2))])
         return cls(weights, grid, triangle[np.lexsort((-top[triangle], cell))], top, first)
 
     def over(self, points: Float[ndarray, "points 2"]) -> Iterator[Stabs]:
         """All meetings, in pieces of bounded size, points in order."""
-        col, row = self.grid.cells(points).T
-        cell = row * self.grid.side + col
+        cell = self.grid.cells(points)
         count = self.first[cell + 1] - self.first[cell]
         total = np.cumsum(count)
         start = 0
@@ -107,8 +83,8 @@ class Triangles:
 
         From the top down, a few candidates at a time, until one is found or none can be.
         """
-        col, row = self.grid.cells(points).T
-        place, last = (self.first[row * self.grid.side + col + k] for k in (0, 1))
+        cell = self.grid.cells(points)
+        place, last = self.first[cell], self.first[cell + 1]
         found = np.zeros(len(points), dtype=bool)
         active = np.flatnonzero(place < last)
         while len(active):
@@ -143,19 +119,3 @@ def _barycentric_rows(
     c = np.stack([-p[:, 1], p[:, 0]], axis=1)
     rows = np.stack([np.column_stack([v, -(v * a).sum(axis=1)]) for v in (b, c)], axis=1)
     return rows / np.where(good, area, 1.0)[:, None, None], good
-
-
-def _grid(
-    corners: Float[ndarray, "triangles 3 2"],
-) -> tuple[Grid, Int[ndarray, "triangles 2"], Int[ndarray, "triangles 2"]]:
-    """Cells about as large as the triangles, and the lower and upper cell of each triangle's box."""
-    lows, highs = corners.min(axis=1), corners.max(axis=1)
-    low = lows.min(axis=0)
-    extent = max(float((highs.max(axis=0) - low).max()), 1e-300)
-    side = int(np.clip(np.sqrt(len(corners)), _LEAST, _MOST))
-    while True:
-        grid = Grid(low, extent / side, side)
-        first, last = grid.cells(lows), grid.cells(highs)
-        if side <= _LEAST or (last - first + 1).prod(axis=1).sum() <= _PER_TRIANGLE * max(len(corners), 1 << 14):
-            return grid, first, last
-        side //= 2

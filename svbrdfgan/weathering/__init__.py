@@ -5,7 +5,19 @@
 A fixed recipe is a function of position, normal, openness and curvature, all relative to the model's size.
 """
 
-from svbrdfgan.weathering.layer import TexelGeometry, recipe_from_options, weather
+from svbrdfgan.weathering.layer import TexelGeometry, find_site, recipe_from_options, weather
 from svbrdfgan.weathering.recipes import RECIPES, Dust, Recipe, RoadDirt, Rust
+from svbrdfgan.weathering.site import Site
 
-__all__ = ["RECIPES", "Dust", "Recipe", "RoadDirt", "Rust", "TexelGeometry", "recipe_from_options", "weather"]
+__all__ = [
+    "RECIPES",
+    "Dust",
+    "Recipe",
+    "RoadDirt",
+    "Rust",
+    "Site",
+    "TexelGeometry",
+    "find_site",
+    "recipe_from_options",
+    "weather",
+]

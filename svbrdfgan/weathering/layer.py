@@ -17,7 +17,7 @@ from svbrdfgan.options import build
 from svbrdfgan.types import Surface
 from svbrdfgan.types.material import CHANNELS
 from svbrdfgan.weathering.recipes import RECIPES, Recipe, matter
-from svbrdfgan.weathering.site import survey
+from svbrdfgan.weathering.site import Site, survey
 
 
 class TexelGeometry(Protocol):
@@ -35,23 +35,30 @@ class TexelGeometry(Protocol):
 
 
 def weather(
-    surface: Surface, buffer: TexelGeometry, recipe: Recipe, maps: Collection[str] = ()
+    surface: Surface, buffer: TexelGeometry, recipe: Recipe, maps: Collection[str] = (), *, site: Site | None = None
 ) -> Float[Tensor, "rows cols channels"]:
     """The weathering layer over a buffer's texels: linear RGB, straight alpha, then these maps, in [0, 1], float32.
 
     A pure function, the same for a model of any size. Gutters go on smoothly where the buffer's do. Takes about
     two seconds at 256 x 256, most of it for openness and edges.
 
+    Args:
+        site: `find_site` of the same surface and buffer, where several layers are painted on them.
+
     Raises:
         ConfigError: the recipe does not say what its matter is like in one of the maps.
     """
     _require_maps(recipe, maps)
     rows, cols, _ = buffer.position.shape
-    position = np.asarray(buffer.position, dtype=np.float64).reshape(-1, 3)
-    normal = np.asarray(buffer.normal, dtype=np.float64).reshape(-1, 3)
-    site = survey(surface, position, normal)
+    site = site or find_site(surface, buffer)
     painted = np.column_stack([recipe.paint(site), *(matter(recipe, site, name) for name in CHANNELS if name in maps)])
     return torch.from_numpy(painted.reshape(rows, cols, -1).astype(np.float32))
+
+
+def find_site(surface: Surface, buffer: TexelGeometry) -> Site:
+    """What recipes go by, at each texel of the buffer, row by row."""
+    position, normal = (np.asarray(values, np.float64).reshape(-1, 3) for values in (buffer.position, buffer.normal))
+    return survey(surface, position, normal)
 
 
 def recipe_from_options(name: str, options: Mapping[str, Any], maps: Collection[str] = ()) -> Recipe:

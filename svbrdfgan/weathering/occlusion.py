@@ -1,4 +1,4 @@
-"""How open to its surroundings, and how sharply bent, a surface is at each of many points.
+"""Ambient occlusion (`openness`) and mean curvature (`bend`) of a surface at each of many points.
 
 Both work on a cloud of points spread evenly over the triangles, so that open shells, non-manifold edges, hidden
 interiors and triangles of any shape do no harm. NumPy; a second or two for 65,000 points and 30,000 faces.
@@ -11,6 +11,8 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
+from svbrdfgan.geometry.normals import face_areas, unit
+from svbrdfgan.geometry.sampling import faces_by_area, points_in_triangle, upper_frames
 from svbrdfgan.types import Surface
 
 _GRID = 128  # cells of a depth map, over the diameter of the surface's bounding sphere
@@ -22,29 +24,24 @@ def scatter(
 ) -> tuple[Float[ndarray, "points 3"], Float[ndarray, "points 3"]]:
     """Points about `spacing` metres apart over the faces chosen (all by default), and their unit shading normals.
 
-    As many as the area asks for, however it is cut into faces. Within a face they follow the R2 sequence
-    (Roberts 2018): even, and without chance.
+    As many as the area asks for, however it is cut into faces; even, and without chance.
     """
     corners = surface.faces if faces is None else surface.faces[faces]
-    edges = surface.positions[corners[:, 1:]] - surface.positions[corners[:, :1]]
-    area = np.cumsum(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
-    count = max(1, round(area[-1] / spacing**2))
-    owner = np.searchsorted(area, (np.arange(count) + 0.5) * (area[-1] / count)).clip(max=len(corners) - 1)
-    index = np.arange(count) - np.searchsorted(owner, owner)
-    square = (0.5 + index[:, None] * np.array([0.7548776662466927, 0.5698402909980532])) % 1.0
-    square = np.where(square.sum(axis=1, keepdims=True) > 1.0, 1.0 - square, square)
-    weights = np.column_stack([1.0 - square.sum(axis=1), square])
+    total = np.cumsum(face_areas(surface.positions, corners))
+    owner = faces_by_area(total, max(1, round(total[-1] / spacing**2)))
+    weights = points_in_triangle(np.arange(len(owner)) - np.searchsorted(owner, owner))
     points = np.einsum("pk,pki->pi", weights, surface.positions[corners[owner]])
-    return points, _unit(np.einsum("pk,pki->pi", weights, surface.normals[corners[owner]]))
+    return points, unit(np.einsum("pk,pki->pi", weights, surface.normals[corners[owner]]))
 
 
 def openness(
     surface: Surface, points: Float[ndarray, "points 3"], normals: Float[ndarray, "points 3"]
 ) -> Float[ndarray, " points"]:
-    """The cosine-weighted share of the hemisphere about each normal that the surface leaves free: 1 is fully open.
+    """What ambient-occlusion maps store (accessibility), at each point: 1 is unoccluded, 0 enclosed.
 
-    This is ambient occlusion's complement of common speech: 0 is dark. Orthographic depth maps from 64 directions
-    decide what is hidden, softly, so that it varies smoothly; gaps under 2 % of the model's size are not seen.
+    The cosine-weighted share of the hemisphere about the normal that the surface leaves free. Orthographic depth maps
+    from 64 directions decide what is hidden, softly, so that it varies smoothly; gaps under 2 % of the model's size are
+    not seen.
     """
     low, high = surface.positions[surface.faces].min(axis=(0, 1)), surface.positions[surface.faces].max(axis=(0, 1))
     centre, radius = (low + high) / 2.0, max(float(np.linalg.norm(high - low)) / 2.0, 1e-12)
@@ -52,7 +49,7 @@ def openness(
     occluders = ((scatter(surface, 0.6 * cell * radius)[0] - centre) / radius).astype(np.float32)
     lifted = ((points - centre) / radius + 1.5 * cell * normals).astype(np.float32)
     free, total = np.zeros(len(points)), np.full(len(points), 1e-12)
-    for frame in _frames(_AXES):
+    for frame in upper_frames(np.arange(_AXES)).astype(np.float32):
         cosine = np.einsum("pi,i->p", normals, frame[2])
         clearance = _clearance(_turn(occluders, frame), _turn(lifted, frame), cosine < 0.0)
         free += np.abs(cosine) * np.clip(clearance / (2.0 * cell) + 1.5, 0.0, 1.0)
@@ -115,17 +112,3 @@ def _turn(points: Float[ndarray, "points 3"], frame: Float[ndarray, "3 3"]) -> F
 def _cells(index: Int[ndarray, "points 2"]) -> Int[ndarray, " points"]:
     inside = np.clip(index, 0, _GRID - 1)
     return inside[:, 0] * _GRID + inside[:, 1]
-
-
-def _frames(count: int) -> list[Float[ndarray, "3 3"]]:
-    """Orthonormal rows whose last is one of `count` directions spread over the upper hemisphere (Fibonacci lattice)."""
-    height = (np.arange(count) + 0.5) / count
-    turn = np.arange(count) * (np.pi * (3.0 - np.sqrt(5.0)))
-    ring = np.sqrt(1.0 - height**2)
-    axes = np.column_stack([ring * np.cos(turn), height, ring * np.sin(turn)])
-    first = _unit(np.cross(axes, np.roll(axes, 1, axis=1)))
-    return list(np.stack([first, np.cross(axes, first), axes], axis=1).astype(np.float32))
-
-
-def _unit(vectors: Float[ndarray, "points 3"]) -> Float[ndarray, "points 3"]:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)

@@ -22,8 +22,8 @@ class Site:
         position: in lengths of the model; x to its left and z to its nose from the middle, y up from the ground.
         height: above ground, in heights of the model: 0 to 1.
         normal: unit, outward.
-        openness: 1 in the open, 0 enclosed (`openness`).
-        edge: positive on edges, negative in creases, about 1 at a right angle (`bend`).
+        openness: what ambient-occlusion maps store: 1 unoccluded, 0 enclosed (`openness`).
+        edge: mean curvature: positive on edges, negative in creases, about 1 at a right angle (`bend`).
         axles: z of the wheels, in the units of `position`.
     """
 

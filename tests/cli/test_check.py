@@ -9,7 +9,7 @@ from rich.console import Console
 
 from svbrdfgan.cli import main
 from svbrdfgan.cli.check import summary, table
-from svbrdfgan.probe import Probe, probe
+from svbrdfgan.plugin_probe import Probe, probe
 from svbrdfgan.testing import Outcome
 
 HALF = """
@@ -26,7 +26,7 @@ class Half:
 @pytest.fixture(autouse=True)
 def trusted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plugins are not tried in a process of their own, which takes seconds."""
-    monkeypatch.setattr("svbrdfgan.probe.probe", lambda plugin: Probe("ok"))
+    monkeypatch.setattr("svbrdfgan.plugin_probe.probe", lambda plugin: Probe("ok"))
 
 
 @pytest.fixture
@@ -94,7 +94,7 @@ def test_failures_are_told_with_their_reason_and_end_with_1() -> None:
 
 @pytest.mark.usefixtures("plugins")
 def test_one_that_aborts_is_told_in_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("svbrdfgan.probe.probe", probe)
+    monkeypatch.setattr("svbrdfgan.plugin_probe.probe", probe)
     result = run("crash")
     assert (result.exit_code, result.stdout) == (1, "")
     assert result.stderr.startswith("Error: renderer 'crash' (plug 1.0) ended its process: SIGABRT.")
@@ -125,6 +125,13 @@ def test_what_there_is_not(arguments: list[str], said: str) -> None:
     result = run(*arguments)
     assert (result.exit_code, result.stdout) == (1, "")
     assert said in result.stderr
+
+
+@pytest.mark.parametrize("arguments", [["numpy", "--scene", "convex"], ["--pairs", "--only", "contract"]])
+def test_options_of_the_other_check_are_refused(arguments: list[str]) -> None:
+    result = run(*arguments)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "--pairs" in result.stderr
 
 
 def test_the_table_groups_its_rows_and_the_summary_counts() -> None:

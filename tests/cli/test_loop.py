@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -89,6 +90,25 @@ def test_weather(car: Path, tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) == 2
 
 
+def test_the_mesh_itself_is_not_written_over(car: Path, run: Path, tmp_path: Path) -> None:
+    own = shutil.copy(car, tmp_path / "own.glb")
+    before = own.read_bytes()
+    for words in (("weather", own), ("texture", own, "--model", run)):
+        failed(invoke(*words, "-o", tmp_path / "." / "own.glb"), "own.glb is the mesh itself")
+    assert own.read_bytes() == before
+
+
+def test_learnable_parts_are_told_and_chosen(car: Path, tmp_path: Path) -> None:
+    words = ("weather", car, "--resolution", 32, "-o", tmp_path / "car.glb")
+    plain, chosen = invoke(*words), invoke(*words, "--learnable", "Glass*")
+    assert (plain.exit_code, chosen.exit_code) == (0, 0)
+    carrying, clean = plain.stderr.strip().split("; left clean: ")
+    assert carrying.startswith("layer on: body")
+    assert "glass" in clean.split(", ")
+    assert chosen.stderr.startswith("layer on: glass; left clean: body")
+    failed(invoke(*words, "--learnable", "bodies"), "Change 'learnable' (--learnable)")
+
+
 def test_weather_with_a_further_map(car: Path, tmp_path: Path) -> None:
     words = ("weather", car, "--resolution", 32, "-o", tmp_path / "dull.glb")
     succeeded(invoke(*words, "--map", "roughness=0.2"))
@@ -113,7 +133,11 @@ def test_dataset_and_its_overrides(dataset_data: Data, tmp_path: Path) -> None:
     (tmp_path / "data.yaml").write_text(json.dumps(dataset_data()))
     words = ("dataset", tmp_path / "data.yaml", "splits.train.views=1", "spp=1", "-o", tmp_path / "out")
     told = succeeded(invoke(*words))
-    assert told.splitlines() == ["train: 2 exemplars of 2 meshes", "validation: 2 exemplars of 1 meshes"]
+    assert told.splitlines() == [
+        "train: 2 exemplars of 2 meshes",
+        "validation: 2 exemplars of 1 meshes",
+        "parts with a layer: body",
+    ]
     assert json.loads((tmp_path / "out" / "train" / "000001.json").read_text())["spp"] == 1
     assert succeeded(invoke(*words)) == told
     failed(invoke(*words[:3], "spp=2", "-o", tmp_path / "out"), "holds a data set of another configuration")
@@ -125,6 +149,15 @@ def test_dry_run_writes_nothing(dataset_data: Data, tmp_path: Path) -> None:
     assert "exemplars: 8 of 3 meshes" in told
     assert all(word in told for word in ("time:", "disk:", "memory:"))
     assert not (tmp_path / "out").exists()
+
+
+def test_what_is_no_use_together_is_refused(dataset_data: Data, tiny_dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "data.yaml").write_text(json.dumps(dataset_data()))
+    both = invoke("dataset", tmp_path / "data.yaml", "-o", tmp_path / "out", "--dry-run", "--preview")
+    scene = tiny_dataset / "train" / "000000.json"
+    alone = invoke("render", scene, "-o", tmp_path / "a.png", "--option", "max_bounces=2")
+    assert (both.exit_code, alone.exit_code) == (2, 2)
+    assert [path.name for path in tmp_path.iterdir()] == ["data.yaml"]
 
 
 def test_preview_writes_one_picture(dataset_data: Data, tmp_path: Path) -> None:
@@ -139,7 +172,7 @@ def test_preview_writes_one_picture(dataset_data: Data, tmp_path: Path) -> None:
 def test_train_is_resumed_and_refused(training_data: Data, run: Path, tmp_path: Path) -> None:
     config = run.parent / "train.yaml"
     failed(invoke("train", config, "-o", run), "holds a run already; give --resume")
-    failed(invoke("train", config, "loss.r1=7", "-o", run, "--resume"), "train.loss.r1")
+    failed(invoke("train", config, "loss.r2=7", "-o", run, "--resume"), "train.loss.r2")
     told = succeeded(invoke("train", config, "-o", run, "--resume"))
     assert "4 steps" in told
 
@@ -162,6 +195,21 @@ def test_evaluate(run: Path, tmp_path: Path) -> None:
     report = Path(told.splitlines()[-1])
     assert report.suffix == ".html"
     assert report.is_file()
+
+
+def test_evaluate_where_the_data_set_was_moved(
+    run: Path, dataset_copy: Path, dataset_data: Data, tmp_path: Path
+) -> None:
+    elsewhere = shutil.copytree(run, tmp_path / "run")
+    words = ("evaluate", elsewhere, "--split", "validation", "--no-oracle")
+    config = json.loads((elsewhere / "config.json").read_text())
+    (elsewhere / "config.json").write_text(json.dumps(config | {"dataset_folder": "gone"}))
+    failed(invoke(*words), "the run's data set is no longer gone: say where it is, with --dataset")
+    assert "recovered" in succeeded(invoke(*words, "--dataset", dataset_copy))
+    plan = json.loads((dataset_copy / "dataset.json").read_text())
+    plan["config"]["spp"] += 1
+    (dataset_copy / "dataset.json").write_text(json.dumps(plan))
+    failed(invoke(*words, "--dataset", dataset_copy), "another configuration than the data set that the run learned")
 
 
 def test_texture(run: Path, car: Path, tmp_path: Path) -> None:

@@ -129,7 +129,8 @@ def test_scenes_keep_paint_camera_and_that_the_truth_is_unknown(photographs: Pho
     lights = [scene.environment for scene in exemplars.scenes]
     assert [one.asset.path for one in lights] == [f"assets/environments/light of picture {n}.exr" for n in range(4)]
     assert {(one.scale, one.rotation_degrees) for one in lights} == {(1.0, 0.0)}
-    assert exemplars.layers == (None,) * 4
+    assert list(exemplars.layers) == [None] * 4
+    assert not any(map(exemplars.weathered, range(4)))
 
 
 def test_masks_agree_with_good_cameras_and_not_with_bad_ones(photographs: Photographs, imported: Any) -> None:

@@ -48,7 +48,7 @@ def test_a_scene_does_not_depend_on_what_was_drawn_before(sampler: Callable[...,
 
 
 def test_further_maps_are_drawn_and_nothing_else_changes(sampler: Callable[..., ConfigSampler]) -> None:
-    plain, glossy = sampler(), sampler(maps={"roughness": {"uniform": [0.2, 0.5]}, "metallic": {"fixed": 7}})
+    plain, glossy = sampler(), sampler(maps={"roughness": {"uniform": [0.2, 0.5]}, "metallic": {"normal": [7, 1]}})
     drawn = [glossy.scene(n) for n in range(len(glossy))]
     assert len({scene.maps["roughness"] for scene in drawn}) == len(drawn)
     assert all(0.2 <= scene.maps["roughness"] <= 0.5 and scene.maps["metallic"] == 1.0 for scene in drawn)

@@ -15,12 +15,15 @@ import torch
 from torch import Tensor
 
 from svbrdfgan.compositing import composite
+from svbrdfgan.data import studio as studio_module
 from svbrdfgan.data.exemplars import Exemplars, load_exemplars, load_picture
 from svbrdfgan.data.generate import exemplar_paths
-from svbrdfgan.data.scene import Scene
+from svbrdfgan.data.scene import Scene, SceneWeathering
 from svbrdfgan.data.store import load_layer, load_subject, save_layer, save_subject
 from svbrdfgan.data.studio import Studio, subject_key
 from svbrdfgan.errors import AssetError
+from svbrdfgan.io.tensors import save_tensors
+from svbrdfgan.weathering import find_site
 
 TRASH = [b"", b"\x08\x00\x00\x00\x00\x00\x00\x00{broken}", b"x" * 5000]
 
@@ -54,6 +57,8 @@ def test_a_subject_returns_as_it_was(tiny_exemplars: Exemplars, tmp_path: Path) 
 def test_a_layer_returns_as_it_was(tmp_path: Path) -> None:
     layer = torch.rand(8, 12, 4)
     save_layer(tmp_path / "layer.safetensors", layer)
+    (tmp_path / "other").touch()
+    assert len({path.stat().st_mode for path in tmp_path.iterdir()}) == 1, "readable by whom others are"
     assert torch.equal(load_layer(tmp_path / "layer.safetensors"), layer)
 
 
@@ -70,6 +75,16 @@ def test_one_kind_is_not_taken_for_the_other(tmp_path: Path) -> None:
     save_layer(tmp_path / "layer.safetensors", torch.rand(4, 4, 4))
     with pytest.raises(AssetError, match=r"layer\.safetensors is not a 'svbrdfgan subject 1' file"):
         load_subject(tmp_path / "layer.safetensors")
+
+
+def test_a_file_that_lacks_something_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "file.safetensors"
+    save_tensors(path, "svbrdfgan layer 1", {"other": torch.zeros(2)}, {})
+    with pytest.raises(AssetError, match=r"file\.safetensors cannot be read \(it has no 'layer'\); delete it"):
+        load_layer(path)
+    save_tensors(path, "svbrdfgan subject 1", {}, {"header": "{"})
+    with pytest.raises(AssetError, match=r"file\.safetensors cannot be read .*delete it"):
+        load_subject(path)
 
 
 def test_a_missing_file_is_one_sentence(tmp_path: Path) -> None:
@@ -199,6 +214,35 @@ def without_maps(data: dict[str, Any]) -> dict[str, Any]:
     inner = {"config": without_maps(data["config"])} if "config" in data else {}
     assert inner or data["maps"] == {}
     return {name: value for name, value in data.items() if name != "maps"} | inner
+
+
+def test_layers_are_read_when_they_are_looked_at(
+    tiny_dataset: Path, tiny_exemplars: Exemplars, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And let go of, so that a data set in which each exemplar has its own fits in memory."""
+    read: list[Path] = []
+    monkeypatch.setattr(studio_module, "load_layer", lambda path: read.append(path) or load_layer(path))
+    monkeypatch.setattr(studio_module, "_LAYERS", 1)
+    exemplars = load_exemplars(tiny_dataset, "train")
+    assert all(map(exemplars.weathered, range(6)))
+    assert read == []
+    for index in (0, 1, 3, 0):
+        assert torch.equal(exemplars.layers[index], tiny_exemplars.layers[index])  # type: ignore[arg-type]
+    assert len(read) == 3
+
+
+def test_a_surface_is_surveyed_once_for_all_its_layers(
+    tiny_dataset: Path, tiny_exemplars: Exemplars, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    surveyed: list[object] = []
+    monkeypatch.setattr(studio_module, "find_site", lambda *of: surveyed.append(of) or find_site(*of))
+    studio, scene = Studio(tiny_dataset, keep=False), tiny_exemplars.scenes[0]
+    assert isinstance(scene.weathering, SceneWeathering)
+    thin = scene.model_copy(update={"weathering": scene.weathering.model_copy(update={"amount": 0.5})})
+    layers = [studio.layer(scene), studio.layer(thin)]
+    assert len(surveyed) == 1
+    assert torch.equal(*(layer for layer in (layers[0], tiny_exemplars.layers[0]) if layer is not None))
+    assert not torch.equal(*(layer for layer in layers if layer is not None))
 
 
 def test_a_layer_is_kept_apart_for_other_maps(tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:

@@ -94,10 +94,10 @@ def test_the_gradient_of_the_channel_is_that_of_finite_differences(settings: Set
     direction[..., 4] = torch.rand(1, 32, 32, generator=rng)
     cotangent = torch.rand(1, 32, 32, 3, generator=rng)
     learned = layers.clone().requires_grad_(True)
-    (stage.render(learned) * cotangent).sum().backward()
+    (stage.render(learned)[0] * cotangent).sum().backward()
     assert learned.grad is not None
     with torch.no_grad():
-        ends = [(stage.render(layers + h * direction) * cotangent).double().sum() for h in (0.01, -0.01)]
+        ends = [(stage.render(layers + h * direction)[0] * cotangent).double().sum() for h in (0.01, -0.01)]
     slope = float((ends[0] - ends[1]) / 0.02)
     assert abs(slope) > 0.1
     assert float((learned.grad * direction).sum()) == pytest.approx(slope, rel=0.01)

@@ -57,6 +57,12 @@ def test_a_changed_value_is_changed_whole(make_design: MakeDesign) -> None:
     assert changed.camera.elevation_degrees.model_dump() == {"fixed": 7.0}
 
 
+def test_every_split_is_wanted(make_design: MakeDesign) -> None:
+    design = make_design("dataset.splits={train: {meshes: {procedural: {count: 1}}}}")
+    with pytest.raises(ConfigError, match=r"row none: dataset\.splits lacks validation and test"):
+        design.cells()
+
+
 def test_an_oracle_depends_on_data_and_generator_alone(make_design: MakeDesign) -> None:
     design = make_design(train={"scenes.pool": 2})
     oracles = {(cell.row, cell.recipe, cell.seed): cell.spec.oracle for cell in design.cells()}

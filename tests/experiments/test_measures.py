@@ -79,7 +79,7 @@ def test_the_noise_of_a_gradient_is_its_relative_variance(spread: float, tiny_ex
 
     def stage(indices: list[int], rng: np.random.Generator) -> SimpleNamespace:
         samples = torch.from_numpy(1 + spread * rng.standard_normal((1, 32, 32, 4)))
-        return SimpleNamespace(render=lambda layers: layers * samples)
+        return SimpleNamespace(render=lambda layers: (layers * samples, None))
 
     feed = SimpleNamespace(exemplars=tiny_exemplars, stage=stage, real=lambda indices: (torch.zeros(1, 32, 32, 4),))
     noise = gradient_noise(feed, torch.full((2, 32, 32, 4), 0.5))  # type: ignore[arg-type]
@@ -92,7 +92,7 @@ def test_gradients_of_fresh_renders_are_noisy(
     monkeypatch.setattr(measures, "_DRAWS", 2)
     fresh = {"rendering": "fresh", "discriminator": {"guide": False}, "spp": 1, "spp_grad": 1}
     config = train_config(training_data(**fresh), "here")
-    renderer = resolve_renderer(config.renderer)
+    renderer, _ = resolve_renderer(config.renderer)
     feed = make_feed(config, tiny_dataset, "validation", renderer, torch.device("cpu"))
     assert gradient_noise(feed, torch.full((1, 32, 32, 4), 0.5)) > 0.01
 

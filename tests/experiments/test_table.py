@@ -95,6 +95,13 @@ def test_what_cannot_be_compared_is_told(make_design: MakeDesign, outcome: MakeO
     assert "still rising in: some, default." in text
 
 
+def test_versions_that_differ_are_told(make_design: MakeDesign, outcome: MakeOutcome) -> None:
+    old, new = (outcome().model_copy(update={"versions": {"svbrdfgan": number}}) for number in ("0.1", "0.2"))
+    mixed, alike = (results(make_design(), {("none", "default"): found}) for found in ([old, new], [new, new]))
+    assert "Several versions made them: svbrdfgan 0.1; svbrdfgan 0.2." in page(mixed, pictures=False)
+    assert "Several versions" not in page(alike, pictures=False)
+
+
 def test_every_row_and_column_is_explained(make_design: MakeDesign, outcome: MakeOutcome) -> None:
     made = results(make_design("train.minutes=1", measures=["unseen"]), {("none", "default"): [outcome()]})
     text = page(made, pictures=True)

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from svbrdfgan.plugins import load_embedding, load_renderer
 from svbrdfgan.testing import RendererTests, UVEmbeddingTests
 from svbrdfgan.testing.kit import Kit, KnownFailure, check, declared, names_of_tests, run_kit
 
@@ -158,8 +159,23 @@ def test_groups_do_not_override_one_another(kit: type[Kit]) -> None:
     """The groups are joined into one class: a name that two of them use would silently be one of the two."""
     ignored = {"__module__", "__qualname__", "__doc__", "__dict__", "__weakref__", "__firstlineno__"}
     ignored |= {"__static_attributes__", "__annotations__", "__orig_bases__", "__parameters__"}
-    used = Counter(name for group in kit.__bases__ for name in vars(group) if name not in ignored)
+    shared = set.intersection(*(set(group.__mro__) for group in kit.__bases__))
+    owners = {owner for group in kit.__bases__ for owner in group.__mro__} - shared
+    used = Counter(name for owner in owners for name in vars(owner) if name not in ignored)
     assert [name for name, count in used.items() if count > 1] == []
+
+
+@pytest.mark.parametrize(
+    ("kit", "maker", "plugin"),
+    [
+        (RendererTests, "make_renderer", lambda self: load_renderer("numpy")),
+        (UVEmbeddingTests, "make_embedding", lambda self: load_embedding("hemispherical")),
+    ],
+)
+def test_one_that_is_not_installed_may_have_a_name(kit: type[Any], maker: str, plugin: Any) -> None:
+    own = type("Own", (kit,), {"name": "not-installed", maker: plugin})
+    assert statuses(own, "test_its_entry_point") == {"test_its_entry_point_finds_it": "not declared"}
+    assert statuses(own, "test_options_have") == {"test_options_have_types_and_defaults": "passed"}
 
 
 @pytest.mark.parametrize("kit", [RendererTests, UVEmbeddingTests])

@@ -17,6 +17,7 @@ from svbrdfgan.plugins import load_renderer
 from svbrdfgan.protocols import RendererCapabilities
 from svbrdfgan.testing.pairs import show
 from svbrdfgan.testing.pairs.compare import FALSE_ALARMS, Cells, Runs, cells_of, compare
+from svbrdfgan.testing.pairs.make_reference import Work
 from svbrdfgan.testing.pairs.measure import (
     QUANTITIES,
     Subject,
@@ -25,10 +26,9 @@ from svbrdfgan.testing.pairs.measure import (
     jacobian_of_transport,
     jacobian_of_vjps,
 )
-from svbrdfgan.testing.pairs.reference import Work
 from svbrdfgan.testing.pairs.references import RUNS, Reference, Stored, load_reference
 from svbrdfgan.testing.pairs.sampling import CI, SLOW, Aim, sample
-from svbrdfgan.testing.pairs.scenes import SCENES, TEXTURE, PairScene, SceneUnavailableError, make_scene
+from svbrdfgan.testing.pairs.scenes import SCENES, TEXTURE, PairScene, SceneUnavailableError, make_scene, same_scene
 from svbrdfgan.testing.pairs.table import Row, Table, comparisons, prepared
 from svbrdfgan.testing.scenes import lambertian
 from svbrdfgan.types import Gradients, Materials, Rendering, Surface, View
@@ -249,7 +249,7 @@ def test_a_reference_of_another_scene_is_stale() -> None:
     reference = replace(stored(scene), fingerprints={"convex": "of another time"})
     table = list(Table(CI, {"new": lambda _: Noisy()}, reference).rows("convex"))
     assert table[0].verdict == "stale"
-    assert "python -m svbrdfgan.testing.pairs.reference" in table[0].reason
+    assert "python -m svbrdfgan.testing.pairs.make_reference" in table[0].reason
     assert next(Table(CI, {"new": lambda _: Noisy()}, reference).rows("occluding")).verdict == "stale"
 
 
@@ -283,6 +283,18 @@ def test_a_fingerprint_tells_scenes_apart_and_forgives_rounding() -> None:
     rounded = replace(scene, surface=replace(scene.surface, positions=scene.surface.positions * (1 + 1e-15)))
     moved = replace(scene, surface=replace(scene.surface, positions=scene.surface.positions + 1e-4))
     assert rounded.fingerprint() == scene.fingerprint() != moved.fingerprint()
+    assert same_scene(rounded.fingerprint(), scene.fingerprint())
+    assert not any(same_scene(scene.fingerprint(), other.fingerprint()) for other in (moved, make_scene("occluding")))
+
+
+def test_a_fingerprint_forgives_another_order_and_no_other_texture() -> None:
+    scene = make_scene("vehicle")
+    faces = scene.surface.faces.copy()
+    parts = scene.surface.face_part
+    turned = replace(scene, surface=replace(scene.surface, faces=faces[::-1].copy(), face_part=parts[::-1].copy()))
+    assert same_scene(turned.fingerprint(), scene.fingerprint())
+    painted = replace(scene, materials=make_scene("convex").materials)
+    assert not same_scene(painted.fingerprint(), scene.fingerprint())
 
 
 def test_a_scene_without_its_files_is_skipped_and_says_why(monkeypatch: pytest.MonkeyPatch) -> None:

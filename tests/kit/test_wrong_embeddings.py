@@ -93,7 +93,7 @@ def test_right_ones_pass_and_each_test_judges_one_of_them() -> None:
     found = [outcome for embedding in RIGHT for outcome in outcomes(embedding)]
     assert [f"{o.name}: {o.message}" for o in found if o.status == "failed"] == []
     unjudged = {o.name for o in found} - {o.name for o in found if o.status == "passed"}
-    assert unjudged == {"test_is_found_by_its_entry_point"}
+    assert unjudged == {"test_its_entry_point_finds_it"}
 
 
 # Contract
@@ -104,7 +104,7 @@ class LookAlike(Projected):
     capabilities = namedtuple("Capabilities", "injective subdivides")(False, True)  # type: ignore[assignment]
 
 
-@caught_by("test_options_are_typed_and_have_defaults")
+@caught_by("test_options_have_types_and_defaults")
 class UntypedOption(Projected):
     def __init__(self, margin=0.0):  # type: ignore[no-untyped-def]
         pass
@@ -152,10 +152,18 @@ class Remembers(Projected):
         return replace(surface, elevation=surface.elevation + sum(self.past))
 
 
-@caught_by("test_chance_plays_no_part")
+@caught_by("test_random_seeds_of_the_caller_do_not_matter")
 class Jitters(Projected):
     def change(self, surface: Surface, mesh: Mesh) -> Surface:
-        return replace(surface, uv=np.clip(surface.uv + 1e-9 * np.random.rand(*surface.uv.shape), 0, 1))
+        chance = np.random.RandomState(np.random.get_state()[1][0])  # type: ignore[index]
+        return replace(surface, uv=np.clip(surface.uv + 1e-9 * chance.rand(*surface.uv.shape), 0, 1))
+
+
+@caught_by("test_random_generators_are_left_alone")
+class Seeds(Projected):
+    def change(self, surface: Surface, mesh: Mesh) -> Surface:
+        np.random.seed(7)
+        return surface
 
 
 @caught_by("test_leaves_the_mesh_as_it_was")
@@ -165,20 +173,20 @@ class RecentresTheMesh(Projected):
         return surface
 
 
-@caught_by("test_leaves_settings_as_they_were")
+@caught_by("test_settings_of_torch_and_numpy_are_left_alone")
 class SilencesNumPy(Projected):
     def change(self, surface: Surface, mesh: Mesh) -> Surface:
         np.seterr(invalid="ignore")
         return surface
 
 
-@caught_by("test_pickles")
+@caught_by("test_it_pickles")
 class HoldsAFunction(Projected):
     def __init__(self) -> None:
         object.__setattr__(self, "rule", lambda mesh: mesh)
 
 
-@caught_by("test_repr_says_what_it_is")
+@caught_by("test_its_repr_is_one_line")
 class Nameless(Projected):
     __repr__ = object.__repr__
 

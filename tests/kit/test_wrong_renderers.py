@@ -47,6 +47,14 @@ class WithoutChance(Right):
         return replace(call, seed=0, spp=8 * call.spp)
 
 
+class WithoutAnIndex(Right):
+    """A right renderer that names its device as its results do not: "cuda" for "cuda:0", in effect."""
+
+    @property
+    def device(self) -> torch.device:
+        return torch.device("cpu", 0)
+
+
 def each(wrongs: list[Wrong]) -> Any:
     return pytest.mark.parametrize("wrong", wrongs, ids=lambda wrong: wrong.renderer.__name__)
 
@@ -75,6 +83,10 @@ def test_one_without_chance_passes() -> None:
     found = {outcome.name: outcome for outcome in outcomes(WithoutChance)}
     assert {name: o.message for name, o in found.items() if o.status == "failed"} == {}
     assert sum(outcome.status == "passed" for outcome in found.values()) > 90
+
+
+def test_a_device_may_be_named_without_its_index() -> None:
+    assert failures(WithoutAnIndex, "shapes.test_pictures_are", "shapes.test_transport_is") == {}
 
 
 def test_the_table_names_tests_of_the_kit() -> None:

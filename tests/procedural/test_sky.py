@@ -38,6 +38,14 @@ def test_white_plane_has_radiance_one(elevation: float, cover: float, rows: int)
     assert sky.min() >= 0.0
 
 
+@pytest.mark.parametrize(("rows", "cols"), [(400, 16), (512, 16), (16, 400)])
+def test_narrow_images_hold_the_sun_too(rows: int, cols: int) -> None:
+    """Their pixels may lie many widths of the sun's disc away from its middle."""
+    sky = build_sky(SkyParameters(0.5), rows, cols).numpy().astype(float)
+    assert _plane(sky).mean() == pytest.approx(1.0, rel=1e-5)
+    assert sky.max() > 20.0
+
+
 @pytest.mark.parametrize(("azimuth", "column"), [(0.0, 0.0), (math.pi / 2, 0.75), (math.pi, 0.5), (-math.pi / 2, 0.25)])
 def test_sun_stands_where_the_conventions_say(azimuth: float, column: float) -> None:
     """Azimuth 0 is +Z, the seam; +X is at u = 0.75, -Z in the middle."""

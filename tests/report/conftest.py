@@ -12,7 +12,7 @@ import torch.nn.functional as F
 from svbrdfgan.bake import bake
 from svbrdfgan.data.config import DatasetConfig, MeshSource, SplitConfig
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.data.scene import AssetRef, OrbitCamera, Scene, SceneEnvironment
+from svbrdfgan.data.scene import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
 from svbrdfgan.data.subject import Subject
 from svbrdfgan.evaluation import Evaluated, Evaluation
 from svbrdfgan.training.config import DiscriminatorConfig, GeneratorConfig, TrainConfig
@@ -30,9 +30,9 @@ class PlainStage:
     coverage: torch.Tensor
     guide: torch.Tensor | None
 
-    def render(self, layers: torch.Tensor) -> torch.Tensor:
+    def render(self, layers: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         shown = F.interpolate((layers[..., :3] * layers[..., 3:]).permute(0, 3, 1, 2), size=(HEIGHT, WIDTH))
-        return shown.permute(0, 2, 3, 1) * self.coverage.unsqueeze(-1)
+        return shown.permute(0, 2, 3, 1) * self.coverage.unsqueeze(-1), self.coverage
 
 
 @dataclass(frozen=True)
@@ -74,6 +74,7 @@ def make_scene(name: str) -> Scene:
         width=WIDTH,
         height=HEIGHT,
         texture=TEXELS,
+        weathering=SceneWeathering(recipe="dust"),
     )
 
 
@@ -86,7 +87,7 @@ def make_evaluated(names: tuple[str, ...] = ("sedan_1", "van_2"), views: int = 2
     coverage[10:22, 8:32] = 1.0
     stages = PlainStages(coverage)
     owner = torch.arange(count).repeat_interleave(views)
-    images = stages.stage([0] * (count * views), np.random.default_rng(0)).render(truth[owner])
+    images, _ = stages.stage([0] * (count * views), np.random.default_rng(0)).render(truth[owner])
     exemplars = Exemplars(
         images=images.half(),
         coverage=coverage.expand(count * views, -1, -1).half(),
@@ -128,7 +129,9 @@ def without_oracle(evaluated: Evaluated) -> Evaluated:
 
 
 def without_weathering(evaluated: Evaluated) -> Evaluated:
-    exemplars = replace(evaluated.feed.exemplars, layers=(None,) * len(evaluated.feed.exemplars))
+    before = evaluated.feed.exemplars
+    scenes = tuple(scene.model_copy(update={"weathering": None}) for scene in before.scenes)
+    exemplars = replace(before, scenes=scenes, layers=(None,) * len(before))
     return replace(evaluated, feed=replace(evaluated.feed, exemplars=exemplars))
 
 

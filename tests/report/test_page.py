@@ -121,6 +121,13 @@ def test_a_checkpoint_of_other_networks_is_left_out(run: Path, evaluated) -> Non
     assert "no checkpoint that can be read" in write(run, evaluated).words
 
 
+def test_a_run_with_further_maps_shows_what_its_discriminator_thinks(run: Path, evaluated) -> None:
+    State.fresh(evaluated.config.train, torch.device("cpu"), channels=5).save(run)
+    page = write(run, evaluated)
+    assert "no checkpoint that can be read" not in page.words
+    assert "Fake, judged" in page.source
+
+
 def test_without_weathered_pictures_the_page_says_so(run: Path, evaluated, makers) -> None:
     page = write(run, makers.without_weathering(evaluated), checkpoint=True)
     assert page.words.count("No picture of this split is weathered") == 2

@@ -8,10 +8,11 @@ import pytest
 import torch
 
 from svbrdfgan.report.curves import Chart, Curve, Level, draw
-from svbrdfgan.report.facts import duration, flip_bars, half_way
+from svbrdfgan.report.facts import duration, flip_bars, half_way, summary
 from svbrdfgan.report.patches import CYAN, YELLOW, Judged, Scale, overlay
 from svbrdfgan.report.progress import charts
 from svbrdfgan.report.vehicles import choose_views, error_scale, rendered, textured
+from svbrdfgan.training.config import LossConfig
 
 
 def test_one_view_of_each_vehicle_spread_over_all(makers) -> None:
@@ -23,7 +24,15 @@ def test_one_view_of_each_vehicle_spread_over_all(makers) -> None:
 
 def test_views_without_weathering_are_passed_over(evaluated) -> None:
     exemplars = evaluated.feed.exemplars
-    assert choose_views(replace(exemplars, layers=(None, *exemplars.layers[1:])), 4) == [1, 2]
+    clean = exemplars.scenes[0].model_copy(update={"weathering": None})
+    assert choose_views(replace(exemplars, scenes=(clean, *exemplars.scenes[1:])), 4) == [1, 2]
+
+
+def test_of_a_vehicle_s_views_the_best_exposed_is_shown(makers) -> None:
+    exemplars = makers.make_evaluated(("a", "b"), views=3).feed.exemplars
+    scale = torch.tensor([0.01, 100.0, 1.0, 1.0, 0.01, 100.0]).reshape(6, 1, 1, 1)
+    middle = exemplars.coverage.unsqueeze(-1) * 0.2 * torch.ones(3)
+    assert choose_views(replace(exemplars, images=middle * scale), 2) == [2, 3]
 
 
 def test_the_true_layer_differs_by_nothing_but_half_precision(evaluated) -> None:
@@ -95,6 +104,19 @@ def test_a_value_far_below_a_chart_leaves_it_its_size() -> None:
         assert draw(low).startswith("<svg ")
 
 
+def test_a_bad_run_is_shown_and_a_bad_beginning_is_cut_off(evaluated) -> None:
+    verdict, train = evaluated.evaluation, evaluated.config.train
+
+    def low(scores: list[float], recovered: float) -> float | None:
+        journal = [{"step": float(n), "recovered": score} for n, score in enumerate(scores)]
+        found = charts(journal, verdict.model_copy(update={"recovered": recovered}), train)
+        return found[0].limits[0]
+
+    assert low([-5.0, 0.2, 0.6], 0.6) == pytest.approx(-0.28)
+    assert low([-1.1, -0.7], -0.6) == pytest.approx(-1.13)
+    assert low([-5.0, 0.1], -0.6) == pytest.approx(-0.63)
+
+
 def test_charts_count_images_and_the_oracle_is_a_level(evaluated) -> None:
     journal = [{"step": 10, "g_loss": 1.0}, {"step": 20, "recovered": 0.5, "seconds": 3.0}]
     recovered, losses = charts(journal, evaluated.evaluation, evaluated.config.train)
@@ -102,6 +124,19 @@ def test_charts_count_images_and_the_oracle_is_a_level(evaluated) -> None:
     assert [level.y for level in recovered.levels] == [0.6123, 0.8741]
     assert list(losses.curves[0].x) == [40]
     assert charts([], evaluated.evaluation, evaluated.config.train) == []
+
+
+def test_images_of_all_critic_steps_are_counted(evaluated) -> None:
+    train = evaluated.config.train.model_copy(update={"loss": LossConfig(critic_steps=5)})
+    judged = replace(evaluated, config=evaluated.config.model_copy(update={"train": train}))
+    journal = [{"step": 20, "recovered": 0.5, "seconds": 3.0}]
+    (recovered,) = charts(journal, evaluated.evaluation, train)
+    assert list(recovered.curves[0].x) == [400]
+    assert recovered.steps_per_x == 1 / 20
+    found = half_way(evaluated.evaluation, train, journal)
+    assert found is not None
+    assert found.value == "400"
+    assert dict(summary(judged, None, journal))["trained"] == "20 steps, 400 images in 3 s"
 
 
 def test_half_the_oracle_is_where_validation_first_passes_it(evaluated) -> None:

@@ -182,9 +182,30 @@ def test_a_limit_takes_targets_evenly(tiny_exemplars: Exemplars) -> None:
     assert [target.subject for target in few] == [0, 1]
 
 
+def test_of_subjects_that_are_not_chosen_nothing_is_asked(tiny_exemplars: Exemplars) -> None:
+    asked: list[int] = []
+
+    def seen(index: int) -> Tensor:
+        asked.append(index)
+        return left_half(index)
+
+    (target,), share = make_targets(tiny_exemplars, seen, CPU, limit=1)
+    assert asked == tiny_exemplars.views_of(0)
+    (first, *_), _ = make_targets(tiny_exemplars, left_half, CPU)
+    for name in ("truth", "base", "weight"):
+        assert torch.equal(getattr(target, name), getattr(first, name))
+    assert share == pytest.approx(float(target.weight.sum() / everywhere_weight(tiny_exemplars)))
+
+
+def everywhere_weight(exemplars: Exemplars) -> float:
+    """The first subject's learnable area."""
+    return float((exemplars.subjects[0].buffer.area * exemplars.subjects[0].learnable_texels).sum())
+
+
 def test_nothing_weathered_or_seen_is_told(tiny_exemplars: Exemplars) -> None:
+    unknown = tuple(scene.model_copy(update={"weathering": "unknown"}) for scene in tiny_exemplars.scenes)
     with pytest.raises(AssetError, match="nothing can be scored"):
-        make_targets(replace(tiny_exemplars, layers=(None,) * 6), everywhere, CPU)
+        make_targets(replace(tiny_exemplars, scenes=unknown), everywhere, CPU)
     with pytest.raises(AssetError, match="nothing can be scored"):
         make_targets(tiny_exemplars, lambda index: torch.zeros(32, 32), CPU)
 

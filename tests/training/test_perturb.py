@@ -13,6 +13,7 @@ import torch
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.plan import DatasetPlan
 from svbrdfgan.data.scene import Scene
+from svbrdfgan.data.subject import Subject
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.options import validate
 from svbrdfgan.plugins import load_renderer
@@ -107,7 +108,7 @@ def test_a_pool_holds_so_many_scenes(pool: int, tiny_dataset: Path, tiny_exempla
     held.build([0, 4])
     assert len(held._held) == 2 * pool
     rng = np.random.default_rng(0)
-    pictures = {held.stage([0], rng).coverage.numpy().tobytes() for _ in range(12)}
+    pictures = {held.stage([0], rng).batch.coverage.numpy().tobytes() for _ in range(12)}
     assert len(pictures) == pool
     assert len(held._held) == 2 * pool
 
@@ -118,6 +119,40 @@ def test_without_a_pool_every_visit_is_new(tiny_dataset: Path, tiny_exemplars: E
     pictures = {fresh.stage([0], rng).batch.transports[0].weight.numpy().tobytes() for _ in range(4)}
     assert len(pictures) == 4
     assert fresh._held == {}
+
+
+def test_a_surface_is_prepared_once_whatever_is_visited(
+    tiny_dataset: Path, tiny_exemplars: Exemplars, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fresh, made = stages(tiny_exemplars, tiny_dataset, 0, camera_noise_degrees=5.0), []
+    prepare = type(fresh.renderer).prepare
+    monkeypatch.setattr(type(fresh.renderer), "prepare", lambda self, surface: made.append(1) or prepare(self, surface))
+    for seed in range(2):
+        fresh.stage([0, 3, 1], np.random.default_rng(seed))
+    assert len(made) == len(tiny_exemplars.subjects) == 2
+
+
+def test_base_colours_are_made_once(
+    tiny_dataset: Path, tiny_exemplars: Exemplars, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held, made = stages(tiny_exemplars, tiny_dataset, 1), []
+    base_colors = Subject.base_colors
+    monkeypatch.setattr(Subject, "base_colors", lambda self, paint: made.append(1) or base_colors(self, paint))
+    held.build([0, 3])
+    made.clear()
+    first, again = (held.stage([3, 0, 3], np.random.default_rng(0)).base for _ in range(2))
+    assert len(made) == 2
+    assert torch.equal(first, again)
+    paint = [tiny_exemplars.scenes[index].materials["body"] for index in (3, 0, 3)]
+    torch.testing.assert_close(first.reshape(3, -1, 3)[:, 0], torch.tensor(paint))
+
+
+def test_renderers_of_one_name_do_not_share_transports(tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
+    ours = stages(tiny_exemplars, tiny_dataset, 1)
+    theirs = type("NumpyRenderer", (type(ours.renderer),), {"__module__": "elsewhere"})()
+    scene = tiny_exemplars.scenes[0]
+    assert ours._key(scene) != replace(ours, renderer=theirs)._key(scene)
+    assert ours._key(scene) == stages(tiny_exemplars, tiny_dataset, 1)._key(scene)
 
 
 def test_stored_transports_are_read_again(dataset_copy: Path, tiny_exemplars: Exemplars) -> None:

@@ -63,7 +63,7 @@ SCENES: list[dict[str, Any]] = [{}, {"environment": "redrawn"}, {"camera_noise_d
 def test_one_reflectance_is_seen_as_itself_from_anywhere_under_any_light(scenes: dict[str, Any], make: Make) -> None:
     feed, color = make(scenes=scenes), (0.7, 0.2, 0.45)
     stage = staged(feed)
-    shown = stage.sight.reflectance(stage.render(painted(feed, color)))
+    shown = stage.sight.reflectance(stage.render(painted(feed, color))[0])
     (_, clear, _), (fake, _, _) = sides(feed, EVERY, stage, painted(feed, color))
     for image, where in ((shown, stage.sight.clear), (fake, clear > 0)):
         assert where.float().mean() > 0.05
@@ -89,9 +89,9 @@ def test_both_sides_are_blurred_alike(scenes: dict[str, Any], make: Make) -> Non
     feed = make(scenes=scenes)
     here, there = feed.sight(EVERY), staged(feed).sight
     own = feed.own.stage(EVERY, np.random.default_rng(0))
-    exact = replace(feed, images=own.render(truth(feed)))
+    exact = replace(feed, images=own.render(truth(feed))[0])
     (real, clear, _), (fake, _, _) = sides(exact, EVERY, staged(feed), truth(feed))
-    sooner, _ = carried(there.reflectance(staged(feed).render(truth(feed))), there.clear, there, here)
+    sooner, _ = carried(there.reflectance(staged(feed).render(truth(feed))[0]), there.clear, there, here)
     sharp = [detail(image, clear > 0) for image in (real, fake, sooner)]
     assert abs(sharp[0] / sharp[1] - 1) < 0.1
     assert sharp[2] > sharp[0]
@@ -131,7 +131,7 @@ def test_the_gradient_is_exact(scenes: dict[str, Any], make: Make) -> None:
     layers = truth(feed).clone()
     layers[..., 3] = 0.5
     layers.requires_grad_(True)
-    weight = torch.rand(stage.coverage.shape, generator=rng).unsqueeze(-1)
+    weight = torch.rand(stage.batch.coverage.shape, generator=rng).unsqueeze(-1)
 
     def total(of: Tensor) -> Tensor:
         return (sides(feed, EVERY, stage, of)[1][0] * weight).sum()
@@ -161,5 +161,5 @@ def test_what_is_dark_or_hardly_learnable_is_not_clear(matched: Feed) -> None:
 
 def test_exemplars_are_divided_by_light_of_no_fewer_samples(make: Make, matched: Feed) -> None:
     coarse = make(spp=1)
-    for few, many in zip(coarse.sight(EVERY).white, matched.sight(EVERY).white, strict=True):
+    for few, many in zip(coarse.sight(EVERY).shading, matched.sight(EVERY).shading, strict=True):
         assert torch.equal(few, many)

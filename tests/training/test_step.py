@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from torch import Tensor
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.plugins import load_renderer
 from svbrdfgan.training.config import TrainConfig, train_config
-from svbrdfgan.training.feed import Feed, _any_order, make_feed
+from svbrdfgan.training.feed import Feed, make_feed
 from svbrdfgan.training.picture import present
 from svbrdfgan.training.state import State, checkpoints
 from svbrdfgan.training.step import Diagnostics, training_step
@@ -75,13 +74,12 @@ def test_every_loss_runs(name: str, config: Callable[..., TrainConfig], feed: Fe
 
 def test_the_discriminator_learns_to_tell(config: Callable[..., TrainConfig], tiny_dataset: Path) -> None:
     """Against a generator that stands still."""
-    rates, plain = {"generator_rate": 1e-12, "discriminator_rate": 3e-2}, {"sees": "radiance"}
+    rates, plain = {"generator_rate": 1e-12, "discriminator_rate": 3e-3}, {"sees": "radiance"}
     chosen = config(optimizer=rates, loss={"r1": 0.0}, discriminator=plain)
     feed = make_feed(chosen, tiny_dataset, "train", load_renderer("numpy"), CPU)
     told = play(chosen, State.fresh(chosen, CPU), feed, 80)
-    first, last = (float(told[n]["d_loss"]) for n in (0, -1))
-    assert last < 0.8 * first
-    assert told[-1]["d_real"] > told[-1]["d_fake"]
+    margins = [float(report["d_real"] - report["d_fake"]) for report in told]
+    assert sum(margins[-20:]) / 20 > 1.0 > abs(margins[0]) + 0.9, "each step draws backgrounds, so one tells little"
 
 
 def test_the_generator_learns_to_fool(config: Callable[..., TrainConfig], feed: Feed) -> None:
@@ -105,6 +103,23 @@ def test_the_same_seed_is_the_same_game(config: Callable[..., TrainConfig], feed
     assert all(torch.equal(one[name], other[name]) for name in one)
     elsewhere = State.fresh(config(seed=1), CPU)
     assert not torch.equal(elsewhere.generator.first.weight, State.fresh(config(), CPU).generator.first.weight)
+
+
+def test_moments_from_a_file_lie_as_the_weights_do(
+    config: Callable[..., TrainConfig], feed: Feed, tmp_path: Path
+) -> None:
+    """A fused step goes over memory, not over indices."""
+    state, loaded = State.fresh(config(), CPU), State.fresh(config(), CPU)
+    play(config(), state, feed, 2)
+    state.save(tmp_path)
+    loaded.load(checkpoints(tmp_path)[-1])
+    for adam in (loaded.generator_adam, loaded.discriminator_adam):
+        for parameter, moments in adam.state.items():
+            assert moments["exp_avg"].stride() == moments["exp_avg_sq"].stride() == parameter.stride()
+    play(config(), state, feed, 1)
+    play(config(), loaded, feed, 1)
+    one, other = weights(state), weights(loaded)
+    assert all(torch.equal(one[name], other[name]) for name in one)
 
 
 def test_penalties_come_when_told(config: Callable[..., TrainConfig], feed: Feed) -> None:
@@ -163,12 +178,12 @@ def test_a_matched_fake_of_the_truth_is_the_exemplar_but_for_noise(feed: Feed) -
     """G0's own layer through the training transports gives back the stored pictures: nothing is turned or shifted."""
     layers = torch.stack([layer for layer in feed.exemplars.layers if layer is not None])
     stage = feed.stage(range(6), np.random.default_rng(0))
-    fake = stage.render(layers)
+    fake, coverage = stage.render(layers)
     noise = (fake - feed.images.float()).abs().mean()
     turned = (fake.flip(2) - feed.images.float()).abs().mean()
     assert noise < 0.35 * turned
     torch.testing.assert_close(fake.mean(dim=(1, 2)), feed.images.float().mean(dim=(1, 2)), rtol=0.15, atol=0.01)
-    assert (stage.coverage - feed.coverage.float()).abs().mean() < 0.03
+    assert (coverage - feed.coverage.float()).abs().mean() < 0.03
     assert feed.guides is not None
     assert (feed.guides[:, 0, 0] == 0).all()
 
@@ -238,38 +253,3 @@ def test_the_average_moves_half_the_way_in_a_half_life(config: Callable[..., Tra
     state.average(batch_size=5, half_life=0.0)
     pairs = zip(state.averaged.parameters(), state.generator.parameters(), strict=True)
     assert all(torch.equal(a, b) for a, b in pairs)
-
-
-def test_a_held_out_split_is_never_perturbed(config: Callable[..., TrainConfig], tiny_dataset: Path) -> None:
-    perturbed = config(scenes={"camera_noise_degrees": 20.0, "pool": 2})
-    feed = make_feed(perturbed, tiny_dataset, "validation", load_renderer("numpy"), CPU)
-    coverage = feed.stage([0, 1], np.random.default_rng(0)).coverage
-    assert (coverage - feed.coverage.float()).abs().mean() < 0.03
-
-
-def test_guides_are_of_the_exemplars_own_scenes(
-    config: Callable[..., TrainConfig], feed: Feed, tiny_dataset: Path
-) -> None:
-    """However fakes are perturbed, the discriminator sees real pictures beside their own geometry."""
-    perturbed = config(scenes={"camera_noise_degrees": 20.0})
-    moved = make_feed(perturbed, tiny_dataset, "train", load_renderer("numpy"), CPU)
-    assert feed.guides is not None
-    assert moved.guides is not None
-    assert (moved.guides - feed.guides).float().abs().mean() < 0.05 * feed.guides.float().abs().mean()
-    assert replace(feed, guides=None).real([0])[2] is None
-    assert all(torch.equal(moved.seen(index), feed.seen(index)) for index in range(len(feed)))
-    assert moved.own is not moved.stages
-
-
-def test_processes_begin_with_scenes_of_different_subjects(feed: Feed) -> None:
-    """In any order, but with all views of a subject in a row, which is prepared once."""
-    orders = {tuple(_any_order(feed.exemplars)) for _ in range(64)}
-    assert orders == {(0, 1, 2, 3, 4, 5), (3, 4, 5, 0, 1, 2)}
-
-
-@pytest.mark.parametrize("pool", [1, 2])
-def test_scenes_that_are_not_perturbed_serve_as_the_exemplars_own(
-    pool: int, config: Callable[..., TrainConfig], tiny_dataset: Path
-) -> None:
-    matched = make_feed(config(scenes={"pool": pool}), tiny_dataset, "train", load_renderer("numpy"), CPU)
-    assert matched.own is matched.stages

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.training.config import TrainConfig, settled, train_config
+from svbrdfgan.training.config import DiscriminatorConfig, LossConfig, TrainConfig, settled, train_config
 
 
 def config(**data: Any) -> TrainConfig:
@@ -35,6 +35,19 @@ def test_what_is_said_goes_before_what_a_recipe_says() -> None:
 def test_fresh_rendering_shows_no_guide_unless_told(recipe: str) -> None:
     fresh = config(recipe=recipe, rendering="fresh", discriminator={"width": 32}).discriminator
     assert (fresh.width, fresh.guide) == (32, False)
+
+
+def test_python_fills_in_what_a_file_does() -> None:
+    assert TrainConfig(dataset="somewhere", recipe="thesis") == config(recipe="thesis")
+    assert TrainConfig(dataset="somewhere", rendering="fresh") == config(rendering="fresh")
+    said = {"loss": LossConfig(gradient_penalty=1.0), "discriminator": DiscriminatorConfig(width=8)}
+    mine = TrainConfig(dataset="somewhere", recipe="thesis", **said)  # type: ignore[arg-type]
+    assert mine == config(recipe="thesis", loss={"gradient_penalty": 1.0}, discriminator={"width": 8})
+
+
+def test_a_step_shows_a_batch_to_each_update_of_the_discriminator() -> None:
+    assert config(batch_size=3).images_per_step == 3
+    assert config(recipe="thesis", batch_size=2).images_per_step == 10
 
 
 @pytest.mark.parametrize(

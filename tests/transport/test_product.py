@@ -73,7 +73,9 @@ def test_product_and_transpose_are_those_of_the_dense_matrix(make_transport: Mak
     texels = torch.rand(sum(t.texels for t in transports), 3, generator=rng)
     grad = torch.randn(sum(t.coverage.numel() for t in transports), 3, generator=rng)
     pictures, gradient = computed.picture(texels.to(device)), computed.transposed(grad.to(device))
+    alone = expected([replace(t, background=torch.zeros_like(t.background)) for t in transports], texels)
     torch.testing.assert_close(pictures.cpu(), expected(transports, texels).float(), rtol=1e-5, atol=1e-5)
+    torch.testing.assert_close(computed.linear(texels.to(device)).cpu(), alone.float(), rtol=1e-5, atol=1e-5)
     torch.testing.assert_close(gradient.cpu(), expected_transposed(transports, grad).float(), rtol=1e-5, atol=1e-5)
 
 

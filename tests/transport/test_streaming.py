@@ -16,7 +16,7 @@ from svbrdfgan.plugins import load_renderer
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.stages import Transports
-from svbrdfgan.transport.shelf import Shelf
+from svbrdfgan.transport.cache import TransportCache
 
 BATCHES = ([0, 1, 2], [3, 1, 0], [2, 2, 4], [5, 0, 3])
 
@@ -35,7 +35,8 @@ def rng(step: int) -> np.random.Generator:
 def pictures(stages: Transports, step: int) -> torch.Tensor:
     stage = stages.stage(BATCHES[step], rng(step))
     layers = torch.rand(3, 32, 32, 4, generator=torch.Generator().manual_seed(step))
-    return torch.cat([stage.render(layers.to(stages.device)), stage.coverage.unsqueeze(-1), stage.guide], dim=-1).cpu()
+    image, coverage = stage.render(layers.to(stages.device))
+    return torch.cat([image, coverage.unsqueeze(-1), stage.guide], dim=-1).cpu()
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +50,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory, tiny_dataset: Path, tiny_ex
 
 
 def test_a_small_budget_changes_nothing(stored: Transports, tiny_dataset: Path) -> None:
-    small = transports(stored.exemplars, tiny_dataset, _held=Shelf(1))
+    small = transports(stored.exemplars, tiny_dataset, _held=TransportCache(1))
     small.build(range(6))
     assert len(small._held) == 1
     assert small._prepared == {}
@@ -59,7 +60,7 @@ def test_a_small_budget_changes_nothing(stored: Transports, tiny_dataset: Path) 
 
 def test_what_is_expected_is_there_in_time(stored: Transports, tiny_dataset: Path, monkeypatch: Any) -> None:
     two_batches = 6 * max(t.nbytes for t in stored._held.values())
-    small = transports(stored.exemplars, tiny_dataset, _held=Shelf(two_batches))
+    small = transports(stored.exemplars, tiny_dataset, _held=TransportCache(two_batches))
     small.build(range(6))
     assert len(small._held) < len(stored._held)
     monkeypatch.setattr(Transports, "_file", None)  # nothing is read when it is wanted
@@ -72,7 +73,7 @@ def test_what_is_expected_is_there_in_time(stored: Transports, tiny_dataset: Pat
 
 
 def test_expecting_the_same_twice_reads_it_once(stored: Transports, tiny_dataset: Path) -> None:
-    small = transports(stored.exemplars, tiny_dataset, _held=Shelf(1))
+    small = transports(stored.exemplars, tiny_dataset, _held=TransportCache(1))
     small.build(range(6))
     small.expect(BATCHES[0], rng(0))
     first = dict(small._coming)

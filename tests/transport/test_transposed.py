@@ -60,3 +60,12 @@ def test_the_gradient_of_the_transpose_is_the_product(batch: TransportBatch) -> 
     (batch.transposed(images) * weight).sum().backward()
     assert images.grad is not None
     torch.testing.assert_close(images.grad, batch.linear(weight))
+
+
+def test_small_gradients_are_not_lost_before_a_bright_background(batch: TransportBatch) -> None:
+    weight = random(3, ROWS, COLS, 3)
+    images = random(2, HEIGHT, WIDTH, 3).requires_grad_(True)
+    (batch.transposed(images) * 1e-8 * weight).sum().backward()
+    assert images.grad is not None
+    torch.testing.assert_close(images.grad * 1e8, batch.linear(weight))
+    torch.testing.assert_close(batch.linear(1e-8 * weight) * 1e8, batch.linear(weight))

@@ -159,7 +159,7 @@ def _doubts(iou: float | None, silhouette: Bool[ndarray, "rows cols"], zoomed: f
         yield f"mask and mesh agree by {iou:.2f} only (IoU, wanted {LEAST_AGREEMENT}): correct the camera or the mask"
     if silhouette[[0, -1]].any() or silhouette[:, [0, -1]].any():
         yield "the mesh reaches beyond the picture, which is cropped about its middle"
-    if zoomed < 1:
+    if zoomed < 0.95:
         yield f"the mesh is small in it and is enlarged {1 / zoomed:.1f} times: take a larger one, or a smaller 'image'"
 
 

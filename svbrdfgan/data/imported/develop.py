@@ -12,7 +12,7 @@ from jaxtyping import Float
 from scipy.ndimage import distance_transform_edt, grey_erosion
 from torch import Tensor
 
-from svbrdfgan.data.config import Split
+from svbrdfgan.data.config import PluginChoice, Split
 from svbrdfgan.data.distributions import mean
 from svbrdfgan.data.generate import exemplar_paths, save_exemplar
 from svbrdfgan.data.imported.check import Order, Shot
@@ -84,6 +84,7 @@ class _Darkroom:
     """What all pictures need.
 
     Attributes:
+        chosen: the renderer's name and options.
         meshes: the data set's, by the manifest's file.
         lights: those that pictures name, by file; the mean by None.
         mean: the mean light of the pool, which stands for the unknown.
@@ -93,6 +94,7 @@ class _Darkroom:
     manifest: Manifest
     studio: Studio
     renderer: Renderer[Any]
+    chosen: PluginChoice
     meshes: dict[str, MeshAsset]
     lights: dict[str | None, SceneEnvironment]
     mean: Float[Tensor, "rows cols 3"]
@@ -111,8 +113,8 @@ class _Darkroom:
             known = environment_asset(f"own {Path(file).stem}", load_environment(base / file), rows, folder)
             scale = known.normalisation * max(mean(config.environment_brightness), 1e-6)
             lights[file] = SceneEnvironment(asset=known.asset, scale=scale)
-        renderer = resolve_renderer(manifest.renderer)
-        return cls(manifest, Studio(folder), renderer, dict(zip(files, assets, strict=True)), lights, unknown)
+        renderer, chosen = resolve_renderer(manifest.renderer)
+        return cls(manifest, Studio(folder), renderer, chosen, dict(zip(files, assets, strict=True)), lights, unknown)
 
     def develop(self, shot: Shot, number: int, paths: tuple[Path, Path]) -> float:
         """Writes one exemplar, and gives what the picture was multiplied by."""
@@ -156,7 +158,7 @@ class _Darkroom:
             spp=_SPP,
             seed=number,
             texture=manifest.texture,
-            renderer=manifest.renderer,
+            renderer=self.chosen,
             embedding=manifest.embedding,
             learnable=manifest.learnable,
             materials={} if paint is None else dict.fromkeys(mesh.painted, paint),

@@ -3,23 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import fields
 from functools import cached_property
+from typing import Any
 
-from svbrdfgan.plugins import load_embedding
+from svbrdfgan.plugins import EMBEDDINGS, load_embedding
 from svbrdfgan.protocols import UVCapabilities, UVEmbedding
+from svbrdfgan.testing.contract import PluginKit
 from svbrdfgan.testing.embedding.meshes import body, box, clutter, shell
-from svbrdfgan.testing.kit import Kit, check
+from svbrdfgan.testing.kit import check
 from svbrdfgan.types import Mesh, Surface
 
 _ORDINARY = (body, box, shell, clutter)
 
 
-class EmbeddingKit(Kit):
+class EmbeddingKit(PluginKit):
     """A UV embedding under test: that of the entry point `name`, unless `make_embedding` says otherwise."""
+
+    group = EMBEDDINGS
 
     def make_embedding(self) -> UVEmbedding:
         """An embedding of its own for each test; override to test one that is not installed."""
         return load_embedding(self.name, self.options)
+
+    def make_plugin(self) -> UVEmbedding:
+        return self.make_embedding()
+
+    @property
+    def installed(self) -> bool:
+        return bool(self.name) and type(self).make_embedding is EmbeddingKit.make_embedding
+
+    def results(self, plugin: UVEmbedding) -> dict[str, Any]:
+        """A surface's fields."""
+        return contents(plugin.embed(body()))
 
     @cached_property
     def embedding(self) -> UVEmbedding:
@@ -43,3 +59,8 @@ class EmbeddingKit(Kit):
             else:
                 yield make.__name__, make(), surface
         check(len(refused) < len(_ORDINARY), f"no mesh can be embedded at all: {'; '.join(refused)}")
+
+
+def contents(surface: Surface) -> dict[str, Any]:
+    """The surface's fields, arrays and others, by name."""
+    return {field.name: getattr(surface, field.name) for field in fields(Surface)}

@@ -9,22 +9,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from jaxtyping import Float
 from numpy import ndarray
-from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
+from torch import Tensor
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.testing.pairs.compare import Runs
 from svbrdfgan.testing.pairs.measure import QUANTITIES
-from svbrdfgan.testing.pairs.scenes import PairScene
+from svbrdfgan.testing.pairs.scenes import PairScene, same_scene
 
 RUNS = 32
 """Independent runs that are kept apart, for the sake of the standard error; each round adds to all of them."""
 
 SHIPPED = Path(__file__).parent / "numpy.safetensors"
-"""Made by `python -m svbrdfgan.testing.pairs.reference`."""
+"""Made by `python -m svbrdfgan.testing.pairs.make_reference`."""
 
 _FORMAT = "svbrdfgan pair reference 1"
 
@@ -75,17 +75,18 @@ class Reference:
 
     def of(self, scene: PairScene) -> tuple[dict[str, Runs], str]:
         """The runs in a scene by quantity; none, and why, if they are missing or of another scene of that name."""
-        remedy = "run `python -m svbrdfgan.testing.pairs.reference`"
+        remedy = "run `python -m svbrdfgan.testing.pairs.make_reference`"
         found = {name: self.stored[scene.name, name].runs for name in QUANTITIES if (scene.name, name) in self.stored}
         if not found:
             return {}, f"the stored {self.renderer} reference has no {scene.name!r}: {remedy}."
-        if self.fingerprints[scene.name] != scene.fingerprint():
+        if not same_scene(self.fingerprints[scene.name], scene.fingerprint()):
             return {}, f"the stored {self.renderer} reference is of another {scene.name!r} than this: {remedy}."
         return found, ""
 
     def joined(self, other: Reference) -> Reference:
         """Both together; where they differ about a scene, the other's replaces this one's."""
-        kept = {name for name, print_ in self.fingerprints.items() if other.fingerprints.get(name, print_) == print_}
+        theirs = other.fingerprints
+        kept = {name for name, print_ in self.fingerprints.items() if same_scene(theirs.get(name, print_), print_)}
         stored = {key: value for key, value in self.stored.items() if key[0] in kept}
         for key, value in other.stored.items():
             stored[key] = stored[key].joined(value) if key in stored else value
@@ -97,12 +98,11 @@ class Reference:
         for (scene, quantity), stored in self.stored.items():
             key = f"{scene}/{quantity}"
             seen = np.flatnonzero(stored.values.any(axis=0))
-            tensors[key] = np.ascontiguousarray(stored.values[:, seen], dtype=np.float32)
-            tensors[f"{key}/blocks"] = seen.astype(np.int32)
+            tensors[key] = torch.from_numpy(stored.values[:, seen].astype(np.float32))
+            tensors[f"{key}/blocks"] = torch.from_numpy(seen.astype(np.int32))
             about[key] = {"rounds": sorted(stored.rounds), "samples": stored.samples, "blocks": stored.values.shape[1]}
         meta = {"renderer": self.renderer, "version": self.version, "scenes": dict(self.fingerprints), "stored": about}
-        with atomic_path(path) as temporary:
-            save_file(tensors, temporary, {"format": _FORMAT, "about": json.dumps(meta)})
+        save_tensors(path, _FORMAT, tensors, {"about": json.dumps(meta)})
 
 
 def load_reference(path: Path = SHIPPED) -> Reference:
@@ -111,17 +111,11 @@ def load_reference(path: Path = SHIPPED) -> Reference:
     Raises:
         AssetError: the file is missing, damaged, or of another kind.
     """
-    try:
-        with safe_open(path, framework="np") as file:
-            head = file.metadata() or {}
-            if head.get("format") != _FORMAT:
-                raise AssetError(f"{path} is not a pair reference of this version; make it anew.")
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        meta: dict[str, Any] = json.loads(head["about"])
+    with stored_tensors(path, _FORMAT, "make it anew") as (tensors, words):
+        meta: dict[str, Any] = json.loads(words["about"])
         stored = {_split(key): _unpacked(tensors, key, about) for key, about in meta["stored"].items()}
-        return Reference(meta["renderer"], meta["version"], meta["scenes"], stored)
-    except (OSError, SafetensorError, KeyError, TypeError, ValueError) as error:
-        raise AssetError(f"{path} cannot be read as a pair reference ({error}); make it anew.") from error
+        reference = Reference(meta["renderer"], meta["version"], meta["scenes"], stored)
+    return reference
 
 
 def _split(key: str) -> tuple[str, str]:
@@ -129,7 +123,7 @@ def _split(key: str) -> tuple[str, str]:
     return scene, quantity
 
 
-def _unpacked(tensors: Mapping[str, ndarray], key: str, about: Mapping[str, Any]) -> Stored:
+def _unpacked(tensors: Mapping[str, Tensor], key: str, about: Mapping[str, Any]) -> Stored:
     values = np.zeros((RUNS, about["blocks"]))
-    values[:, tensors[f"{key}/blocks"]] = tensors[key]
+    values[:, tensors[f"{key}/blocks"].numpy()] = tensors[key].numpy()
     return Stored(values, frozenset(about["rounds"]), about["samples"])

@@ -2,21 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins import RENDERERS, load_renderer
 from svbrdfgan.protocols import Renderer, RendererCapabilities
-from svbrdfgan.testing.kit import Kit
+from svbrdfgan.testing.contract import PluginKit
+from svbrdfgan.testing.renderer.uses import Scene
 from svbrdfgan.types import Materials, Rendering, Surface, View
 
 
-class RendererKit(Kit):
+class RendererKit(PluginKit):
     """A renderer under test: that of the entry point `name`, unless `make_renderer` says otherwise."""
+
+    group = RENDERERS
 
     def make_renderer(self) -> Renderer[Any]:
         """A renderer of its own for each test; override to test one that is not installed."""
         return load_renderer(self.name, self.options)
+
+    def make_plugin(self) -> Renderer[Any]:
+        return self.make_renderer()
+
+    @property
+    def installed(self) -> bool:
+        return bool(self.name) and type(self).make_renderer is RendererKit.make_renderer
+
+    def results(self, plugin: Renderer[Any]) -> dict[str, Any]:
+        """A picture: gradients need not be the same bit for bit on every device."""
+        rendering = Scene().render(plugin)
+        return {"image": rendering.image, "coverage": rendering.coverage}
+
+    def uses(self, plugin: Renderer[Any]) -> Iterator[object]:
+        """Picture, gradients and transport."""
+        return Scene().uses(plugin)
 
     @cached_property
     def renderer(self) -> Renderer[Any]:

@@ -3,38 +3,31 @@
 from __future__ import annotations
 
 import inspect
-import pickle
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from svbrdfgan.errors import SvbrdfganError, UnsupportedError
-from svbrdfgan.plugins import RENDERERS, find_plugin, import_factory, make
 from svbrdfgan.protocols import PullbackRenderer, Renderer, RendererCapabilities, TransportRenderer
 from svbrdfgan.testing import scenes
+from svbrdfgan.testing.contract import PluginTests
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.testing.renderer.base import RendererKit
-from svbrdfgan.types import Gradients, Material, Materials, Rendering
+from svbrdfgan.types import Environment, Material, Materials, View
 from svbrdfgan.types.material import CHANNELS
 
 WHITE = scenes.lambertian((1.0, 1.0, 1.0))
 VIEW = scenes.front_view(scenes.random_light(), width=6, height=4)
 ONES = torch.ones(4, 6, 3)
+_OF_GRADIENTS = ("render_vjp", "render_pullback")
+_OF_MATERIALS = ("render", *_OF_GRADIENTS)
 _LONGEST = 400
 
 
-class ContractTests(RendererKit):
-    """Protocol, capabilities, options, refusals, pickles."""
-
-    def test_its_entry_point_finds_it(self) -> None:
-        """Its entry point's name leads to it, and its defaults suffice."""
-        installed = type(self).make_renderer is RendererKit.make_renderer
-        declared(installed and bool(self.name), "an entry point")
-        plugin = find_plugin(RENDERERS, self.name)
-        check(isinstance(make(plugin), Renderer), f"{plugin.title} makes no svbrdfgan.protocols.Renderer.")
+class ContractTests(PluginTests, RendererKit):
+    """Protocol, capabilities, refusals."""
 
     def test_it_is_a_renderer(self) -> None:
         """It has every member of `Renderer`, and its device is a torch.device."""
@@ -71,79 +64,88 @@ class ContractTests(RendererKit):
 
     def test_transport_is_there_where_declared(self) -> None:
         """Declared `transport` yields samples; undeclared, it is not to be had."""
-        method: Callable[..., Any] | None = getattr(self.renderer, "transport", None)
         prepared = self.renderer.prepare(scenes.plane())
-        if self.capabilities.transport:
-            check(isinstance(self.renderer, TransportRenderer), "transport is declared, and there is no such method.")
-            assert method is not None
-            check(bool(list(method(prepared, VIEW, spp=1, seed=0))), "transport is declared, and yields nothing.")
-        elif method is not None:
-            samples = partial(method, prepared, VIEW, spp=1, seed=0)
-            _refused(UnsupportedError, "transport, which is not declared", lambda: list(samples()))
+        if self._power("transport", TransportRenderer, self.capabilities.transport):
+            samples = list(_call(self.renderer, "transport", prepared)())
+            check(bool(samples), "transport is declared, and yields nothing.")
 
-    def test_options_have_types_and_defaults(self) -> None:
-        """Its constructor's parameters are named, annotated, and have defaults."""
-        installed = type(self).make_renderer is RendererKit.make_renderer and bool(self.name)
-        factory = import_factory(find_plugin(RENDERERS, self.name)) if installed else type(self.renderer)
-        for option in inspect.signature(factory).parameters.values():
-            plain = option.kind in (option.POSITIONAL_OR_KEYWORD, option.KEYWORD_ONLY)
-            check(plain, f"its constructor takes {option}; wanted only named options, so that a typing error is found.")
-            check(option.annotation is not option.empty, f"its option {option.name!r} has no type.")
-            check(option.default is not option.empty, f"its option {option.name!r} has no default.")
+    def test_pullback_is_there_where_declared(self) -> None:
+        """Declared `render_pullback` can be had; undeclared, it cannot."""
+        self._power("render_pullback", PullbackRenderer, self.capabilities.pullback)
 
     def test_maps_it_lacks_are_refused(self) -> None:
         """A material with a map that is not declared raises `UnsupportedError`."""
         lacking = sorted(CHANNELS.keys() - self.capabilities.maps)
         declared(bool(lacking), "lacking a map")
-        prepared, wrt = (
-            self.renderer.prepare(scenes.plane()),
-            frozenset({"base_color"}) & self.capabilities.differentiable,
-        )
         for name in lacking:
             maps = {"base_color": torch.ones(3), name: torch.full((CHANNELS[name],), 0.5)}
-            materials = Materials((Material(maps),))
-            _refused(UnsupportedError, f"render with {name}", _render(self.renderer, prepared, materials))
-            _refused(UnsupportedError, f"render_vjp with {name}", _vjp(self.renderer, prepared, wrt, materials))
+            self._require_refused(UnsupportedError, name, *_OF_MATERIALS, materials=Materials((Material(maps),)))
 
     def test_gradients_it_lacks_are_refused(self) -> None:
         """`wrt` of something not differentiable raises `UnsupportedError`."""
-        prepared = self.renderer.prepare(scenes.plane())
         for name in sorted({*CHANNELS, "environment", "camera"} - self.capabilities.differentiable):
-            _refused(UnsupportedError, f"wrt = {{{name!r}}}", _vjp(self.renderer, prepared, frozenset({name})))
+            self._require_refused(UnsupportedError, f"wrt = {{{name!r}}}", *_OF_GRADIENTS, wrt=frozenset({name}))
 
     def test_gradients_are_of_what_is_asked(self) -> None:
         """Gradients hold what `wrt` names, and nothing else."""
         prepared, powers = self.renderer.prepare(scenes.plane()), self.capabilities.differentiable
         for wrt in (frozenset[str](), *(frozenset({name}) for name in sorted(powers))):
-            gradients = _vjp(self.renderer, prepared, wrt)()
-            found, wanted = [set(part) for part in gradients.materials], [set(wrt & {"base_color"})]
-            check(found == wanted, f"for wrt {sorted(wrt)}, gradients hold {found}; wanted {wanted}.")
-            light = gradients.environment is not None
-            check(
-                light == ("environment" in wrt),
-                f"for wrt {sorted(wrt)}, environment is {'given' if light else 'None'}.",
-            )
+            for name in self._having(*_OF_GRADIENTS):
+                gradients = _call(self.renderer, name, prepared, wrt=wrt)()
+                found, wanted = [set(part) for part in gradients.materials], [set(wrt & {"base_color"})]
+                check(found == wanted, f"for wrt {sorted(wrt)}, {name}'s gradients hold {found}; wanted {wanted}.")
+                light = "None" if gradients.environment is None else "given"
+                right = (light == "given") == ("environment" in wrt)
+                check(right, f"for wrt {sorted(wrt)}, {name}'s environment is {light}.")
 
     def test_wrong_numbers_of_materials_are_refused(self) -> None:
         """Materials that are not one for each part are refused in a sentence."""
         prepared = self.renderer.prepare(scenes.two_parts())
         for count in (1, 3):
-            call = _render(self.renderer, prepared, Materials(WHITE.parts * count))
-            _refused(SvbrdfganError, f"{count} materials for 2 parts", call)
+            what, materials = f"{count} materials for 2 parts", Materials(WHITE.parts * count)
+            self._require_refused(SvbrdfganError, what, *_OF_MATERIALS, prepared=prepared, materials=materials)
 
     def test_no_samples_are_refused(self) -> None:
-        """`spp` below 1 is refused in a sentence."""
-        prepared = self.renderer.prepare(scenes.plane())
+        """`spp` below 1 is refused in a sentence, by transport too, and before its first sample is asked for."""
         for spp in (0, -1):
-            _refused(SvbrdfganError, f"spp {spp}", _render(self.renderer, prepared, WHITE, spp))
+            self._require_refused(SvbrdfganError, f"spp {spp}", *_OF_MATERIALS, "transport", spp=spp)
+
+    def test_impossible_light_is_refused(self) -> None:
+        """Radiance that is negative, infinite or not a number is refused in a sentence."""
+        for value in (-1.0, torch.inf, torch.nan):
+            radiance = scenes.random_light().radiance
+            radiance[3, 4, 1] = value
+            view = scenes.front_view(Environment(radiance), width=6, height=4)
+            self._require_refused(SvbrdfganError, f"a radiance of {value}", *_OF_MATERIALS, "transport", view=view)
 
     def test_gradients_of_another_film_are_refused(self) -> None:
         """`grad_image` of another shape than the film is refused in a sentence."""
         declared(bool(self.capabilities.differentiable), "a gradient")
-        prepared, wrt = self.renderer.prepare(scenes.plane()), frozenset(sorted(self.capabilities.differentiable)[:1])
+        wrt = frozenset(sorted(self.capabilities.differentiable)[:1])
         for shape in ((6, 4, 3), (4, 6, 1), (1, 4, 6, 3)):
-            call = _vjp(self.renderer, prepared, wrt, WHITE, torch.ones(shape))
-            _refused(SvbrdfganError, f"grad_image of shape {shape} for a film of 4 x 6", call)
+            what = f"grad_image of shape {shape} for a film of 4 x 6"
+            self._require_refused(SvbrdfganError, what, *_OF_GRADIENTS, wrt=wrt, grad_image=torch.ones(shape))
+
+    def _power(self, name: str, protocol: type, given: bool) -> bool:
+        """Whether it is declared; fails if the method says otherwise."""
+        if given:
+            check(isinstance(self.renderer, protocol), f"{name} is declared, and there is no such method.")
+        elif hasattr(self.renderer, name):
+            call = _call(self.renderer, name, self.renderer.prepare(scenes.plane()))
+            _refused(UnsupportedError, f"{name}, which is not declared,", call)
+        return given
+
+    def _require_refused(
+        self, wanted: type[SvbrdfganError], what: str, *names: str, prepared: Any = None, **inputs: Any
+    ) -> None:
+        prepared = self.renderer.prepare(scenes.plane()) if prepared is None else prepared
+        for name in self._having(*names):
+            _refused(wanted, f"{name} with {what}", _call(self.renderer, name, prepared, **inputs))
+
+    def _having(self, *names: str) -> list[str]:
+        """Of these methods those that the renderer has."""
+        optional = {"render_pullback": self.capabilities.pullback, "transport": self.capabilities.transport}
+        return [name for name in names if optional.get(name, True)]
 
     def test_two_renderers_are_independent(self) -> None:
         """A second renderer, used in between, changes nothing of the first."""
@@ -155,32 +157,28 @@ class ContractTests(RendererKit):
         after = first.render(prepared, WHITE, VIEW, spp=2, seed=1).image
         check(torch.equal(before, after), "the same picture differs after another renderer was made and used.")
 
-    def test_it_pickles(self) -> None:
-        """A renderer that went through pickle renders the same."""
-        again = pickle.loads(pickle.dumps(self.renderer))
-        check(again.capabilities == self.capabilities, "its capabilities did not survive pickle.")
-        images = [r.render(r.prepare(scenes.plane()), WHITE, VIEW, spp=2, seed=1).image for r in (self.renderer, again)]
-        check(torch.equal(*images), "after pickle the same picture differs.")
 
-    def test_its_repr_is_one_line(self) -> None:
-        """Its repr is one line of at most 200 characters that names its class."""
-        text = repr(self.renderer)
-        short = "\n" not in text and len(text) <= 200
-        check(short and type(self.renderer).__name__ in text, f"its repr is {text[:300]!r}.")
-
-
-def _render(renderer: Renderer[Any], prepared: Any, materials: Materials, spp: int = 1) -> Callable[[], Rendering]:
-    return partial(renderer.render, prepared, materials, VIEW, spp=spp, seed=0)
-
-
-def _vjp(
-    renderer: Renderer[Any],
+def _call(
+    renderer: Any,
+    name: str,
     prepared: Any,
-    wrt: frozenset[str],
+    *,
     materials: Materials = WHITE,
+    view: View = VIEW,
+    wrt: frozenset[str] | None = None,
+    spp: int = 1,
     grad_image: Tensor = ONES,
-) -> Callable[[], Gradients]:
-    return partial(renderer.render_vjp, prepared, materials, VIEW, grad_image, wrt=wrt, spp=1, seed=0)
+) -> Callable[[], Any]:
+    """A method of the protocol with its inputs, to be called; of a pullback the gradient is asked for."""
+    wrt = frozenset({"base_color"}) & renderer.capabilities.differentiable if wrt is None else wrt
+    scene, chance = (prepared, materials, view), {"spp": spp, "seed": 0}
+    found: dict[str, Callable[[], Any]] = {
+        "render": lambda: renderer.render(*scene, **chance),
+        "render_vjp": lambda: renderer.render_vjp(*scene, grad_image, wrt=wrt, **chance),
+        "render_pullback": lambda: renderer.render_pullback(*scene, wrt=wrt, **chance)[1](grad_image),
+        "transport": lambda: renderer.transport(prepared, view, **chance),
+    }
+    return found[name]
 
 
 def _refused(wanted: type[SvbrdfganError], what: str, call: Callable[[], object]) -> None:

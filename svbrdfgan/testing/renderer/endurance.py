@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.protocols import PullbackRenderer, Renderer
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check
 from svbrdfgan.testing.renderer.base import RendererKit
@@ -24,7 +24,7 @@ class EnduranceTests(RendererKit):
     """Many renders, many surfaces, large surfaces."""
 
     def test_memory_does_not_grow(self) -> None:
-        """Renders of ever new scenes leave no memory behind, not even their pictures."""
+        """Renders of ever new scenes leave no memory behind, not even their pictures, nor what a pullback kept."""
         levels = [memory()]
         for number in range(ROUNDS):
             made = _round(self.renderer, number)
@@ -35,7 +35,7 @@ class EnduranceTests(RendererKit):
             check(
                 float(np.median(later)) < 0.5 * made / 1e6,
                 f"What is allocated {place} {grown}, of {SCENES} new scenes and {made / 1e6:.3f} MB of pictures each; "
-                "what keeps hold of surfaces, textures or pictures?",
+                "what keeps hold of surfaces, textures, pictures or pullbacks?",
             )
 
     def test_prepared_surfaces_stay_valid(self) -> None:
@@ -101,6 +101,9 @@ def _round(renderer: Renderer[Any], number: int) -> int:
         rendering = renderer.render(prepared, materials, view, spp=1, seed=seed)
         film, wrt = dataclasses.replace(view, width=16, height=16), renderer.capabilities.differentiable
         renderer.render_vjp(prepared, materials, film, torch.ones(16, 16, 3), wrt=wrt, spp=1, seed=seed)
+        if isinstance(renderer, PullbackRenderer) and renderer.capabilities.pullback:
+            _, pullback = renderer.render_pullback(prepared, materials, view, wrt=wrt, spp=1, seed=seed)
+            pullback(torch.ones(96 + size, 96, 3))
         made += rendering.image.nbytes + rendering.coverage.nbytes
     return made
 

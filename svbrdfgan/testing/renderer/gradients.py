@@ -19,6 +19,11 @@ from svbrdfgan.testing.renderer.slopes import slopes
 from svbrdfgan.testing.statistics import numbers
 from svbrdfgan.types import Material, Materials
 
+_HINT = (
+    "Probably it is not of the samples that the picture has at the same spp and seed; or what these are depends on "
+    "base_color, as with Russian roulette by throughput, or with a lobe chosen by albedo."
+)
+
 
 class GradientTests(RendererKit):
     """`render_vjp` against the renderer's own pictures: whether those are right is for others to say."""
@@ -159,7 +164,8 @@ class GradientTests(RendererKit):
             own = slopes(stage, part, spp=4, seed=3)
             for kind, grad in (("smooth", setting.smooth()), ("random", setting.random())):
                 found = stage.map_gradient(grad, "base_color", part)
-                exactly(f"gradient of the base colour of part {part} for a {kind} cotangent", found, own.pulled(grad))
+                what = f"gradient of the base colour of part {part} for a {kind} cotangent"
+                exactly(what, found, own.pulled(grad), hint=_HINT)
 
     def _declared(self, name: str) -> None:
         declared(name in self.capabilities.differentiable, f"the gradient of {name}")

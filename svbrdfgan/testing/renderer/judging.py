@@ -53,18 +53,16 @@ class Known:
         return cls(np.zeros_like(size), np.full_like(size, _ROUNDING * size.max()), size)
 
 
-def exactly(what: str, found: Float[ndarray, "*shape"], wanted: Float[ndarray, "*shape"]) -> None:
-    """Fails unless two arrays agree but for rounding; says in what manner they differ."""
+def exactly(what: str, found: Float[ndarray, "*shape"], wanted: Float[ndarray, "*shape"], *, hint: str = "") -> None:
+    """Fails unless two arrays agree but for rounding; says in what manner they differ, and gives a hint."""
     check(found.shape == wanted.shape, f"{what} has shape {found.shape}; wanted {wanted.shape}.")
     check(bool(np.isfinite(found).all()), f"{what} holds values that are not finite.")
     scale = abs(wanted).max()
     off = abs(found - wanted)
     worst = np.unravel_index(np.argmax(off), off.shape)
     place = tuple(int(i) for i in worst)
-    check(
-        bool(off.max() <= EXACT * scale),
-        f"{what} at {place} is {found[worst]:.6g}, and should be {wanted[worst]:.6g}: {_manner(found, wanted)}.",
-    )
+    numbers = f"{what} at {place} is {found[worst]:.6g}, and should be {wanted[worst]:.6g}"
+    check(bool(off.max() <= EXACT * scale), f"{numbers}: {_manner(found, wanted)}. {hint}".rstrip())
 
 
 def _manner(found: ndarray, wanted: ndarray) -> str:

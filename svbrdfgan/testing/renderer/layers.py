@@ -44,19 +44,11 @@ class LayerTests(RendererKit):
     def test_pullback_is_the_gradient(self) -> None:
         """What `render_pullback` gives is `render`'s picture, and `render_vjp`'s gradient of every cotangent."""
         declared(self.capabilities.pullback, "pullback")
-        check(isinstance(self.renderer, PullbackRenderer), "pullback is declared, but there is no such method.")
         assert isinstance(self.renderer, PullbackRenderer)
-        wrt = frozenset(settings.differentiable(self.capabilities))
-        setting = settings.rich("roughness" in self.capabilities.maps)
-        stage = Stage(self.renderer, setting)
-        rendering, pullback = self.renderer.render_pullback(
-            stage.prepared, setting.materials, setting.view, wrt=wrt, spp=4, seed=3
-        )
-        exactly("picture", numbers(rendering.image), stage.image())
-        for grad in (setting.random(), setting.random()[::-1].copy()):
-            found = flat(pullback(torch.from_numpy(grad).float()))
-            for place, wanted in flat(stage.gradients(grad, *wrt)).items():
-                exactly(f"gradient for {place}", found[place], wanted)
+        able = settings.differentiable(self.capabilities)
+        for gloss in sorted({False, "roughness" in self.capabilities.maps}):
+            for wrt in (able, *([name] for name in able)):
+                self._require_pullback(self.renderer, settings.rich(gloss), frozenset(wrt))
 
     def test_render_layer_gives_torch_these_gradients(self) -> None:
         """`RenderLayer` gives torch the picture, and `render_vjp` as its gradient."""
@@ -76,6 +68,18 @@ class LayerTests(RendererKit):
             check(leaf.grad is not None, f"torch has no gradient for {place}.")
             assert leaf.grad is not None
             exactly(f"torch's gradient for {place}", numbers(leaf.grad), wanted)
+
+    def _require_pullback(self, renderer: PullbackRenderer[Any], setting: Setting, wrt: frozenset[str]) -> None:
+        stage = Stage(renderer, setting)
+        rendering, pullback = renderer.render_pullback(
+            stage.prepared, setting.materials, setting.view, wrt=wrt, spp=4, seed=3
+        )
+        exactly("picture", numbers(rendering.image), stage.image())
+        for grad in (setting.random(), setting.random()[::-1].copy()):
+            found = flat(pullback(torch.from_numpy(grad).float()))
+            for place, wanted in flat(stage.gradients(grad, *wrt)).items():
+                check(place in found, f"asked for {', '.join(sorted(wrt))}, it has no gradient for {place}.")
+                exactly(f"gradient for {place}", found[place], wanted)
 
     def _transported(self) -> Iterator[Stage]:
         declared(self.capabilities.transport, "transport")

@@ -1,15 +1,16 @@
 """Options, refusals, chance, runs, and what must not be disturbed."""
 
 import math
+from typing import Any
 
 import pytest
 import torch
-from svbrdfgan_mitsuba import MitsubaRenderer, film
+from svbrdfgan_mitsuba import MitsubaRenderer, film, variant
 from svbrdfgan_mitsuba.exchange import floats, tensor
 from svbrdfgan_mitsuba.jit import dr
 from svbrdfgan_mitsuba.scene import PreparedSurface
 
-from svbrdfgan.errors import AssetError, ConfigError, UnsupportedError
+from svbrdfgan.errors import AssetError, ConfigError, PluginError, UnsupportedError
 from svbrdfgan.plugins import load_renderer
 from svbrdfgan.protocols import Renderer, TransportRenderer
 from svbrdfgan.testing import scenes
@@ -47,6 +48,19 @@ def test_a_device_that_is_not_there_is_refused() -> None:
         MitsubaRenderer(device="cuda")
 
 
+def test_a_gpu_that_torch_alone_can_use_is_passed_over_unless_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    has_backend = dr.has_backend
+
+    def without_cuda(backend: Any) -> bool:
+        return backend != dr.JitBackend.CUDA and bool(has_backend(backend))
+
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(variant.dr, "has_backend", without_cuda)
+    assert variant.choose("auto") == torch.device("cpu")
+    with pytest.raises(PluginError, match="drjit cannot use CUDA here"):
+        variant.choose("cuda")
+
+
 @pytest.mark.parametrize("bounces", [0, -1, 65])
 def test_impossible_bounces_are_refused(bounces: int) -> None:
     with pytest.raises(ConfigError, match=f"max_bounces is {bounces}; wanted 1 to 64"):
@@ -60,7 +74,7 @@ def test_materials_must_be_as_many_as_parts(renderer: MitsubaRenderer, prepared:
 
 def test_maps_that_are_not_read_are_refused(renderer: MitsubaRenderer, prepared: PreparedSurface) -> None:
     metal = Materials((Material({"base_color": torch.ones(3), "metallic": torch.ones(1)}),))
-    with pytest.raises(UnsupportedError, match=r"part0.*metallic; only base_color and roughness"):
+    with pytest.raises(UnsupportedError, match=r"part0.*metallic; read are only base_color, roughness"):
         renderer.render(prepared, metal, VIEW, spp=1, seed=0)
 
 

@@ -4,7 +4,8 @@ import math
 
 import pytest
 import torch
-from svbrdfgan_mitsuba import MitsubaRenderer
+from svbrdfgan_mitsuba import MitsubaRenderer, film, shot
+from svbrdfgan_mitsuba.paths import Paths
 from torch import Tensor
 
 from svbrdfgan.testing import scenes
@@ -50,6 +51,36 @@ def test_direct_light_s_gradient_is_the_transpose_of_the_picture(
     truth = inner(image, grad_image)
     assert through_maps == pytest.approx(truth, rel=1e-4, abs=1e-4)
     assert inner(gradients.environment, view.environment.radiance) == pytest.approx(truth, rel=1e-4, abs=1e-4)
+
+
+@pytest.mark.parametrize(("kept", "traced_again"), [(0, 7), (3 * 8 * WIDTH, 4), (2**22, 0)])
+def test_what_is_kept_is_not_traced_again(
+    view: View,
+    materials: Materials,
+    grad_image: Tensor,
+    monkeypatch: pytest.MonkeyPatch,
+    kept: int,
+    traced_again: int,
+) -> None:
+    """Seven runs of a row each."""
+    renderer, traced = MitsubaRenderer("cpu"), list[film.Run]()
+    direct = Paths.direct
+
+    def counted(paths: Paths, run: film.Run) -> object:
+        traced.append(run)
+        return direct(paths, run)
+
+    monkeypatch.setitem(film.VERTICES, "cpu", 8 * WIDTH)
+    monkeypatch.setitem(shot.KEPT, "cpu", kept)
+    monkeypatch.setattr(Paths, "direct", counted)
+    prepared = renderer.prepare(scenes.corner_box())
+    _, pullback = renderer.render_pullback(prepared, materials, view, wrt=BASE, spp=8, seed=5)
+    traced.clear()
+    gradients = pullback(grad_image)
+    assert len(traced) == traced_again
+    wanted = renderer.render_vjp(prepared, materials, view, grad_image, wrt=BASE, spp=8, seed=5)
+    for found, expected in zip(gradients.materials, wanted.materials, strict=True):
+        torch.testing.assert_close(found["base_color"], expected["base_color"])
 
 
 @pytest.mark.parametrize("max_bounces", [1, 3])

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 import torch
-from svbrdfgan_mitsuba import MitsubaRenderer
+from svbrdfgan_mitsuba import MitsubaRenderer, variant
+from svbrdfgan_mitsuba.jit import dr
+from svbrdfgan_mitsuba.reflection import Dielectric
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, Material, Materials, View
@@ -54,6 +56,16 @@ def test_glossy_reflection_is_the_integral_of_its_definition(
     rendering = scenes.picture(renderer, scenes.plane(), Materials((material,)), view, spp=8192)
     seen = float(scenes.surface_radiance(rendering)[0])
     assert seen == pytest.approx(reflected_from_the_front(color, roughness), rel=0.02)
+
+
+@pytest.mark.parametrize("roughness", [0.0, 0.3, 1.0])
+def test_the_density_at_grazing_view_is_its_limit(renderer: MitsubaRenderer, roughness: float) -> None:
+    mi = variant.load(renderer.device)
+    incoming = dr.normalize(mi.Vector3f([0.0, -0.9, 0.3], [0.1, 0.0, 0.2], [1.0, 0.1, 0.1]))
+    viewers = [dr.normalize(mi.Vector3f(1.0, 0.0, cosine)) for cosine in (0.0, 1e-6)]
+    made = [Dielectric(mi, mi.Color3f(0.5), mi.Float(roughness), mi.Bool(True), viewer) for viewer in viewers]
+    at, near = (each.density(incoming).numpy() for each in made)
+    np.testing.assert_allclose(at, near, rtol=0.01)
 
 
 def reflected_from_the_front(color: float, roughness: float) -> float:

@@ -9,7 +9,7 @@ import pytest
 import torch
 import warp as wp
 from numpy import ndarray
-from svbrdfgan_warp import traverse
+from svbrdfgan_warp import build, traverse, tree
 from svbrdfgan_warp.device import choose, launch
 from svbrdfgan_warp.tree import plant
 
@@ -88,6 +88,18 @@ def test_points_of_no_face_change_nothing(device: str) -> None:
     trees = [plant(each.to(where), corners) for each in (points, stray)]
     bounds = [sorted(map(tuple, wp.to_torch(nodes).view(-1, 20)[:, :3].tolist())) for nodes, _ in trees]
     assert bounds[0] == bounds[1]
+
+
+@pytest.mark.parametrize("apart", [0.0, 1.0])
+def test_boxes_that_tie_pair_off_at_once(apart: float, device: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether coincident or evenly spaced, 1024 of them take about as many rounds as halvings, not one each."""
+    rounds = []
+    monkeypatch.setattr(tree, "launch", lambda kernel, *rest: (rounds.append(kernel), launch(kernel, *rest)))
+    triangle = np.random.default_rng(5).uniform(size=(3, 3)).astype(np.float32)
+    points = triangle + apart * np.arange(1024, dtype=np.float32)[:, None, None] * np.eye(3, dtype=np.float32)[0]
+    where = choose(device)
+    plant(torch.from_numpy(points.reshape(-1, 3)).to(where), torch.arange(3072, dtype=torch.int32, device=where))
+    assert rounds.count(build.choose) <= 20
 
 
 def _shot(points: ndarray, starts: ndarray, directions: ndarray, device: str) -> tuple[ndarray, ndarray]:

@@ -4,7 +4,17 @@ Each changes what goes into a right renderer, or what comes out of it, and as a 
 transport alike: whoever holds a texture upside down does so in all three. Importing a module enters its rows.
 """
 
-from wrong import contract, filtering, gradients, orientation, paths, radiometry, randomness, surfaces  # noqa: F401
+from wrong import (  # noqa: F401
+    contract,
+    filtering,
+    gradients,
+    orientation,
+    paths,
+    pullbacks,
+    radiometry,
+    randomness,
+    surfaces,
+)
 from wrong.base import OnNumpy, Right
 from wrong.table import WHOLE, WRONG, Wrong
 

@@ -115,10 +115,20 @@ class Right:
     def render_pullback(
         self, prepared: Any, materials: Materials, view: View, *, wrt: frozenset[str], spp: int, seed: int
     ) -> tuple[Rendering, Pullback]:
+        if not self.capabilities.pullback:
+            raise UnsupportedError("this renderer has no pullback.")
+        owned = self.kept(materials, view)
+
         def pullback(grad_image: Float[Tensor, "height width 3"]) -> Gradients:
-            return self.render_vjp(prepared, materials, view, grad_image, wrt=wrt, spp=spp, seed=seed)
+            return self.render_vjp(prepared, *owned, grad_image, wrt=wrt, spp=spp, seed=seed)
 
         return self.render(prepared, materials, view, spp=spp, seed=seed), pullback
+
+    def kept(self, materials: Materials, view: View) -> tuple[Materials, View]:
+        """What a pullback remembers: as it was."""
+        maps = [{name: value.detach().clone() for name, value in m.maps.items()} for m in materials.parts]
+        light = replace(view.environment, radiance=view.environment.radiance.detach().clone())
+        return Materials(tuple(map(Material, maps))), replace(view, environment=light)
 
     def vjp(self, call: Call, renderer: Renderer[Any] | None = None) -> Gradients:
         """The right gradient."""
@@ -131,8 +141,8 @@ class Right:
             raise UnsupportedError("this renderer has no transport.")
         call = Call(*prepared, Materials(()), view, spp, seed)
         c = self.asked(call)
-        for samples in self.right.transport(c.prepared, c.view, spp=c.spp, seed=c.seed):
-            yield self.samples(samples, call)
+        found = self.right.transport(c.prepared, c.view, spp=c.spp, seed=c.seed)
+        return (self.samples(samples, call) for samples in found)
 
 
 def each_map(gradients: Gradients, change: Callable[[Tensor], Tensor]) -> Gradients:

@@ -9,7 +9,7 @@ from typing import Any
 from torch import Tensor
 
 from svbrdfgan.protocols import RendererCapabilities
-from svbrdfgan.types import Gradients, Material, Materials, Rendering, TransportSamples, View
+from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, TransportSamples, View
 from wrong.base import Call, Right, light_of
 from wrong.table import caught_by
 
@@ -68,6 +68,24 @@ class IgnoresUnknownWrt(Right):
 
     def asked(self, call: Call) -> Call:
         return replace(call, wrt=call.wrt & self.capabilities.differentiable)
+
+
+@caught_by("test_no_samples_are_refused", "test_impossible_light_is_refused", reason="One call, two refusals.")
+class TransportRefusesLate(Right):
+    """What it refuses of transport it refuses when the first sample is asked for."""
+
+    def transport(self, prepared: Any, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
+        yield from super().transport(prepared, view, spp=max(spp, 1), seed=seed)
+
+
+@caught_by("test_impossible_light_is_refused")
+class RendersImpossibleLight(Right):
+    """Radiance that is no light is taken for what comes next to it."""
+
+    def asked(self, call: Call) -> Call:
+        radiance = call.view.environment.radiance
+        possible = bool(radiance.isfinite().all() and (radiance >= 0.0).all())
+        return call if possible else call.seen_with(Environment(radiance.detach().nan_to_num(posinf=9.0).clamp(min=0)))
 
 
 @caught_by("test_gradients_are_of_what_is_asked")

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import torch
 from torch import Tensor
 
-from svbrdfgan.protocols import Pullback
-from svbrdfgan.types import Gradients, Rendering
+from svbrdfgan.types import Gradients
 from wrong.base import Call, Right, each_map, light_of, with_colors
 from wrong.filtering import gathered, magnified
 from wrong.table import SLOPES, caught_by
@@ -134,27 +132,3 @@ class ClipsGradients(Right):
 
     def cotangent(self, grad_image: Tensor, call: Call) -> Tensor:
         return grad_image.clamp(-4.0, 4.0)
-
-
-@caught_by("test_pullback_is_the_gradient", "test_render_layer_gives_torch_these_gradients")
-class PullsBackOtherSamples(Right):
-    """The pullback traces samples of its own."""
-
-    def render_pullback(self, *scene: Any, wrt: frozenset[str], spp: int, seed: int) -> tuple[Rendering, Pullback]:
-        _, pullback = super().render_pullback(*scene, wrt=wrt, spp=spp, seed=seed + 1)
-        return self.render(*scene, spp=spp, seed=seed), pullback
-
-
-@caught_by("test_pullback_is_the_gradient")
-class PullsBackOnce(Right):
-    """A pullback's second gradient has the first one in it."""
-
-    def render_pullback(self, *scene: Any, wrt: frozenset[str], spp: int, seed: int) -> tuple[Rendering, Pullback]:
-        rendering, right = super().render_pullback(*scene, wrt=wrt, spp=spp, seed=seed)
-        asked: list[Tensor] = []
-
-        def pullback(grad_image: Tensor) -> Gradients:
-            asked.append(grad_image)
-            return right(torch.stack(asked).sum(dim=0))
-
-        return rendering, pullback

@@ -21,11 +21,11 @@ _THREADS = 4
 Key = TypeVar("Key")
 
 
-class Shelf(MutableMapping[Key, LightTransport]):
+class TransportCache(MutableMapping[Key, LightTransport]):
     """Transports by key, within a budget of bytes: those that were not looked up for longest go first."""
 
     def __init__(self, budget: int | None = None) -> None:
-        """An empty shelf for `budget` bytes; None: a quarter of the memory of the device where the first one lies."""
+        """An empty cache for `budget` bytes; None: a quarter of the memory of the device where the first one lies."""
         self._budget = budget
         self._held: OrderedDict[Key, LightTransport] = OrderedDict()
         self.nbytes = 0
@@ -35,7 +35,7 @@ class Shelf(MutableMapping[Key, LightTransport]):
         return self._held[key]
 
     def __setitem__(self, key: Key, transport: LightTransport) -> None:
-        """Lays it there. If it is larger than the budget, it stays alone."""
+        """Keeps it. If it is larger than the budget, it stays alone."""
         self.pop(key, None)
         self._held[key] = transport
         self.nbytes += transport.nbytes

@@ -1,4 +1,4 @@
-"""`python -m svbrdfgan.testing.pairs.reference`: makes or continues the stored reference of a slow renderer.
+"""`python -m svbrdfgan.testing.pairs.make_reference`: makes or continues the stored reference of a slow renderer.
 
 It works where most is missing of what the slow profile needs, and stops when nothing is missing or the time is up.
 Another run with the same file goes on from there.

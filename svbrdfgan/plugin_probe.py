@@ -1,7 +1,7 @@
 """Whether plugins work here, each tried in a process of its own: a bad driver can abort one, or hang it.
 
-`python -m svbrdfgan.probe GROUP NAME DEVICE RESULT` is that process. It writes JSON to the file RESULT, because a
-plugin may print what it likes.
+`python -m svbrdfgan.plugin_probe GROUP NAME DEVICE RESULT` is that process. It writes JSON to the file RESULT, because
+a plugin may print what it likes.
 """
 
 from __future__ import annotations

@@ -1,0 +1,45 @@
+"""Records as readable JSON files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.options import Model, StrictModel, validate
+
+
+def save_record(path: Path, record: StrictModel) -> None:
+    """Writes a record, every key of it.
+
+    Raises:
+        AssetError: the file cannot be written there.
+    """
+    with atomic_path(path) as temporary:
+        temporary.write_text(record.model_dump_json(indent=1) + "\n", encoding="utf-8")
+
+
+def load_record(model: type[Model], path: Path) -> Model:
+    """Reads what `save_record` wrote.
+
+    Raises:
+        AssetError: missing, or not JSON.
+        ConfigError: a key is unknown or a value wrong.
+    """
+    return validate(model, load_json(path), str(path))
+
+
+def load_json(path: Path) -> Any:
+    """The contents of a JSON file.
+
+    Raises:
+        AssetError: missing, or not JSON.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise AssetError(f"{path} cannot be read: {error.strerror or error}.") from error
+    except ValueError as error:
+        raise AssetError(f"{path} is not valid JSON: {error}.") from error

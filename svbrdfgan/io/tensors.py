@@ -1,0 +1,51 @@
+"""Tensors with a few words about them, as safetensors files: safe to open from a stranger."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+from torch import Tensor
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io.atomic import atomic_path
+
+
+def save_tensors(path: Path, kind: str, tensors: Mapping[str, Tensor], words: Mapping[str, str]) -> None:
+    """Writes tensors of any device, and the words; `kind` tells the file from others, and from other versions.
+
+    Raises:
+        AssetError: the file cannot be written there.
+    """
+    plain = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    with atomic_path(path) as temporary:  # not save_file, whose files only their owner may read
+        temporary.write_bytes(save(plain, {"format": kind, **words}))
+
+
+@contextmanager
+def stored_tensors(path: Path, kind: str, remedy: str) -> Iterator[tuple[dict[str, Tensor], dict[str, str]]]:
+    """What `save_tensors` wrote, on the CPU. The block takes out of it what it needs.
+
+    Args:
+        remedy: what to do about a file that cannot be read, such as "delete it to have it made anew".
+
+    Raises:
+        AssetError: the file is missing, damaged, or of another kind; or the block found that it lacks something.
+    """
+    try:
+        with safe_open(path, framework="pt") as file:
+            words = file.metadata() or {}
+            if words.get("format") != kind:
+                raise AssetError(f"{path} is not a {kind!r} file; {remedy}.")
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        yield tensors, words
+    except (OSError, SafetensorError, LookupError, TypeError, ValueError, RuntimeError) as error:
+        raise AssetError(f"{path} cannot be read ({_reason(error)}); {remedy}.") from error
+
+
+def _reason(error: Exception) -> str:
+    """In one line, however many a library makes of it."""
+    return f"it has no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())[:300]

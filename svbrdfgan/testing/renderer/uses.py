@@ -1,0 +1,64 @@
+"""A small scene, and all that a renderer can do with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from svbrdfgan.protocols import Renderer
+from svbrdfgan.testing import scenes
+from svbrdfgan.types import Gradients, Rendering, Surface
+
+
+class Scene:
+    """Two parts, one of them textured, in light that is nowhere the same."""
+
+    def __init__(self) -> None:
+        self.texture = scenes.random_texture(5, 4)
+        self.materials = scenes.lambertian(self.texture, torch.tensor(scenes.RED))
+        self.view = scenes.front_view(scenes.random_light(), width=8, height=5)
+        self.surface: Surface = scenes.two_parts()
+        self.grad_image = torch.randn(5, 8, 3, generator=torch.Generator().manual_seed(0))
+
+    def held(self) -> dict[str, Tensor]:
+        """Everything in it that could be written to, the arrays as tensors on the same memory."""
+        arrays = {name: getattr(self.surface, name) for name in ("positions", "normals", "uv", "faces", "face_part")}
+        tensors = {
+            "texture": self.texture,
+            "environment": self.view.environment.radiance,
+            "grad_image": self.grad_image,
+        }
+        return tensors | {f"surface.{name}": torch.from_numpy(array) for name, array in arrays.items()}
+
+    def render(self, renderer: Renderer[Any]) -> Rendering:
+        """The picture."""
+        return renderer.render(renderer.prepare(self.surface), self.materials, self.view, spp=2, seed=1)
+
+    def uses(self, renderer: Any) -> Iterator[Tensor]:
+        """Picture, gradient, both by a pullback, and transport, one after the other: the tensors of each."""
+        prepared, powers = renderer.prepare(self.surface), renderer.capabilities
+        yield from _pictures(renderer.render(prepared, self.materials, self.view, spp=2, seed=1))
+        wrt = powers.differentiable
+        vjp = partial(renderer.render_vjp, prepared, self.materials, self.view, self.grad_image)
+        yield from _gradients(vjp(wrt=wrt, spp=2, seed=1))
+        if powers.pullback:
+            kept, pullback = renderer.render_pullback(prepared, self.materials, self.view, wrt=wrt, spp=2, seed=1)
+            yield from _pictures(kept)
+            yield from _gradients(pullback(self.grad_image))
+        if powers.transport:
+            yield from (samples.weight for samples in renderer.transport(prepared, self.view, spp=2, seed=1))
+
+
+def _pictures(rendering: Rendering) -> Iterator[Tensor]:
+    yield rendering.image
+    yield rendering.coverage
+
+
+def _gradients(gradients: Gradients) -> Iterator[Tensor]:
+    yield from (gradient for part in gradients.materials for gradient in part.values())
+    if gradients.environment is not None:
+        yield gradients.environment
