@@ -3,6 +3,7 @@
 import copy
 import os
 import shutil
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -56,6 +57,23 @@ def assets() -> Path:
             "SVBRDFGAN_ASSETS is not set: point it at a folder with cars/, envmaps/ and meshes/ to run this test"
         )
     return Path(folder)
+
+
+@pytest.fixture(scope="session")
+def ended() -> Callable[[int], bool]:
+    """Whether the process of that number is gone, or a zombie that nobody has waited for, within some seconds."""
+
+    def gone(pid: int) -> bool:
+        stat = Path(f"/proc/{pid}/stat")
+        return not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] == "Z"
+
+    def ended(pid: int) -> bool:
+        until = time.monotonic() + 10
+        while not gone(pid) and time.monotonic() < until:
+            time.sleep(0.05)
+        return gone(pid)
+
+    return ended
 
 
 @pytest.fixture(scope="session")

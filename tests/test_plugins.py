@@ -13,8 +13,8 @@ import pytest
 
 from svbrdfgan import choose
 from svbrdfgan.errors import ConfigError, PluginError
+from svbrdfgan.plugin_probe import probe, probe_all
 from svbrdfgan.plugins import EMBEDDINGS, RENDERERS, Plugin, find_plugin, list_plugins, load_embedding, load_renderer
-from svbrdfgan.probe import probe, probe_all
 from svbrdfgan.protocols import Renderer, UVCapabilities, UVEmbedding
 
 EMBEDDING = """
@@ -267,7 +267,9 @@ class TestProbe:
         assert (noisy.status, noisy.reason) == ("ok", None)
         assert noisy.capabilities == {"injective": True, "subdivides": False}
 
-    def test_a_hang_ends_with_the_children_it_started(self, install: Install, tmp_path: Path) -> None:
+    def test_a_hang_ends_with_the_children_it_started(
+        self, install: Install, ended: Callable[[int], bool], tmp_path: Path
+    ) -> None:
         source = (
             "import pathlib, subprocess, sys, time\n"
             "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
@@ -286,16 +288,6 @@ class TestProbe:
         outcome = probe(rows()["target"][0], timeout=0)
         assert outcome.status == "broken"
         assert "malformed" in str(outcome.reason)
-
-
-def ended(pid: int) -> bool:
-    """Whether the process is gone, or a zombie that nobody has waited for, within a few seconds."""
-    for _ in range(50):
-        stat = Path(f"/proc/{pid}/stat")
-        if not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] == "Z":
-            return True
-        time.sleep(0.1)
-    return False
 
 
 class TestChoice:

@@ -1,9 +1,9 @@
 """The command line answers at once, and tells errors in one sentence."""
 
 import re
+import resource
 import subprocess
 import sys
-import time
 from types import SimpleNamespace
 
 import click
@@ -33,14 +33,20 @@ def command(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
 
 def test_help_is_quick_and_imports_nothing_heavy() -> None:
     code = HELP + "try:\n    main()\nexcept SystemExit:\n    print('\\nLOADED', *sys.modules)"
-    started = time.monotonic()
+    before = spent()
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    seconds = time.monotonic() - started
+    seconds = spent() - before
     text, _, loaded = done.stdout.partition("\nLOADED ")
     assert all(re.search(rf"^  {name} ", text, re.MULTILINE) for name in cli.COMMANDS)
     assert {"torch", "numpy", "pydantic", "rich", "trimesh"} & set(loaded.split()) == set()
     assert [name for name in loaded.split() if name.startswith("svbrdfgan.cli.")] == []
-    assert seconds < 2.0  # half a second is the promise; four times that on a busy machine
+    assert seconds < 1.0  # half a second is the promise; twice that on an old machine
+
+
+def spent() -> float:
+    """Processor seconds of the processes that were waited for; other work on the machine adds none."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def test_the_help_of_no_command_imports_torch() -> None:
@@ -80,6 +86,12 @@ def test_an_interrupt_is_quiet(command: SimpleNamespace) -> None:
     command.error = KeyboardInterrupt()
     result = CliRunner().invoke(cli.main, ["demo"])
     assert (result.exit_code, result.output) == (130, "")
+
+
+def test_what_the_system_refuses_is_one_sentence(command: SimpleNamespace) -> None:
+    command.error = PermissionError(13, "Permission denied", "/data/out")
+    result = CliRunner().invoke(cli.main, ["demo"])
+    assert (result.exit_code, result.stderr) == (1, "Error: Permission denied (/data/out).\n")
 
 
 def test_usage_errors_exit_with_2() -> None:

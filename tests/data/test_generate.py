@@ -17,8 +17,11 @@ from typing import Any
 import pytest
 import torch
 
+from svbrdfgan.choose import Choice
+from svbrdfgan.data import studio
 from svbrdfgan.data.ahead import baked
-from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.data.config import DatasetConfig, PluginChoice
+from svbrdfgan.data.distributions import Normal
 from svbrdfgan.data.estimate import estimate, preview
 from svbrdfgan.data.exemplars import load_exemplars, load_picture
 from svbrdfgan.data.generate import exemplar_paths, generate, missing, render_scene
@@ -107,7 +110,7 @@ def test_larger_environments_are_shrunk_and_keep_their_mean(
 def test_a_picture_is_its_scene_rendered_again(tiny_dataset: Path) -> None:
     picture, record = exemplar_paths(tiny_dataset, "train", 4)
     scene = Scene.load(record)
-    rendering = render_scene(Studio(tiny_dataset, keep=False), resolve_renderer(scene.renderer), scene)
+    rendering = render_scene(Studio(tiny_dataset, keep=False), resolve_renderer(scene.renderer)[0], scene)
     stored = load_picture(picture)
     assert torch.equal(stored[..., :3], rendering.image.half())
     assert torch.equal(stored[..., 3], rendering.coverage.half())
@@ -129,7 +132,7 @@ def test_only_what_is_missing_is_made(dataset_copy: Path, tiny_dataset: Path, co
 def test_killed_in_the_middle_it_goes_on(tmp_path: Path, tiny_dataset: Path, config: DatasetConfig) -> None:
     folder = tmp_path / "dataset"
     process = subprocess.Popen(maker(config, folder), stderr=subprocess.DEVNULL)
-    while process.poll() is None and len(list(folder.glob("train/*.json"))) < 2:
+    while process.poll() is None and len(list(folder.glob("train/0*.json"))) < 2:
         time.sleep(0.005)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
@@ -184,11 +187,81 @@ def test_processes_share_out_one_list(
     assert list(missing(plan, dataset_copy)) == []
 
 
+def test_what_auto_chose_is_recorded(tmp_path: Path, dataset_data: Data, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(studio, "choose_renderer", lambda device: Choice("warp", {"device": device}))
+    data = dataset_data(renderer="auto", image=[8, 8], spp=1, splits={"train": {"views": 1}})
+    generate(validate(DatasetConfig, data, "here"), tmp_path, base=Path())
+    chosen = Scene.load(exemplar_paths(tmp_path, "train", 0)[1]).renderer
+    assert chosen == PluginChoice(name="warp"), "without the device, which another machine may lack"
+
+
+@pytest.mark.parametrize("split", ["validation", "test"])
+def test_a_mesh_that_is_trained_on_is_not_scored(split: str, tmp_path: Path, dataset_data: Data) -> None:
+    shared = {"meshes": {"procedural": {"count": 2, "seed": 1}}, "views": 1}
+    declared = validate(DatasetConfig, dataset_data(splits={split: shared}), "here")
+    with pytest.raises(ConfigError, match=rf"'sedan_100003' is in the splits train and {split}.*another seed"):
+        make_plan(declared, tmp_path, Path())
+    assert not (tmp_path / "dataset.json").exists()
+
+
+def test_files_that_match_later_are_told(tmp_path: Path, dataset_data: Data, caplog: pytest.LogCaptureFixture) -> None:
+    vehicle = build_vehicle(sample_vehicle("van", 5))
+    save_mesh_glb(tmp_path / "cars" / "one.glb", vehicle)
+    data = dataset_data(splits={"train": {"meshes": {"files": ["cars/*.glb"], "procedural": None}}})
+    declared = validate(DatasetConfig, data, "here")
+    plan = make_plan(declared, tmp_path / "data", tmp_path)
+    assert make_plan(declared, tmp_path / "data", tmp_path) == plan
+    assert not caplog.messages
+    save_mesh_glb(tmp_path / "cars" / "two.glb", vehicle)
+    assert make_plan(declared, tmp_path / "data", tmp_path) == plan
+    assert "was begun without two, which train files match now" in caplog.text
+    shutil.rmtree(tmp_path / "cars")
+    assert make_plan(declared, tmp_path / "data", tmp_path) == plan, "the folder has copies"
+
+
 def test_another_configuration_is_refused(dataset_copy: Path, dataset_data: Data) -> None:
     other = validate(DatasetConfig, dataset_data(seed=4), "here")
-    with pytest.raises(ConfigError, match="another configuration; choose another folder") as caught:
+    with pytest.raises(ConfigError, match=r"another configuration \(seed\); choose another folder") as caught:
         generate(other, dataset_copy, base=Path())
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_what_made_nothing_can_be_corrected_in_its_folder(tmp_path: Path, dataset_data: Data) -> None:
+    data = dataset_data(image=[8, 8], spp=1, splits={"train": {"views": 1}})
+    wrong = validate(DatasetConfig, data | {"learnable": {"include": ["Bodyy"]}}, "here")
+    with pytest.raises(AssetError, match="no visible part is learnable"):
+        generate(wrong, tmp_path, base=Path())
+    right = validate(DatasetConfig, data, "here")
+    assert generate(right, tmp_path, base=Path()).config == right
+    with pytest.raises(ConfigError, match=r"another configuration \(learnable\.include\)"):
+        generate(wrong, tmp_path, base=Path())
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"camera": {"distance": -1}}, "camera.distance: -1.0 is not allowed; wanted numbers at least 0.05"),
+        (
+            {"camera": {"elevation_degrees": {"uniform": [5, 200]}}},
+            "200.0 is not allowed; wanted numbers from -89",
+        ),
+        ({"camera": {"vertical_fov_degrees": {"choice": [35, 0]}}}, "wanted numbers from 1 to 170"),
+        ({"environment_brightness": -1}, "environment_brightness: -1.0 is not allowed"),
+        ({"weathering": {"amount": 2}}, "weathering.amount: 2.0 is not allowed; wanted numbers from 0 to 1"),
+        ({"paint": [2, 0, 0]}, "paint: (2.0, 0.0, 0.0) is not allowed"),
+        ({"maps": {"roughness": 7}}, "maps.roughness: 7.0 is not allowed"),
+    ],
+)
+def test_numbers_that_no_picture_could_have_are_told(changes: dict[str, Any], said: str, dataset_data: Data) -> None:
+    with pytest.raises(ConfigError) as caught:
+        validate(DatasetConfig, dataset_data(**changes), "here")
+    (line,) = str(caught.value).splitlines()
+    assert said in line
+
+
+def test_tails_of_a_normal_distribution_are_clamped(dataset_data: Data) -> None:
+    declared = dataset_data(camera={"elevation_degrees": {"normal": [80.0, 40.0]}})
+    assert validate(DatasetConfig, declared, "here").camera.elevation_degrees == Normal(normal=(80.0, 40.0))
 
 
 def test_a_changed_environment_is_told(dataset_copy: Path, config: DatasetConfig) -> None:
@@ -238,6 +311,12 @@ def test_a_pattern_without_a_match_is_told(tmp_path: Path, dataset_data: Data) -
     with pytest.raises(ConfigError, match=r"no file matches 'cars/\*\.glb'"):
         make_plan(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
     assert not (tmp_path / "out" / "dataset.json").exists()
+
+
+def test_what_is_no_pattern_is_told(tmp_path: Path, dataset_data: Data) -> None:
+    data = dataset_data(splits={"train": {"meshes": {"files": [""]}}})
+    with pytest.raises(ConfigError, match=r"'' is not a shell pattern of files"):
+        make_plan(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
 
 
 @pytest.mark.parametrize("split", ["train", "validation"])
@@ -293,6 +372,15 @@ def test_an_estimate_is_near_and_leaves_nothing(tmp_path: Path, tiny_dataset: Pa
     assert 0 < needs.seconds < 600
     assert needs.memory > needs.transport > 0
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_estimate_counts_the_layers_that_differ(dataset_data: Data) -> None:
+    one, many = (
+        estimate(validate(DatasetConfig, dataset_data(spp=1, weathering={"amount": amount}), "here"), Path())
+        for amount in (1.0, {"uniform": [0.5, 1.0]})
+    )
+    layer, more = 32 * 32 * 4 * 4, many.exemplars - many.meshes
+    assert more * layer <= many.memory - one.memory < more * (layer + 4096)
 
 
 def test_a_preview_is_the_first_exemplar_beside_its_clean_twin(tiny_dataset: Path, config: DatasetConfig) -> None:
