@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from svbrdfgan.data.subject import Subject, make_subject
     from svbrdfgan.errors import SvbrdfganError
     from svbrdfgan.evaluation import evaluate
-    from svbrdfgan.export import write_weathered
+    from svbrdfgan.export import write_picture, write_weathered
     from svbrdfgan.io import load_environment, load_mesh, save_image
     from svbrdfgan.plugins import load_embedding, load_renderer
     from svbrdfgan.procedural import build_sky, build_vehicle, sample_sky, sample_vehicle
@@ -79,6 +79,7 @@ __all__ = [
     "train",
     "train_config",
     "weather",
+    "write_picture",
     "write_report",
     "write_weathered",
 ]
@@ -103,7 +104,7 @@ _MODULES = {
     "evaluation": ("evaluate",),
     "report": ("write_report",),
     "apply": ("paint",),
-    "export": ("write_weathered",),
+    "export": ("write_picture", "write_weathered"),
     "yaml_files": ("load_yaml",),
     "errors": ("SvbrdfganError",),
 }

@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.compositing import RGBA
+from svbrdfgan.compositing import RGBA, over
 from svbrdfgan.data.subject import Subject
-from svbrdfgan.io import linear_from_srgb, save_glb, save_texture
-from svbrdfgan.types import Materials
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io import linear_from_srgb, save_glb, save_image, save_texture
+from svbrdfgan.protocols import Renderer
+from svbrdfgan.types import Camera, Environment, Materials, View
+
+_PICTURE = (480, 360)
+_FOV = math.radians(30.0)
+_FROM = ((35.0, 12.0), (215.0, 12.0))
+"""Azimuth and elevation, degrees: the nose and one side, the tail and the other."""
+_MARGIN = 1.08
+_BRIGHTNESS, _GREY = 0.8, 0.35
 
 
 def write_weathered(
@@ -42,6 +54,52 @@ def write_weathered(
     alone = path.with_suffix(".layer.png")
     save_texture(alone, layer[..., :RGBA])
     return alone
+
+
+def write_picture(
+    path: Path,
+    subject: Subject,
+    layer: Float[Tensor, "rows cols channels"],
+    renderer: Renderer[Any],
+    environment: Float[Tensor, "rows cols 3"],
+    maps: Mapping[str, float] | None = None,
+    *,
+    spp: int = 64,
+) -> None:
+    """Renders the weathered surface from the front and from behind, side by side before grey.
+
+    Args:
+        path: .png or .jpg.
+        environment: linear radiance all around; brightened or dimmed to one mean for all.
+        maps: those that the layer paints beside base_color, with what lies beneath it.
+
+    Raises:
+        AssetError: the layer has channels for other maps, the light is black, or the disk refuses.
+        UnsupportedError: the renderer does not read one of the maps.
+    """
+    mean = float(environment.mean())
+    if mean <= 0:
+        raise AssetError("the environment is black: nothing would be seen.")
+    light = Environment(environment * (_BRIGHTNESS / mean))
+    prepared, materials = renderer.prepare(subject.surface), subject.materials({}, layer, maps)
+    grey = torch.full((3,), _GREY, device=renderer.device)
+    pictures = []
+    for azimuth, elevation in _FROM:
+        camera = _camera(subject, azimuth, elevation)
+        rendering = renderer.render(prepared, materials, View(camera, light, *_PICTURE), spp=spp, seed=0)
+        pictures.append(over(rendering.image, rendering.coverage, grey))
+    save_image(path, torch.cat(pictures, dim=1).cpu())
+
+
+def _camera(subject: Subject, azimuth: float, elevation: float) -> Camera:
+    """Angles in degrees; as near to the middle of the surface's box as leaves all of it in the picture."""
+    points = subject.surface.positions
+    x, y, z = ((points.min(axis=0) + points.max(axis=0)) / 2).tolist()
+    angles = math.radians(azimuth), math.radians(elevation)
+    right, top, nearer = (Camera.orbit(*angles, 1.0, (x, y, z), _FOV).basis() @ (points - [x, y, z]).T).astype(float)
+    tangent, (width, height) = math.tan(_FOV / 2), _PICTURE
+    beside = np.maximum(abs(right) * height / width, abs(top)) / tangent
+    return Camera.orbit(*angles, _MARGIN * float((beside + nearer).max()), (x, y, z), _FOV)
 
 
 def _gloss(subject: Subject, materials: Materials) -> dict[int, Float[Tensor, "rows cols 2"]]:

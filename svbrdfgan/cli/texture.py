@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from svbrdfgan.cli.options import learnable_option, require_apart, selected, tell_parts
+from svbrdfgan.cli.picture import photographer, picture_options
 
 
 @click.command("texture")
@@ -14,7 +15,16 @@ from svbrdfgan.cli.options import learnable_option, require_apart, selected, tel
 @click.option("--model", "run", required=True, type=click.Path(path_type=Path), help="Folder of a training run.")
 @learnable_option
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="GLB to write.")
-def command(mesh: Path, run: Path, learnable: tuple[str, ...], out: Path) -> None:
+@picture_options
+def command(
+    mesh: Path,
+    run: Path,
+    learnable: tuple[str, ...],
+    out: Path,
+    picture: Path | None,
+    environment: Path | None,
+    renderer: str,
+) -> None:
     """Weather MESH with the generator of a run; write it as GLB, and the layer by itself as PNG beside it."""
     from svbrdfgan.apply import paint
     from svbrdfgan.export import write_weathered
@@ -23,7 +33,9 @@ def command(mesh: Path, run: Path, learnable: tuple[str, ...], out: Path) -> Non
 
     require_apart(mesh, out)
     model = load_model(run)
+    maps = model.config.maps
+    photograph = photographer(picture, environment, renderer, maps)
     subject, layer = paint(load_mesh(mesh), model, selected(learnable))
-    alone = write_weathered(out, subject, layer, model.config.maps)
+    written = [out, write_weathered(out, subject, layer, maps), *photograph(subject, layer)]
     tell_parts(subject)
-    click.echo(f"{out}\n{alone}")
+    click.echo("\n".join(map(str, written)))

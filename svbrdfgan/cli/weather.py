@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from svbrdfgan.cli.options import key_values, learnable_option, require_apart, selected, tell_parts
+from svbrdfgan.cli.picture import photographer, picture_options
 
 
 @click.command("weather")
@@ -24,6 +25,7 @@ from svbrdfgan.cli.options import key_values, learnable_option, require_apart, s
     "--resolution", default=512, show_default=True, type=click.IntRange(16, 8192), help="Texels along a side."
 )
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="GLB to write.")
+@picture_options
 def command(
     mesh: Path,
     recipe: str,
@@ -35,6 +37,9 @@ def command(
     learnable: tuple[str, ...],
     resolution: int,
     out: Path,
+    picture: Path | None,
+    environment: Path | None,
+    renderer: str,
 ) -> None:
     """Weather MESH by a recipe; write it as GLB, and the layer by itself as PNG beside it."""
     from svbrdfgan.data.config import PartSelection
@@ -48,8 +53,10 @@ def command(
     require_apart(mesh, out)
     bare = map_values(key_values(maps), "--map")
     chosen = recipe_from_options(recipe, {"amount": amount, "seed": seed, **key_values(options)})
+    photograph = photographer(picture, environment, renderer, bare)
     selection = selected(learnable) or PartSelection()
     subject = make_subject(load_mesh(mesh), load_embedding(embedding), resolution, selection)
-    alone = write_weathered(out, subject, weather(subject.surface, subject.buffer, chosen, bare), bare)
+    layer = weather(subject.surface, subject.buffer, chosen, bare)
+    written = [out, write_weathered(out, subject, layer, bare), *photograph(subject, layer)]
     tell_parts(subject)
-    click.echo(f"{out}\n{alone}")
+    click.echo("\n".join(map(str, written)))

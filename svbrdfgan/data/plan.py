@@ -20,7 +20,7 @@ from svbrdfgan.data.scene import AssetRef
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io import load_environment, load_mesh, save_environment, save_mesh_glb
 from svbrdfgan.io.records import load_json, save_record
-from svbrdfgan.options import StrictModel, differing_keys, validate
+from svbrdfgan.options import StrictModel, differences, validate
 from svbrdfgan.procedural import build_room, build_sky, build_vehicle, sample_sky, sample_vehicle
 from svbrdfgan.types import Mesh
 
@@ -77,7 +77,7 @@ def make_plan(config: DatasetConfig, folder: Path, base: Path) -> DatasetPlan:
             _tell_of_new_files(plan, folder, base)
             return plan
         if any(next((folder / split).glob("*.json"), None) for split in plan.config.splits):
-            changed = ", ".join(differing_keys(plan.config.model_dump(), config.model_dump()))
+            changed = "; ".join(differences(plan.config.model_dump(), config.model_dump()))
             raise ConfigError(
                 f"{folder} holds a data set of another configuration ({changed}); choose another folder or delete it."
             )

@@ -17,7 +17,7 @@ from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.records import load_record, save_record
 from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.networks import Generator
-from svbrdfgan.options import StrictModel, differing_keys, validate
+from svbrdfgan.options import StrictModel, differences, validate
 from svbrdfgan.training.config import GeneratorConfig, TrainConfig
 from svbrdfgan.training.state import make_generator
 
@@ -80,9 +80,8 @@ class RunConfig(StrictModel):
                 where a loss was not finite (the rates and loss.r1) differs.
         """
         mine, its = (config.model_dump(exclude=_FREE) for config in (self, other))
-        changed = differing_keys(mine, its)
-        if changed:
-            raise ConfigError(f"the run was started with other settings ({', '.join(changed)}); start a new one.")
+        if changed := differences(mine, its):
+            raise ConfigError(f"the run was started with other settings ({'; '.join(changed)}); start a new one.")
 
 
 @dataclass(frozen=True, eq=False)

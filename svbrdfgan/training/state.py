@@ -158,6 +158,11 @@ def checkpoints(folder: Path) -> list[Path]:
     return sorted((folder / "checkpoints").glob("step_*"))
 
 
+def step_of(checkpoint: Path) -> int:
+    """The generator updates that led to it."""
+    return int(checkpoint.name.removeprefix("step_"))
+
+
 def _read(checkpoint: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """Its tensors and its counters."""
     try:

@@ -27,7 +27,7 @@ from svbrdfgan.training.feed import Feed, make_feed, make_seen
 from svbrdfgan.training.interrupt import interrupts_wait
 from svbrdfgan.training.journal import Journal
 from svbrdfgan.training.run import CONFIG, MODEL, ORACLE, ORACLE_NOTES, RunConfig, save_generator, versions
-from svbrdfgan.training.state import State, checkpoint_path, checkpoints
+from svbrdfgan.training.state import State, checkpoint_path, checkpoints, step_of
 from svbrdfgan.training.step import Diagnostics, chance, training_step
 
 _REPORT_EVERY = 50
@@ -103,6 +103,11 @@ def _resolve(config: TrainConfig, run: Path, base: Path, resume: bool) -> RunCon
         if not resume:
             raise ConfigError(f"{run} holds a run already; give --resume to go on with it, or another folder.")
         RunConfig.load(run).require_same(resolved)
+        done = step_of(checkpoints(run)[-1])
+        if config.steps < done:
+            raise ConfigError(
+                f"steps is {config.steps}, and {run} has made {done} already: name more, or start a new run."
+            )
     else:
         if resume:
             log.warning("%s has no checkpoint to go on from: it begins anew", run)

@@ -17,7 +17,7 @@ from PIL import Image
 
 from svbrdfgan.cli import main
 from svbrdfgan.data.exemplars import load_picture
-from svbrdfgan.io import load_mesh, save_mesh_glb
+from svbrdfgan.io import load_mesh, save_environment, save_mesh_glb
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
 
 Data = Callable[..., dict[str, Any]]
@@ -216,6 +216,68 @@ def test_texture(run: Path, car: Path, tmp_path: Path) -> None:
     told = succeeded(invoke("texture", car, "--model", run, "-o", tmp_path / "painted.glb"))
     assert told.splitlines() == [str(tmp_path / "painted.glb"), str(tmp_path / "painted.layer.png")]
     assert_painted(tmp_path / "painted.glb", car)
+
+
+@pytest.fixture
+def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("svbrdfgan.export._PICTURE", (48, 36))
+
+
+@pytest.mark.usefixtures("small_pictures")
+def test_a_picture_beside_the_glb(car: Path, run: Path, tmp_path: Path) -> None:
+    look = ("--renderer", "numpy", "--picture")
+    for words in (("weather", car, "--resolution", 32), ("texture", car, "--model", run)):
+        told = succeeded(invoke(*words, "-o", tmp_path / "car.glb", *look, tmp_path / f"{words[0]}.png"))
+        assert told.splitlines()[-1] == str(tmp_path / f"{words[0]}.png")
+        with Image.open(tmp_path / f"{words[0]}.png") as picture:
+            assert picture.size == (96, 36)
+            pixels = np.asarray(picture)
+        front, back = pixels[:, :48].astype(int), pixels[:, 48:].astype(int)
+        grey = pixels[0, 0]
+        assert grey[0] == grey[1] == grey[2]
+        for view in (front, back):
+            shown = (abs(view - grey) > 3).any(axis=-1)
+            assert not shown[[0, -1]].any()
+            assert not shown[:, [0, -1]].any()
+            assert 0.2 < shown.mean() < 0.8
+        assert abs(front - back).mean() > 2
+
+
+@pytest.mark.usefixtures("small_pictures")
+def test_a_picture_by_another_light_and_with_roughness(car: Path, tmp_path: Path) -> None:
+    words = ("weather", car, "--resolution", 32, "-o", tmp_path / "car.glb", "--picture", tmp_path / "car.jpg")
+    red = torch.zeros(8, 16, 3)
+    red[..., 0] = 1.0
+    save_environment(tmp_path / "red.exr", red)
+    own = ("--renderer", "numpy", "--map", "roughness=0.2", "--environment", tmp_path / "red.exr")
+    succeeded(invoke(*words, *own))
+    with Image.open(tmp_path / "car.jpg") as picture:
+        pixels = np.asarray(picture).astype(int)
+    assert (pixels[..., 0] - pixels[..., 1]).max() > 50
+    save_environment(tmp_path / "black.exr", 0 * red)
+    failed(invoke(*words, "--renderer", "numpy", "--environment", tmp_path / "black.exr"), "the environment is black")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--picture", "car.bmp"), "--picture car.bmp: wanted .png or .jpg"),
+        (("--environment", "sky.hdr"), "--environment and --renderer go with --picture"),
+        (("--picture", "car.png", "--renderer", "warpp"), "did you mean 'warp'"),
+        (("--picture", "car.png", "--environment", "sky.hdr"), "sky.hdr does not exist"),
+        (
+            ("--picture", "car.png", "--renderer", "warp", "--map", "roughness=0.2"),
+            "WarpRenderer cannot render roughness",
+        ),
+    ],
+)
+def test_a_picture_that_cannot_be_is_refused_at_once(
+    words: tuple[str, ...], said: str, car: Path, tmp_path: Path
+) -> None:
+    result = invoke("weather", car, "-o", tmp_path / "car.glb", *words)
+    assert result.exit_code != 0
+    assert said in result.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("index", [0, 5])

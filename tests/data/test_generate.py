@@ -221,7 +221,7 @@ def test_files_that_match_later_are_told(tmp_path: Path, dataset_data: Data, cap
 
 def test_another_configuration_is_refused(dataset_copy: Path, dataset_data: Data) -> None:
     other = validate(DatasetConfig, dataset_data(seed=4), "here")
-    with pytest.raises(ConfigError, match=r"another configuration \(seed\); choose another folder") as caught:
+    with pytest.raises(ConfigError, match=r"another configuration \(seed 3, not 4\); choose another folder") as caught:
         generate(other, dataset_copy, base=Path())
     assert len(str(caught.value).splitlines()) == 1
 

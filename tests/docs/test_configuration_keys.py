@@ -1,5 +1,6 @@
 """The tables of docs/quickstart.md name every key of the two configuration files, and no other, with its default."""
 
+import dataclasses
 import re
 import typing
 from collections.abc import Iterator
@@ -14,9 +15,11 @@ from svbrdfgan.data.config import DatasetConfig, PluginChoice
 from svbrdfgan.data.distributions import Choice, Fixed, Normal, Uniform
 from svbrdfgan.options import validate
 from svbrdfgan.training.config import TrainConfig, train_config
+from svbrdfgan.weathering import RECIPES
 from svbrdfgan.yaml_files import apply_overrides
 
 ROW = re.compile(r"^\| `([^`]+)` \| (.+?) \| .+ \|$", re.MULTILINE)
+OPTION = re.compile(r"^\| ([a-z-]* ?)\| `(\w+)` \| `([\d.]+)` \| ([\d.]+) to ([\d.]+) \|", re.MULTILINE)
 DISTRIBUTIONS = (Fixed, Choice, Uniform, Normal)
 
 # As little as has every mapping below which a documented key lies.
@@ -84,6 +87,21 @@ def test_defaults_are_those_of_the_code(tables: tuple[dict[str, str], dict[str, 
     for table, data, dataset in ((tables[0], DATASET, True), (tables[1], TRAIN, False)):
         wrong = [k for k, default in table.items() if default.startswith("`") and not same(k, default, data, dataset)]
         assert wrong == []
+
+
+def test_every_option_of_every_recipe_is_explained(repository: Path) -> None:
+    text = (repository / "docs" / "quickstart.md").read_text(encoding="utf-8")
+    told, recipe = {}, ""
+    for name, option, *numbers in re.findall(OPTION, text):
+        recipe = name.strip() or recipe
+        for each in RECIPES if recipe == "all" else [recipe]:
+            told[each, option] = tuple(map(float, numbers))
+    assert told == {
+        (name, spec.name): (spec.default, spec.metadata["least"], spec.metadata["greatest"])
+        for name, recipe_type in RECIPES.items()
+        for spec in dataclasses.fields(recipe_type)
+        if spec.name not in ("amount", "seed")  # keys of their own
+    }
 
 
 def test_the_required_keys_are_required(tables: tuple[dict[str, str], dict[str, str]]) -> None:

@@ -28,7 +28,7 @@ from svbrdfgan.training import trainer
 from svbrdfgan.training.config import GeneratorConfig, TrainConfig, settled, train_config
 from svbrdfgan.training.journal import read_journal
 from svbrdfgan.training.run import MODEL, RunConfig, load_generator, load_model, save_generator
-from svbrdfgan.training.state import State, checkpoints
+from svbrdfgan.training.state import State, checkpoints, step_of
 from svbrdfgan.training.trainer import batch_indices, train
 
 Data = Callable[..., dict[str, Any]]
@@ -111,7 +111,7 @@ def test_killed_and_resumed_it_ends_with_the_same_weights(
         time.sleep(0.002)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    stopped_at = int(checkpoints(killed)[-1].name.removeprefix("step_"))
+    stopped_at = step_of(checkpoints(killed)[-1])
     assert 10 <= stopped_at < 70, "the process was not killed in the middle"
     state = train(config(**changes), killed, resume=True)
     assert state.step == 70
@@ -155,10 +155,10 @@ def test_a_run_is_not_overwritten(config: Callable[..., TrainConfig], tmp_path: 
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
-        ({"seed": 5}, r"train\.seed"),
-        ({"loss": {"r2": 0.5}}, r"train\.loss\.r2"),
-        ({"generator": {"width": 8}}, r"train\.generator\.width"),
-        ({"scenes": {"pool": 2}}, r"train\.scenes\.pool"),
+        ({"seed": 5}, r"train\.seed 0, not 5"),
+        ({"loss": {"r2": 0.5}}, r"train\.loss\.r2 0.0, not 0.5"),
+        ({"generator": {"width": 8}}, r"train\.generator\.width 4, not 8"),
+        ({"scenes": {"pool": 2}}, r"train\.scenes\.pool 1, not 2"),
     ],
 )
 def test_other_settings_are_refused_by_name(
@@ -168,6 +168,14 @@ def test_other_settings_are_refused_by_name(
     with pytest.raises(ConfigError, match=rf"started with other settings \({key}\); start a new one"):
         train(config(**changes), tmp_path / "run", resume=True)
     assert RunConfig.load(tmp_path / "run").train == settled(config(steps=1), spp=8)
+
+
+def test_fewer_steps_than_were_made_are_refused(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    train(config(steps=4), tmp_path / "run")
+    with pytest.raises(ConfigError, match=r"steps is 3, and .*run has made 4 already"):
+        train(config(steps=3), tmp_path / "run", resume=True)
+    assert RunConfig.load(tmp_path / "run").train.steps == 4
+    assert train(config(steps=4), tmp_path / "run", resume=True).step == 4
 
 
 def poisoned(at: int) -> Callable[..., dict[str, Tensor]]:

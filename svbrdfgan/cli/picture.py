@@ -1,0 +1,58 @@
+"""`--picture` of `svbrdfgan weather` and `svbrdfgan texture`: the weathered mesh, seen from two sides."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+    from torch import Tensor
+
+    from svbrdfgan.data.subject import Subject
+
+Command = TypeVar("Command", bound=Callable[..., None])
+_SKY = 7
+
+
+def picture_options(command: Command) -> Command:
+    """Adds `picture`, `environment` and `renderer` to a command's options."""
+    path = click.Path(path_type=Path, dir_okay=False)
+    for option in (
+        click.option("--renderer", default="auto", show_default=True, help="With --picture: see `svbrdfgan backends`."),
+        click.option("--environment", default=None, type=path, help="With --picture: HDR or EXR; else a clouded sky."),
+        click.option("--picture", default=None, type=path, help="Render the mesh from two sides too: .png or .jpg."),
+    ):
+        command = option(command)
+    return command
+
+
+def photographer(
+    picture: Path | None, environment: Path | None, renderer: str, maps: Mapping[str, float]
+) -> Callable[[Subject, Float[Tensor, "rows cols channels"]], list[Path]]:
+    """What writes the picture, if one is wanted, and gives the paths written. What cannot work is refused at once."""
+    if picture is None:
+        if environment is not None or renderer != "auto":
+            raise click.UsageError("--environment and --renderer go with --picture.")
+        return lambda subject, layer: []
+    if picture.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise click.UsageError(f"--picture {picture}: wanted .png or .jpg.")
+
+    from svbrdfgan.data.config import PluginChoice
+    from svbrdfgan.data.studio import require_maps, resolve_renderer
+    from svbrdfgan.export import write_picture
+    from svbrdfgan.io import load_environment
+    from svbrdfgan.procedural import build_sky, sample_sky
+
+    chosen, _ = resolve_renderer(PluginChoice(name=renderer))
+    require_maps(chosen, maps)
+    light = build_sky(sample_sky(_SKY)) if environment is None else load_environment(environment)
+
+    def take(subject: Subject, layer: Float[Tensor, "rows cols channels"]) -> list[Path]:
+        write_picture(picture, subject, layer, chosen, light, maps)
+        return [picture]
+
+    return take
