@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
 from svbrdfgan.errors import PluginError
-from svbrdfgan.plugin_probe import probe
+from svbrdfgan.plugin_probe import Probe, probe
 from svbrdfgan.plugins import RENDERERS, Plugin, list_plugins
 
 RANKING: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -31,10 +31,16 @@ class Choice:
     options: Mapping[str, object]
 
 
-def choose_renderer(device: Literal["auto", "cpu", "cuda"] = "auto") -> Choice:
+def choose_renderer(
+    device: Literal["auto", "cpu", "cuda"] = "auto", maps: Collection[str] = (), *, differentiable: bool = False
+) -> Choice:
     """The first in `RANKING` that works on the device; "auto" is a GPU where some renderer works on one, else the CPU.
 
     Each candidate is tried in a process of its own until one works.
+
+    Args:
+        maps: those that it must read.
+        differentiable: whether it must have gradients for them, too.
 
     Raises:
         PluginError: none works, and why.
@@ -43,12 +49,23 @@ def choose_renderer(device: Literal["auto", "cpu", "cuda"] = "auto") -> Choice:
     for wanted in _devices() if device == "auto" else (device,):
         for plugin in _ranked(list_plugins(RENDERERS), wanted):
             outcome = probe(plugin, wanted)
-            if outcome.status == "ok":
+            reason = outcome.reason or _lack(outcome, maps, differentiable)
+            if reason is None:
                 log.info("renderer: %s on %s", plugin.title, wanted)
                 return Choice(plugin.name, outcome.options)
-            log.info("renderer %r is passed over on %s: %s", plugin.name, wanted, outcome.reason)
-            reasons.append(f"\n  {plugin.name} on {wanted}: {outcome.reason}")
+            log.info("renderer %r is passed over on %s: %s", plugin.name, wanted, reason)
+            reasons.append(f"\n  {plugin.name} on {wanted}: {reason}")
     raise PluginError(f"no installed renderer works on {device!r}:{''.join(reasons) or ' none is installed.'}")
+
+
+def _lack(outcome: Probe, maps: Collection[str], differentiable: bool) -> str | None:
+    """What a renderer that works cannot do of what is asked."""
+    able = outcome.capabilities or {}
+    for ability, needed in (("maps", True), ("differentiable", differentiable)):
+        lacking = sorted(set(maps) - set(able[ability])) if needed else []
+        if lacking:
+            return f"{', '.join(lacking)} {'is' if len(lacking) == 1 else 'are'} not in its {ability}."
+    return None
 
 
 def _devices() -> tuple[str, ...]:

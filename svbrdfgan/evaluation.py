@@ -143,7 +143,7 @@ def evaluate(
         raise AssetError(f"the run's data set is no longer {was}: say where it is, with --dataset, or make it anew.")
     config = model.config.train.model_copy(update={"scenes": ScenesConfig()})  # the exemplars' own
     fabric = Fabric(accelerator=device, devices=1, precision=auto_precision(device))
-    renderer, _ = resolve_renderer(config.renderer, "cuda" if fabric.device.type == "cuda" else "cpu")
+    renderer, _ = resolve_renderer(config.renderer, fabric.device, model.config.maps, differentiable=True)
     folder = Path(model.config.dataset_folder)
 
     shown.begin(f"light transport of the {split} scenes")

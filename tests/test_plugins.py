@@ -28,6 +28,7 @@ class Made:
 RENDERER = """
 import torch
 from svbrdfgan.protocols import RendererCapabilities
+both = frozenset({"base_color", "roughness"})
 class Made:
     capabilities = RendererCapabilities()
     device = torch.device("cpu")
@@ -302,6 +303,23 @@ class TestChoice:
         assert "'fast' is passed over on cpu" in caplog.text
         assert "SIGABRT" in caplog.text
         assert isinstance(load_renderer("able"), Renderer)
+
+    def test_one_without_the_maps_is_passed_over(
+        self, install: Install, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        for name, able in {"plain": "", "reads": "maps=both", "learns": "maps=both, differentiable=both"}.items():
+            install(name, RENDERER.replace("Capabilities()", f"Capabilities({able})"), group=RENDERERS)
+        monkeypatch.setattr(choose, "RANKING", dict.fromkeys(("cpu", "cuda"), ("plain", "reads", "learns")))
+        caplog.set_level(logging.INFO)
+        assert choose.choose_renderer("cpu").name == "plain"
+        assert choose.choose_renderer("cpu", ["roughness"]).name == "reads"
+        assert choose.choose_renderer("cpu", ["roughness"], differentiable=True).name == "learns"
+        assert "'plain' is passed over on cpu: roughness is not in its maps." in caplog.text
+        assert "'reads' is passed over on cpu: roughness is not in its differentiable." in caplog.text
+        three = tuple(find_plugin(RENDERERS, name) for name in ("plain", "reads", "learns"))
+        monkeypatch.setattr(choose, "list_plugins", lambda group: three)
+        with pytest.raises(PluginError, match=r"\n  learns on cpu: metallic, sheen are not in its maps\."):
+            choose.choose_renderer("cpu", ["sheen", "roughness", "metallic"])
 
     def test_none_works(self, install: Install, monkeypatch: pytest.MonkeyPatch) -> None:
         install("able", RENDERER, group=RENDERERS)

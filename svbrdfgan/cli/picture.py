@@ -42,13 +42,12 @@ def photographer(
         raise click.UsageError(f"--picture {picture}: wanted .png or .jpg.")
 
     from svbrdfgan.data.config import PluginChoice
-    from svbrdfgan.data.studio import require_maps, resolve_renderer
+    from svbrdfgan.data.studio import resolve_renderer
     from svbrdfgan.export import write_picture
     from svbrdfgan.io import load_environment
     from svbrdfgan.procedural import build_sky, sample_sky
 
-    chosen, _ = resolve_renderer(PluginChoice(name=renderer))
-    require_maps(chosen, maps)
+    chosen, _ = resolve_renderer(PluginChoice(name=renderer), maps=maps)
     light = build_sky(sample_sky(_SKY)) if environment is None else load_environment(environment)
 
     def take(subject: Subject, layer: Float[Tensor, "rows cols channels"]) -> list[Path]:

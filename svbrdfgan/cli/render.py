@@ -38,7 +38,7 @@ def command(
     chosen = described.renderer if renderer is None else PluginChoice(name=renderer, options=key_values(options))
     described = described.model_copy(update={"spp": spp or described.spp})
     studio = Studio(assets or _asset_folder(scene, described), keep=False)
-    rendering = render_scene(studio, resolve_renderer(chosen)[0], described)
+    rendering = render_scene(studio, resolve_renderer(chosen, maps=described.maps)[0], described)
     if out.suffix.lower() == ".exr":
         save_exemplar(out, rendering)
     elif out.suffix.lower() in (".jpg", ".jpeg"):

@@ -45,7 +45,7 @@ def estimate(config: DatasetConfig, base: Path) -> Needs:
         samplers = [plan.sampler(split) for split in config.splits]
         exemplars, meshes = sum(map(len, samplers)), sum(len(sampler.meshes) for sampler in samplers)
         assets = _bytes_in(folder)
-        sampler, renderer = plan.sampler("train"), resolve_renderer(config.renderer)[0]
+        sampler, renderer = plan.sampler("train"), resolve_renderer(config.renderer, maps=config.maps)[0]
         scenes = [sampler.draw(sampler.mesh(0), np.random.default_rng(number)) for number in range(_FEW + 1)]
         studio = Studio(folder)
         began = time.monotonic()
@@ -79,7 +79,7 @@ def preview(config: DatasetConfig, base: Path) -> Float[Tensor, "height width 3"
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         scene = make_plan(config, folder, base).sampler("train").scene(0)
-        studio, (renderer, _) = Studio(folder, keep=False), resolve_renderer(config.renderer)
+        studio, (renderer, _) = Studio(folder, keep=False), resolve_renderer(config.renderer, maps=config.maps)
         pair = [render_scene(studio, renderer, s) for s in (scene, scene.model_copy(update={"weathering": None}))]
     grey = torch.tensor([0.18, 0.18, 0.18], device=renderer.device)
     return torch.cat([over(picture.image, picture.coverage, grey) for picture in pair], dim=1).cpu()

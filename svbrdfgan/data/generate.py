@@ -14,7 +14,7 @@ from svbrdfgan.data.ahead import baked
 from svbrdfgan.data.config import DatasetConfig, Split
 from svbrdfgan.data.plan import DatasetPlan, make_plan
 from svbrdfgan.data.scene import Scene
-from svbrdfgan.data.studio import Studio, require_maps, resolve_renderer
+from svbrdfgan.data.studio import Studio, resolve_renderer
 from svbrdfgan.display import Display, Silent
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.exr import save_exr
@@ -95,7 +95,7 @@ def require_plugins(config: DatasetConfig) -> None:
         PluginError: one of them is unknown, or does not work here.
     """
     if config.renderer.name != "auto" or config.maps:
-        require_maps(resolve_renderer(config.renderer)[0], config.maps)
+        resolve_renderer(config.renderer, maps=config.maps)
     load_embedding(config.embedding.name, config.embedding.options)
     if config.weathering is None:
         raise ConfigError("weathering is null, as in a data set of imported pictures: name a recipe.")
@@ -119,7 +119,7 @@ def _work(
     workers: int,
     display: Display,
 ) -> None:
-    renderer, chosen = resolve_renderer(plan.config.renderer, "cuda" if fabric.device.type == "cuda" else "cpu")
+    renderer, chosen = resolve_renderer(plan.config.renderer, fabric.device, plan.config.maps)
     studio = Studio(folder)
     display.begin("exemplars", sum(map(len, by_mesh)))
     mine = by_mesh[fabric.global_rank :: fabric.world_size]

@@ -5,11 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -31,19 +32,37 @@ _LAYERS = 64
 
 
 def resolve_renderer(
-    choice: PluginChoice, device: Literal["auto", "cpu", "cuda"] = "auto"
+    choice: PluginChoice,
+    device: torch.device | None = None,
+    maps: Collection[str] = (),
+    *,
+    differentiable: bool = False,
 ) -> tuple[Renderer[Any], PluginChoice]:
     """The renderer that a configuration names, `auto` being the best one that works; and the choice, to be recorded.
 
     What `auto` chose is recorded by name, without the device, so that another machine can render the same.
+
+    Args:
+        device: where `auto` is to run; None leaves that to it, too.
+        maps: those that layers paint beside base_color.
+        differentiable: whether gradients for them are wanted.
+
+    Raises:
+        ConfigError: the renderer that is named cannot do that.
+        PluginError: it is unknown or does not work here; or, of `auto`, none does.
     """
     if choice.name == "auto":
-        best = choose_renderer(device)
+        kind: Literal["auto", "cpu", "cuda"] = "auto"
+        if device is not None:
+            kind = "cuda" if device.type == "cuda" else "cpu"
+        best = choose_renderer(kind, maps, differentiable=differentiable)
         return load_renderer(best.name, best.options), PluginChoice(name=best.name)
-    return load_renderer(choice.name, choice.options), choice
+    renderer = load_renderer(choice.name, choice.options)
+    require_maps(renderer, maps, differentiable=differentiable)
+    return renderer, choice
 
 
-def require_maps(renderer: Renderer[Any], maps: Iterable[str], *, differentiable: bool = False) -> None:
+def require_maps(renderer: Renderer[Any], maps: Collection[str], *, differentiable: bool = False) -> None:
     """Refuses a renderer that does not read these maps, or has no gradients for them where those are wanted.
 
     Raises:

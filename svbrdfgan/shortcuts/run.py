@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import torch
@@ -96,15 +95,14 @@ def _open(config: TrainConfig, base: Path, display: Display) -> tuple[Darkroom, 
     """What makes the pictures, and in what they differ."""
     require_device(config.device)
     device = Fabric(accelerator=config.device, devices=1).device
-    kind: Literal["cuda", "cpu"] = "cuda" if device.type == "cuda" else "cpu"
     folder = (base / config.dataset).resolve()
     plan = DatasetPlan.load(folder)
     config = settled(config, plan.config.spp)
-    trained_with, chosen_renderer = resolve_renderer(config.renderer, kind)
+    trained_with, chosen_renderer = resolve_renderer(config.renderer, device, plan.config.maps, differentiable=True)
     require_possible(config, plan, trained_with)
     exemplars = load_exemplars(folder, "train")
     recorded = exemplars.scenes[0].renderer
-    made_with = trained_with if recorded == chosen_renderer else resolve_renderer(recorded, kind)[0]
+    made_with = trained_with if recorded == chosen_renderer else resolve_renderer(recorded, device)[0]
     _require_known(exemplars)
     chosen = np.unique(np.linspace(0, len(exemplars) - 1, min(len(exemplars), _MOST)).round().astype(int)).tolist()
     darkroom = Darkroom(config, exemplars, chosen, trained_with, made_with, device, base, display.advance)

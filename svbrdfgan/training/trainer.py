@@ -158,7 +158,7 @@ def _train_apart(fabric: Fabric, resolved: RunConfig, run: Path, base: Path) -> 
 def _open(fabric: Fabric, resolved: RunConfig, run: Path, base: Path, display: Display) -> _Session:
     config, device = resolved.train, fabric.device
     folder = Path(resolved.dataset_folder)
-    renderer, chosen = resolve_renderer(config.renderer, "cuda" if device.type == "cuda" else "cpu")
+    renderer, chosen = resolve_renderer(config.renderer, device, resolved.maps, differentiable=True)
     if fabric.is_global_zero:
         origin = find_plugin(RENDERERS, chosen.name).origin
         made_by = {"renderer": f"{chosen.name} ({origin})"}

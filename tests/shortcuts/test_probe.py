@@ -102,7 +102,7 @@ def test_another_renderer_is_told_and_named(training: Training, monkeypatch: pyt
             return Rendering(rendering.image * 1.5, rendering.coverage)
 
     makers = {"warp": lambda: Brighter(device="cpu"), "auto": lambda: load_renderer("warp", {"device": "cpu"})}
-    monkeypatch.setattr(run, "resolve_renderer", lambda choice, device: (makers[choice.name](), choice))
+    monkeypatch.setattr(run, "resolve_renderer", lambda choice, *_, **__: (makers[choice.name](), choice))
     diagnosis = probe_shortcuts(training(renderer="auto", scenes={"camera": {}})).diagnosis
     assert (tried(diagnosis), told(diagnosis)) == ({"pose", "renderer"}, {"renderer"})
     assert (
