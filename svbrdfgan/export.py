@@ -19,8 +19,8 @@ from svbrdfgan.io import linear_from_srgb, save_glb, save_image, save_texture
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.types import Camera, Environment, Materials, View
 
-_PICTURE = (480, 360)
-_FOV = math.radians(30.0)
+_PICTURE = (480, 300)
+_FOV = math.radians(22.0)
 _FROM = ((35.0, 12.0), (215.0, 12.0))
 """Azimuth and elevation, degrees: the nose and one side, the tail and the other."""
 _MARGIN = 1.08
@@ -92,14 +92,18 @@ def write_picture(
 
 
 def _camera(subject: Subject, azimuth: float, elevation: float) -> Camera:
-    """Angles in degrees; as near to the middle of the surface's box as leaves all of it in the picture."""
+    """Angles in degrees. The surface is in the middle of the picture and as large as it can be there."""
     points = subject.surface.positions
-    x, y, z = ((points.min(axis=0) + points.max(axis=0)) / 2).tolist()
-    angles = math.radians(azimuth), math.radians(elevation)
-    right, top, nearer = (Camera.orbit(*angles, 1.0, (x, y, z), _FOV).basis() @ (points - [x, y, z]).T).astype(float)
-    tangent, (width, height) = math.tan(_FOV / 2), _PICTURE
-    beside = np.maximum(abs(right) * height / width, abs(top)) / tangent
-    return Camera.orbit(*angles, _MARGIN * float((beside + nearer).max()), (x, y, z), _FOV)
+    angles, tangent, (width, height) = (math.radians(azimuth), math.radians(elevation)), math.tan(_FOV / 2), _PICTURE
+    axes = Camera.orbit(*angles, 1.0, (0.0, 0.0, 0.0), _FOV).basis()
+    target, distance = (points.min(axis=0) + points.max(axis=0)) / 2, 1.0
+    for _ in range(4):
+        right, top, nearer = axes @ (points - target).T
+        distance = float(np.max(np.maximum(abs(right) * height / width, abs(top)) / tangent + nearer))
+        seen = np.stack([right, top]) / (_MARGIN * distance - nearer)
+        target = target + distance * (seen.min(axis=1) + seen.max(axis=1)) / 2 @ axes[:2]
+    x, y, z = target.tolist()
+    return Camera.orbit(*angles, _MARGIN * distance, (x, y, z), _FOV)
 
 
 def _gloss(subject: Subject, materials: Materials) -> dict[int, Float[Tensor, "rows cols 2"]]:

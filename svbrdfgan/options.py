@@ -71,6 +71,11 @@ def build(factory: Callable[..., Made], options: Mapping[str, object], path: str
         raise ConfigError(f"{path}: {error}") from error
 
 
+def default_options(factory: Callable[..., object]) -> dict[str, object]:
+    """The options that `build` takes for a factory and that have defaults, with those."""
+    return {p.name: p.default for p in _usable(inspect.signature(factory)) if p.default is not p.empty}
+
+
 def differences(mine: Mapping[str, Any], its: Mapping[str, Any], path: str = "") -> list[str]:
     """Dotted keys whose values differ between two dumps of records, sorted, each with both: `loss.r1 0.1, not 1.0`."""
     found: list[str] = []
@@ -91,16 +96,19 @@ def _shown(value: object) -> str:
 def _options_model(factory: Callable[..., object]) -> tuple[type[BaseModel], dict[str, str]]:
     """A record with one aliased field for each keyword parameter, and the parameter that each field stands for."""
     try:
-        parameters = inspect.signature(factory, eval_str=True).parameters.values()
+        usable = _usable(inspect.signature(factory, eval_str=True))
     except NameError as error:
         raise TypeError(f"the annotations of {factory!r} cannot be resolved: {error}") from error
-    usable = [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
     names = {f"option_{number}": parameter.name for number, parameter in enumerate(usable)}
     fields: dict[str, Any] = {
         field: (Any if p.annotation is p.empty else p.annotation, Field(_default(p), alias=p.name))
         for field, p in zip(names, usable, strict=True)
     }
     return create_model("Options", __config__=_STRICT, **fields), names
+
+
+def _usable(signature: inspect.Signature) -> list[inspect.Parameter]:
+    return [p for p in signature.parameters.values() if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
 
 
 def _default(parameter: inspect.Parameter) -> Any:

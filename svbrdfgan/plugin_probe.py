@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import IO, Any, Literal
 
 from svbrdfgan.errors import SvbrdfganError
+from svbrdfgan.options import default_options
 from svbrdfgan.plugins import RENDERERS, MissingDependencyError, Plugin, find_plugin, import_factory, make
 from svbrdfgan.processes import import_path
 
@@ -37,6 +38,7 @@ class Probe:
         capabilities: its capability record as JSON values, sets as sorted lists; None unless it is ok.
         device: the type of a renderer's device, such as "cpu"; None for embeddings.
         options: those it was made with.
+        defaults: all options that it takes, with their defaults as JSON values.
     """
 
     status: Literal["ok", "missing", "broken"]
@@ -44,6 +46,7 @@ class Probe:
     capabilities: Mapping[str, Any] | None = None
     device: str | None = None
     options: Mapping[str, object] = dataclasses.field(default_factory=dict)
+    defaults: Mapping[str, object] = dataclasses.field(default_factory=dict)
 
 
 def probe(plugin: Plugin, device: str | None = None, timeout: float = TIMEOUT_SECONDS) -> Probe:
@@ -123,8 +126,8 @@ def _ending(code: int) -> str:
 
 
 def _examine(plugin: Plugin, device: str) -> Probe:
-    parameters = inspect.signature(import_factory(plugin)).parameters if device else {}
-    options = {"device": device} if "device" in parameters else {}
+    factory = import_factory(plugin)
+    options = {"device": device} if device and "device" in inspect.signature(factory).parameters else {}
     try:
         made: Any = make(plugin, options)
     except MissingDependencyError as error:
@@ -132,7 +135,7 @@ def _examine(plugin: Plugin, device: str) -> Probe:
     found = made.device.type if plugin.group == RENDERERS else None
     if device and found != device:
         return Probe("broken", f"{plugin.title} runs on {found}, not on {device}.")
-    return Probe("ok", None, _plain(made.capabilities), found, options)
+    return Probe("ok", None, _plain(made.capabilities), found, options, default_options(factory))
 
 
 def _plain(record: Any) -> dict[str, Any]:

@@ -84,12 +84,17 @@ def _record(plugin: Plugin, probe: Probe) -> dict[str, Any]:
         "reason": probe.reason,
         "device": probe.device,
         "capabilities": probe.capabilities,
+        "options": probe.defaults,
     }
 
 
 def _details(probe: Probe) -> str:
-    """The capabilities in words, or the reason why there are none."""
-    return probe.reason or "; ".join(_in_words(name, value) for name, value in (probe.capabilities or {}).items())
+    """The capabilities in words, as they are with the default options, and those; or the reason why there are none."""
+    if probe.reason is not None:
+        return probe.reason
+    able = "; ".join(_in_words(name, value) for name, value in (probe.capabilities or {}).items())
+    options = ", ".join(f"{name}={json.dumps(value).strip(chr(34))}" for name, value in probe.defaults.items())
+    return f"{able}\noptions: {options or 'none'}"
 
 
 def _in_words(name: str, value: object) -> str:

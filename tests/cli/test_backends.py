@@ -70,3 +70,9 @@ def test_renderers() -> None:
     rows = json.loads(CliRunner().invoke(main, ["backends", "--json"]).stdout)
     assert {"numpy", "warp"} <= {row["name"] for row in rows}
     assert all(row["capabilities"]["maps"] for row in rows if row["status"] == "ok")
+    assert {row["name"]: row["options"] for row in rows}["numpy"]["max_bounces"] == 1
+
+
+def test_the_table_shows_options() -> None:
+    told = CliRunner(env={"COLUMNS": "200"}).invoke(main, ["backends"]).stdout
+    assert "options: max_bounces=1" in told

@@ -233,7 +233,7 @@ def test_what_made_nothing_can_be_corrected_in_its_folder(tmp_path: Path, datase
         generate(wrong, tmp_path, base=Path())
     right = validate(DatasetConfig, data, "here")
     assert generate(right, tmp_path, base=Path()).config == right
-    with pytest.raises(ConfigError, match=r"another configuration \(learnable\.include .*, not \["Bodyy"\]\)"):
+    with pytest.raises(ConfigError, match=r"another configuration \(learnable\.include .*, not .*Bodyy"):
         generate(wrong, tmp_path, base=Path())
 
 
