@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from svbrdfgan.cli.options import learnable_option, require_apart, selected, tell_parts
-from svbrdfgan.cli.picture import photographer, picture_options
+from svbrdfgan.cli.options import learnable_option, require_apart, selected
+from svbrdfgan.cli.weathered import picture_options, writer
 
 
 @click.command("texture")
@@ -27,15 +27,10 @@ def command(
 ) -> None:
     """Weather MESH with the generator of a run; write it as GLB, and the layer by itself as PNG beside it."""
     from svbrdfgan.apply import paint
-    from svbrdfgan.export import write_weathered
     from svbrdfgan.io import load_mesh
     from svbrdfgan.training.run import load_model
 
     require_apart(mesh, out)
     model = load_model(run)
-    maps = model.config.maps
-    photograph = photographer(picture, environment, renderer, maps)
-    subject, layer = paint(load_mesh(mesh), model, selected(learnable))
-    written = [out, write_weathered(out, subject, layer, maps), *photograph(subject, layer)]
-    tell_parts(subject)
-    click.echo("\n".join(map(str, written)))
+    write = writer(out, picture, environment, renderer, model.config.maps)
+    write(*paint(load_mesh(mesh), model, selected(learnable)))

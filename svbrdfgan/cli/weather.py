@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from svbrdfgan.cli.options import key_values, learnable_option, require_apart, selected, tell_parts
-from svbrdfgan.cli.picture import photographer, picture_options
+from svbrdfgan.cli.options import key_values, learnable_option, require_apart, selected
+from svbrdfgan.cli.weathered import picture_options, writer
 
 
 @click.command("weather")
@@ -45,7 +45,6 @@ def command(
     from svbrdfgan.data.config import PartSelection
     from svbrdfgan.data.scene import map_values
     from svbrdfgan.data.subject import make_subject
-    from svbrdfgan.export import write_weathered
     from svbrdfgan.io import load_mesh
     from svbrdfgan.plugins import load_embedding
     from svbrdfgan.weathering import recipe_from_options, weather
@@ -53,10 +52,7 @@ def command(
     require_apart(mesh, out)
     bare = map_values(key_values(maps), "--map")
     chosen = recipe_from_options(recipe, {"amount": amount, "seed": seed, **key_values(options)})
-    photograph = photographer(picture, environment, renderer, bare)
+    write = writer(out, picture, environment, renderer, bare)
     selection = selected(learnable) or PartSelection()
     subject = make_subject(load_mesh(mesh), load_embedding(embedding), resolution, selection)
-    layer = weather(subject.surface, subject.buffer, chosen, bare)
-    written = [out, write_weathered(out, subject, layer, bare), *photograph(subject, layer)]
-    tell_parts(subject)
-    click.echo("\n".join(map(str, written)))
+    write(subject, weather(subject.surface, subject.buffer, chosen, bare))

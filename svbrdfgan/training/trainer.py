@@ -99,11 +99,12 @@ def _resolve(config: TrainConfig, run: Path, base: Path, resume: bool) -> RunCon
     plan = DatasetPlan.load(folder)
     config = settled(config, plan.config.spp)
     resolved = RunConfig(train=config, dataset=plan.config, dataset_folder=str(folder), versions=versions())
-    if (run / CONFIG).is_file() and checkpoints(run):
+    found = checkpoints(run)
+    if (run / CONFIG).is_file() and found:
         if not resume:
             raise ConfigError(f"{run} holds a run already; give --resume to go on with it, or another folder.")
         RunConfig.load(run).require_same(resolved)
-        done = step_of(checkpoints(run)[-1])
+        done = step_of(found[-1])
         if config.steps < done:
             raise ConfigError(
                 f"steps is {config.steps}, and {run} has made {done} already: name more, or start a new run."

@@ -1,4 +1,4 @@
-"""`--picture` of `svbrdfgan weather` and `svbrdfgan texture`: the weathered mesh, seen from two sides."""
+"""What `svbrdfgan weather` and `svbrdfgan texture` have in common: the files that they write, and `--picture`."""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
+from svbrdfgan.cli.options import tell_parts
+
 if TYPE_CHECKING:
     from jaxtyping import Float
     from torch import Tensor
 
     from svbrdfgan.data.subject import Subject
+
+    Layer = Float[Tensor, "rows cols channels"]
 
 Command = TypeVar("Command", bound=Callable[..., None])
 _SKY = 7
@@ -30,10 +34,26 @@ def picture_options(command: Command) -> Command:
     return command
 
 
-def photographer(
+def writer(
+    out: Path, picture: Path | None, environment: Path | None, renderer: str, maps: Mapping[str, float]
+) -> Callable[[Subject, Layer], None]:
+    """What writes and tells the files of a weathered mesh. What cannot work is refused at once."""
+    photograph = _photographer(picture, environment, renderer, maps)
+
+    def write(subject: Subject, layer: Layer) -> None:
+        from svbrdfgan.export import write_weathered
+
+        written = [out, write_weathered(out, subject, layer, maps), *photograph(subject, layer)]
+        tell_parts(subject)
+        click.echo("\n".join(map(str, written)))
+
+    return write
+
+
+def _photographer(
     picture: Path | None, environment: Path | None, renderer: str, maps: Mapping[str, float]
-) -> Callable[[Subject, Float[Tensor, "rows cols channels"]], list[Path]]:
-    """What writes the picture, if one is wanted, and gives the paths written. What cannot work is refused at once."""
+) -> Callable[[Subject, Layer], list[Path]]:
+    """What writes the picture, if one is wanted, and gives the paths written."""
     if picture is None:
         if environment is not None or renderer != "auto":
             raise click.UsageError("--environment and --renderer go with --picture.")
@@ -50,7 +70,7 @@ def photographer(
     chosen, _ = resolve_renderer(PluginChoice(name=renderer), maps=maps)
     light = build_sky(sample_sky(_SKY)) if environment is None else load_environment(environment)
 
-    def take(subject: Subject, layer: Float[Tensor, "rows cols channels"]) -> list[Path]:
+    def take(subject: Subject, layer: Layer) -> list[Path]:
         write_picture(picture, subject, layer, chosen, light, maps)
         return [picture]
 
