@@ -53,6 +53,7 @@ class Evaluation(StrictModel):
         fraction: recovered / oracle, where the oracle recovered anything.
         recovered_at_poles, oracle_at_poles: the same near the poles of the hemispherical map, the nose and tail of a
             vehicle, where the thesis saw artifacts; comparable across embeddings.
+        oracle_validation: what the oracle recovered on the validation split, by which it was chosen.
         oracle_plateau: whether the oracle had stopped improving.
         flip, flip_oracle, flip_constant: mean FLIP between pictures under the layers and the stored exemplars; what
             noise alone makes of it is `flip_truth`, with G0's own layers.
@@ -67,6 +68,7 @@ class Evaluation(StrictModel):
     fraction: float | None
     recovered_at_poles: float | None = None
     oracle_at_poles: float | None = None
+    oracle_validation: float | None = None
     oracle_plateau: bool | None
     oracle_steps: int | None
     flip: float
@@ -147,7 +149,8 @@ def evaluate(
     folder = Path(model.config.dataset_folder)
 
     shown.begin(f"light transport of the {split} scenes")
-    scored = make_feed(config, folder, split, renderer, fabric.device, progress=shown.advance)
+    judged = config.model_copy(update={"spp": model.config.dataset.spp})  # pictures are compared with exemplars
+    scored = make_feed(judged, folder, split, renderer, fabric.device, progress=shown.advance)
 
     @cache
     def pictured(of: Split) -> Pictured:
@@ -177,6 +180,7 @@ class _Found:
     """An oracle, trained now or before."""
 
     generator: Generator
+    score: float | None
     plateau: bool
     steps: int
 
@@ -194,7 +198,8 @@ def _oracle(
     path, notes = run / ORACLE, run / ORACLE_NOTES
     if path.is_file() and notes.is_file():
         told = json.loads(notes.read_text(encoding="utf-8"))
-        return _Found(load_generator(path)[0].to(fabric.device), told["plateau"], told["steps"])
+        generator, score = load_generator(path)
+        return _Found(generator.to(fabric.device), score, told["plateau"], told["steps"])
     trained, seen = pictured("train")
     targets, _ = make_targets(trained, seen, fabric.device, _ORACLE_TARGETS)
     held_out = pictured("validation") if "validation" in config.dataset.splits else (trained, seen)
@@ -208,7 +213,7 @@ def _oracle(
     save_generator(path, oracle.generator, config.train.generator, oracle.score)
     with atomic_path(notes) as temporary:
         temporary.write_text(json.dumps({"plateau": oracle.plateau, "steps": oracle.steps}), encoding="utf-8")
-    return _Found(oracle.generator, oracle.plateau, oracle.steps)
+    return _Found(oracle.generator, oracle.score, oracle.plateau, oracle.steps)
 
 
 def _judge(
@@ -230,6 +235,7 @@ def _judge(
         fraction=share(recovered, best),
         recovered_at_poles=ends.recovered_by(layers["generated"]) if ends else None,
         oracle_at_poles=ends.recovered_by(layers["oracle"]) if ends and oracle else None,
+        oracle_validation=oracle.score if oracle else None,
         oracle_plateau=oracle.plateau if oracle else None,
         oracle_steps=oracle.steps if oracle else None,
         flip=flips["generated"],

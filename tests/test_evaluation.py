@@ -38,6 +38,7 @@ def test_the_verdict_is_written_down(run: Path, evaluated: Evaluated) -> None:
     assert (verdict.split, verdict.subjects, verdict.exemplars) == ("validation", 1, 2)
     assert verdict.oracle is not None
     assert verdict.fraction == share(verdict.recovered, verdict.oracle)
+    assert verdict.oracle_validation == pytest.approx(verdict.oracle, abs=1e-4)  # the split that is scored here
     assert verdict.oracle_steps == 20
     assert verdict.oracle_plateau is False
     assert 0 < verdict.seen < 1
@@ -46,6 +47,15 @@ def test_the_verdict_is_written_down(run: Path, evaluated: Evaluated) -> None:
 def test_the_truth_looks_like_the_exemplars_but_for_noise(evaluated: Evaluated) -> None:
     verdict = evaluated.evaluation
     assert 0 < verdict.flip_truth < min(verdict.flip, verdict.flip_constant)
+
+
+def test_pictures_have_the_samples_of_the_exemplars(
+    training_data: Callable[..., dict[str, Any]], evaluated: Evaluated, tmp_path: Path
+) -> None:
+    """Whatever a run trained with, FLIP of its rows can be compared."""
+    train(train_config(training_data(spp=1, steps=1), "here"), tmp_path)
+    noisy = evaluate(tmp_path, split="validation", oracle=False, device="cpu")
+    assert noisy.evaluation.flip_truth == evaluated.evaluation.flip_truth
 
 
 def test_the_validation_score_is_that_of_training(run: Path, evaluated: Evaluated) -> None:

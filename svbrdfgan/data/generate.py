@@ -23,6 +23,9 @@ from svbrdfgan.protocols import Renderer
 from svbrdfgan.types import Rendering
 from svbrdfgan.weathering import recipe_from_options
 
+BRIGHTEST = 60000.0
+"""Radiance beyond it is clamped where pictures are stored, as half-precision floats."""
+
 log = logging.getLogger(__name__)
 
 
@@ -83,7 +86,7 @@ def render_scene(studio: Studio, renderer: Renderer[Any], scene: Scene, prepared
 
 def save_exemplar(path: Path, rendering: Rendering) -> None:
     """Writes premultiplied linear radiance and coverage as a half-float RGBA picture."""
-    red, green, blue = rendering.image.clamp(max=60000).unbind(-1)
+    red, green, blue = rendering.image.clamp(max=BRIGHTEST).unbind(-1)
     save_exr(path, {"R": red, "G": green, "B": blue, "A": rendering.coverage}, half=True)
 
 

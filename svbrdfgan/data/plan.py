@@ -18,7 +18,7 @@ from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, MeshSource, 
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset, MeshAsset
 from svbrdfgan.data.scene import AssetRef
 from svbrdfgan.errors import AssetError, ConfigError
-from svbrdfgan.io import load_environment, load_mesh, save_environment, save_mesh_glb
+from svbrdfgan.io import load_environment, load_mesh, luminance, save_environment, save_mesh_glb
 from svbrdfgan.io.records import load_json, save_record
 from svbrdfgan.options import StrictModel, differences, validate
 from svbrdfgan.procedural import build_room, build_sky, build_vehicle, sample_sky, sample_vehicle
@@ -26,7 +26,6 @@ from svbrdfgan.types import Mesh
 
 PLAN = "dataset.json"
 FORMAT = "svbrdfgan data set 1"
-_LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 log = logging.getLogger(__name__)
 
@@ -151,7 +150,7 @@ def _mean_luminance(radiance: Float[Tensor, "rows cols 3"]) -> float:
     """Over the sphere."""
     rows = radiance.shape[0]
     solid_angle = torch.sin((torch.arange(rows) + 0.5) * torch.pi / rows)
-    by_row = (radiance @ torch.tensor(_LUMINANCE)).mean(dim=1)
+    by_row = luminance(radiance).mean(dim=1)
     return float((by_row * solid_angle).sum() / solid_angle.sum())
 
 

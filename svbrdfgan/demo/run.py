@@ -16,6 +16,7 @@ from svbrdfgan.export import write_weathered
 from svbrdfgan.io import load_mesh
 from svbrdfgan.report import write_hero, write_report
 from svbrdfgan.training.config import train_config
+from svbrdfgan.training.oracle import OracleConfig
 from svbrdfgan.training.run import CONFIG, load_model
 from svbrdfgan.training.trainer import train
 from svbrdfgan.yaml_files import load_yaml
@@ -47,7 +48,7 @@ def run_demo(out: Path, display: Display) -> DemoResult:
     plan = generate(declared, data, base=out, display=display)
     training = train_config(load_yaml(out / "train.yaml"), str(out / "train.yaml"))
     train(training, run, base=out, resume=(run / CONFIG).is_file(), display=display)
-    evaluated = evaluate(run, split="test", display=display)
+    evaluated = evaluate(run, split="test", schedule=OracleConfig(batch=training.batch_size), display=display)
     vehicle = out / "weathered_vehicle.glb"
     subject, layer = paint(load_mesh(data / plan.meshes["test"][0].asset.path), load_model(run))
     write_weathered(vehicle, subject, layer)

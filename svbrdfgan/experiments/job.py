@@ -1,4 +1,4 @@
-"""`python -m svbrdfgan.experiments.job`: does the task that stdin describes, in a process of its own."""
+"""`python -m svbrdfgan.experiments.job PARENT`: does the task that stdin describes, for the process of that number."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from svbrdfgan.experiments.tasks import Order
 
 
 def main() -> None:
-    end_with_parent()
+    end_with_parent(int(sys.argv[1]))
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", stream=sys.stdout)
     task = Order.model_validate_json(sys.stdin.read()).task
     try:

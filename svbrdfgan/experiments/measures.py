@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -18,6 +19,7 @@ from svbrdfgan.report.vehicles import choose_views
 from svbrdfgan.scoring.recovered import SeenTexels, make_targets, mean_error
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.feed import Feed
+from svbrdfgan.training.fresh import FreshRenders
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.stages import Transports
 
@@ -27,24 +29,32 @@ _VIEWS, _DRAWS = 4, 16
 def measure(evaluated: Evaluated) -> dict[Measure, float]:
     """All that can be measured of a run: gradients have noise only where pictures are rendered anew."""
     found: dict[Measure, float] = {}
-    seen = seen_by_training(evaluated)
-    with suppress(AssetError):
-        found["shown"] = recovered_where(evaluated, seen, lambda shown: shown)
-    with suppress(AssetError):  # the pictures show everything
-        found["unseen"] = recovered_where(evaluated, seen, lambda shown: ~shown)
-    if evaluated.config.train.rendering == "fresh":
-        found["gradient_noise"] = gradient_noise(evaluated.feed, evaluated.layers["generated"])
+    if (seen := seen_by_training(evaluated)) is not None:
+        with suppress(AssetError):
+            found["shown"] = recovered_where(evaluated, seen, lambda shown: shown)
+        with suppress(AssetError):  # the pictures show everything
+            found["unseen"] = recovered_where(evaluated, seen, lambda shown: ~shown)
+    stages = evaluated.feed.stages
+    if isinstance(stages, FreshRenders):
+        trained = replace(stages.layer, spp=evaluated.config.train.spp or stages.layer.spp)
+        feed = replace(evaluated.feed, stages=replace(stages, layer=trained))
+        found["gradient_noise"] = gradient_noise(feed, evaluated.layers["generated"])
     return found
 
 
-def seen_by_training(evaluated: Evaluated) -> SeenTexels:
-    """What pictures would show, were those of the split taken from where those of the training split were."""
+def seen_by_training(evaluated: Evaluated) -> SeenTexels | None:
+    """What pictures would show, were those of the split taken from where those of the training split were.
+
+    None where they were not, and scenes are rendered anew: those know what exemplars show, and of no other cameras.
+    """
     feed, declared = evaluated.feed, evaluated.config.dataset
     camera, own = declared.camera_of("train"), feed.own
-    if camera == declared.camera_of(evaluated.evaluation.split) or not isinstance(own, Transports):
+    if camera == declared.camera_of(evaluated.evaluation.split):
         return feed.seen
+    if not isinstance(own, Transports):
+        return None
     moved = Perturbation(ScenesConfig(camera=camera), own.perturbation.sampler)
-    return Transports(own.exemplars, moved, own.renderer, own.spp, 1, torch.device("cpu"), own.seed).seen
+    return Transports(own.exemplars, moved, own.renderer, own.spp, 1, torch.device("cpu"), own.seed, own.options).seen
 
 
 def recovered_where(evaluated: Evaluated, seen: SeenTexels, chosen: Callable[[Bool[Tensor, "*size"]], Tensor]) -> float:

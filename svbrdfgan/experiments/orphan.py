@@ -10,13 +10,16 @@ from threading import Thread
 _EVERY = 0.5
 
 
-def end_with_parent() -> None:
+def end_with_parent(parent: int) -> None:
     """From now on, this process and those that it starts end, at once, when its parent is gone. On POSIX alone.
 
     It must lead a process group of its own.
+
+    Args:
+        parent: the process that started it, which may be gone already.
     """
     if os.name == "posix":
-        Thread(target=_watch, args=[os.getppid()], daemon=True).start()
+        Thread(target=_watch, args=[parent], daemon=True).start()
 
 
 def _watch(parent: int) -> None:

@@ -19,15 +19,13 @@ class Ceiling(StrictModel):
 
     Attributes:
         evaluation: on the test split, of the oracle beside a run that had learned nothing.
-        validation: recovered on the validation split.
     """
 
     evaluation: Evaluation
-    validation: float
 
     def over(self, verdict: Evaluation) -> Evaluation:
         """The verdict on a run, with the oracle's scores put in."""
-        told = ("oracle", "oracle_at_poles", "oracle_plateau", "oracle_steps", "flip_oracle")
+        told = ("oracle", "oracle_at_poles", "oracle_validation", "oracle_plateau", "oracle_steps", "flip_oracle")
         its = {name: getattr(self.evaluation, name) for name in told}
         return verdict.model_copy(update={**its, "fraction": share(verdict.recovered, self.evaluation.oracle)})
 
@@ -63,13 +61,11 @@ class Outcome(StrictModel):
 
     Attributes:
         evaluation: on the test split.
-        oracle_validation: what the oracle recovered on the validation split.
         history: oldest first.
         jobs: how many runs shared the device, so that seconds can be compared.
     """
 
     evaluation: Evaluation
-    oracle_validation: float
     history: tuple[Point, ...] = Field(min_length=1)
     measures: dict[Measure, float] = {}
     device: str
@@ -86,7 +82,7 @@ class Outcome(StrictModel):
 
     def half_way(self) -> Point | None:
         """Where the score first reached half the oracle's; None if it never did, or the oracle learned nothing."""
-        half = self.oracle_validation / 2
+        half = (self.evaluation.oracle_validation or 0.0) / 2
         return next((point for point in self.history if point.recovered >= half > 0), None)
 
     def best_within(self, *, images: int) -> float | None:

@@ -95,7 +95,7 @@ def _start(task: Task, jobs: int, gpu: str | None) -> _Child:
     task.path.mkdir(parents=True, exist_ok=True)
     with (task.path / OUTPUT).open("wb") as output:
         process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "svbrdfgan.experiments.job"],
+            [sys.executable, "-P", "-m", "svbrdfgan.experiments.job", str(os.getpid())],
             stdin=subprocess.PIPE,
             stdout=output,
             stderr=subprocess.STDOUT,

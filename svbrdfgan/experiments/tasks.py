@@ -23,11 +23,9 @@ from svbrdfgan.options import StrictModel
 from svbrdfgan.report import write_report
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.oracle import OracleConfig
-from svbrdfgan.training.run import CONFIG, ORACLE, load_generator
+from svbrdfgan.training.run import CONFIG, ORACLE, ORACLE_NOTES
 from svbrdfgan.training.state import State
 from svbrdfgan.training.trainer import train
-
-_NOTES = "oracle.json"
 
 
 class _Task(StrictModel):
@@ -85,9 +83,9 @@ class OracleTask(_Task):
 
     def work(self) -> None:
         _train(self, self.spec.train, self.dataset)
-        evaluated = evaluate(self.path, split="test", schedule=OracleConfig(steps=self.spec.steps))
-        best = load_generator(self.path / ORACLE)[1]
-        Ceiling(evaluation=evaluated.evaluation, validation=0.0 if best is None else best).save(self.path)
+        schedule = OracleConfig(batch=self.spec.train.batch_size, steps=self.spec.steps)
+        evaluated = evaluate(self.path, split="test", schedule=schedule)
+        Ceiling(evaluation=evaluated.evaluation).save(self.path)
         _forget_checkpoints(self.path)
 
 
@@ -115,7 +113,6 @@ class RunTask(_Task):
         write_strip(self.path / STRIP, evaluated)
         Outcome(
             evaluation=evaluated.evaluation,
-            oracle_validation=ceiling.validation,
             history=tuple(map(partial(_point, self.spec.train), state.history)),
             measures=measure(evaluated),
             device=torch.cuda.get_device_name() if torch.cuda.is_available() else "CPU",
@@ -127,8 +124,8 @@ class RunTask(_Task):
     def _judge(self, ceiling: Ceiling) -> Evaluated:
         """Beside the oracle where its weights are; else beside its scores, which were carried here without them."""
         oracle = Path(self.root) / self.oracle
-        if (oracle / ORACLE).is_file() and (oracle / _NOTES).is_file():
-            for name in (ORACLE, _NOTES):
+        if (oracle / ORACLE).is_file() and (oracle / ORACLE_NOTES).is_file():
+            for name in (ORACLE, ORACLE_NOTES):
                 shutil.copyfile(oracle / name, self.path / name)
             return evaluate(self.path, split="test")
         evaluated = evaluate(self.path, split="test", oracle=False)

@@ -51,11 +51,11 @@ def corner_angles(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "
 
 
 def corner_normals(
-    positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"], crease_angle: float = CREASE_ANGLE
+    positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]
 ) -> Float[ndarray, "faces 3 3"]:
     """Unit shading normals per face corner.
 
-    At each corner: the normals of the faces around its vertex that lie within `crease_angle` of the corner's own face,
+    At each corner: the normals of the faces around its vertex that lie within `CREASE_ANGLE` of the corner's own face,
     weighted by the angles of their corners at that vertex. Vertices must be welded. Corners of degenerate faces get +Y.
     """
     flat = face_normals(positions, faces)
@@ -63,7 +63,7 @@ def corner_normals(
     smooth = np.zeros((3 * len(faces), 3))
     for corner, neighbour in _corner_pairs(faces):
         cosine = np.einsum("ij,ij->i", flat[corner // 3], flat[neighbour // 3])
-        near = cosine >= math.cos(crease_angle) - 1e-12
+        near = cosine >= math.cos(CREASE_ANGLE) - 1e-12
         for axis in range(3):
             smooth[:, axis] += np.bincount(corner[near], weighted[neighbour[near], axis], len(smooth))
     own = unit(np.repeat(flat, 3, axis=0))

@@ -43,6 +43,11 @@ def srgb_from_linear(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]
     return torch.where(values <= 0.0031308, values * 12.92, curve)
 
 
+def luminance(image: Float[Tensor, "*shape 3"]) -> Float[Tensor, "*shape"]:
+    """The relative luminance of RGB of the sRGB primaries (ITU-R BT.709)."""
+    return image @ image.new_tensor([0.2126, 0.7152, 0.0722])
+
+
 def load_image(path: str | os.PathLike[str]) -> Float[Tensor, "height width channels"]:
     """The picture in a PNG, JPEG, EXR or HDR file: linear RGB or RGBA, row 0 on top. Grey is repeated into RGB.
 

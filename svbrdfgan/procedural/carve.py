@@ -12,12 +12,13 @@ from numpy import ndarray
 from svbrdfgan.types import Mesh
 
 _SNAP = 0.22  # a cut this near to an edge's end moves the end instead, so that no slivers arise
+_SAME = 1e-6  # vertices this near are one
 
 
-def weld(mesh: Mesh, tolerance: float = 1e-6) -> Mesh:
+def weld(mesh: Mesh) -> Mesh:
     """The mesh with vertices at one place merged, and faces without area dropped."""
     _, first, index = np.unique(
-        np.round(mesh.positions / tolerance).astype(np.int64), axis=0, return_index=True, return_inverse=True
+        np.round(mesh.positions / _SAME).astype(np.int64), axis=0, return_index=True, return_inverse=True
     )
     faces = index.reshape(-1)[mesh.faces]
     a, b, c = faces.T

@@ -66,11 +66,11 @@ def verdict(evaluation: Evaluation, config: TrainConfig, journal: Journal) -> li
 
 
 def half_way(evaluation: Evaluation, config: TrainConfig, journal: Journal) -> Figure | None:
-    """Images and time until the validation score passed half the oracle; None if it never did, or either is unknown."""
-    if evaluation.oracle is None:
+    """Images and time until the validation score passed half the oracle's; None if it never did, or is unknown."""
+    if evaluation.oracle_validation is None:
         return None
     for line in journal:
-        if line.get("recovered", -1.0) >= evaluation.oracle / 2 > 0:
+        if line.get("recovered", -1.0) >= evaluation.oracle_validation / 2 > 0:
             images = line["step"] * config.images_per_step
             took = duration(line["seconds"])
             return Figure(

@@ -16,6 +16,7 @@ from torch import Tensor
 
 from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.evaluation import Evaluated
+from svbrdfgan.io import luminance
 from svbrdfgan.networks import Discriminator
 from svbrdfgan.report.pictures import Picture
 from svbrdfgan.report.vehicles import Titled, Vehicle, subject_name
@@ -67,7 +68,8 @@ def patch_maps(run: Path, evaluated: Evaluated, indices: Sequence[int]) -> Patch
 
 
 def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> Judged:
-    """Shows the discriminator an exemplar, and the generator's layer in the same scene, as training does."""
+    """Shows the discriminator an exemplar, and the generator's layer in the same scene, as training does, but with
+    as many samples."""
     feed, number = evaluated.feed, int(evaluated.feed.exemplars.subject_of[index])
     device = feed.images.device
     layers, background = evaluated.layers["generated"][number : number + 1], torch.full((1, 3), _GREY, device=device)
@@ -126,7 +128,7 @@ def overlay(picture: Picture, leaning: Float[Tensor, "rows cols"]) -> Picture:
     """The picture in grey under its patches: yellow where they look real, cyan where fake, grey between."""
     height, width = picture.shape[:2]
     patches = F.interpolate(leaning[None, None], size=(height, width), mode="nearest")[0, 0].unsqueeze(-1)
-    grey = (picture[..., :3] @ torch.tensor([0.2126, 0.7152, 0.0722])).unsqueeze(-1)
+    grey = luminance(picture[..., :3]).unsqueeze(-1)
     color = torch.where(patches > 0, torch.tensor(YELLOW), torch.tensor(CYAN)) * (0.35 + 0.65 * grey)
     return torch.lerp(grey, color, _TINT * patches.abs())
 

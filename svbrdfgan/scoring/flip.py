@@ -5,6 +5,7 @@ from __future__ import annotations
 from jaxtyping import Float
 from torch import Tensor
 
+from svbrdfgan.compositing import over
 from svbrdfgan.io.image import srgb_from_linear
 
 Picture = Float[Tensor, "height width 3"]
@@ -15,7 +16,7 @@ def display(
 ) -> Picture:
     """A linear picture as sRGB in [0, 1], before a grey background where its coverage is given."""
     if coverage is not None:
-        picture = picture + ((1 - coverage) * background).unsqueeze(-1)
+        picture = over(picture, coverage, picture.new_tensor(background))
     return srgb_from_linear(picture.float().clamp(0, 1))
 
 

@@ -14,12 +14,12 @@ from torch import Tensor
 
 from svbrdfgan.compositing import layer_channels
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.data.generate import render_scene
+from svbrdfgan.data.generate import BRIGHTEST, render_scene
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.shortcuts.nuisances import Nuisance, scenes_with
-from svbrdfgan.shortcuts.stills import HALF_LIMIT, Stills
+from svbrdfgan.shortcuts.stills import Stills
 from svbrdfgan.training.config import ScenesConfig, TrainConfig
-from svbrdfgan.training.feed import Feed, make_stages, own_spp
+from svbrdfgan.training.feed import Feed, buffers_of, make_stages, own_spp
 from svbrdfgan.training.fresh import FreshRenders
 from svbrdfgan.training.stages import Transports
 from svbrdfgan.training.step import sides
@@ -74,7 +74,7 @@ class Darkroom:
             exemplars=exemplars,
             stages=self._stages(scenes_with(scenes, differing), self.config.spp),
             own=own,
-            buffers=torch.stack([subject.geometry for subject in exemplars.subjects]).to(self.device),
+            buffers=buffers_of(exemplars, self.device),
             images=images,
             coverage=coverage,
             guides=self._guides(own),
@@ -116,7 +116,7 @@ class Darkroom:
             spp = scene.spp if "noise" in differing else self.config.spp
             clean = scene.model_copy(update={"weathering": None, "spp": spp})
             twin = render_scene(self.exemplars.studio, renderer, clean, prepared)
-            yield twin.image.clamp(max=HALF_LIMIT).half(), twin.coverage.half()
+            yield twin.image.clamp(max=BRIGHTEST).half(), twin.coverage.half()
             self.progress(1)
 
     def _exact(self, own: Transports | FreshRenders) -> Iterator[tuple[Tensor, Tensor]]:

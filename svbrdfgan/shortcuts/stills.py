@@ -9,10 +9,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from svbrdfgan.data.generate import BRIGHTEST
 from svbrdfgan.training.step import Shot
 from svbrdfgan.transport.transfer import send
-
-HALF_LIMIT = torch.finfo(torch.half).max
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +26,7 @@ class Stills:
     def of(cls, *shots: Shot) -> Stills:
         """One after another, rounded as stored exemplars are; all have guides, or none."""
         images, coverage, guides = zip(*shots, strict=True)
-        image = torch.cat([some.clamp(max=HALF_LIMIT).half() for some in images])
+        image = torch.cat([some.clamp(max=BRIGHTEST).half() for some in images])
         guide = None if guides[0] is None else torch.cat([some.half() for some in guides])
         return cls(image, torch.cat([some.half() for some in coverage]), guide)
 

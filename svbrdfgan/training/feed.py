@@ -170,7 +170,9 @@ def make_stages(
     perturbation = Perturbation(scenes, plan.sampler(split), lights)
     if config.rendering == "fresh":
         return FreshRenders(exemplars, perturbation, RenderLayer(renderer, config.spp, config.spp_grad))
-    return Transports(exemplars, perturbation, renderer, config.spp, scenes.pool, device, config.seed)
+    return Transports(
+        exemplars, perturbation, renderer, config.spp, scenes.pool, device, config.seed, config.renderer.options
+    )
 
 
 def require_possible(config: TrainConfig, plan: DatasetPlan, renderer: Renderer[Any]) -> None:
@@ -196,7 +198,7 @@ def _own(config: TrainConfig, stages: Transports | FreshRenders) -> Transports |
     if config.scenes.matched and config.scenes.pool and spp == config.spp:
         return stages
     matched = Perturbation(ScenesConfig(), stages.perturbation.sampler)
-    own = Transports(stages.exemplars, matched, stages.renderer, spp, 1, stages.device, config.seed)
+    own = Transports(stages.exemplars, matched, stages.renderer, spp, 1, stages.device, config.seed, stages.options)
     if config.discriminator.sees == "reflectance":
         return own
     return replace(own, device=torch.device("cpu"), _held=TransportCache(0))

@@ -26,9 +26,10 @@ Watch = Callable[[int, float], None]
 
 @dataclass(frozen=True)
 class OracleConfig:
-    """How long the oracle learns.
+    """How the oracle learns: as well as the data allow, whatever the run's own batch and rates are.
 
     Attributes:
+        batch: targets in a step.
         rate: Adam's learning rate, halved whenever the score stalls.
         every: steps between scores.
         patience: scores without a gain of `gain` before the rate is halved.
@@ -36,6 +37,7 @@ class OracleConfig:
         steps: the most it takes, plateau or not.
     """
 
+    batch: int = 16
     rate: float = 1e-3
     every: int = 100
     patience: int = 2
@@ -75,7 +77,7 @@ def train_oracle(
     rng = np.random.default_rng([config.seed, 1])
     best, best_score, stalled, halved = copy.deepcopy(generator), -float("inf"), 0, 0
     for step in range(1, schedule.steps + 1):
-        picked = [targets[int(i)] for i in rng.integers(len(targets), size=config.batch_size)]
+        picked = [targets[int(i)] for i in rng.integers(len(targets), size=schedule.batch)]
         with fabric.autocast():
             layers = generator(geometry[[target.subject for target in picked]])
         error = torch.stack([t.errors(layer).sum() for t, layer in zip(picked, layers.float(), strict=True)]).mean()

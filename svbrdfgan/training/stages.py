@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import logging
-from collections.abc import Callable, Iterable, MutableMapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -99,6 +100,7 @@ class Transports:
         pool: scenes kept for each exemplar; 0 traces a new one at every visit, of surfaces that stay prepared.
         device: where transports are held.
         seed: of the perturbations.
+        options: the renderer's, lest those of others be taken for its transports.
     """
 
     exemplars: Exemplars
@@ -108,6 +110,7 @@ class Transports:
     pool: int
     device: torch.device
     seed: int = 0
+    options: Mapping[str, object] = field(default_factory=dict)
     _held: MutableMapping[_Key, LightTransport] = field(default_factory=TransportCache)
     _coming: dict[_Key, Reading] = field(default_factory=dict)
     _paths: dict[_Key, Path] = field(default_factory=dict)
@@ -194,7 +197,8 @@ class Transports:
     def _key(self, scene: Scene) -> str:
         """A name for all that the transport depends on."""
         kind = type(self.renderer)
-        renderer = f"{kind.__module__}.{kind.__qualname__}{self.renderer.capabilities.max_bounces}"
+        options = json.dumps({name: value for name, value in self.options.items() if name != "device"}, sort_keys=True)
+        renderer = f"{kind.__module__}.{kind.__qualname__}{options}"
         described = scene.model_dump_json(exclude={"weathering", "renderer", "spp", "maps"})
         return hashlib.sha256(f"{described}{renderer}{self.spp}".encode()).hexdigest()[:24]
 

@@ -145,9 +145,11 @@ def _train(fabric: Fabric, resolved: RunConfig, run: Path, base: Path, display: 
         session = replace(session, journal=Journal(run, state.step))
     display.begin("training", config.steps)
     display.advance(state.step)
-    _loop(session, state)
-    if session.journal is not None:
-        session.journal.close()
+    try:
+        _loop(session, state)
+    finally:
+        if session.journal is not None:
+            session.journal.close()
     return state
 
 

@@ -42,14 +42,12 @@ def make_outcome(
 ) -> Outcome:
     """An outcome; the history holds images, seconds and score."""
     evaluation = Evaluation(
-        split="test", recovered=recovered, oracle=oracle, fraction=recovered / oracle, oracle_plateau=plateau,
-        oracle_steps=300, flip=0.1, flip_oracle=0.05, flip_constant=0.2, flip_truth=0.02, seen=0.9,
-        constant=(0, 0, 0, 0), subjects=3, exemplars=6,
+        split="test", recovered=recovered, oracle=oracle, fraction=recovered / oracle, oracle_validation=oracle,
+        oracle_plateau=plateau, oracle_steps=300, flip=0.1, flip_oracle=0.05, flip_constant=0.2, flip_truth=0.02,
+        seen=0.9, constant=(0, 0, 0, 0), subjects=3, exemplars=6,
     )  # fmt: skip
     points = tuple(Point(images=i, seconds=s, recovered=r) for i, s, r in history)
-    return Outcome(
-        evaluation=evaluation, oracle_validation=oracle, history=points, device="CPU", jobs=jobs, versions={}
-    )
+    return Outcome(evaluation=evaluation, history=points, device="CPU", jobs=jobs, versions={})
 
 
 @pytest.fixture
@@ -102,7 +100,7 @@ class FakeExecute:
                 case DatasetTask():
                     (task.path / "made").touch()
                 case OracleTask():
-                    Ceiling(evaluation=make_outcome().evaluation, validation=0.8).save(task.path)
+                    Ceiling(evaluation=make_outcome().evaluation).save(task.path)
                 case RunTask():
                     make_outcome(0.5 + 0.1 * task.spec.train.seed, jobs=jobs).save(task.path)
             yield from schedule.end(task, None)

@@ -38,12 +38,13 @@ def test_what_it_took_is_the_end_of_its_history(outcome) -> None:
 
 def test_a_ceiling_is_put_over_a_verdict(outcome, tmp_path: Path) -> None:
     """The oracle's scores come from the ceiling, all others stay."""
-    Ceiling(evaluation=outcome(0.0, oracle=0.9, plateau=False).evaluation, validation=0.7).save(tmp_path)
+    Ceiling(evaluation=outcome(0.0, oracle=0.9, plateau=False).evaluation).save(tmp_path)
     verdict = outcome(0.45, oracle=0.5).evaluation
-    alone = verdict.model_copy(update={"oracle": None, "fraction": None, "oracle_plateau": None, "flip_oracle": None})
+    lacking = ("oracle", "fraction", "oracle_validation", "oracle_plateau", "flip_oracle")
+    alone = verdict.model_copy(update=dict.fromkeys(lacking))
     over = Ceiling.load(tmp_path).over(alone)
     assert (over.recovered, over.oracle, over.fraction) == (0.45, 0.9, pytest.approx(0.5))
-    assert over.oracle_plateau is False
+    assert (over.oracle_validation, over.oracle_plateau) == (0.9, False)
     assert (over.flip, over.flip_oracle, over.oracle_steps) == (verdict.flip, 0.05, 300)
     with pytest.raises(AssetError):
         Ceiling.load(tmp_path / "elsewhere")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import signal
 import subprocess
 import sys
 import time
@@ -111,7 +112,8 @@ def test_tasks_are_spread_over_the_gpus(stand_in: Stand_In, tmp_path: Path, monk
 def test_a_task_ends_when_who_started_it_is_killed() -> None:
     """And so does what it started itself."""
     job = (
-        "import subprocess, time; from svbrdfgan.experiments.orphan import end_with_parent; end_with_parent();"
+        "import os, subprocess, time; from svbrdfgan.experiments.orphan import end_with_parent;"
+        "end_with_parent(os.getppid());"
         "subprocess.Popen(['sleep', '600']);"
         "print('ready', flush=True); time.sleep(600)"
     )
@@ -123,6 +125,12 @@ def test_a_task_ends_when_who_started_it_is_killed() -> None:
         process.kill()
         assert process.stdout.read() == b""  # both have let go of it
         assert time.monotonic() - began < 60
+
+
+def test_a_task_ends_that_begins_when_who_started_it_is_gone() -> None:
+    job = "from svbrdfgan.experiments.orphan import end_with_parent; import time; end_with_parent(0); time.sleep(600)"
+    ended = subprocess.run([sys.executable, "-c", job], process_group=0, timeout=120)
+    assert ended.returncode == -signal.SIGKILL
 
 
 def test_a_real_task_and_what_it_refuses(tmp_path: Path) -> None:

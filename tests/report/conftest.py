@@ -107,7 +107,8 @@ def make_evaluated(names: tuple[str, ...] = ("sedan_1", "van_2"), views: int = 2
         "constant": torch.tensor(constant).expand_as(truth),
     }
     evaluation = Evaluation(
-        split="test", recovered=0.6123, oracle=0.8741, fraction=0.6123 / 0.8741, oracle_plateau=True, oracle_steps=2300,
+        split="test", recovered=0.6123, oracle=0.8741, fraction=0.6123 / 0.8741,
+        oracle_validation=0.8, oracle_plateau=True, oracle_steps=2300,
         flip=0.0432, flip_oracle=0.0311, flip_constant=0.0811, flip_truth=0.0205, seen=0.83, constant=constant,
         subjects=count, exemplars=count * views,
     )  # fmt: skip

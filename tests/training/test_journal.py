@@ -27,6 +27,26 @@ def test_a_penalty_between_reports_is_in_the_log(config: Callable[..., TrainConf
     assert told["d_penalty"] > 0
 
 
+def test_the_end_of_an_interrupted_run_is_in_its_curves(
+    config: Callable[..., TrainConfig], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    monkeypatch.setattr(trainer, "_REPORT_EVERY", 1)
+    step, made = trainer.training_step, []
+
+    def stopped(*args: Any) -> Any:
+        if len(made) == 2:
+            raise KeyboardInterrupt
+        made.append(1)
+        return step(*args)
+
+    monkeypatch.setattr(trainer, "training_step", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        train(config(steps=50), tmp_path / "run")
+    events = accumulator.EventAccumulator(str(tmp_path / "run" / "tensorboard")).Reload()
+    assert [event.step for event in events.Scalars("g_loss")] == [1, 2]
+
+
 def test_images_of_all_critic_steps_are_counted(
     config: Callable[..., TrainConfig], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -153,6 +153,8 @@ def test_renderers_of_one_name_do_not_share_transports(tiny_dataset: Path, tiny_
     scene = tiny_exemplars.scenes[0]
     assert ours._key(scene) != replace(ours, renderer=theirs)._key(scene)
     assert ours._key(scene) == stages(tiny_exemplars, tiny_dataset, 1)._key(scene)
+    assert ours._key(scene) == replace(ours, options={"device": "cpu"})._key(scene)
+    assert ours._key(scene) != replace(ours, options={"epsilon": 0.1})._key(scene)
 
 
 def test_stored_transports_are_read_again(dataset_copy: Path, tiny_exemplars: Exemplars) -> None:

@@ -19,10 +19,9 @@ from torch import Tensor
 
 from svbrdfgan.data.sampler import ConfigSampler
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io import load_environment
+from svbrdfgan.io import load_environment, luminance
 from svbrdfgan.types import Rendering
 
-_LUMINANCE = (0.2126, 0.7152, 0.0722)
 _ROWS, _DRAWS = 32, 512
 _FULL = 0.99
 
@@ -50,7 +49,7 @@ def exposure(taken: Rendering, clean: Rendering) -> float:
         AssetError: they have no full pixel in common, or the picture is black there.
     """
     both = (taken.coverage > _FULL) & (clean.coverage > _FULL)
-    wanted, found = (rendering.image @ torch.tensor(_LUMINANCE) for rendering in (clean, taken))
+    wanted, found = (luminance(rendering.image) for rendering in (clean, taken))
     both &= wanted > 0
     if not both.any():
         raise AssetError("mask and mesh have no pixel in common: correct the camera or the mask.")
