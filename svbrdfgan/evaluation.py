@@ -39,6 +39,13 @@ from svbrdfgan.training.trainer import auto_precision, require_device
 EVALUATION = "evaluation.json"
 _ORACLE_TARGETS = 2048
 
+
+def of_split(name: str, split: Split) -> str:
+    """The name of a file for a split: `report.html` tells of the test split, `report.validation.html` of validation."""
+    stem, suffix = name.split(".")
+    return name if split == "test" else f"{stem}.{split}.{suffix}"
+
+
 Pictured = tuple[Exemplars, SeenTexels]
 """A split, and what its pictures show."""
 
@@ -46,7 +53,7 @@ log = logging.getLogger(__name__)
 
 
 class Evaluation(StrictModel):
-    """The contents of `evaluation.json`.
+    """The contents of `evaluation.json`; of other splits than `test`, `evaluation.SPLIT.json`.
 
     Attributes:
         recovered, oracle: 1 - E / E(constant) of the generator and of the supervised oracle, on the split.
@@ -99,7 +106,7 @@ class Evaluation(StrictModel):
         return told + [f"{name}: {error:.3f} mean absolute error" for name, error in self.maps.items()]
 
     def save(self, run: Path) -> None:
-        save_record(run / EVALUATION, self)
+        save_record(run / of_split(EVALUATION, self.split), self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from svbrdfgan.data.subject import Subject
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io import linear_from_srgb, save_glb, save_image, save_texture
 from svbrdfgan.protocols import Renderer
-from svbrdfgan.types import Camera, Environment, Materials, View
+from svbrdfgan.types import Camera, Environment, Materials, Rendering, View
 
 _PICTURE = (480, 300)
 _FOV = math.radians(22.0)
@@ -25,6 +25,8 @@ _FROM = ((35.0, 12.0), (215.0, 12.0))
 """Azimuth and elevation, degrees: the nose and one side, the tail and the other."""
 _MARGIN = 1.08
 _BRIGHTNESS, _GREY = 0.8, 0.35
+_NEARLY_ALL, _PALE = 0.98, 0.9
+"""So much of the surface is darker than that; a brighter one is exposed less, lest pale paint be white."""
 
 
 def write_weathered(
@@ -83,12 +85,14 @@ def write_picture(
     light = Environment(environment * (_BRIGHTNESS / mean))
     prepared, materials = renderer.prepare(subject.surface), subject.materials({}, layer, maps)
     grey = torch.full((3,), _GREY, device=renderer.device)
-    pictures = []
+    taken = list[Rendering]()
     for azimuth, elevation in _FROM:
         camera = _camera(subject, azimuth, elevation)
         rendering = renderer.render(prepared, materials, View(camera, light, *_PICTURE), spp=spp, seed=0)
-        pictures.append(over(rendering.image, rendering.coverage, grey))
-    save_image(path, torch.cat(pictures, dim=1).cpu())
+        taken.append(rendering)
+    image, coverage = (torch.cat(side, dim=1) for side in zip(*((t.image, t.coverage) for t in taken), strict=True))
+    brightest = torch.quantile(image[coverage > 0.99].amax(dim=-1), _NEARLY_ALL)
+    save_image(path, over(image * (_PALE / brightest).clamp(max=1), coverage, grey).cpu())
 
 
 def _camera(subject: Subject, azimuth: float, elevation: float) -> Camera:

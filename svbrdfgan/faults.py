@@ -43,6 +43,8 @@ def explain(error: ValidationError, model: type, data: object) -> list[tuple[str
         location, context = detail["loc"], detail.get("ctx", {})
         if detail["type"] == "extra_forbidden":
             faults.append((_path(location[:-1], data), _unknown(str(location[-1]), _keys(model, location[:-1]))))
+        elif detail["type"] == "missing" and isinstance(location[-1], int):
+            wishes.setdefault((_path(location[:-1], data), _shown(detail["input"])), []).append("more values")
         elif detail["type"] == "missing":
             faults.append((_path(location[:-1], data), f"key {str(location[-1])!r} is missing."))
         elif "error" in context:

@@ -45,7 +45,7 @@ def apply_overrides(data: Mapping[str, Any], overrides: Iterable[str]) -> dict[s
         key, equals, text = override.partition("=")
         keys = key.strip().split(".")
         if not equals or not all(keys):
-            raise ConfigError(f"{override!r} is not an override; wanted key=value, such as training.batch_size=4.")
+            raise ConfigError(f"{override!r} is not an override; wanted key=value, such as seed=1.")
         changed = _put(changed, keys, _parse(text, repr(override)), override)
     return changed
 

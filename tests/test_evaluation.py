@@ -34,7 +34,8 @@ def evaluated(run: Path) -> Evaluated:
 
 def test_the_verdict_is_written_down(run: Path, evaluated: Evaluated) -> None:
     verdict = evaluated.evaluation
-    assert Evaluation.model_validate_json((run / "evaluation.json").read_text()) == verdict
+    assert not (run / "evaluation.json").exists()  # which is of the test split
+    assert Evaluation.model_validate_json((run / "evaluation.validation.json").read_text()) == verdict
     assert (verdict.split, verdict.subjects, verdict.exemplars) == ("validation", 1, 2)
     assert verdict.oracle is not None
     assert verdict.fraction == share(verdict.recovered, verdict.oracle)

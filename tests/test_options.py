@@ -83,6 +83,8 @@ class TestValidate:
             ({"bacth_size": 1}, "training: unknown key 'bacth_size'; did you mean 'batch_size'?"),
             ({"betas": [1, "a"]}, "training.betas[1]: 'a' is not allowed; wanted a number."),
             ({"betas": [1, 2, 3]}, "training.betas: [1, 2, 3] is not allowed; wanted at most 2 values."),
+            ({"betas": [1]}, "training.betas: [1] is not allowed; wanted more values."),
+            ({"betas": []}, "training.betas: [] is not allowed; wanted more values."),
             ({"stages": [{"low": 1}]}, "training.stages[0]: key 'high' is missing."),
             (
                 {"stages": [{"low": 1, "hihg": 2, "high": 3}]},

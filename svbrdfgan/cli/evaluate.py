@@ -21,7 +21,10 @@ def command(
     dataset: Path | None,
     device: Literal["auto", "cpu", "cuda"],
 ) -> None:
-    """Score RUN on a split it was not trained on; write evaluation.json and report.html into it."""
+    """Score RUN on a split it was not trained on; write evaluation.json and report.html into it.
+
+    Those of another split than test are named after it: report.validation.html.
+    """
     from rich.console import Console
 
     from svbrdfgan.cli.display import terminal_display

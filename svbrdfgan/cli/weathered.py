@@ -38,6 +38,7 @@ def writer(
     out: Path, picture: Path | None, environment: Path | None, renderer: str, maps: Mapping[str, float]
 ) -> Callable[[Subject, Layer], None]:
     """What writes and tells the files of a weathered mesh. What cannot work is refused at once."""
+    _require_place(out, ".glb")
     photograph = _photographer(picture, environment, renderer, maps)
 
     def write(subject: Subject, layer: Layer) -> None:
@@ -50,6 +51,18 @@ def writer(
     return write
 
 
+def _require_place(path: Path, *suffixes: str) -> None:
+    """Refuses a file that could not be written, and makes its folder."""
+    from svbrdfgan.errors import ConfigError
+
+    if path.suffix.lower() not in suffixes:
+        raise ConfigError(f"{path}: wanted a name that ends in {' or '.join(suffixes)}.")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be written: {error.strerror}.") from error
+
+
 def _photographer(
     picture: Path | None, environment: Path | None, renderer: str, maps: Mapping[str, float]
 ) -> Callable[[Subject, Layer], list[Path]]:
@@ -58,8 +71,7 @@ def _photographer(
         if environment is not None or renderer != "auto":
             raise click.UsageError("--environment and --renderer go with --picture.")
         return lambda subject, layer: []
-    if picture.suffix.lower() not in (".png", ".jpg", ".jpeg"):
-        raise click.UsageError(f"--picture {picture}: wanted .png or .jpg.")
+    _require_place(picture, ".png", ".jpg", ".jpeg")
 
     from svbrdfgan.data.config import PluginChoice
     from svbrdfgan.data.studio import resolve_renderer

@@ -26,6 +26,8 @@ from svbrdfgan.types import Mesh
 
 PLAN = "dataset.json"
 FORMAT = "svbrdfgan data set 1"
+_RUN = "config.json"
+"""What a run's folder has, as `svbrdfgan.training.run` names it."""
 
 log = logging.getLogger(__name__)
 
@@ -70,6 +72,8 @@ def make_plan(config: DatasetConfig, folder: Path, base: Path) -> DatasetPlan:
         ConfigError: the folder holds a data set of another configuration, or a pattern matches nothing.
         AssetError: an asset cannot be read.
     """
+    if (folder / _RUN).is_file():
+        raise ConfigError(f"{folder} holds a run; choose another folder for the data set.")
     if (folder / PLAN).is_file():
         plan = DatasetPlan.load(folder)
         if plan.config == config:
@@ -81,6 +85,7 @@ def make_plan(config: DatasetConfig, folder: Path, base: Path) -> DatasetPlan:
                 f"{folder} holds a data set of another configuration ({changed}); choose another folder or delete it."
             )
         (folder / PLAN).unlink()  # of which nothing was made
+    _require_files(config, base)
     meshes = {split: _meshes(source.meshes, config, folder, base) for split, source in config.splits.items()}
     lights = {
         split: gather_environments(source.environments or config.environments, config.environment_rows, folder, base)
@@ -92,6 +97,19 @@ def make_plan(config: DatasetConfig, folder: Path, base: Path) -> DatasetPlan:
     plan = DatasetPlan(config=config, meshes=meshes, environments=lights)
     plan.save(folder)
     return plan
+
+
+def _require_files(config: DatasetConfig, base: Path) -> None:
+    """Refuses patterns that match nothing, by their keys, before anything is stored."""
+    named: dict[str, MeshSource | EnvironmentSource | None] = {"environments": config.environments}
+    for split, source in config.splits.items():
+        named |= {f"splits.{split}.meshes": source.meshes, f"splits.{split}.environments": source.environments}
+    for key, files in named.items():
+        if files is not None:
+            try:
+                _matches(files.files, base)
+            except ConfigError as error:
+                raise ConfigError(f"{key}.files: {error}") from error
 
 
 def _meshes(source: MeshSource, config: DatasetConfig, folder: Path, base: Path) -> tuple[MeshAsset, ...]:

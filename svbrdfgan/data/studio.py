@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
@@ -25,6 +26,8 @@ from svbrdfgan.plugins import load_embedding, load_renderer
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.types import Environment, View
 from svbrdfgan.weathering import Recipe, Site, find_site, recipe_from_options, weather
+
+log = logging.getLogger(__name__)
 
 _CACHE = "cache"
 _LAYERS = 64
@@ -155,9 +158,14 @@ class Studio:
         mesh = load_mesh(self.file(scene.mesh))
         embedding = load_embedding(scene.embedding.name, scene.embedding.options)
         try:
-            return make_subject(mesh, embedding, scene.texture, scene.learnable)
+            made = make_subject(mesh, embedding, scene.texture, scene.learnable)
         except (AssetError, EmbeddingError) as error:
             raise type(error)(f"{scene.mesh.path}: {error}") from error
+        for name, share in made.overlooked().items():
+            log.warning(
+                "%s: %s is %.0f%% of it and its name keeps it clean: see learnable", scene.mesh.path, name, 100 * share
+            )
+        return made
 
     def _stored(self, path: Path, load: Callable[..., Any], save: Callable[..., None], make: Callable[[], Any]) -> Any:
         if self.keep and path.is_file():

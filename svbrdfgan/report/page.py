@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from svbrdfgan.evaluation import Evaluated
+from svbrdfgan.evaluation import Evaluated, of_split
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.options import StrictModel
 from svbrdfgan.report.curves import draw
@@ -23,13 +23,15 @@ _VEHICLES, _TEXTURES, _JUDGED = 6, 3, 3
 
 
 def write_report(run: Path, evaluated: Evaluated) -> Path:
-    """Writes the run's `report.html`, and gives its path. What the run does not have is left out, with a word about it.
+    """Writes the run's `report.html`, or beside it that of another split than `test`, and gives its path.
+
+    What the run does not have is left out, with a word about it.
 
     Raises:
         AssetError: the page cannot be written.
     """
     page = _render(_contents(run, evaluated))
-    path = run / REPORT
+    path = run / of_split(REPORT, evaluated.evaluation.split)
     with atomic_path(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
     return path

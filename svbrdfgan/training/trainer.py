@@ -16,7 +16,7 @@ import torch
 from lightning_fabric import Fabric
 
 from svbrdfgan.compositing import layer_channels
-from svbrdfgan.data.plan import DatasetPlan
+from svbrdfgan.data.plan import PLAN, DatasetPlan
 from svbrdfgan.data.studio import resolve_renderer
 from svbrdfgan.display import Display, Silent
 from svbrdfgan.errors import ConfigError, TrainingError
@@ -100,6 +100,8 @@ def _resolve(config: TrainConfig, run: Path, base: Path, resume: bool) -> RunCon
     config = settled(config, plan.config.spp)
     resolved = RunConfig(train=config, dataset=plan.config, dataset_folder=str(folder), versions=versions())
     found = checkpoints(run)
+    if (run / PLAN).is_file():
+        raise ConfigError(f"{run} holds a data set; choose another folder for the run.")
     if (run / CONFIG).is_file() and found:
         if not resume:
             raise ConfigError(f"{run} holds a run already; give --resume to go on with it, or another folder.")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +111,18 @@ def test_learnable_parts_are_told_and_chosen(car: Path, tmp_path: Path) -> None:
     failed(invoke(*words, "--learnable", "bodies"), "Change 'learnable' (--learnable)")
 
 
+def test_a_body_that_its_name_keeps_clean_is_told(car: Path, tmp_path: Path) -> None:
+    """Light blue paint is no light."""
+    mesh = load_mesh(car)
+    names = {"body": "LightBlue", "glass": "bumper"}
+    blue = replace(mesh, parts=tuple(replace(part, name=names.get(part.name, part.name)) for part in mesh.parts))
+    save_mesh_glb(tmp_path / "blue.glb", blue)
+    words = ("weather", tmp_path / "blue.glb", "--resolution", 32, "-o", tmp_path / "car.glb")
+    plain, chosen = invoke(*words), invoke(*words, "--learnable", "LightBlue")
+    assert re.search(r"warning: LightBlue is \d\d% of the surface and its name keeps it clean", plain.stderr)
+    assert "warning" not in chosen.stderr
+
+
 def test_weather_with_a_further_map(car: Path, tmp_path: Path) -> None:
     words = ("weather", car, "--resolution", 32, "-o", tmp_path / "dull.glb")
     succeeded(invoke(*words, "--map", "roughness=0.2"))
@@ -188,7 +202,7 @@ def test_what_failed_before_it_began_can_be_corrected(training_data: Data, tmp_p
 
 def test_evaluate(run: Path, tmp_path: Path) -> None:
     told = succeeded(invoke("evaluate", run, "--split", "validation", "--no-oracle", "--device", "cpu"))
-    verdict = json.loads((run / "evaluation.json").read_text())
+    verdict = json.loads((run / "evaluation.validation.json").read_text())
     assert f"recovered: {verdict['recovered']:.3f}" in told
     assert verdict["oracle"] is None
     assert verdict["flip_truth"] < verdict["flip"]
@@ -261,7 +275,9 @@ def test_a_picture_by_another_light_and_with_roughness(car: Path, tmp_path: Path
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--picture", "car.bmp"), "--picture car.bmp: wanted .png or .jpg"),
+        (("--picture", "car.bmp"), "car.bmp: wanted a name that ends in .png or .jpg"),
+        (("-o", "car.obj"), "car.obj: wanted a name that ends in .glb"),
+        (("-o", "/dev/null/car.glb"), "/dev/null/car.glb cannot be written"),
         (("--environment", "sky.hdr"), "--environment and --renderer go with --picture"),
         (("--picture", "car.png", "--renderer", "warpp"), "did you mean 'warp'"),
         (("--picture", "car.png", "--environment", "sky.hdr"), "sky.hdr does not exist"),

@@ -308,9 +308,19 @@ def test_meshes_come_from_patterns(tmp_path: Path, dataset_data: Data) -> None:
 def test_a_pattern_without_a_match_is_told(tmp_path: Path, dataset_data: Data) -> None:
     data = dataset_data()
     data["splits"] = {"train": {"meshes": {"files": ["cars/*.glb"]}}}
-    with pytest.raises(ConfigError, match=r"no file matches 'cars/\*\.glb'"):
+    with pytest.raises(ConfigError, match=r"splits\.train\.meshes\.files: no file matches 'cars/\*\.glb'"):
         make_plan(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
-    assert not (tmp_path / "out" / "dataset.json").exists()
+    data = dataset_data(environments={"files": ["*.hdr"]})
+    with pytest.raises(ConfigError, match=r"environments\.files: no file matches '\*\.hdr'"):
+        make_plan(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_run_is_no_place_for_a_data_set(tmp_path: Path, config: DatasetConfig) -> None:
+    (tmp_path / "config.json").write_text("{}")
+    with pytest.raises(ConfigError, match="holds a run"):
+        make_plan(config, tmp_path, tmp_path)
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_what_is_no_pattern_is_told(tmp_path: Path, dataset_data: Data) -> None:

@@ -157,3 +157,11 @@ def test_what_is_doubtful_is_told(base: Path, tmp_path: Path) -> None:
     told = import_pictures(manifest, tmp_path / "own", base=base, preview=True)
     assert "reaches beyond the picture" in told[0].doubts[0]
     assert "enlarged" in told[1].doubts[0]
+
+
+def test_a_distance_in_another_unit_is_refused(base: Path, tmp_path: Path) -> None:
+    data = {**pictures({"camera": {**CAMERA, "distance": 40.0}}), "image": [384, 256]}
+    (line,) = faults(data, base, tmp_path / "own")
+    assert "% of the picture" in line
+    assert "distance" in line
+    assert not (tmp_path / "own").exists()

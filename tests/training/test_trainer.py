@@ -152,6 +152,13 @@ def test_a_run_is_not_overwritten(config: Callable[..., TrainConfig], tmp_path: 
         train(config(), tmp_path / "run")
 
 
+def test_a_data_set_is_no_place_for_a_run(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    (tmp_path / "dataset.json").write_text("{}")
+    with pytest.raises(ConfigError, match="holds a data set"):
+        train(config(), tmp_path)
+    assert len(list(tmp_path.iterdir())) == 1
+
+
 @pytest.mark.parametrize(
     ("changes", "key"),
     [

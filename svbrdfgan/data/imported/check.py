@@ -30,6 +30,7 @@ LEAST_AGREEMENT = 0.8
 """Of mask and silhouette, as intersection over union, below which the camera is doubted."""
 
 _LEAST_OVERLAP = 0.05
+_MOST_ENLARGED = 10.0
 
 
 @dataclass
@@ -135,6 +136,12 @@ def _shot(entry: PictureEntry, photo: Photo, mesh: Mesh, film: tuple[int, int]) 
     silhouette = parts != NOTHING
     if not silhouette.any():
         raise ConfigError("the camera sees no pixel of the mesh: correct it, or the scale of the mesh (metres).")
+    zoomed = zoom(photo.size[1], camera, framed.camera(), film)
+    if zoomed < 1 / _MOST_ENLARGED:
+        raise ConfigError(
+            f"the mesh fills {silhouette.mean():.2%} of the picture as this camera sees it: correct the distance, "
+            "which is in the mesh's unit, or the field of view."
+        )
     color, mask, iou = photo.image.permute(2, 0, 1), None, None
     weight = torch.ones(1, *color.shape[1:])
     if photo.mask is not None:
@@ -150,7 +157,7 @@ def _shot(entry: PictureEntry, photo: Photo, mesh: Mesh, film: tuple[int, int]) 
         masked=mask is not None,
         drawing=overlay(shrunk(color, size), parts, mask),
         iou=iou,
-        doubts=tuple(_doubts(iou, silhouette, zoom(photo.size[1], camera, framed.camera(), film))),
+        doubts=tuple(_doubts(iou, silhouette, zoomed)),
     )
 
 

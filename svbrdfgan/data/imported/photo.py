@@ -90,5 +90,7 @@ def _load(path: Path) -> Float[Tensor, "height width channels"]:
     try:
         with Image.open(path) as image:
             return linear_from_picture(ImageOps.exif_transpose(image))
+    except Image.DecompressionBombError as error:
+        raise AssetError(f"{path} has more pixels than can be read safely: make it smaller.") from error
     except Exception as error:  # Pillow's decoders raise many kinds, and every one means that the file is broken
         raise AssetError(f"{path} cannot be read as a picture: {error}.") from error
