@@ -91,7 +91,7 @@ def write_picture(
         rendering = renderer.render(prepared, materials, View(camera, light, *_PICTURE), spp=spp, seed=0)
         taken.append(rendering)
     image, coverage = (torch.cat(side, dim=1) for side in zip(*((t.image, t.coverage) for t in taken), strict=True))
-    brightest = torch.quantile(image[coverage > 0.99].amax(dim=-1), _NEARLY_ALL)
+    brightest = torch.quantile(image[coverage > 0].amax(dim=-1), _NEARLY_ALL)
     save_image(path, over(image * (_PALE / brightest).clamp(max=1), coverage, grey).cpu())
 
 

@@ -68,8 +68,7 @@ def patch_maps(run: Path, evaluated: Evaluated, indices: Sequence[int]) -> Patch
 
 
 def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> Judged:
-    """Shows the discriminator an exemplar, and the generator's layer in the same scene, as training does, but with
-    as many samples."""
+    """Shows the discriminator an exemplar and the generator's layer in the same scene, by as many samples for both."""
     feed, number = evaluated.feed, int(evaluated.feed.exemplars.subject_of[index])
     device = feed.images.device
     layers, background = evaluated.layers["generated"][number : number + 1], torch.full((1, 3), _GREY, device=device)
