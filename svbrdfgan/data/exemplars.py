@@ -99,6 +99,8 @@ class _StoredLayers(Sequence[Any]):
         return len(self._scenes)
 
     def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return _StoredLayers(self._studio, self._scenes[index])
         return self._studio.layer(self._scenes[index])
 
 
