@@ -17,7 +17,7 @@ from svbrdfgan.data.subject import Subject
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io import linear_from_srgb, save_glb, save_image, save_texture
 from svbrdfgan.protocols import Renderer
-from svbrdfgan.types import Camera, Environment, Materials, Rendering, View
+from svbrdfgan.types import Camera, Environment, Materials, View
 
 _PICTURE = (480, 300)
 _FOV = math.radians(22.0)
@@ -85,12 +85,10 @@ def write_picture(
     light = Environment(environment * (_BRIGHTNESS / mean))
     prepared, materials = renderer.prepare(subject.surface), subject.materials({}, layer, maps)
     grey = torch.full((3,), _GREY, device=renderer.device)
-    taken = list[Rendering]()
-    for azimuth, elevation in _FROM:
-        camera = _camera(subject, azimuth, elevation)
-        rendering = renderer.render(prepared, materials, View(camera, light, *_PICTURE), spp=spp, seed=0)
-        taken.append(rendering)
-    image, coverage = (torch.cat(side, dim=1) for side in zip(*((t.image, t.coverage) for t in taken), strict=True))
+    views = [View(_camera(subject, *angles), light, *_PICTURE) for angles in _FROM]
+    sides = [renderer.render(prepared, materials, view, spp=spp, seed=0) for view in views]
+    image = torch.cat([side.image for side in sides], dim=1)
+    coverage = torch.cat([side.coverage for side in sides], dim=1)
     brightest = torch.quantile(image[coverage > 0].amax(dim=-1), _NEARLY_ALL)
     save_image(path, over(image * (_PALE / brightest).clamp(max=1), coverage, grey).cpu())
 

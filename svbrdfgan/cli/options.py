@@ -53,7 +53,5 @@ def tell_parts(subject: Subject) -> None:
     parts = [(part.name, number in subject.learnable) for number, part in enumerate(subject.surface.parts)]
     carrying, clean = (", ".join(name for name, learnable in parts if learnable is wanted) for wanted in (True, False))
     click.echo(f"layer on: {carrying}; left clean: {clean or 'none'}", err=True)
-    for name, share in subject.overlooked().items():
-        click.echo(
-            f"warning: {name} is {share:.0%} of the surface and its name keeps it clean: see --learnable", err=True
-        )
+    for told in subject.overlooked():
+        click.echo(f"warning: {told}", err=True)

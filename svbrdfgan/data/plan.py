@@ -101,15 +101,18 @@ def make_plan(config: DatasetConfig, folder: Path, base: Path) -> DatasetPlan:
 
 def _require_files(config: DatasetConfig, base: Path) -> None:
     """Refuses patterns that match nothing, by their keys, before anything is stored."""
-    named: dict[str, MeshSource | EnvironmentSource | None] = {"environments": config.environments}
+    named: dict[str, MeshSource | EnvironmentSource] = {}
     for split, source in config.splits.items():
-        named |= {f"splits.{split}.meshes": source.meshes, f"splits.{split}.environments": source.environments}
+        named[f"splits.{split}.meshes"] = source.meshes
+        if source.environments is None:
+            named["environments"] = config.environments
+        else:
+            named[f"splits.{split}.environments"] = source.environments
     for key, files in named.items():
-        if files is not None:
-            try:
-                _matches(files.files, base)
-            except ConfigError as error:
-                raise ConfigError(f"{key}.files: {error}") from error
+        try:
+            _matches(files.files, base)
+        except ConfigError as error:
+            raise ConfigError(f"{key}.files: {error}") from error
 
 
 def _meshes(source: MeshSource, config: DatasetConfig, folder: Path, base: Path) -> tuple[MeshAsset, ...]:

@@ -161,10 +161,8 @@ class Studio:
             made = make_subject(mesh, embedding, scene.texture, scene.learnable)
         except (AssetError, EmbeddingError) as error:
             raise type(error)(f"{scene.mesh.path}: {error}") from error
-        for name, share in made.overlooked().items():
-            log.warning(
-                "%s: %s is %.0f%% of it and its name keeps it clean: see learnable", scene.mesh.path, name, 100 * share
-            )
+        for told in made.overlooked():
+            log.warning("%s: %s", scene.mesh.path, told)
         return made
 
     def _stored(self, path: Path, load: Callable[..., Any], save: Callable[..., None], make: Callable[[], Any]) -> Any:

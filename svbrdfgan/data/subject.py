@@ -46,23 +46,21 @@ class Subject:
         """Texels whose outermost surface belongs to a learnable part."""
         return torch.isin(self.buffer.part, torch.tensor(self.learnable, dtype=self.buffer.part.dtype))
 
-    def overlooked(self) -> dict[str, float]:
-        """Parts whose names alone keep them clean by default, though each is larger than all that carry the layer.
-
-        Returns:
-            Their shares of the exposed area.
+    def overlooked(self) -> list[str]:
+        """A sentence on each part that its name alone keeps clean by default, though it is larger than all that carry
+        the layer.
         """
         areas = torch.zeros(len(self.surface.parts), dtype=self.buffer.area.dtype)
         areas.index_add_(0, self.buffer.part[self.buffer.mask].long(), self.buffer.area[self.buffer.mask])
         carrying, total = areas[list(self.learnable)].sum(), areas.sum().clamp(min=1e-30)
-        return {
-            part.name: float(area / total)
+        return [
+            f"{part.name} is {float(area / total):.0%} of the surface and its name keeps it clean: see learnable"
             for number, (part, area) in enumerate(zip(self.surface.parts, areas, strict=True))
             if area > carrying
             and not part.hidden
             and not PartSelection().selects(part)
             and number not in self.learnable
-        }
+        ]
 
     def base_colors(self, override: Mapping[str, tuple[float, float, float]]) -> tuple[Float[Tensor, ...], ...]:
         """The base of every part, with those named by `override` replaced, their hidden halves included."""

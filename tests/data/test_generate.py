@@ -314,6 +314,11 @@ def test_a_pattern_without_a_match_is_told(tmp_path: Path, dataset_data: Data) -
     with pytest.raises(ConfigError, match=r"environments\.files: no file matches '\*\.hdr'"):
         make_plan(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
     assert not (tmp_path / "out").exists()
+    for split in data["splits"].values():
+        split["environments"] = {"procedural": {"count": 1}}
+    make_plan(
+        validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path
+    )  # what no split takes need not be there
 
 
 def test_a_run_is_no_place_for_a_data_set(tmp_path: Path, config: DatasetConfig) -> None:
