@@ -20,10 +20,10 @@ from svbrdfgan_igl import LscmEmbedding, StretchEmbedding
 
 from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.io import load_mesh
-from svbrdfgan.uv_metrics.card import measure
-from svbrdfgan.uv_metrics.compare import mesh_files, sample_pairs
-from svbrdfgan.uv_metrics.neighbours import similarity
-from svbrdfgan.uv_metrics.outside import Outside
+from svbrdfgan.metrics.uv.compare import mesh_files, sample_pairs
+from svbrdfgan.metrics.uv.neighbours import similarity
+from svbrdfgan.metrics.uv.summary import measure
+from svbrdfgan.metrics.uv.visibility import Outside
 
 EMBEDDINGS = {"stretch": StretchEmbedding, "lscm": LscmEmbedding}
 SHOWN = ("stretch_l2", "stretch_linf", "angle_mean", "area_mean", "flipped", "overlapping", "coverage")

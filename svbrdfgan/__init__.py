@@ -11,28 +11,29 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from svbrdfgan.apply import paint
-    from svbrdfgan.compositing import composite, over
-    from svbrdfgan.data.config import DatasetConfig, PartSelection, dataset_config
+    from svbrdfgan.config.choices import PartSelection
+    from svbrdfgan.config.yaml_files import load_yaml
+    from svbrdfgan.data.config import DatasetConfig, dataset_config
     from svbrdfgan.data.generate import generate
-    from svbrdfgan.data.scene import Scene
-    from svbrdfgan.data.subject import Subject, make_subject
     from svbrdfgan.errors import SvbrdfganError
-    from svbrdfgan.evaluation import evaluate
-    from svbrdfgan.export import write_picture, write_weathered
+    from svbrdfgan.evaluation.evaluate import evaluate
+    from svbrdfgan.evaluation.leakage import probe_shortcuts
+    from svbrdfgan.inference.apply import paint
+    from svbrdfgan.inference.export import write_picture, write_weathered
     from svbrdfgan.io import load_environment, load_mesh, save_image
     from svbrdfgan.plugins import load_embedding, load_renderer
     from svbrdfgan.procedural import build_sky, build_vehicle, sample_sky, sample_vehicle
-    from svbrdfgan.render_layer import RenderLayer
+    from svbrdfgan.rendering.compositing import composite, over
+    from svbrdfgan.rendering.render_layer import RenderLayer
+    from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
     from svbrdfgan.report import write_report
-    from svbrdfgan.shortcuts import probe_shortcuts
+    from svbrdfgan.scene.asset import Subject, make_subject
+    from svbrdfgan.scene.description import Scene
     from svbrdfgan.training.config import TrainConfig, train_config
     from svbrdfgan.training.run import load_model
     from svbrdfgan.training.trainer import train
-    from svbrdfgan.transport import LightTransport, TransportBatch, build_transport
     from svbrdfgan.types import Camera, Environment, Material, Materials, Mesh, Part, Surface, View
     from svbrdfgan.weathering import Dust, RoadDirt, Rust, weather
-    from svbrdfgan.yaml_files import load_yaml
 
 __all__ = [
     "Camera",
@@ -89,23 +90,24 @@ _MODULES = {
     "io": ("load_environment", "load_mesh", "save_image"),
     "procedural": ("build_sky", "build_vehicle", "sample_sky", "sample_vehicle"),
     "plugins": ("load_embedding", "load_renderer"),
-    "data.subject": ("Subject", "make_subject"),
+    "scene.asset": ("Subject", "make_subject"),
     "weathering": ("Dust", "RoadDirt", "Rust", "weather"),
-    "compositing": ("composite", "over"),
-    "render_layer": ("RenderLayer",),
-    "transport": ("LightTransport", "TransportBatch", "build_transport"),
-    "data.config": ("DatasetConfig", "PartSelection", "dataset_config"),
-    "data.scene": ("Scene",),
+    "rendering.compositing": ("composite", "over"),
+    "rendering.render_layer": ("RenderLayer",),
+    "rendering.transport": ("LightTransport", "TransportBatch", "build_transport"),
+    "config.choices": ("PartSelection",),
+    "data.config": ("DatasetConfig", "dataset_config"),
+    "scene.description": ("Scene",),
     "data.generate": ("generate",),
-    "shortcuts": ("probe_shortcuts",),
+    "evaluation.leakage": ("probe_shortcuts",),
     "training.config": ("TrainConfig", "train_config"),
     "training.trainer": ("train",),
     "training.run": ("load_model",),
-    "evaluation": ("evaluate",),
+    "evaluation.evaluate": ("evaluate",),
     "report": ("write_report",),
-    "apply": ("paint",),
-    "export": ("write_picture", "write_weathered"),
-    "yaml_files": ("load_yaml",),
+    "inference.apply": ("paint",),
+    "inference.export": ("write_picture", "write_weathered"),
+    "config.yaml_files": ("load_yaml",),
     "errors": ("SvbrdfganError",),
 }
 _MODULE_OF = {name: f"svbrdfgan.{module}" for module, names in _MODULES.items() for name in names}

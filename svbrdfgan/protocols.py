@@ -64,7 +64,7 @@ class Renderer(Protocol[Prepared]):
         Raises:
             UnsupportedError: a material has a map that `capabilities.maps` does not name.
             SvbrdfganError: not one material for each part, `spp` below 1, or radiance that is no light;
-                `svbrdfgan.refusals` raises all that a renderer is to raise.
+                `svbrdfgan.rendering.validation` raises all that a renderer is to raise.
         """
         ...
 

@@ -91,9 +91,9 @@ def training_data(tiny_dataset: Path) -> Callable[..., dict[str, Any]]:
 @pytest.fixture(scope="session")
 def tiny_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two procedural vehicles to train on and one to validate with, three and two views each. Not to be changed."""
+    from svbrdfgan.config.models import validate
     from svbrdfgan.data.config import DatasetConfig
     from svbrdfgan.data.generate import generate
-    from svbrdfgan.options import validate
 
     folder = tmp_path_factory.mktemp("tiny") / "dataset"
     generate(validate(DatasetConfig, TINY_DATASET, "tiny"), folder, base=Path())

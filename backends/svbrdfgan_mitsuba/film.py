@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan_mitsuba.exchange import floats, tensor
+from svbrdfgan_mitsuba.interop import floats, tensor
 from svbrdfgan_mitsuba.jit import dr
 
 VERTICES = {"cpu": 2**20, "cuda": 2**23}

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from svbrdfgan.types import Environment
-from svbrdfgan_mitsuba.exchange import floats, wait_for_torch
+from svbrdfgan_mitsuba.interop import floats, wait_for_torch
 from svbrdfgan_mitsuba.jit import dr
 from svbrdfgan_mitsuba.textures import Taps, taps
 

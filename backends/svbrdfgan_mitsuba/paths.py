@@ -16,10 +16,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.types import TransportSamples
-from svbrdfgan_mitsuba.exchange import tensor
 from svbrdfgan_mitsuba.film import Run
+from svbrdfgan_mitsuba.gradient_accumulation import Sums, leaf
+from svbrdfgan_mitsuba.interop import tensor
 from svbrdfgan_mitsuba.jit import dr
-from svbrdfgan_mitsuba.sums import Sums, leaf
 from svbrdfgan_mitsuba.textures import Taps
 from svbrdfgan_mitsuba.vertex import Hits, Samples, Tracer, Values, Vertex
 

@@ -11,15 +11,15 @@ from torch import Tensor
 
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import Pullback, RendererCapabilities
-from svbrdfgan.refusals import check_cotangent, check_device, check_radiance, check_render, check_transport
+from svbrdfgan.rendering.validation import check_cotangent, check_device, check_radiance, check_render, check_transport
 from svbrdfgan.types import Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan_mitsuba import scene, variant
-from svbrdfgan_mitsuba.exchange import wait_for_torch
 from svbrdfgan_mitsuba.film import Run, runs
+from svbrdfgan_mitsuba.interop import wait_for_torch
 from svbrdfgan_mitsuba.light import Light
 from svbrdfgan_mitsuba.paths import Paths
+from svbrdfgan_mitsuba.render_pass import Shot
 from svbrdfgan_mitsuba.scene import Lens, PreparedSurface
-from svbrdfgan_mitsuba.shot import Shot
 from svbrdfgan_mitsuba.textures import Maps, own
 from svbrdfgan_mitsuba.vertex import Tracer
 
@@ -89,7 +89,7 @@ class MitsubaRenderer:
         """The picture, and `render_vjp`; see `PullbackRenderer`.
 
         Nothing is traced twice where light is direct, no material is rough, and `wrt` is the base colour alone; but for
-        samples beyond `svbrdfgan_mitsuba.shot.KEPT`.
+        samples beyond `svbrdfgan_mitsuba.render_pass.KEPT`.
         """
         shot = self._shot(prepared, own(materials), view, wrt, spp, seed)
 

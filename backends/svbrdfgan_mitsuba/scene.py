@@ -11,7 +11,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.types import Surface, View
-from svbrdfgan_mitsuba.exchange import floats, unsigned
+from svbrdfgan_mitsuba.interop import floats, unsigned
 from svbrdfgan_mitsuba.jit import dr
 from svbrdfgan_mitsuba.variant import assign, instantiate, load
 

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.types import Material, Materials
-from svbrdfgan_mitsuba.exchange import floats, tensor, unsigned
+from svbrdfgan_mitsuba.interop import floats, tensor, unsigned
 from svbrdfgan_mitsuba.jit import dr
 
 

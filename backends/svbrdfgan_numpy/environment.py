@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from svbrdfgan.refusals import check_radiance
+from svbrdfgan.rendering.validation import check_radiance
 from svbrdfgan.types import Environment
 from svbrdfgan_numpy.taps import Taps, bilinear_taps
 

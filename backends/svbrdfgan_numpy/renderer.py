@@ -13,7 +13,7 @@ from torch import Tensor
 
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import RendererCapabilities
-from svbrdfgan.refusals import check_cotangent, check_render, check_transport
+from svbrdfgan.rendering.validation import check_cotangent, check_render, check_transport
 from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan_numpy.bounce import Bounce
 from svbrdfgan_numpy.environment import pixels_of, prepare_light

@@ -7,7 +7,7 @@ A place in the environment is (x, y) in pixels: pixel (row, col) is centred at (
 
 import warp as wp
 
-from svbrdfgan_warp import chance
+from svbrdfgan_warp import rng
 
 
 @wp.struct
@@ -85,4 +85,4 @@ def sampled(light: Light, row_number: wp.uint32, col_number: wp.uint32, a: wp.ui
     """A place drawn by four random numbers: the pixel in proportion to its light, then evenly within it."""
     row = drawn(light.row_first, 0, row_number)
     col = drawn(light.col_first, row, col_number)
-    return wp.vec2(float(col) + chance.unit(a), float(row) + chance.unit(b))
+    return wp.vec2(float(col) + rng.unit(a), float(row) + rng.unit(b))

@@ -8,7 +8,7 @@ want them. Record `i` of a chunk of neighbouring pixels is sample `i % spp` of p
 
 import warp as wp
 
-from svbrdfgan_warp import chance, emitter, traverse
+from svbrdfgan_warp import emitter, rng, traverse
 
 wp.set_module_options({"enable_backward": False})
 
@@ -105,8 +105,8 @@ def find(
     """What each camera sample meets: for the time being, its face in `part`, and in `uv` two of its barycentrics."""
     i = wp.tid()
     pixel = samples.first + i / samples.spp
-    u, _ = chance.numbers(pixel, i % samples.spp, samples.seed_low, samples.seed_high)
-    d = camera_ray(lens, pixel, chance.unit(u[0]), chance.unit(u[1]))
+    u, _ = rng.numbers(pixel, i % samples.spp, samples.seed_low, samples.seed_high)
+    d = camera_ray(lens, pixel, rng.unit(u[0]), rng.unit(u[1]))
     # From the sphere on, not from a camera that may be far away: distances round off less.
     start = lens.origin + d * wp.max(0.0, -wp.dot(lens.origin, d) - geometry.radius)
     hit = traverse.nearest(geometry.nodes, geometry.triangles, start, d)
@@ -142,8 +142,8 @@ def light_up(
     uv[i] = where + geometry.uv[corners[2]] * inside[2]
 
     pixel = samples.first + i / samples.spp
-    u, v = chance.numbers(pixel, i % samples.spp, samples.seed_low, samples.seed_high)
-    point = met(geometry, corners, inside, camera_ray(lens, pixel, chance.unit(u[0]), chance.unit(u[1])))
+    u, v = rng.numbers(pixel, i % samples.spp, samples.seed_low, samples.seed_high)
+    point = met(geometry, corners, inside, camera_ray(lens, pixel, rng.unit(u[0]), rng.unit(u[1])))
     scale = 1.0 / (wp.pi * float(samples.spp))
     keep = arrivals.shape[0] > 0
     total = wp.vec3(0.0)
@@ -153,7 +153,7 @@ def light_up(
             at = emitter.sampled(light, u[2], u[3], v[2], v[3])
             d = emitter.direction(light, at)
         else:
-            d = chance.cosine_direction(point.n, chance.unit(v[0]), chance.unit(v[1]))
+            d = rng.cosine_direction(point.n, rng.unit(v[0]), rng.unit(v[1]))
             at = emitter.place(light, d)
         radiance = emitter.radiance(light, at)
         counts = float(0.0)  # noqa: UP018

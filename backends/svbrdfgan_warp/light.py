@@ -14,7 +14,7 @@ import warp as wp
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from svbrdfgan.refusals import check_radiance
+from svbrdfgan.rendering.validation import check_radiance
 from svbrdfgan.types import Environment
 from svbrdfgan_warp.emitter import Light
 

@@ -10,14 +10,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.protocols import Pullback, RendererCapabilities
-from svbrdfgan.refusals import check_cotangent, check_device, check_render, check_transport
+from svbrdfgan.rendering.validation import check_cotangent, check_device, check_render, check_transport
 from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan_warp import scene
 from svbrdfgan_warp.device import choose, in_order
 from svbrdfgan_warp.light import Lights
 from svbrdfgan_warp.records import Tracer, runs
+from svbrdfgan_warp.render_pass import Shot
 from svbrdfgan_warp.scene import PreparedSurface
-from svbrdfgan_warp.shot import Shot
 
 CAPABILITIES = RendererCapabilities(
     maps=frozenset({"base_color"}),
@@ -85,7 +85,7 @@ class WarpRenderer:
     ) -> tuple[Rendering, Pullback]:
         """The picture, and `render_vjp` of what was traced for it, which takes 24 bytes a sample, or 48 with light's.
 
-        Of samples beyond `svbrdfgan_warp.shot.KEPT` nothing is kept; they are traced again.
+        Of samples beyond `svbrdfgan_warp.render_pass.KEPT` nothing is kept; they are traced again.
         """
         shot = self._shot(prepared, materials, view, wrt, spp, seed)
         return shot.develop(keep=bool(wrt)), _pullback(shot, wrt)

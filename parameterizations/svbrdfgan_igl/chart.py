@@ -10,9 +10,9 @@ from numpy import ndarray
 
 from svbrdfgan.errors import EmbeddingError
 from svbrdfgan.types import Mesh
+from svbrdfgan_igl.cut_to_disk import cut_to_disk, is_one_surface
 from svbrdfgan_igl.flatten import TOO_THIN, Boundary, Flatten, one_to_one, packed
 from svbrdfgan_igl.topology import Disk
-from svbrdfgan_igl.whole import cut_to_disk, is_one_surface
 from svbrdfgan_igl.wrap import wrap
 
 _STEPS = 1 << 30  # positions are rounded to this fraction of the size, so that place and unit of the mesh do not count

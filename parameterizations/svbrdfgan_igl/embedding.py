@@ -15,10 +15,10 @@ from svbrdfgan.geometry.split import surface_from_corners
 from svbrdfgan.geometry.subdivide import Pieces
 from svbrdfgan.protocols import UVCapabilities
 from svbrdfgan.types import Mesh, Surface
-from svbrdfgan_igl.carry import Carrier, carried
 from svbrdfgan_igl.chart import Chart, chart_of
+from svbrdfgan_igl.cut_to_disk import MOST_SEAMS
 from svbrdfgan_igl.flatten import Boundary, Flatten, conformal, least_stretch
-from svbrdfgan_igl.whole import MOST_SEAMS
+from svbrdfgan_igl.uv_transfer import Carrier, carried
 
 log = logging.getLogger(__name__)
 

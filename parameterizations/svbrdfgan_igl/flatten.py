@@ -11,13 +11,13 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.errors import EmbeddingError
-from svbrdfgan_igl.contact import Contact
+from svbrdfgan_igl.boundary_barrier import Walls
+from svbrdfgan_igl.collision_barrier import Contact
 from svbrdfgan_igl.crossing import loop_crosses_itself
 from svbrdfgan_igl.energy import Distortion, Triangles
 from svbrdfgan_igl.minimise import Objective, minimise
-from svbrdfgan_igl.start import tutte
 from svbrdfgan_igl.topology import Disk
-from svbrdfgan_igl.walls import Walls
+from svbrdfgan_igl.tutte import tutte
 
 Boundary = Literal["free", "square", "disk"]
 Flatten = Callable[[Disk, Boundary, float], Float[ndarray, "vertices 2"]]

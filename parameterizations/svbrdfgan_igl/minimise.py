@@ -10,10 +10,10 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from svbrdfgan_igl.contact import Contact
+from svbrdfgan_igl.boundary_barrier import Walls
+from svbrdfgan_igl.collision_barrier import Contact
 from svbrdfgan_igl.crossing import loop_crosses_itself
 from svbrdfgan_igl.energy import Distortion, Triangles
-from svbrdfgan_igl.walls import Walls
 
 _ENOUGH_DECREASE = 1e-4
 _SHORTEST_STEP = 1e-7

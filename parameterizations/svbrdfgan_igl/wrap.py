@@ -10,8 +10,8 @@ from scipy import ndimage, sparse
 
 from svbrdfgan.errors import EmbeddingError
 from svbrdfgan_igl.carve import carve
-from svbrdfgan_igl.start import MILD, mildness
 from svbrdfgan_igl.topology import Disk, compact, largest_component
+from svbrdfgan_igl.tutte import MILD, mildness
 from svbrdfgan_igl.voxels import Grid, closed_cells, filled_columns, near_cells
 
 _RODS = (0.15, 0.25, 0.35)  # of the longest side: boxes beside which rods are thin, tried until the wrap is mild

@@ -13,8 +13,8 @@ from svbrdfgan.bench.errors import BenchError
 from svbrdfgan.bench.meter import Meter
 from svbrdfgan.bench.scene import BenchScene
 from svbrdfgan.protocols import Renderer
-from svbrdfgan.render_layer import RenderLayer
-from svbrdfgan.transport import LightTransport, TransportBatch, build_transport
+from svbrdfgan.rendering.render_layer import RenderLayer
+from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
 from svbrdfgan.types import View
 
 TOLERANCE = 1e-3

@@ -21,7 +21,7 @@ from svbrdfgan.bench.cases import STANDARD, Case
 from svbrdfgan.bench.errors import BenchError
 from svbrdfgan.bench.standard import PIXELS, VERTICES
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.processes import import_path
+from svbrdfgan.utils.processes import import_path
 
 STEPS = ("prepare", "forward", "forward_backward", "transport", "stored_forward", "stored_forward_backward")
 _BACKEND = ("-P", "-m", "svbrdfgan.bench.backend")

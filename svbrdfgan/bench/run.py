@@ -11,10 +11,10 @@ from pathlib import Path
 from svbrdfgan.bench.cases import Case
 from svbrdfgan.bench.programs import Figures, Program, faster
 from svbrdfgan.bench.scene import BenchScene
-from svbrdfgan.display import Display
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.plugin_probe import probe_all
 from svbrdfgan.plugins import RENDERERS, find_plugin, list_plugins
+from svbrdfgan.plugins.probe import probe_all
+from svbrdfgan.utils.display import Display
 
 SLOW = ("numpy",)
 """Minutes on the standard scene; measured if named."""

@@ -14,11 +14,11 @@ from numpy import ndarray
 
 from svbrdfgan.bench.scene import BenchScene
 from svbrdfgan.bench.standard import noise
-from svbrdfgan.data.config import PartSelection
+from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.data.sampler import fit_distance
-from svbrdfgan.data.subject import Subject, make_subject
 from svbrdfgan.io import load_environment, load_mesh
 from svbrdfgan.protocols import UVEmbedding
+from svbrdfgan.scene.asset import Subject, make_subject
 from svbrdfgan.types import Camera, Environment, Mesh, Part, View
 
 _AZIMUTH, _ELEVATION, _FOV = math.radians(40.0), math.radians(20.0), math.radians(35.0)

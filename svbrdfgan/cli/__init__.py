@@ -64,7 +64,7 @@ class LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            from svbrdfgan.faults import did_you_mean
+            from svbrdfgan.config.error_messages import did_you_mean
 
             known = did_you_mean(args[0], COMMANDS) or f"; known are {', '.join(COMMANDS)}."
             ctx.fail(f"unknown command {args[0]!r}{known}")

@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from svbrdfgan.plugin_probe import Probe, probe_all
 from svbrdfgan.plugins import EMBEDDINGS, RENDERERS, Plugin, list_plugins
+from svbrdfgan.plugins.probe import Probe, probe_all
 
 _STYLES = {"ok": "green", "missing": "yellow", "broken": "red"}
 

@@ -24,7 +24,7 @@ def command(mesh: Path, embedding: str, options: tuple[str, ...], resolution: in
     card.json and card.png measure the map of what is seen from outside: stretch, distortion of angles and areas,
     mirrored and overlapping area, coverage, seams, and whether neighbours stay neighbours.
     """
-    from svbrdfgan.bake import bake, write_bake
+    from svbrdfgan.geometry.bake import bake, write_bake
     from svbrdfgan.geometry.layers import hide_inner_layers
     from svbrdfgan.io import load_mesh
     from svbrdfgan.plugins import load_embedding

@@ -130,8 +130,8 @@ def _plugin(name: str, kind: str | None) -> Plugin:
 
 def _kit(plugin: Plugin, options: dict[str, Any]) -> type[Kit]:
     """The tests of the plugin, once it has shown that it can be made with the options."""
-    from svbrdfgan.plugin_probe import probe
     from svbrdfgan.plugins import make
+    from svbrdfgan.plugins.probe import probe
 
     outcome = probe(plugin)
     if outcome.status != "ok":

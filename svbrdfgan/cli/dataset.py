@@ -52,9 +52,9 @@ def command(
 
     KEY=VALUE replaces a value of CONFIG, such as `spp=16` or `splits.train.views=4`.
     """
+    from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
     from svbrdfgan.data.config import dataset_config
-    from svbrdfgan.processes import cores
-    from svbrdfgan.yaml_files import apply_overrides, load_yaml
+    from svbrdfgan.utils.processes import cores
 
     if dry_run and preview:
         raise click.UsageError("--dry-run and --preview each stop before the data set is made: choose one.")

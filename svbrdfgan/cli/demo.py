@@ -17,7 +17,7 @@ def command(out: Path) -> None:
     from rich.console import Console
 
     from svbrdfgan.cli.display import terminal_display
-    from svbrdfgan.demo.run import run_demo
+    from svbrdfgan.experiments.demo.run import run_demo
 
     with terminal_display(Console(stderr=True)) as display:
         result = run_demo(out, display)

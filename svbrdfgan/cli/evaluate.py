@@ -28,7 +28,7 @@ def command(
     from rich.console import Console
 
     from svbrdfgan.cli.display import terminal_display
-    from svbrdfgan.evaluation import evaluate
+    from svbrdfgan.evaluation.evaluate import evaluate
     from svbrdfgan.report import write_report
 
     with terminal_display(Console(stderr=True)) as display:

@@ -54,7 +54,7 @@ def command(
     from rich.console import Console
 
     from svbrdfgan.cli.display import terminal_display
-    from svbrdfgan.experiments.design import Design
+    from svbrdfgan.experiments.run_matrix import Design
     from svbrdfgan.experiments.runner import run_experiments
 
     designs = [Design.load(name, profile, [word for word in words if "=" in word]) for name in names]
@@ -82,7 +82,7 @@ def _list(profile: Literal["cpu", "gpu"]) -> None:
     from rich.table import Table
 
     from svbrdfgan.experiments.definition import experiment_names
-    from svbrdfgan.experiments.design import Design
+    from svbrdfgan.experiments.run_matrix import Design
 
     table = Table("name", "thesis", "rows", "runs", "minutes", "what")
     for name in experiment_names():

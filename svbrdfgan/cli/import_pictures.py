@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from svbrdfgan.data.imported.build import Imported
+    from svbrdfgan.data.photos.build import Imported
 
 
 @click.command("import")
@@ -24,9 +24,9 @@ def command(manifest: Path, overrides: tuple[str, ...], out: Path, preview: bool
     from rich.console import Console
 
     from svbrdfgan.cli.display import terminal_display
-    from svbrdfgan.data.imported.build import OVERLAYS, SHEET, import_pictures
-    from svbrdfgan.data.imported.manifest import read_manifest
-    from svbrdfgan.yaml_files import apply_overrides, load_yaml
+    from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
+    from svbrdfgan.data.photos.build import OVERLAYS, SHEET, import_pictures
+    from svbrdfgan.data.photos.manifest import read_manifest
 
     declared = read_manifest(apply_overrides(load_yaml(manifest), overrides), str(manifest))
     with terminal_display(Console(stderr=True)) as display:

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from svbrdfgan.config.yaml_files import apply_overrides
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.yaml_files import apply_overrides
 
 if TYPE_CHECKING:
-    from svbrdfgan.data.config import PartSelection
-    from svbrdfgan.data.subject import Subject
+    from svbrdfgan.config.choices import PartSelection
+    from svbrdfgan.scene.asset import Subject
 
 learnable_option = click.option(
     "--learnable",
@@ -33,7 +33,7 @@ def key_values(pairs: tuple[str, ...]) -> dict[str, Any]:
 
 def selected(patterns: tuple[str, ...]) -> PartSelection | None:
     """The parts that `--learnable` names; None where it was not given."""
-    from svbrdfgan.data.config import PartSelection
+    from svbrdfgan.config.choices import PartSelection
 
     return PartSelection(include=patterns, exclude=()) if patterns else None
 

@@ -10,7 +10,7 @@ import click
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from svbrdfgan.shortcuts.diagnosis import Diagnosis
+    from svbrdfgan.evaluation.leakage.report import Diagnosis
 
 _WIDE = 140
 
@@ -38,9 +38,9 @@ def command(
     from rich.console import Console
 
     from svbrdfgan.cli.display import terminal_display
-    from svbrdfgan.shortcuts import probe_shortcuts
+    from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
+    from svbrdfgan.evaluation.leakage import probe_shortcuts
     from svbrdfgan.training.config import train_config
-    from svbrdfgan.yaml_files import apply_overrides, load_yaml
 
     words = (*overrides, f"device={device}") if device else overrides
     declared = train_config(apply_overrides(load_yaml(config), words), str(config))

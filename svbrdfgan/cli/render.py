@@ -10,7 +10,7 @@ import click
 from svbrdfgan.cli.options import key_values
 
 if TYPE_CHECKING:
-    from svbrdfgan.data.scene import Scene
+    from svbrdfgan.scene.description import Scene
 
 
 @click.command("render")
@@ -26,11 +26,11 @@ def command(
     """Render SCENE, a JSON file as stored beside each exemplar. EXR keeps coverage as alpha; PNG has it transparent."""
     import torch
 
-    from svbrdfgan.data.config import PluginChoice
+    from svbrdfgan.config.choices import PluginChoice
     from svbrdfgan.data.generate import render_scene, save_exemplar
-    from svbrdfgan.data.scene import Scene
-    from svbrdfgan.data.studio import Studio, resolve_renderer
     from svbrdfgan.io import save_image
+    from svbrdfgan.scene.description import Scene
+    from svbrdfgan.scene.loader import Studio, resolve_renderer
 
     if options and renderer is None:
         raise click.UsageError("--option is of --renderer: name one.")

@@ -26,7 +26,7 @@ def command(
     renderer: str,
 ) -> None:
     """Weather MESH with the generator of a run; write it as GLB, and the layer by itself as PNG beside it."""
-    from svbrdfgan.apply import paint
+    from svbrdfgan.inference.apply import paint
     from svbrdfgan.io import load_mesh
     from svbrdfgan.training.run import load_model
 

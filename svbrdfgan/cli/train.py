@@ -22,9 +22,9 @@ def command(config: Path, overrides: tuple[str, ...], out: Path, resume: bool) -
     from rich.console import Console
 
     from svbrdfgan.cli.display import terminal_display
+    from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
     from svbrdfgan.training.config import train_config
     from svbrdfgan.training.trainer import train
-    from svbrdfgan.yaml_files import apply_overrides, load_yaml
 
     declared = train_config(apply_overrides(load_yaml(config), overrides), str(config))
     try:

@@ -14,10 +14,10 @@ from rich.table import Table
 
 from svbrdfgan.cli.options import key_values
 from svbrdfgan.errors import PluginError
+from svbrdfgan.metrics.uv.compare import Measured, as_json, measure_embedding, mesh_files
+from svbrdfgan.metrics.uv.xatlas_baseline import NAME, XatlasPeer, xatlas_installed
 from svbrdfgan.plugins import EMBEDDINGS, list_plugins, load_embedding
 from svbrdfgan.protocols import UVEmbedding
-from svbrdfgan.uv_metrics.compare import Measured, as_json, measure_embedding, mesh_files
-from svbrdfgan.uv_metrics.peer import NAME, XatlasPeer, xatlas_installed
 
 log = logging.getLogger(__name__)
 

@@ -42,11 +42,11 @@ def command(
     renderer: str,
 ) -> None:
     """Weather MESH by a recipe; write it as GLB, and the layer by itself as PNG beside it."""
-    from svbrdfgan.data.config import PartSelection
-    from svbrdfgan.data.scene import map_values
-    from svbrdfgan.data.subject import make_subject
+    from svbrdfgan.config.choices import PartSelection
     from svbrdfgan.io import load_mesh
     from svbrdfgan.plugins import load_embedding
+    from svbrdfgan.scene.asset import make_subject
+    from svbrdfgan.scene.description import map_values
     from svbrdfgan.weathering import recipe_from_options, weather
 
     require_apart(mesh, out)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float
     from torch import Tensor
 
-    from svbrdfgan.data.subject import Subject
+    from svbrdfgan.scene.asset import Subject
 
     Layer = Float[Tensor, "rows cols channels"]
 
@@ -42,7 +42,7 @@ def writer(
     photograph = _photographer(picture, environment, renderer, maps)
 
     def write(subject: Subject, layer: Layer) -> None:
-        from svbrdfgan.export import write_weathered
+        from svbrdfgan.inference.export import write_weathered
 
         written = [out, write_weathered(out, subject, layer, maps), *photograph(subject, layer)]
         tell_parts(subject)
@@ -73,11 +73,11 @@ def _photographer(
         return lambda subject, layer: []
     _require_place(picture, ".png", ".jpg", ".jpeg")
 
-    from svbrdfgan.data.config import PluginChoice
-    from svbrdfgan.data.studio import resolve_renderer
-    from svbrdfgan.export import write_picture
+    from svbrdfgan.config.choices import PluginChoice
+    from svbrdfgan.inference.export import write_picture
     from svbrdfgan.io import load_environment
     from svbrdfgan.procedural import build_sky, sample_sky
+    from svbrdfgan.scene.loader import resolve_renderer
 
     chosen, _ = resolve_renderer(PluginChoice(name=renderer), maps=maps)
     light = build_sky(sample_sky(_SKY)) if environment is None else load_environment(environment)

@@ -12,11 +12,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.compositing import over
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.generate import render_scene, require_plugins, save_exemplar
-from svbrdfgan.data.plan import make_plan
-from svbrdfgan.data.studio import Studio, resolve_renderer
+from svbrdfgan.data.index import make_plan
+from svbrdfgan.rendering.compositing import over
+from svbrdfgan.scene.loader import Studio, resolve_renderer
 
 _FEW, _PATIENCE = 4, 20.0
 _TRANSPORT_BYTES = 55

@@ -13,12 +13,12 @@ from torch import Tensor
 
 from svbrdfgan.data.config import Split
 from svbrdfgan.data.generate import exemplar_paths
-from svbrdfgan.data.plan import DatasetPlan
-from svbrdfgan.data.scene import Scene, SceneWeathering
-from svbrdfgan.data.studio import Studio, subject_key
-from svbrdfgan.data.subject import Subject
+from svbrdfgan.data.index import DatasetPlan
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.exr import load_exr
+from svbrdfgan.scene.asset import Subject
+from svbrdfgan.scene.description import Scene, SceneWeathering
+from svbrdfgan.scene.loader import Studio, subject_key
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,17 +10,17 @@ from typing import Any
 
 from lightning_fabric import Fabric
 
-from svbrdfgan.data.ahead import baked
 from svbrdfgan.data.config import DatasetConfig, Split
-from svbrdfgan.data.plan import DatasetPlan, make_plan
-from svbrdfgan.data.scene import Scene
-from svbrdfgan.data.studio import Studio, resolve_renderer
-from svbrdfgan.display import Display, Silent
+from svbrdfgan.data.index import DatasetPlan, make_plan
+from svbrdfgan.data.prebake import baked
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.exr import save_exr
 from svbrdfgan.plugins import load_embedding
 from svbrdfgan.protocols import Renderer
+from svbrdfgan.scene.description import Scene
+from svbrdfgan.scene.loader import Studio, resolve_renderer
 from svbrdfgan.types import Rendering
+from svbrdfgan.utils.display import Display, Silent
 from svbrdfgan.weathering import recipe_from_options
 
 BRIGHTEST = 60000.0

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
+from svbrdfgan.config.models import StrictModel
 from svbrdfgan.data.config import (
     BRIGHTNESS,
     DISTANCE,
@@ -20,8 +21,7 @@ from svbrdfgan.data.config import (
     DatasetConfig,
     Split,
 )
-from svbrdfgan.data.scene import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
-from svbrdfgan.options import StrictModel
+from svbrdfgan.scene.description import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
 
 
 class MeshAsset(StrictModel):

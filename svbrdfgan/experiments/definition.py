@@ -10,10 +10,10 @@ from typing import Any, Literal, TypeVar
 
 from pydantic import Field
 
+from svbrdfgan.config.error_messages import did_you_mean
+from svbrdfgan.config.models import StrictModel, validate
+from svbrdfgan.config.yaml_files import load_yaml
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.faults import did_you_mean
-from svbrdfgan.options import StrictModel, validate
-from svbrdfgan.yaml_files import load_yaml
 
 Recipe = Literal["default", "thesis"]
 ProfileName = Literal["cpu", "gpu"]

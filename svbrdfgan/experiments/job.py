@@ -6,7 +6,7 @@ import logging
 import sys
 
 from svbrdfgan.errors import SvbrdfganError
-from svbrdfgan.experiments.orphan import end_with_parent
+from svbrdfgan.experiments.parent_death_guard import end_with_parent
 from svbrdfgan.experiments.tasks import Order
 
 

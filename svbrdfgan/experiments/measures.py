@@ -13,15 +13,15 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.evaluation import Evaluated
+from svbrdfgan.evaluation.evaluate import Evaluated
 from svbrdfgan.experiments.definition import Measure
+from svbrdfgan.metrics.recovered import SeenTexels, make_targets, mean_error
 from svbrdfgan.report.vehicles import choose_views
-from svbrdfgan.scoring.recovered import SeenTexels, make_targets, mean_error
+from svbrdfgan.training.batches import Feed
+from svbrdfgan.training.cached_rendering import Transports
 from svbrdfgan.training.config import ScenesConfig
-from svbrdfgan.training.feed import Feed
-from svbrdfgan.training.fresh import FreshRenders
+from svbrdfgan.training.online_rendering import FreshRenders
 from svbrdfgan.training.perturb import Perturbation
-from svbrdfgan.training.stages import Transports
 
 _VIEWS, _DRAWS = 4, 16
 

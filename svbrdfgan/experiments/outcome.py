@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pydantic import Field
 
-from svbrdfgan.evaluation import Evaluation, share
+from svbrdfgan.config.models import StrictModel
+from svbrdfgan.evaluation.evaluate import Evaluation, share
 from svbrdfgan.experiments.definition import Measure
 from svbrdfgan.io.records import load_record, save_record
-from svbrdfgan.options import StrictModel
 
 OUTCOME, CEILING = "outcome.json", "ceiling.json"
 

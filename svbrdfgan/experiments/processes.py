@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import torch
 
-from svbrdfgan.display import Display
 from svbrdfgan.experiments.schedule import Schedule
 from svbrdfgan.experiments.tasks import Order, Task
-from svbrdfgan.processes import cores, import_path
+from svbrdfgan.utils.display import Display
+from svbrdfgan.utils.processes import cores, import_path
 
 OUTPUT = "output.txt"
 _PAUSE = 0.2

@@ -8,9 +8,9 @@ from typing import Any
 
 from svbrdfgan.experiments.columns import Column, speeds, verdicts
 from svbrdfgan.experiments.definition import Recipe
-from svbrdfgan.experiments.design import Design, RunSpec
 from svbrdfgan.experiments.outcome import OUTCOME, Outcome
-from svbrdfgan.experiments.shelf import Shelf
+from svbrdfgan.experiments.run_matrix import Design, RunSpec
+from svbrdfgan.experiments.run_store import Shelf
 
 FORMAT = "svbrdfgan experiment 1"
 FAILED = "failed.txt"

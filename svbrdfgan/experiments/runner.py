@@ -10,17 +10,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from svbrdfgan.display import Display, Silent
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.experiments.declared import keep_definition
-from svbrdfgan.experiments.design import Cell, DatasetSpec, Design, OracleSpec, RunSpec, choose
 from svbrdfgan.experiments.processes import Execute, execute, gpus
+from svbrdfgan.experiments.provenance import keep_definition
 from svbrdfgan.experiments.results import FAILED, Results, gather
+from svbrdfgan.experiments.run_matrix import Cell, DatasetSpec, Design, OracleSpec, RunSpec, choose
+from svbrdfgan.experiments.run_store import Shelf
 from svbrdfgan.experiments.schedule import Schedule
-from svbrdfgan.experiments.shelf import Shelf
 from svbrdfgan.experiments.table import write_results
 from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask, Task
-from svbrdfgan.processes import cores
+from svbrdfgan.utils.display import Display, Silent
+from svbrdfgan.utils.processes import cores
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from svbrdfgan.experiments.columns import Column
+from svbrdfgan.experiments.contact_strip import STRIP, write_sheet
 from svbrdfgan.experiments.results import Line, Results
-from svbrdfgan.experiments.strip import STRIP, write_sheet
 from svbrdfgan.io.atomic import atomic_path
 
 TABLE, RESULTS, SHEET, PICTURES = "table.md", "results.json", "pictures.png", "pictures"

@@ -11,18 +11,18 @@ from typing import Annotated, Literal
 import torch
 from pydantic import Field
 
+from svbrdfgan.config.models import StrictModel
 from svbrdfgan.data.config import DatasetConfig, EnvironmentSource
 from svbrdfgan.data.generate import generate, missing
-from svbrdfgan.data.plan import PLAN, DatasetPlan
-from svbrdfgan.evaluation import Evaluated, evaluate
-from svbrdfgan.experiments.design import OracleSpec, RunSpec
+from svbrdfgan.data.index import PLAN, DatasetPlan
+from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
+from svbrdfgan.evaluation.oracle import OracleConfig
+from svbrdfgan.experiments.contact_strip import STRIP, write_strip
 from svbrdfgan.experiments.measures import measure
 from svbrdfgan.experiments.outcome import CEILING, OUTCOME, Ceiling, Outcome, Point
-from svbrdfgan.experiments.strip import STRIP, write_strip
-from svbrdfgan.options import StrictModel
+from svbrdfgan.experiments.run_matrix import OracleSpec, RunSpec
 from svbrdfgan.report import write_report
 from svbrdfgan.training.config import TrainConfig
-from svbrdfgan.training.oracle import OracleConfig
 from svbrdfgan.training.run import CONFIG, ORACLE, ORACLE_NOTES
 from svbrdfgan.training.state import State
 from svbrdfgan.training.trainer import train

@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+from svbrdfgan.config.models import Model, StrictModel, validate
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.options import Model, StrictModel, validate
 
 
 def save_record(path: Path, record: StrictModel) -> None:

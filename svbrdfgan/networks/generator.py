@@ -8,10 +8,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from svbrdfgan.compositing import RGBA
+from svbrdfgan.networks.fused.dispatch import prologue
+from svbrdfgan.networks.fused.reference import Features, Prologue
 from svbrdfgan.networks.norm import Norm, make_norm
-from svbrdfgan.networks.plain_prologue import Features, Prologue
-from svbrdfgan.networks.prologue import prologue
+from svbrdfgan.rendering.compositing import RGBA
 
 GEOMETRY_CHANNELS = 6
 

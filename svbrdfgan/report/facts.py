@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from svbrdfgan.data.plan import PLAN, DatasetPlan
-from svbrdfgan.evaluation import Evaluated, Evaluation
+from svbrdfgan.data.index import PLAN, DatasetPlan
+from svbrdfgan.evaluation.evaluate import Evaluated, Evaluation
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.run import RunConfig
 

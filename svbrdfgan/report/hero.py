@@ -6,12 +6,12 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from svbrdfgan.evaluation import Evaluated, pictures
+from svbrdfgan.evaluation.evaluate import Evaluated, pictures
 from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.metrics.flip import display
 from svbrdfgan.report.pictures import Picture, framed, over_checker, signed_as_color, upright
 from svbrdfgan.report.sheet import INK, PAPER, cell, font
 from svbrdfgan.report.vehicles import choose_views
-from svbrdfgan.scoring.flip import display
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -7,16 +7,16 @@ from typing import Any
 
 import yaml
 
-from svbrdfgan.evaluation import Evaluated, of_split
+from svbrdfgan.config.models import StrictModel
+from svbrdfgan.evaluation.evaluate import Evaluated, of_split
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.options import StrictModel
 from svbrdfgan.report.curves import draw
 from svbrdfgan.report.facts import HELD_OUT, find_plan, flip_bars, summary, title, verdict
 from svbrdfgan.report.patches import patch_maps
 from svbrdfgan.report.pictures import data_uri
 from svbrdfgan.report.progress import charts
 from svbrdfgan.report.vehicles import choose_views, error_scale, rendered, textured
-from svbrdfgan.training.journal import read_journal
+from svbrdfgan.training.metrics_log import read_journal
 
 REPORT = "report.html"
 _VEHICLES, _TEXTURES, _JUDGED = 6, 3, 3

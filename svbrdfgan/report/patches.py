@@ -15,12 +15,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.errors import SvbrdfganError
-from svbrdfgan.evaluation import Evaluated
+from svbrdfgan.evaluation.evaluate import Evaluated
 from svbrdfgan.io import luminance
+from svbrdfgan.metrics.flip import display
 from svbrdfgan.networks import Discriminator
 from svbrdfgan.report.pictures import Picture
 from svbrdfgan.report.vehicles import Titled, Vehicle, subject_name
-from svbrdfgan.scoring.flip import display
 from svbrdfgan.training.picture import present
 from svbrdfgan.training.state import checkpoints, load_discriminator
 from svbrdfgan.training.step import sides

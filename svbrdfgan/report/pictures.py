@@ -10,8 +10,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from svbrdfgan.compositing import composite
 from svbrdfgan.io.image import srgb_from_linear
+from svbrdfgan.rendering.compositing import composite
 
 if TYPE_CHECKING:
     from PIL.Image import Image

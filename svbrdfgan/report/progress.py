@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from svbrdfgan.evaluation import Evaluation
+from svbrdfgan.evaluation.evaluate import Evaluation
 from svbrdfgan.report.curves import INK, SERIES, Chart, Curve, Level
 from svbrdfgan.report.facts import Journal
 from svbrdfgan.training.config import TrainConfig

@@ -13,11 +13,11 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.metrics.uv import Card, Outside, face_stretch, measure, outside
+from svbrdfgan.metrics.uv.distortion import singular_values
+from svbrdfgan.metrics.uv.layout import chart_of_faces, crowded_texels
 from svbrdfgan.report.uv_views import Seen, checker, look, paint
 from svbrdfgan.types import Surface
-from svbrdfgan.uv_metrics import Card, Outside, face_stretch, measure, outside
-from svbrdfgan.uv_metrics.distortion import singular_values
-from svbrdfgan.uv_metrics.layout import chart_of_faces, crowded_texels
 
 _VIEWS = ((math.radians(38.0), math.radians(20.0)), (math.radians(218.0), math.radians(20.0)))
 _SIZE = (560, 350)

@@ -11,12 +11,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.compositing import composite
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.data.scene import Scene
-from svbrdfgan.evaluation import Evaluated, pictures
+from svbrdfgan.evaluation.evaluate import Evaluated, pictures
+from svbrdfgan.metrics.flip import display, flip
+from svbrdfgan.rendering.compositing import composite
 from svbrdfgan.report.pictures import Picture, framed, heat, over_checker, signed_as_color, upright
-from svbrdfgan.scoring.flip import display, flip
+from svbrdfgan.scene.description import Scene
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,10 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from svbrdfgan.data.config import CameraDistribution, EnvironmentSource, Plugin, PluginChoice
+from svbrdfgan.config.choices import Plugin, PluginChoice
+from svbrdfgan.config.models import StrictModel, validate
+from svbrdfgan.data.config import CameraDistribution, EnvironmentSource
 from svbrdfgan.networks import Norm, Upsampling
-from svbrdfgan.options import StrictModel, validate
 
 
 class GeneratorConfig(StrictModel):

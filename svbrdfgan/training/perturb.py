@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset
-from svbrdfgan.data.scene import Scene
+from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.config import ScenesConfig
 
 

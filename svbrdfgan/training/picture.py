@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.compositing import over
+from svbrdfgan.rendering.compositing import over
 
 _CONTRAST = 10.0
 

@@ -9,15 +9,15 @@ from typing import Any
 
 import torch
 
-from svbrdfgan.compositing import RGBA
+from svbrdfgan.config.distributions import mean
+from svbrdfgan.config.models import StrictModel, differences, validate
 from svbrdfgan.data.config import DatasetConfig
-from svbrdfgan.data.distributions import mean
-from svbrdfgan.data.plan import DatasetPlan
+from svbrdfgan.data.index import DatasetPlan
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.records import load_record, save_record
 from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.networks import Generator
-from svbrdfgan.options import StrictModel, differences, validate
+from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.config import GeneratorConfig, TrainConfig
 from svbrdfgan.training.state import make_generator
 
@@ -130,10 +130,10 @@ def versions() -> dict[str, str]:
 
     import numpy
 
-    import svbrdfgan
+    from svbrdfgan import __version__
 
     return {
-        "svbrdfgan": svbrdfgan.__version__,
+        "svbrdfgan": __version__,
         "torch": torch.__version__,
         "numpy": numpy.__version__,
         "python": platform.python_version(),

@@ -18,10 +18,10 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
-from svbrdfgan.compositing import RGBA
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.networks import Discriminator, Generator, initialise
-from svbrdfgan.training.averaging import GradientAverage
+from svbrdfgan.rendering.compositing import RGBA
+from svbrdfgan.training.all_reduce import GradientAverage
 from svbrdfgan.training.config import DiscriminatorConfig, GeneratorConfig, TrainConfig
 
 _KEEP = 2

@@ -11,14 +11,14 @@ from jaxtyping import Float
 from lightning_fabric import Fabric
 from torch import Tensor, nn
 
-from svbrdfgan.losses import LOSSES, gradient_penalty, gradient_square
+from svbrdfgan.networks.losses import LOSSES, gradient_penalty, gradient_square
+from svbrdfgan.training.batches import Feed
+from svbrdfgan.training.cached_rendering import Layers, Stage, sight_of
 from svbrdfgan.training.config import LossConfig, TrainConfig
-from svbrdfgan.training.feed import Feed
+from svbrdfgan.training.demodulation import carried
 from svbrdfgan.training.picture import present
-from svbrdfgan.training.reflectance import carried
-from svbrdfgan.training.stages import Layers, Stage, sight_of
 from svbrdfgan.training.state import State
-from svbrdfgan.transport.transfer import send
+from svbrdfgan.utils.copy_async import send
 
 Diagnostics = dict[str, Tensor]
 Pictures = Float[Tensor, "batch channels height width"]

@@ -15,20 +15,20 @@ import numpy as np
 import torch
 from lightning_fabric import Fabric
 
-from svbrdfgan.compositing import layer_channels
-from svbrdfgan.data.plan import PLAN, DatasetPlan
-from svbrdfgan.data.studio import resolve_renderer
-from svbrdfgan.display import Display, Silent
+from svbrdfgan.data.index import PLAN, DatasetPlan
 from svbrdfgan.errors import ConfigError, TrainingError
+from svbrdfgan.metrics.recovered import Scorer, constant_layer
 from svbrdfgan.plugins import RENDERERS, find_plugin
-from svbrdfgan.scoring.recovered import Scorer, constant_layer
+from svbrdfgan.rendering.compositing import layer_channels
+from svbrdfgan.scene.loader import resolve_renderer
+from svbrdfgan.training.batches import Feed, make_feed, make_seen
 from svbrdfgan.training.config import TrainConfig, settled
-from svbrdfgan.training.feed import Feed, make_feed, make_seen
-from svbrdfgan.training.interrupt import interrupts_wait
-from svbrdfgan.training.journal import Journal
+from svbrdfgan.training.graceful_interrupt import interrupts_wait
+from svbrdfgan.training.metrics_log import Journal
 from svbrdfgan.training.run import CONFIG, MODEL, ORACLE, ORACLE_NOTES, RunConfig, save_generator, versions
 from svbrdfgan.training.state import State, checkpoint_path, checkpoints, step_of
 from svbrdfgan.training.step import Diagnostics, chance, training_step
+from svbrdfgan.utils.display import Display, Silent
 
 _REPORT_EVERY = 50
 

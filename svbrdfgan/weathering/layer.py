@@ -11,9 +11,9 @@ from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor
 
+from svbrdfgan.config.error_messages import did_you_mean
+from svbrdfgan.config.models import build
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.faults import did_you_mean
-from svbrdfgan.options import build
 from svbrdfgan.types import Surface
 from svbrdfgan.types.material import CHANNELS
 from svbrdfgan.weathering.recipes import RECIPES, Recipe, matter

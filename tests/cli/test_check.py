@@ -9,7 +9,7 @@ from rich.console import Console
 
 from svbrdfgan.cli import main
 from svbrdfgan.cli.check import summary, table
-from svbrdfgan.plugin_probe import Probe, probe
+from svbrdfgan.plugins.probe import Probe, probe
 from svbrdfgan.testing import Outcome
 
 HALF = """
@@ -26,7 +26,7 @@ class Half:
 @pytest.fixture(autouse=True)
 def trusted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plugins are not tried in a process of their own, which takes seconds."""
-    monkeypatch.setattr("svbrdfgan.plugin_probe.probe", lambda plugin: Probe("ok"))
+    monkeypatch.setattr("svbrdfgan.plugins.probe.probe", lambda plugin: Probe("ok"))
 
 
 @pytest.fixture
@@ -84,17 +84,17 @@ def test_options_reach_the_renderer() -> None:
 
 @pytest.mark.usefixtures("plugins")
 def test_failures_are_told_with_their_reason_and_end_with_1() -> None:
-    result = run("half", "--only", "endurance.")
+    result = run("half", "--only", "stress.")
     assert result.exit_code == 1
     assert "prepare is [not] written" in result.stdout
-    assert "again: --only endurance.test_memory_does_not_grow" in result.stdout
+    assert "again: --only stress.test_memory_does_not_grow" in result.stdout
     assert result.stdout.splitlines()[-1].startswith("5 failed in ")
     assert run("half", "--only", "contract.test_it_is_a_renderer").exit_code == 0
 
 
 @pytest.mark.usefixtures("plugins")
 def test_one_that_aborts_is_told_in_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("svbrdfgan.plugin_probe.probe", probe)
+    monkeypatch.setattr("svbrdfgan.plugins.probe.probe", probe)
     result = run("crash")
     assert (result.exit_code, result.stdout) == (1, "")
     assert result.stderr.startswith("Error: renderer 'crash' (plug 1.0) ended its process: SIGABRT.")

@@ -15,10 +15,10 @@ from PIL import Image
 
 from svbrdfgan.cli import main
 from svbrdfgan.data.exemplars import load_exemplars
-from svbrdfgan.data.imported.manifest import LookAtCamera, Manifest, PictureEntry, read_manifest
-from svbrdfgan.data.scene import OrbitCamera
+from svbrdfgan.data.photos.manifest import LookAtCamera, Manifest, PictureEntry, read_manifest
 from svbrdfgan.io import save_mesh_glb
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.scene.description import OrbitCamera
 from svbrdfgan.training.config import train_config
 
 PAGE = Path(__file__).parents[2] / "docs" / "own-pictures.md"

@@ -234,7 +234,7 @@ def test_texture(run: Path, car: Path, tmp_path: Path) -> None:
 
 @pytest.fixture
 def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("svbrdfgan.export._PICTURE", (48, 36))
+    monkeypatch.setattr("svbrdfgan.inference.export._PICTURE", (48, 36))
 
 
 @pytest.mark.usefixtures("small_pictures")
@@ -398,8 +398,8 @@ def test_evaluate_tells_what_is_not_there(run: Path, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "demo").mkdir()
-    from svbrdfgan import demo
-    from svbrdfgan.yaml_files import apply_overrides, load_yaml
+    from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
+    from svbrdfgan.experiments import demo
 
     for name, override in (("dataset.yaml", "splits.train.meshes.procedural.count=4"), ("train.yaml", "minutes=0.1")):
         smaller = apply_overrides(load_yaml(Path(demo.__file__).parent / name), [override])

@@ -8,12 +8,13 @@ from typing import Any
 
 import pytest
 
-from svbrdfgan.data.config import DatasetConfig, PartSelection, PluginChoice
-from svbrdfgan.data.scene import OrbitCamera, Scene
+from svbrdfgan.config.choices import PartSelection, PluginChoice
+from svbrdfgan.config.models import validate
+from svbrdfgan.config.yaml_files import load_yaml
+from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.errors import AssetError, ConfigError
-from svbrdfgan.options import validate
+from svbrdfgan.scene.description import OrbitCamera, Scene
 from svbrdfgan.types import Part
-from svbrdfgan.yaml_files import load_yaml
 
 Data = Callable[..., dict[str, Any]]
 MINIMAL = {"splits": {"train": {"meshes": {"files": ["*.obj"]}}}}
@@ -107,7 +108,7 @@ def test_three_mistakes_are_three_lines(dataset_data: Data) -> None:
 def test_the_shipped_configurations_are_right() -> None:
     from importlib import resources
 
-    with resources.as_file(resources.files("svbrdfgan.demo") / "dataset.yaml") as path:
+    with resources.as_file(resources.files("svbrdfgan.experiments.demo") / "dataset.yaml") as path:
         assert "train" in validate(DatasetConfig, load_yaml(path), str(path)).splits
 
 

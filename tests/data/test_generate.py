@@ -17,27 +17,28 @@ from typing import Any
 import pytest
 import torch
 
-from svbrdfgan.choose import Choice
-from svbrdfgan.data import studio
-from svbrdfgan.data.ahead import baked
-from svbrdfgan.data.config import DatasetConfig, PluginChoice
-from svbrdfgan.data.distributions import Normal
+from svbrdfgan.config.choices import PluginChoice
+from svbrdfgan.config.distributions import Normal
+from svbrdfgan.config.models import validate
+from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.estimate import estimate, preview
 from svbrdfgan.data.exemplars import load_exemplars, load_picture
 from svbrdfgan.data.generate import exemplar_paths, generate, missing, render_scene
-from svbrdfgan.data.plan import DatasetPlan, gather_environments, make_plan
-from svbrdfgan.data.scene import Scene
-from svbrdfgan.data.studio import Studio, resolve_renderer
+from svbrdfgan.data.index import DatasetPlan, gather_environments, make_plan
+from svbrdfgan.data.prebake import baked
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io import load_environment, save_mesh_glb
-from svbrdfgan.options import validate
+from svbrdfgan.plugins.select import Choice
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.scene import loader
+from svbrdfgan.scene.description import Scene
+from svbrdfgan.scene.loader import Studio, resolve_renderer
 
 Data = Callable[..., dict[str, Any]]
 MAKE = """
 import sys
 from pathlib import Path
-from svbrdfgan.data.ahead import baked
+from svbrdfgan.data.prebake import baked
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.generate import generate
 if __name__ == "__main__":
@@ -188,7 +189,7 @@ def test_processes_share_out_one_list(
 
 
 def test_what_auto_chose_is_recorded(tmp_path: Path, dataset_data: Data, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(studio, "choose_renderer", lambda device, *_, **__: Choice("warp", {"device": device}))
+    monkeypatch.setattr(loader, "choose_renderer", lambda device, *_, **__: Choice("warp", {"device": device}))
     data = dataset_data(renderer="auto", image=[8, 8], spp=1, splits={"train": {"views": 1}})
     generate(validate(DatasetConfig, data, "here"), tmp_path, base=Path())
     chosen = Scene.load(exemplar_paths(tmp_path, "train", 0)[1]).renderer

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 import torch
 
+from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import CameraDistribution, DatasetConfig, EnvironmentSource
-from svbrdfgan.data.plan import DatasetPlan, gather_environments
+from svbrdfgan.data.index import DatasetPlan, gather_environments
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset, MeshAsset
-from svbrdfgan.data.scene import AssetRef, OrbitCamera
-from svbrdfgan.data.studio import Studio
 from svbrdfgan.io import load_environment, load_mesh
-from svbrdfgan.options import validate
+from svbrdfgan.scene.description import AssetRef, OrbitCamera
+from svbrdfgan.scene.loader import Studio
 
 BOX = ((-1.0, 0.0, -2.5), (1.0, 1.5, 2.0))
 

@@ -12,10 +12,10 @@ import pytest
 import torch
 
 from svbrdfgan.cli import COMMANDS, main
+from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
 from svbrdfgan.data.config import dataset_config
 from svbrdfgan.io import load_mesh
 from svbrdfgan.training.config import train_config
-from svbrdfgan.yaml_files import apply_overrides, load_yaml
 
 REPOSITORY = Path(__file__).parents[2]
 PAGES = ["README.md", *sorted(page.relative_to(REPOSITORY).as_posix() for page in REPOSITORY.glob("docs/*.md"))]

@@ -11,12 +11,13 @@ import pytest
 import yaml
 from pydantic import BaseModel
 
-from svbrdfgan.data.config import DatasetConfig, PluginChoice
-from svbrdfgan.data.distributions import Choice, Fixed, Normal, Uniform
-from svbrdfgan.options import validate
+from svbrdfgan.config.choices import PluginChoice
+from svbrdfgan.config.distributions import Choice, Fixed, Normal, Uniform
+from svbrdfgan.config.models import validate
+from svbrdfgan.config.yaml_files import apply_overrides
+from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.weathering import RECIPES
-from svbrdfgan.yaml_files import apply_overrides
 
 ROW = re.compile(r"^\| `([^`]+)` \| (.+?) \| .+ \|$", re.MULTILINE)
 OPTION = re.compile(r"^\| ([a-z-]* ?)\| `(\w+)` \| `([\d.]+)` \| ([\d.]+) to ([\d.]+) \|", re.MULTILINE)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import torch
 
-from svbrdfgan.data.config import PartSelection
-from svbrdfgan.data.subject import make_subject
+from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.errors import ConfigError, EmbeddingError, UnsupportedError
 from svbrdfgan.plugins import load_embedding, load_renderer
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
 from svbrdfgan.protocols import Renderer
+from svbrdfgan.scene.asset import make_subject
 from svbrdfgan.testing import RendererTests, UVEmbeddingTests, run_kit
 from svbrdfgan.types import Camera, Environment, Material, Materials, Mesh, Part, Surface, View
 
@@ -112,7 +112,7 @@ def test_the_example_renderer_refuses_what_it_cannot_do(renderer: Renderer) -> N
         load_renderer("brute-force", {"epsilon": -1.0})
 
 
-@pytest.mark.parametrize("group", ["contract", "purity", "shapes", "radiometry", "orientation"])
+@pytest.mark.parametrize("group", ["contract", "side_effects", "shapes", "radiometry", "orientation"])
 def test_the_example_renderer_passes_the_kit(install: Install, group: str) -> None:
     """All groups but those that call for many samples or faces, which this one has no time for."""
     install("docs/write-a-renderer.md")

@@ -4,9 +4,9 @@ import tarfile
 from pathlib import Path
 
 from svbrdfgan.experiments.definition import experiment_names
-from svbrdfgan.experiments.design import Design, RunSpec
 from svbrdfgan.experiments.outcome import Outcome
-from svbrdfgan.experiments.shelf import Shelf
+from svbrdfgan.experiments.run_matrix import Design, RunSpec
+from svbrdfgan.experiments.run_store import Shelf
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results" / "gpu.tar.xz"
 

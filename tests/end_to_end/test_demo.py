@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from svbrdfgan import demo
+from svbrdfgan.config.models import validate
+from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
 from svbrdfgan.data.config import DatasetConfig
-from svbrdfgan.demo.run import run_demo
-from svbrdfgan.display import Silent
-from svbrdfgan.options import validate
+from svbrdfgan.experiments import demo
+from svbrdfgan.experiments.demo.run import run_demo
 from svbrdfgan.training.config import train_config
-from svbrdfgan.yaml_files import apply_overrides, load_yaml
+from svbrdfgan.utils.display import Silent
 
 SHIPPED = Path(demo.__file__).parent
 

@@ -14,19 +14,19 @@ import trimesh
 from click.testing import CliRunner
 from safetensors.torch import load_file
 
-from svbrdfgan.apply import paint
 from svbrdfgan.cli import main
 from svbrdfgan.data.config import dataset_config
 from svbrdfgan.data.exemplars import load_exemplars, load_picture
 from svbrdfgan.data.generate import generate
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.evaluation import evaluate
-from svbrdfgan.export import write_weathered
+from svbrdfgan.evaluation.evaluate import evaluate
+from svbrdfgan.evaluation.oracle import OracleConfig
+from svbrdfgan.inference.apply import paint
+from svbrdfgan.inference.export import write_weathered
 from svbrdfgan.io import load_image, load_mesh, load_texture, srgb_from_linear
 from svbrdfgan.plugins import load_renderer
+from svbrdfgan.training.batches import make_feed
 from svbrdfgan.training.config import TrainConfig, train_config
-from svbrdfgan.training.feed import make_feed
-from svbrdfgan.training.oracle import OracleConfig
 from svbrdfgan.training.run import load_model
 from svbrdfgan.training.state import State
 from svbrdfgan.training.trainer import train

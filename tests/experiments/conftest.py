@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 import yaml
 
-from svbrdfgan.display import Display
-from svbrdfgan.evaluation import Evaluation
-from svbrdfgan.experiments.design import Design
+from svbrdfgan.evaluation.evaluate import Evaluation
 from svbrdfgan.experiments.outcome import Ceiling, Outcome, Point
+from svbrdfgan.experiments.run_matrix import Design
 from svbrdfgan.experiments.schedule import Schedule
 from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask, Task
+from svbrdfgan.utils.display import Display
 
 EXPERIMENT: dict[str, Any] = {
     "title": "Noise",

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from svbrdfgan.config.distributions import Uniform
 from svbrdfgan.data.config import EnvironmentSource
-from svbrdfgan.data.distributions import Uniform
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.experiments.definition import ProfileName, experiment_names, load_experiment, load_profile
-from svbrdfgan.experiments.design import Cell, Design, choose
+from svbrdfgan.experiments.run_matrix import Cell, Design, choose
 from svbrdfgan.training.config import RECIPES, train_config
 
 NAMES = experiment_names()

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from svbrdfgan.display import Silent
-from svbrdfgan.experiments.design import Design
 from svbrdfgan.experiments.outcome import Outcome
 from svbrdfgan.experiments.processes import execute
+from svbrdfgan.experiments.run_matrix import Design
 from svbrdfgan.experiments.runner import run_experiments
 from svbrdfgan.training.run import load_model
+from svbrdfgan.utils.display import Silent
 
 SMALL = (
     *("dataset.image=[32, 32]", "dataset.texture=32", "dataset.spp=8", "dataset.environment_rows=16"),

@@ -13,16 +13,16 @@ import pytest
 import torch
 from PIL import Image
 
+from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import CameraDistribution
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.data.studio import resolve_renderer
-from svbrdfgan.evaluation import Evaluated, evaluate
+from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
 from svbrdfgan.experiments import measures
+from svbrdfgan.experiments.contact_strip import write_strip
 from svbrdfgan.experiments.measures import gradient_noise, measure, recovered_where, seen_by_training
-from svbrdfgan.experiments.strip import write_strip
-from svbrdfgan.options import validate
+from svbrdfgan.scene.loader import resolve_renderer
+from svbrdfgan.training.batches import make_feed
 from svbrdfgan.training.config import train_config
-from svbrdfgan.training.feed import make_feed
 from svbrdfgan.training.trainer import train
 
 Data = Callable[..., dict[str, Any]]

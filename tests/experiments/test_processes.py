@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 from svbrdfgan.data.config import dataset_config
-from svbrdfgan.display import Silent
 from svbrdfgan.experiments.processes import OUTPUT, execute, gpus
 from svbrdfgan.experiments.schedule import Schedule
 from svbrdfgan.experiments.tasks import DatasetTask
+from svbrdfgan.utils.display import Silent
 
 Stand_In = Callable[[str], None]
 
@@ -112,7 +112,7 @@ def test_tasks_are_spread_over_the_gpus(stand_in: Stand_In, tmp_path: Path, monk
 def test_a_task_ends_when_who_started_it_is_killed() -> None:
     """And so does what it started itself."""
     job = (
-        "import os, subprocess, time; from svbrdfgan.experiments.orphan import end_with_parent;"
+        "import os, subprocess, time; from svbrdfgan.experiments.parent_death_guard import end_with_parent;"
         "end_with_parent(os.getppid());"
         "subprocess.Popen(['sleep', '600']);"
         "print('ready', flush=True); time.sleep(600)"
@@ -128,7 +128,10 @@ def test_a_task_ends_when_who_started_it_is_killed() -> None:
 
 
 def test_a_task_ends_that_begins_when_who_started_it_is_gone() -> None:
-    job = "from svbrdfgan.experiments.orphan import end_with_parent; import time; end_with_parent(0); time.sleep(600)"
+    job = (
+        "from svbrdfgan.experiments.parent_death_guard import end_with_parent; import time;"
+        "end_with_parent(0); time.sleep(600)"
+    )
     ended = subprocess.run([sys.executable, "-c", job], process_group=0, timeout=120)
     assert ended.returncode == -signal.SIGKILL
 

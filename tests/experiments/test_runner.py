@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.experiments.design import Design
 from svbrdfgan.experiments.results import Results
+from svbrdfgan.experiments.run_matrix import Design
 from svbrdfgan.experiments.runner import run_experiments
 from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask
 

@@ -11,9 +11,9 @@ import numpy as np
 from PIL import Image
 
 from svbrdfgan.experiments.columns import Column
-from svbrdfgan.experiments.design import Design
 from svbrdfgan.experiments.outcome import Outcome
 from svbrdfgan.experiments.results import Line, Results, Run
+from svbrdfgan.experiments.run_matrix import Design
 from svbrdfgan.experiments.table import page, write_results
 
 MakeDesign = Callable[..., Design]

@@ -8,7 +8,7 @@ import torch
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.quadrature import Quadrature, dielectric
-from svbrdfgan.testing.renderer import settings
+from svbrdfgan.testing.renderer import cases
 from svbrdfgan.types import Camera, Environment, Materials, Surface, View
 
 
@@ -96,8 +96,8 @@ def test_gloss_has_smiths_masking_of_its_normals() -> None:
     assert reflected == pytest.approx(1.0, abs=0.01)
 
 
-@pytest.mark.parametrize("setting", [settings.strips(), settings.lidded()], ids=["strips", "lidded"])
-def test_gradients_are_those_of_the_image(setting: settings.Setting) -> None:
+@pytest.mark.parametrize("setting", [cases.strips(), cases.lidded()], ids=["strips", "lidded"])
+def test_gradients_are_those_of_the_image(setting: cases.Setting) -> None:
     """The image is linear in every texel and in the light, so a difference is the slope."""
     grad = setting.random()
     quadrature = _quadrature(setting.surface, setting.materials, setting.view, split=4)
@@ -118,7 +118,7 @@ def test_gradients_are_those_of_the_image(setting: settings.Setting) -> None:
 
 def test_the_gradient_of_roughness_is_that_of_the_image() -> None:
     """By differences of whole pictures, texel by texel."""
-    setting = settings.glossy(torch.tensor([[0.5, 0.9, 0.6], [0.7, 0.4, 0.8]])[..., None])
+    setting = cases.glossy(torch.tensor([[0.5, 0.9, 0.6], [0.7, 0.4, 0.8]])[..., None])
     grads, roughness, step = (setting.smooth(), setting.random()), setting.materials[0].maps["roughness"], 1e-2
     found = _quadrature(setting.surface, setting.materials, setting.view).roughness_gradients(grads, 0)
     assert found.shape == (2, 2, 3, 1)
@@ -134,5 +134,5 @@ def test_a_shadow_does_not_fall_through_the_floor_nor_upward() -> None:
     """Light from below reaches the lid's underside through no floor, and the floor's top not at all."""
     radiance = torch.zeros(8, 8, 3)
     radiance[5:] = 1.0
-    setting = settings.lidded().lit_by(radiance)
+    setting = cases.lidded().lit_by(radiance)
     assert not _quadrature(setting.surface, setting.materials, setting.view).image().any()

@@ -9,14 +9,14 @@ import pytest
 import torch
 import torch.nn.functional as F
 
-from svbrdfgan.bake import bake
 from svbrdfgan.data.config import DatasetConfig, MeshSource, SplitConfig
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.data.scene import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
-from svbrdfgan.data.subject import Subject
-from svbrdfgan.evaluation import Evaluated, Evaluation
+from svbrdfgan.evaluation.evaluate import Evaluated, Evaluation
+from svbrdfgan.geometry.bake import bake
+from svbrdfgan.scene.asset import Subject
+from svbrdfgan.scene.description import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
+from svbrdfgan.training.batches import Feed
 from svbrdfgan.training.config import DiscriminatorConfig, GeneratorConfig, TrainConfig
-from svbrdfgan.training.feed import Feed
 from svbrdfgan.training.run import RunConfig
 from svbrdfgan.types import Part, Surface
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from svbrdfgan.metrics.uv import measure, whole
 from svbrdfgan.report.uv_card import atlas_picture, card_json, write_card
 from svbrdfgan.report.uv_views import PAPER, UNSEEN, checker, look, paint
 from svbrdfgan.types import Part, Surface
-from svbrdfgan.uv_metrics import measure, whole
 
 
 def rectangles(*uvs: np.ndarray, hidden: tuple[bool, ...] = ()) -> Surface:

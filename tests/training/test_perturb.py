@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 import torch
 
+from svbrdfgan.config.models import validate
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.data.plan import DatasetPlan
-from svbrdfgan.data.scene import Scene
-from svbrdfgan.data.subject import Subject
+from svbrdfgan.data.index import DatasetPlan
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.options import validate
 from svbrdfgan.plugins import load_renderer
+from svbrdfgan.scene.asset import Subject
+from svbrdfgan.scene.description import Scene
+from svbrdfgan.training.cached_rendering import Transports
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.perturb import Perturbation
-from svbrdfgan.training.stages import Transports
 
 
 def perturbation(folder: Path, **declared: Any) -> Perturbation:
@@ -158,7 +158,7 @@ def test_renderers_of_one_name_do_not_share_transports(tiny_dataset: Path, tiny_
 
 
 def test_stored_transports_are_read_again(dataset_copy: Path, tiny_exemplars: Exemplars) -> None:
-    from svbrdfgan.data.studio import Studio
+    from svbrdfgan.scene.loader import Studio
 
     exemplars = replace(tiny_exemplars, studio=Studio(dataset_copy))
     first = stages(exemplars, dataset_copy, 1)

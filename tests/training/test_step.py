@@ -15,8 +15,8 @@ from torch import Tensor
 
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.plugins import load_renderer
+from svbrdfgan.training.batches import Feed, make_feed
 from svbrdfgan.training.config import TrainConfig, train_config
-from svbrdfgan.training.feed import Feed, make_feed
 from svbrdfgan.training.picture import present
 from svbrdfgan.training.state import State, checkpoints
 from svbrdfgan.training.step import Diagnostics, training_step

@@ -19,14 +19,14 @@ import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from svbrdfgan.apply import paint
-from svbrdfgan.data.plan import DatasetPlan
+from svbrdfgan.data.index import DatasetPlan
 from svbrdfgan.errors import AssetError, ConfigError, TrainingError
+from svbrdfgan.inference.apply import paint
 from svbrdfgan.io import load_mesh
 from svbrdfgan.networks import Generator
 from svbrdfgan.training import trainer
 from svbrdfgan.training.config import GeneratorConfig, TrainConfig, settled, train_config
-from svbrdfgan.training.journal import read_journal
+from svbrdfgan.training.metrics_log import read_journal
 from svbrdfgan.training.run import MODEL, RunConfig, load_generator, load_model, save_generator
 from svbrdfgan.training.state import State, checkpoints, step_of
 from svbrdfgan.training.trainer import batch_indices, train

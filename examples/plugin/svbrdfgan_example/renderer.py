@@ -14,7 +14,7 @@ from torch import Tensor
 
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import RendererCapabilities
-from svbrdfgan.refusals import check_cotangent, check_radiance, check_render, check_transport
+from svbrdfgan.rendering.validation import check_cotangent, check_radiance, check_render, check_transport
 from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan_example.grid import Grid, meet
 from svbrdfgan_example.light import Light, bilinear

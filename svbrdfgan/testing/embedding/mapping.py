@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from svbrdfgan.bake import bake
+from svbrdfgan.geometry.bake import bake
 from svbrdfgan.geometry.layers import hide_inner_layers
 from svbrdfgan.geometry.normals import face_areas
 from svbrdfgan.geometry.rasterize import rasterize

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import torch
 
-from svbrdfgan.data.config import PartSelection
-from svbrdfgan.data.subject import make_subject
+from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.scene.asset import make_subject
 from svbrdfgan.testing.embedding.base import EmbeddingKit
 from svbrdfgan.testing.embedding.meshes import own_uv
 from svbrdfgan.testing.kit import check

@@ -17,9 +17,9 @@ from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.protocols import Renderer, TransportRenderer
+from svbrdfgan.rendering.texture_filter import bilinear_taps
 from svbrdfgan.testing.pairs.scenes import TEXTURE, PairScene
 from svbrdfgan.testing.statistics import numbers
-from svbrdfgan.texture_filter import bilinear_taps
 from svbrdfgan.types import TransportSamples
 
 BLOCKS = 4

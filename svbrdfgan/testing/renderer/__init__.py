@@ -6,15 +6,15 @@ class TestMine(RendererTests):
 
 from svbrdfgan.testing.renderer.agreement import AgreementTests
 from svbrdfgan.testing.renderer.contract import ContractTests
-from svbrdfgan.testing.renderer.endurance import EnduranceTests
 from svbrdfgan.testing.renderer.gradients import GradientTests
 from svbrdfgan.testing.renderer.layers import LayerTests
 from svbrdfgan.testing.renderer.orientation import OrientationTests
-from svbrdfgan.testing.renderer.purity import PurityTests
 from svbrdfgan.testing.renderer.radiometry import RadiometryTests
 from svbrdfgan.testing.renderer.randomness import RandomnessTests
 from svbrdfgan.testing.renderer.roughness import RoughnessTests
 from svbrdfgan.testing.renderer.shapes import ShapeTests
+from svbrdfgan.testing.renderer.side_effects import PurityTests
+from svbrdfgan.testing.renderer.stress import EnduranceTests
 
 __all__ = ["RendererTests"]
 

@@ -12,10 +12,10 @@ from numpy import ndarray
 from svbrdfgan.plugins import load_renderer
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import declared
-from svbrdfgan.testing.renderer import settings
+from svbrdfgan.testing.renderer import cases
 from svbrdfgan.testing.renderer.base import RendererKit
-from svbrdfgan.testing.renderer.judging import Known, unbiased
-from svbrdfgan.testing.renderer.settings import Setting, Stage
+from svbrdfgan.testing.renderer.cases import Setting, Stage
+from svbrdfgan.testing.renderer.statistical_assertions import Known, unbiased
 from svbrdfgan.testing.statistics import block_sums
 from svbrdfgan.types import Environment
 
@@ -32,48 +32,48 @@ class AgreementTests(RendererKit):
 
     def test_image_of_a_textured_plane(self) -> None:
         """A textured plane looks as quadrature says, to 3 % in every block."""
-        self._image(settings.sheet(scenes.random_light(rotation=0.9)))
+        self._image(cases.sheet(scenes.random_light(rotation=0.9)))
 
     def test_image_of_a_floor_under_a_lid(self) -> None:
         """A half shadowed floor looks as quadrature says, to 3 % in every block."""
-        self._image(settings.lidded(scenes.random_light(rotation=0.9)), split=8)
+        self._image(cases.lidded(scenes.random_light(rotation=0.9)), split=8)
 
     def test_image_of_three_parts(self) -> None:
         """Three parts look as quadrature says, to 3 % in every block."""
-        self._image(settings.strips(scenes.random_light(rotation=0.9)))
+        self._image(cases.strips(scenes.random_light(rotation=0.9)))
 
     def test_image_under_a_strong_sun(self) -> None:
         """A plane in a strong sun looks as quadrature says, to 3 % in every block."""
-        self._image(settings.sheet(scenes.sun(30, 5, rotation=0.4)))
+        self._image(cases.sheet(scenes.sun(30, 5, rotation=0.4)))
 
     def test_image_in_low_light(self) -> None:
         """A plane in very low light looks as quadrature says, to 3 % in every block."""
-        self._image(settings.sheet(_dim(scenes.random_light(rotation=0.9))))
+        self._image(cases.sheet(_dim(scenes.random_light(rotation=0.9))))
 
     def test_image_of_gloss(self) -> None:
         """A plane of varying roughness looks as quadrature says, to 3 % in blocks."""
         declared("roughness" in self.capabilities.maps, "roughness")
         roughness = torch.tensor([[0.3, 0.9, 0.5], [0.7, 0.4, 1.0]]).reshape(2, 3, 1)
-        self._image(settings.glossy(roughness, scenes.random_light(rotation=0.9)))
+        self._image(cases.glossy(roughness, scenes.random_light(rotation=0.9)))
 
     def test_texel_gradients_of_three_parts(self) -> None:
         """Every texel's gradient on three parts is as quadrature says, to 5 %."""
-        setting = settings.strips(scenes.random_light(rotation=0.9))
+        setting = cases.strips(scenes.random_light(rotation=0.9))
         for part in range(3):
             self._texels(setting, part, grid=8)
 
     def test_texel_gradients_in_shadow(self) -> None:
         """Every texel's gradient on a half shadowed floor is as quadrature says, to 8 %."""
-        self._texels(settings.lidded(scenes.random_light(rotation=0.9)), 0, grid=8, claim=0.08)
+        self._texels(cases.lidded(scenes.random_light(rotation=0.9)), 0, grid=8, claim=0.08)
 
     def test_texel_gradients_under_a_strong_sun(self) -> None:
         """Every texel's gradient in a strong sun is as quadrature says, to 5 %."""
-        self._texels(settings.sheet(scenes.sun(30, 5, rotation=0.4)), 0)
+        self._texels(cases.sheet(scenes.sun(30, 5, rotation=0.4)), 0)
 
     def test_roughness_gradients_of_gloss(self) -> None:
         """Every texel's gradient of roughness is as quadrature says, to 8 %."""
         declared("roughness" in self.capabilities.differentiable, "the gradient of roughness")
-        setting = settings.glossy(torch.tensor([[0.5, 0.9, 0.6], [0.7, 0.4, 0.8]])[..., None])
+        setting = cases.glossy(torch.tensor([[0.5, 0.9, 0.6], [0.7, 0.4, 0.8]])[..., None])
         grads = (setting.smooth(), 1.0 + 0.5 * setting.random())
         known = Known.by_quadrature(setting, lambda scene: scene.roughness_gradients(grads, 0), split=16)
         largest = np.broadcast_to(known.size.max(axis=(1, 2, 3), keepdims=True), known.size.shape)
@@ -86,18 +86,18 @@ class AgreementTests(RendererKit):
 
     def test_environment_gradient_in_the_open(self) -> None:
         """The environment's gradient is as quadrature says, to 5 % in pairs of pixels."""
-        self._light(settings.sheet())
+        self._light(cases.sheet())
 
     def test_environment_gradient_through_shadow(self) -> None:
         """The environment's gradient through shadow is as quadrature says, to 8 %."""
-        self._light(settings.lidded(), grid=8, claim=0.08)
+        self._light(cases.lidded(), grid=8, claim=0.08)
 
     def test_interreflection_as_numpy(self) -> None:
         """Parts that light one another look as `numpy` renders them, to 5 % in blocks."""
         bounces = self.capabilities.max_bounces
         declared(bounces > 1, "a second bounce")
         declared(self.name != "numpy", "another renderer than numpy")
-        mine = Stage(self.renderer, settings.corner())
+        mine = Stage(self.renderer, cases.corner())
         other = Stage(load_renderer("numpy", {"max_bounces": bounces}), mine.setting)
         size = block_sums(other.image(spp=16), _BLOCK)
 

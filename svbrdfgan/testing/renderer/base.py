@@ -9,7 +9,7 @@ from typing import Any
 from svbrdfgan.plugins import RENDERERS, load_renderer
 from svbrdfgan.protocols import Renderer, RendererCapabilities
 from svbrdfgan.testing.contract import PluginKit
-from svbrdfgan.testing.renderer.uses import Scene
+from svbrdfgan.testing.renderer.fixtures import Scene
 from svbrdfgan.types import Materials, Rendering, Surface, View
 
 

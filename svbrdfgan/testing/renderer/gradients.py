@@ -11,11 +11,11 @@ from numpy import ndarray
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check, declared
-from svbrdfgan.testing.renderer import settings
+from svbrdfgan.testing.renderer import cases
 from svbrdfgan.testing.renderer.base import RendererKit
-from svbrdfgan.testing.renderer.judging import Known, exactly, unbiased
-from svbrdfgan.testing.renderer.settings import Setting, Stage, flat
-from svbrdfgan.testing.renderer.slopes import slopes
+from svbrdfgan.testing.renderer.cases import Setting, Stage, flat
+from svbrdfgan.testing.renderer.finite_differences import slopes
+from svbrdfgan.testing.renderer.statistical_assertions import Known, exactly, unbiased
 from svbrdfgan.testing.statistics import numbers
 from svbrdfgan.types import Material, Materials
 
@@ -30,26 +30,26 @@ class GradientTests(RendererKit):
 
     def test_base_color_of_every_texel_of_every_part(self) -> None:
         """At the same seed each texel's and constant's gradient is that of the picture."""
-        self._own_slopes(settings.strips())
+        self._own_slopes(cases.strips())
 
     def test_base_color_of_textures_that_repeat(self) -> None:
         """At a border the gradient goes to the other side where textures repeat."""
         for repeat in ((True, False), (False, True)):
-            self._own_slopes(settings.whole_sheet(repeat))
+            self._own_slopes(cases.whole_sheet(repeat))
 
     def test_base_color_where_parts_light_one_another(self) -> None:
         """The gradient counts as many bounces as the picture."""
-        self._own_slopes(settings.corner())
+        self._own_slopes(cases.corner())
 
     def test_base_color_beneath_gloss(self) -> None:
         """Beneath gloss, too, the base colour's gradient is that of the picture."""
         declared("roughness" in self.capabilities.maps, "roughness")
-        self._own_slopes(settings.glossy(torch.tensor([[0.3, 0.9], [0.6, 0.4]])[..., None]))
+        self._own_slopes(cases.glossy(torch.tensor([[0.3, 0.9], [0.6, 0.4]])[..., None]))
 
     def test_unseen_texels_have_no_gradient(self) -> None:
         """Texels and parts that are lit, but not seen, have a gradient of exactly zero."""
         self._declared("base_color")
-        setting = settings.screened()
+        setting = cases.screened()
         stage = Stage(self.renderer, setting)
         plane, behind = (stage.map_gradient(setting.smooth(), "base_color", part, spp=16) for part in (0, 1))
         unseen = np.ones((8, 8), dtype=bool)
@@ -63,7 +63,7 @@ class GradientTests(RendererKit):
     def test_unlit_texels_have_no_gradient(self) -> None:
         """What is seen, but lit from behind alone, has a gradient of exactly zero."""
         self._declared("base_color")
-        setting = settings.lidded(scenes.random_light(8, 4))
+        setting = cases.lidded(scenes.random_light(8, 4))
         radiance = setting.view.environment.radiance.clone()
         radiance[:5] = 0.0  # light from below, and bilinear lookups stay there
         stage = Stage(self.renderer, setting.lit_by(radiance))
@@ -85,7 +85,7 @@ class GradientTests(RendererKit):
         To 10 % of each row's share, or of a quarter of the largest.
         """
         self._declared("environment")
-        setting = settings.corner()
+        setting = cases.corner()
         stage, grad = Stage(self.renderer, setting), setting.smooth()
         radiance = setting.view.environment.radiance
         lights = [
@@ -112,16 +112,16 @@ class GradientTests(RendererKit):
         """The gradient of roughness is exactly zero below 0.05, and not at 0.3."""
         self._declared("roughness")
         for roughness, moves in ((0.02, False), (0.3, True)):
-            setting = settings.glossy(roughness)
+            setting = cases.glossy(roughness)
             gradient = Stage(self.renderer, setting).map_gradient(setting.smooth(), "roughness", 0, spp=64)
             check(gradient.any() == moves, f"At roughness {roughness} the gradient is {gradient}.")
 
     def test_linear_in_the_cotangent(self) -> None:
         """The gradient for 2 a - 3 b is 2 times that for a less 3 times that for b."""
-        setting = settings.rich("roughness" in self.capabilities.maps)
+        setting = cases.rich("roughness" in self.capabilities.maps)
         stage, wrt, a, b = (
             Stage(self.renderer, setting),
-            settings.differentiable(self.capabilities),
+            cases.differentiable(self.capabilities),
             setting.smooth(),
             setting.random(),
         )
@@ -135,22 +135,22 @@ class GradientTests(RendererKit):
 
     def test_inputs_together_are_as_each_alone(self) -> None:
         """The gradient of one input is the same whatever else is asked for."""
-        setting = settings.rich("roughness" in self.capabilities.maps)
+        setting = cases.rich("roughness" in self.capabilities.maps)
         stage = Stage(self.renderer, setting)
-        together = flat(stage.gradients(setting.smooth(), *settings.differentiable(self.capabilities)))
-        for name in settings.differentiable(self.capabilities):
+        together = flat(stage.gradients(setting.smooth(), *cases.differentiable(self.capabilities)))
+        for name in cases.differentiable(self.capabilities):
             for place, gradient in flat(stage.gradients(setting.smooth(), name)).items():
                 check(place in together, f"{place} has a gradient when asked for alone, and none among others.")
                 exactly(f"The gradient of {place}, asked for alone", gradient, together[place])
 
     def test_finite_in_the_dark_and_on_black(self) -> None:
         """On black and in the dark gradients are finite; of what is unlit, zero."""
-        setting = settings.rich("roughness" in self.capabilities.maps)
-        black = settings.Setting(setting.surface, _blackened(setting.materials), setting.view)
+        setting = cases.rich("roughness" in self.capabilities.maps)
+        black = cases.Setting(setting.surface, _blackened(setting.materials), setting.view)
         dark = setting.lit_by(torch.zeros_like(setting.view.environment.radiance))
         for name, scene in (("on black", black), ("in the dark", dark)):
             for place, gradient in flat(
-                Stage(self.renderer, scene).gradients(setting.smooth(), *settings.differentiable(self.capabilities))
+                Stage(self.renderer, scene).gradients(setting.smooth(), *cases.differentiable(self.capabilities))
             ).items():
                 check(bool(np.isfinite(gradient).all()), f"The gradient of {place} {name} is not finite.")
                 if scene is dark and place != "environment":
@@ -171,11 +171,11 @@ class GradientTests(RendererKit):
         declared(name in self.capabilities.differentiable, f"the gradient of {name}")
 
     def _lit_settings(self) -> Iterator[Setting]:
-        yield settings.strips()
-        yield settings.corner()
-        yield settings.sheet(scenes.sun(30, 5, rotation=0.4))
+        yield cases.strips()
+        yield cases.corner()
+        yield cases.sheet(scenes.sun(30, 5, rotation=0.4))
         if "roughness" in self.capabilities.maps:
-            yield settings.glossy(0.4)
+            yield cases.glossy(0.4)
 
 
 def _blackened(materials: Materials) -> Materials:

@@ -10,14 +10,14 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.protocols import PullbackRenderer, Renderer, TransportRenderer
-from svbrdfgan.render_layer import RenderLayer
+from svbrdfgan.rendering.render_layer import RenderLayer
+from svbrdfgan.rendering.texture_filter import sample_texture
 from svbrdfgan.testing.kit import check, declared
-from svbrdfgan.testing.renderer import settings
+from svbrdfgan.testing.renderer import cases
 from svbrdfgan.testing.renderer.base import RendererKit
-from svbrdfgan.testing.renderer.judging import exactly
-from svbrdfgan.testing.renderer.settings import Picture, Setting, Stage, flat
+from svbrdfgan.testing.renderer.cases import Picture, Setting, Stage, flat
+from svbrdfgan.testing.renderer.statistical_assertions import exactly
 from svbrdfgan.testing.statistics import numbers
-from svbrdfgan.texture_filter import sample_texture
 from svbrdfgan.types import Material, Materials
 
 
@@ -45,15 +45,15 @@ class LayerTests(RendererKit):
         """What `render_pullback` gives is `render`'s picture, and `render_vjp`'s gradient of every cotangent."""
         declared(self.capabilities.pullback, "pullback")
         assert isinstance(self.renderer, PullbackRenderer)
-        able = settings.differentiable(self.capabilities)
+        able = cases.differentiable(self.capabilities)
         for gloss in sorted({False, "roughness" in self.capabilities.maps}):
             for wrt in (able, *([name] for name in able)):
-                self._require_pullback(self.renderer, settings.rich(gloss), frozenset(wrt))
+                self._require_pullback(self.renderer, cases.rich(gloss), frozenset(wrt))
 
     def test_render_layer_gives_torch_these_gradients(self) -> None:
         """`RenderLayer` gives torch the picture, and `render_vjp` as its gradient."""
-        wrt = settings.differentiable(self.capabilities)
-        setting = settings.rich("roughness" in self.capabilities.maps)
+        wrt = cases.differentiable(self.capabilities)
+        setting = cases.rich("roughness" in self.capabilities.maps)
         stage, grad = Stage(self.renderer, setting), setting.random()
         maps = [{n: v.clone().requires_grad_(n in wrt) for n, v in m.maps.items()} for m in setting.materials.parts]
         light = setting.view.environment.radiance.clone().requires_grad_("environment" in wrt)
@@ -83,7 +83,7 @@ class LayerTests(RendererKit):
 
     def _transported(self) -> Iterator[Stage]:
         declared(self.capabilities.transport, "transport")
-        for setting in (settings.strips(), settings.whole_sheet((True, False)), settings.lidded(), settings.screened()):
+        for setting in (cases.strips(), cases.whole_sheet((True, False)), cases.lidded(), cases.screened()):
             yield Stage(self.renderer, setting)
 
 

@@ -9,12 +9,12 @@ import torch
 from jaxtyping import Float
 from numpy import ndarray
 
-from svbrdfgan.render_layer import RenderLayer
+from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.testing.kit import check, declared
-from svbrdfgan.testing.renderer import settings
+from svbrdfgan.testing.renderer import cases
 from svbrdfgan.testing.renderer.base import RendererKit
-from svbrdfgan.testing.renderer.judging import Known, unbiased
-from svbrdfgan.testing.renderer.settings import Setting, Stage, flat
+from svbrdfgan.testing.renderer.cases import Setting, Stage, flat
+from svbrdfgan.testing.renderer.statistical_assertions import Known, unbiased
 from svbrdfgan.testing.statistics import Estimate, block_sums, difference, estimate, margin, numbers
 
 _SEEDS = (0, 1, 2**31, 2**32, 2**32 + 1, 2**63 - 1)
@@ -44,7 +44,7 @@ class RandomnessTests(RendererKit):
 
     def test_large_seeds(self) -> None:
         """Seeds from 0 to 2^63 - 1 are accepted, and no two of them taken for one."""
-        stage = Stage(self.renderer, settings.strips())
+        stage = Stage(self.renderer, cases.strips())
         images = [stage.image(seed=seed) for seed in _SEEDS]
         for i, one in enumerate(images):
             check(bool(np.isfinite(one).all()), f"Seed {_SEEDS[i]} gives a picture that is not finite.")
@@ -87,7 +87,7 @@ class RandomnessTests(RendererKit):
     def test_gradients_of_one_sample_are_unbiased(self) -> None:
         """Gradients of one sample per pixel are right on average, to 5 % in texels."""
         declared("base_color" in self.capabilities.differentiable, "the gradient of base_color")
-        setting = settings.sheet(size=64, texels=(2, 2))
+        setting = cases.sheet(size=64, texels=(2, 2))
         stage, grad = Stage(self.renderer, setting), setting.smooth()
         known = Known.by_quadrature(setting, lambda scene: scene.texel_gradients(grad)[0], grid=2)
 
@@ -112,7 +112,7 @@ class RandomnessTests(RendererKit):
         With one sample per pixel, shared samples would add the derivative of the picture's variance: finds 10 %.
         """
         declared("base_color" in self.capabilities.differentiable, "the gradient of base_color")
-        setting = settings.sheet(size=32, texels=(2, 2))
+        setting = cases.sheet(size=32, texels=(2, 2))
         stage, layer = Stage(self.renderer, setting), RenderLayer(self.renderer, spp=1, spp_grad=1)
         known = Known.by_quadrature(setting, lambda scene: scene.texel_gradients(scene.image())[0], grid=2)
         texture = setting.materials[0].base_color
@@ -133,8 +133,8 @@ class RandomnessTests(RendererKit):
 
     def _twice(self, one: int, other: int) -> list[tuple[str, ndarray, ndarray]]:
         """The picture and every gradient, with each of two seeds, by renderers of their own."""
-        setting = settings.rich("roughness" in self.capabilities.maps)
-        wrt, found = settings.differentiable(self.capabilities), []
+        setting = cases.rich("roughness" in self.capabilities.maps)
+        wrt, found = cases.differentiable(self.capabilities), []
         for seed in (one, other):
             stage = Stage(self.make_renderer(), setting)
             gradients = flat(stage.gradients(setting.random(), *wrt, seed=seed))
@@ -146,7 +146,7 @@ class RandomnessTests(RendererKit):
     def _noise(self) -> Float[ndarray, "seeds height width"]:
         """Of neighbouring seeds, with mean 0 and variance 1 in each pixel."""
         declared(self.capabilities.stochastic, "chance")
-        stage = Stage(self.renderer, settings.sheet(size=16))
+        stage = Stage(self.renderer, cases.sheet(size=16))
         images = np.stack([stage.image(seed=seed, spp=4).mean(axis=-1) for seed in range(32)])
         spread = images.std(axis=0, ddof=0)
         check(bool((spread > 0.0).all()), "Some pixels are the same for 32 seeds of a stochastic renderer.")
@@ -154,12 +154,12 @@ class RandomnessTests(RendererKit):
 
     def _mean_square(self, spp: int) -> Estimate:
         """The noise's variance, over the film, from pairs of seeds."""
-        stage, first = Stage(self.renderer, settings.sheet()), 100 * spp
+        stage, first = Stage(self.renderer, cases.sheet()), 100 * spp
         pairs = [[stage.image(spp=spp, seed=first + 2 * i + j) for j in (0, 1)] for i in range(24)]
         return estimate([np.array(((one - other) ** 2).mean() / 2.0) for one, other in pairs])
 
     def _unbiased_image(self, spp: int, size: int) -> None:
-        setting: Setting = settings.sheet(size=size)
+        setting: Setting = cases.sheet(size=size)
         stage = Stage(self.renderer, setting)
         known = Known.by_quadrature(setting, lambda scene: block_sums(scene.image(), size // 2), grid=2)
 

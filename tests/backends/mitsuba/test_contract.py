@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import torch
 from svbrdfgan_mitsuba import MitsubaRenderer, film, variant
-from svbrdfgan_mitsuba.exchange import floats, tensor
+from svbrdfgan_mitsuba.interop import floats, tensor
 from svbrdfgan_mitsuba.jit import dr
 from svbrdfgan_mitsuba.scene import PreparedSurface
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 import torch
-from svbrdfgan_mitsuba import MitsubaRenderer, film, shot
+from svbrdfgan_mitsuba import MitsubaRenderer, film, render_pass
 from svbrdfgan_mitsuba.paths import Paths
 from torch import Tensor
 
@@ -71,7 +71,7 @@ def test_what_is_kept_is_not_traced_again(
         return direct(paths, run)
 
     monkeypatch.setitem(film.VERTICES, "cpu", 8 * WIDTH)
-    monkeypatch.setitem(shot.KEPT, "cpu", kept)
+    monkeypatch.setitem(render_pass.KEPT, "cpu", kept)
     monkeypatch.setattr(Paths, "direct", counted)
     prepared = renderer.prepare(scenes.corner_box())
     _, pullback = renderer.render_pullback(prepared, materials, view, wrt=BASE, spp=8, seed=5)

@@ -6,8 +6,8 @@ from svbrdfgan_mitsuba import MitsubaRenderer, film
 from svbrdfgan_mitsuba.scene import PreparedSurface
 
 from svbrdfgan.errors import UnsupportedError
+from svbrdfgan.rendering.texture_filter import sample_texture
 from svbrdfgan.testing import scenes
-from svbrdfgan.texture_filter import sample_texture
 from svbrdfgan.types import Camera, Materials, Surface, TransportSamples, View
 
 SPP, SEED = 8, 3

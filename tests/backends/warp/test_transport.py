@@ -6,8 +6,8 @@ from svbrdfgan_warp import WarpRenderer
 from svbrdfgan_warp.records import runs
 from svbrdfgan_warp.scene import PreparedSurface
 
+from svbrdfgan.rendering.texture_filter import bilinear_taps, sample_texture
 from svbrdfgan.testing import scenes
-from svbrdfgan.texture_filter import bilinear_taps, sample_texture
 from svbrdfgan.types import Camera, Materials, Surface, TransportSamples, View
 
 SPP, SEED = 8, 3

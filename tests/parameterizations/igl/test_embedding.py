@@ -14,10 +14,10 @@ from svbrdfgan.errors import ConfigError, EmbeddingError
 from svbrdfgan.geometry.layers import hide_inner_layers
 from svbrdfgan.geometry.normals import face_areas
 from svbrdfgan.io import load_mesh
+from svbrdfgan.metrics.uv.distortion import distortion
+from svbrdfgan.metrics.uv.visibility import outside, whole
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.types import Mesh, Part, Surface
-from svbrdfgan.uv_metrics.distortion import distortion
-from svbrdfgan.uv_metrics.outside import outside, whole
 
 EITHER = pytest.mark.parametrize("make", [StretchEmbedding, LscmEmbedding])
 

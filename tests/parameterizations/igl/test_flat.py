@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from svbrdfgan_igl.contact import Contact
+from svbrdfgan_igl.boundary_barrier import Walls
+from svbrdfgan_igl.collision_barrier import Contact
 from svbrdfgan_igl.crossing import loop_crosses_itself
 from svbrdfgan_igl.energy import Distortion, Triangles, stretch
 from svbrdfgan_igl.flatten import Boundary, conformal, least_stretch, one_to_one, packed
-from svbrdfgan_igl.start import tutte
 from svbrdfgan_igl.topology import Disk
-from svbrdfgan_igl.walls import Walls
+from svbrdfgan_igl.tutte import tutte
 
 Surface = tuple[np.ndarray, np.ndarray]
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from svbrdfgan_igl.cut_to_disk import ENOUGH, cut_to_disk, is_one_surface
 from svbrdfgan_igl.energy import stretch
 from svbrdfgan_igl.flatten import least_stretch
 from svbrdfgan_igl.seams import Net, cut_open, opening
 from svbrdfgan_igl.topology import components, euler, is_manifold
-from svbrdfgan_igl.whole import ENOUGH, cut_to_disk, is_one_surface
 
 Surface = tuple[np.ndarray, np.ndarray]
 

@@ -1,0 +1,150 @@
+"""Distributions as they are written in a configuration file.
+
+`5` or `{fixed: 5}` · `{uniform: [0, 360]}` · `{normal: [20, 5]}` (mean, standard deviation) · `{choice: [a, b, c]}`
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Generic, TypeVar
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, model_validator
+
+from svbrdfgan.config.models import StrictModel
+
+T = TypeVar("T")
+Color = tuple[float, float, float]
+"""Linear RGB."""
+
+
+class Fixed(StrictModel, Generic[T]):
+    """Always the same value."""
+
+    fixed: T
+
+    def sample(self, rng: np.random.Generator) -> T:
+        return self.fixed
+
+
+class Choice(StrictModel, Generic[T]):
+    """One of several values, equally likely."""
+
+    choice: tuple[T, ...]
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> Choice[T]:
+        if not self.choice:
+            raise ValueError("choice needs at least one value")
+        return self
+
+    def sample(self, rng: np.random.Generator) -> T:
+        return self.choice[int(rng.integers(len(self.choice)))]
+
+
+class Uniform(StrictModel):
+    """Any number between two, equally likely."""
+
+    uniform: tuple[float, float]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Uniform:
+        if not self.uniform[0] <= self.uniform[1]:
+            raise ValueError(f"uniform needs [low, high] with low <= high, not {list(self.uniform)}")
+        return self
+
+    def sample(self, rng: np.random.Generator) -> float:
+        return float(rng.uniform(*self.uniform))
+
+
+class Normal(StrictModel):
+    """A number from a Gaussian: mean, standard deviation."""
+
+    normal: tuple[float, float]
+
+    @model_validator(mode="after")
+    def _positive(self) -> Normal:
+        if self.normal[1] < 0:
+            raise ValueError(f"normal needs [mean, deviation] with deviation >= 0, not {list(self.normal)}")
+        return self
+
+    def sample(self, rng: np.random.Generator) -> float:
+        return float(rng.normal(*self.normal))
+
+
+def _kind(value: Any) -> str | None:
+    """Which distribution is meant, so that a fault is told of that one alone."""
+    if isinstance(value, dict):
+        return next(iter(value)) if len(value) == 1 and next(iter(value)) in _KINDS else None
+    return type(value).__name__.partition("[")[0].lower() if isinstance(value, StrictModel) else "plain"
+
+
+def _fixed(value: Any) -> dict[str, Any]:
+    return {"fixed": tuple(value) if isinstance(value, list) else value}
+
+
+_KINDS = ("fixed", "uniform", "normal", "choice")
+_WANTED = "a value, {fixed: value}, {uniform: [low, high]}, {normal: [mean, deviation]} or {choice: [one, another]}"
+_BY_KIND = Discriminator(_kind, custom_error_type="distribution", custom_error_message=_WANTED)
+
+Number = Annotated[
+    Annotated[Fixed[float], BeforeValidator(_fixed), Tag("plain")]
+    | Annotated[Fixed[float], Tag("fixed")]
+    | Annotated[Uniform, Tag("uniform")]
+    | Annotated[Normal, Tag("normal")]
+    | Annotated[Choice[float], Tag("choice")],
+    _BY_KIND,
+]
+"""A distribution over numbers."""
+
+
+def within(low: float, high: float = math.inf) -> AfterValidator:
+    """Refuses values, ends of `uniform` and choices that are not in [low, high]. What `normal` draws is clamped."""
+
+    def check(declared: Any) -> Any:
+        match declared:
+            case Fixed():
+                given = [declared.fixed]
+            case Uniform():
+                given = list(declared.uniform)
+            case Choice():
+                given = list(declared.choice)
+            case _:
+                return declared
+        for value in given:
+            if not all(low <= number <= high for number in (value if isinstance(value, tuple) else (value,))):
+                wanted = f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
+                raise ValueError(f"{value} is not allowed; wanted numbers {wanted}")
+        return declared
+
+    return AfterValidator(check)
+
+
+def mean(declared: Number) -> float:
+    """The expected value."""
+    match declared:
+        case Fixed():
+            return declared.fixed
+        case Uniform():
+            return sum(declared.uniform) / 2
+        case Normal():
+            return declared.normal[0]
+        case Choice():
+            return sum(declared.choice) / len(declared.choice)
+
+
+Integer = Annotated[
+    Annotated[Fixed[int], BeforeValidator(_fixed), Tag("plain")]
+    | Annotated[Fixed[int], Tag("fixed")]
+    | Annotated[Choice[int], Tag("choice")],
+    _BY_KIND,
+]
+"""A distribution over whole numbers."""
+
+Paint = Annotated[
+    Annotated[Fixed[Color], BeforeValidator(_fixed), Tag("plain")]
+    | Annotated[Fixed[Color], Tag("fixed")]
+    | Annotated[Choice[Color], Tag("choice")],
+    _BY_KIND,
+]
+"""A distribution over linear RGB reflectances."""

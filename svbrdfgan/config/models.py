@@ -1,0 +1,123 @@
+"""Strict checking of what users write: configuration records, and the options of plugins.
+
+Nothing is converted but what YAML cannot say: an integer where a number is wanted, a list where a tuple is. Every fault
+becomes one line that names the key, what was given and what would be right.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
+from pydantic_core import PydanticUndefined
+
+from svbrdfgan.config.error_messages import explain
+from svbrdfgan.errors import ConfigError
+
+_STRICT = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True)
+
+Model = TypeVar("Model", bound=BaseModel)
+Made = TypeVar("Made")
+
+
+class StrictModel(BaseModel):
+    """Base of configuration records: frozen, no unknown keys, no conversions, no infinities."""
+
+    model_config = _STRICT
+
+
+def validate(model: type[Model], data: object, source: str) -> Model:
+    """The record that the data describe; `source`, such as the file's name, opens every message.
+
+    Raises:
+        ConfigError: one line for each fault.
+    """
+    text = _as_json(data, source)
+    try:
+        return model.model_validate_json(text)
+    except ValidationError as error:
+        lines = [
+            f"{source}: {path}: {fault}" if path else f"{source}: {fault}"
+            for path, fault in explain(error, model, data)
+        ]
+        raise ConfigError("\n".join(lines)) from error
+    except ConfigError as error:
+        raise ConfigError(f"{source}: {error}") from error
+
+
+def build(factory: Callable[..., Made], options: Mapping[str, object], path: str) -> Made:
+    """`factory(**options)`, once the options fit its annotated keyword parameters; `path` leads to them in messages.
+
+    Raises:
+        ConfigError: an option is unknown, missing, of the wrong type, or refused by the factory itself.
+        TypeError: the factory's annotations cannot be resolved, or are no types.
+    """
+    model, names = _options_model(factory)
+    text = _as_json(dict(options), path)
+    try:
+        checked = model.model_validate_json(text)
+    except ValidationError as error:
+        lines = [
+            f"{path}.{key}: {fault}" if key else f"{path}: {fault}" for key, fault in explain(error, model, options)
+        ]
+        raise ConfigError("\n".join(lines)) from error
+    given = {name: getattr(checked, field) for field, name in names.items() if field in checked.model_fields_set}
+    try:
+        return factory(**given)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from error
+
+
+def default_options(factory: Callable[..., object]) -> dict[str, object]:
+    """The options that `build` takes for a factory and that have defaults, with those."""
+    return {p.name: p.default for p in _usable(inspect.signature(factory)) if p.default is not p.empty}
+
+
+def differences(mine: Mapping[str, Any], its: Mapping[str, Any], path: str = "") -> list[str]:
+    """Dotted keys whose values differ between two dumps of records, sorted, each with both: `loss.r1 0.1, not 1.0`."""
+    found: list[str] = []
+    for key in sorted(mine.keys() | its.keys()):
+        a, b, name = mine.get(key), its.get(key), f"{path}{key}"
+        if isinstance(a, dict) and isinstance(b, dict):
+            found += differences(a, b, f"{name}.")
+        elif a != b:
+            found.append(f"{name} {_shown(a)}, not {_shown(b)}")
+    return found
+
+
+def _shown(value: object) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _options_model(factory: Callable[..., object]) -> tuple[type[BaseModel], dict[str, str]]:
+    """A record with one aliased field for each keyword parameter, and the parameter that each field stands for."""
+    try:
+        usable = _usable(inspect.signature(factory, eval_str=True))
+    except NameError as error:
+        raise TypeError(f"the annotations of {factory!r} cannot be resolved: {error}") from error
+    names = {f"option_{number}": parameter.name for number, parameter in enumerate(usable)}
+    fields: dict[str, Any] = {
+        field: (Any if p.annotation is p.empty else p.annotation, Field(_default(p), alias=p.name))
+        for field, p in zip(names, usable, strict=True)
+    }
+    return create_model("Options", __config__=_STRICT, **fields), names
+
+
+def _usable(signature: inspect.Signature) -> list[inspect.Parameter]:
+    return [p for p in signature.parameters.values() if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+
+
+def _default(parameter: inspect.Parameter) -> Any:
+    return PydanticUndefined if parameter.default is parameter.empty else parameter.default
+
+
+def _as_json(data: object, source: str) -> str:
+    """JSON, because pydantic's strict rules for it are those wanted here: a list may become a tuple, "3" no number."""
+    try:
+        return json.dumps(data)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ConfigError(f"{source}: wanted only numbers, text, lists and mappings: {error}.") from error

@@ -1,0 +1,49 @@
+"""Meshes embedded, baked and weathered by worker processes, while those that are ready are pictured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from pathlib import Path
+
+import torch
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.scene.description import Scene
+from svbrdfgan.scene.loader import Studio
+
+
+def baked(folder: Path, groups: Sequence[Sequence[Scene]], workers: int) -> Iterator[int]:
+    """Indices of groups, each when the subjects and layers of its scenes are in the folder's cache.
+
+    With one worker nothing is made ahead, and the order is kept.
+
+    Args:
+        groups: scenes of one mesh each.
+        workers: processes; they import the caller's main module anew, as all that are spawned do.
+
+    Raises:
+        AssetError: a mesh cannot be read, embedded or baked; or a process was killed.
+    """
+    if workers == 1 or len(groups) < 2:
+        yield from range(len(groups))
+        return
+    pool = ProcessPoolExecutor(min(workers, len(groups)), get_context("spawn"), torch.set_num_threads, (1,))
+    try:
+        number = {pool.submit(_bake, folder, group): n for n, group in enumerate(groups)}
+        for future in as_completed(number):
+            future.result()
+            yield number[future]
+    except BrokenProcessPool as error:
+        raise AssetError("a process that bakes meshes was killed, probably for memory; try fewer --workers.") from error
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _bake(folder: Path, scenes: Sequence[Scene]) -> None:
+    studio = Studio(folder)
+    for scene in scenes:
+        studio.subject(scene)
+        studio.layer(scene)

@@ -1,0 +1,100 @@
+"""The oracle: the same network on the same data, told the truth. What it recovers is what training could at best."""
+
+from __future__ import annotations
+
+import copy
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from lightning_fabric import Fabric
+from torch import Tensor
+
+from svbrdfgan.metrics.recovered import Scorer, Target
+from svbrdfgan.networks import Generator, initialise
+from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.state import make_generator
+
+log = logging.getLogger(__name__)
+
+Watch = Callable[[int, float], None]
+"""Told the step and the validation score, now and then."""
+
+
+@dataclass(frozen=True)
+class OracleConfig:
+    """How the oracle learns: as well as the data allow, whatever the run's own batch and rates are.
+
+    Attributes:
+        batch: targets in a step.
+        rate: Adam's learning rate, halved whenever the score stalls.
+        every: steps between scores.
+        patience: scores without a gain of `gain` before the rate is halved.
+        halvings: after so many, the plateau is reached.
+        steps: the most it takes, plateau or not.
+    """
+
+    batch: int = 16
+    rate: float = 1e-3
+    every: int = 100
+    patience: int = 2
+    gain: float = 0.003
+    halvings: int = 2
+    steps: int = 20000
+
+
+@dataclass(frozen=True, eq=False)
+class Oracle:
+    """What the supervised network reached.
+
+    Attributes:
+        plateau: whether its score had stopped rising before the steps ran out.
+    """
+
+    generator: Generator
+    score: float
+    steps: int
+    plateau: bool
+
+
+def train_oracle(
+    fabric: Fabric,
+    config: TrainConfig,
+    geometry: Float[Tensor, "subjects 6 rows cols"],
+    targets: list[Target],
+    scorer: Scorer,
+    schedule: OracleConfig,
+    watch: Watch | None = None,
+) -> Oracle:
+    """Minimises E, of every map, on the training targets, until the score of `scorer` stops rising; keeps the best."""
+    generator = make_generator(config.generator, targets[0].truth.shape[-1])
+    initialise(generator, torch.Generator().manual_seed(config.seed))
+    generator.to(geometry.device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
+    adam = torch.optim.Adam(generator.parameters(), schedule.rate, betas=(0.9, 0.99), fused=True)
+    rng = np.random.default_rng([config.seed, 1])
+    best, best_score, stalled, halved = copy.deepcopy(generator), -float("inf"), 0, 0
+    for step in range(1, schedule.steps + 1):
+        picked = [targets[int(i)] for i in rng.integers(len(targets), size=schedule.batch)]
+        with fabric.autocast():
+            layers = generator(geometry[[target.subject for target in picked]])
+        error = torch.stack([t.errors(layer).sum() for t, layer in zip(picked, layers.float(), strict=True)]).mean()
+        adam.zero_grad(set_to_none=True)
+        error.backward()
+        adam.step()
+        if step % schedule.every:
+            continue
+        score = scorer.recovered(generator)
+        if watch is not None:
+            watch(step, score)
+        stalled = 0 if score > best_score + schedule.gain else stalled + 1
+        if score > best_score:
+            best, best_score = copy.deepcopy(generator), score
+        if stalled >= schedule.patience:
+            halved, stalled = halved + 1, 0
+            adam.param_groups[0]["lr"] /= 2
+            if halved > schedule.halvings:
+                return Oracle(best, best_score, step, plateau=True)
+    return Oracle(best, best_score, schedule.steps, plateau=False)

@@ -1,0 +1,80 @@
+"""Held-out vehicles and their layers beside the truth: a strip for each run, and a sheet of strips."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from svbrdfgan.evaluation.evaluate import Evaluated, pictures
+from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.metrics.flip import display
+from svbrdfgan.report.pictures import Picture, framed, over_checker, upright
+from svbrdfgan.report.sheet import INK, PAPER, cell, font
+from svbrdfgan.report.vehicles import choose_views
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+STRIP = "strip.png"
+_WIDTHS = {"truth": 240, "learned": 240, "true layer": 160, "learned layer": 160}
+_HEIGHT, _GAP, _LABEL, _HEAD, _VEHICLES = 160, 8, 280, 32, 2
+_STRIP = _VEHICLES * (sum(_WIDTHS.values()) + len(_WIDTHS) * _GAP) - _GAP
+
+
+def write_strip(path: Path, evaluated: Evaluated) -> None:
+    """Writes a PNG: two vehicles of the split, each by truth and learned render, G0's layer and the learned one.
+
+    Raises:
+        AssetError: it cannot be written.
+    """
+    from PIL import Image
+
+    strip, left = Image.new("RGB", (_STRIP, _HEIGHT), PAPER), 0
+    for index in choose_views(evaluated.feed.exemplars, _VEHICLES):
+        for picture, width in zip(_pictures(evaluated, index), _WIDTHS.values(), strict=True):
+            strip.paste(cell(picture, width, _HEIGHT), (left, 0))
+            left += width + _GAP
+    _save(path, strip)
+
+
+def write_sheet(path: Path, strips: Mapping[str, Path]) -> None:
+    """Writes a PNG with the strips beneath each other, each behind its label.
+
+    Raises:
+        AssetError: it cannot be written.
+    """
+    from PIL import Image, ImageDraw
+
+    letters = font(15)
+    sheet = Image.new("RGB", (_LABEL + _STRIP, _HEAD + len(strips) * (_HEIGHT + _GAP)), PAPER)
+    draw, left = ImageDraw.Draw(sheet), _LABEL
+    for title, width in list(_WIDTHS.items()) * _VEHICLES:
+        draw.text((left + width / 2, _HEAD / 2), title, fill=INK, font=letters, anchor="mm")
+        left += width + _GAP
+    for number, (label, strip) in enumerate(strips.items()):
+        top = _HEAD + number * (_HEIGHT + _GAP)
+        draw.text((4, top + _HEIGHT / 2), label, fill=INK, font=letters, anchor="lm")
+        with Image.open(strip) as image:
+            sheet.paste(image, (_LABEL, top))
+    _save(path, sheet)
+
+
+def _pictures(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
+    exemplars, learned = evaluated.feed.exemplars, evaluated.layers["generated"]
+    subject, truth = exemplars.subject(index), exemplars.layers[index]
+    assert truth is not None
+    coverage = exemplars.coverage[index].float()
+    made = pictures(evaluated.feed, index, {"learned": learned})["learned"]
+    layer = learned[int(exemplars.subject_of[index])].cpu().float()
+    return (
+        framed(display(exemplars.images[index].float(), coverage=coverage), coverage),
+        framed(made, coverage),
+        upright(over_checker(truth), subject.learnable_texels),
+        upright(over_checker(layer), subject.learnable_texels),
+    )
+
+
+def _save(path: Path, image: Image) -> None:
+    with atomic_path(path) as temporary:
+        image.save(temporary, format="PNG", optimize=True)

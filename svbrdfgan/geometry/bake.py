@@ -1,0 +1,217 @@
+"""The geometry buffer (thesis, section 3.2): what the outermost surface is like at each texel of the UV square."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+from scipy.ndimage import distance_transform_edt
+from torch import Tensor
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.geometry.layers import centroid_texels
+from svbrdfgan.geometry.normals import face_areas, face_normals, unit
+from svbrdfgan.geometry.rasterize import Raster, fragments, rasterize
+from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.exr import save_exr
+from svbrdfgan.io.gltf import save_glb
+from svbrdfgan.io.image import linear_from_srgb, save_texture
+from svbrdfgan.rendering.texture_filter import sample_texture
+from svbrdfgan.types import Mesh, Surface
+
+
+@dataclass(frozen=True, eq=False)
+class GeometryBuffer:
+    """The outermost exposed surface at each texel's centre; row 0 is at v = 0.
+
+    Attributes:
+        position: in metres. Where `mask` is false, that of the nearest texel where it is true.
+        normal: unit shading normal, turned outward; filled likewise.
+        mask: whether there is a visible surface at the texel.
+        part: index into `Surface.parts`, -1 outside the mask.
+        area: square metres of exposed surface that the texel stands for, zero outside the mask.
+        face: index into `Surface.faces`, -1 outside the mask.
+        barycentric: of the texel's centre in that face.
+        bounds: lower and upper corner of the box around the whole surface, metres.
+    """
+
+    position: Float[Tensor, "rows cols 3"]
+    normal: Float[Tensor, "rows cols 3"]
+    mask: Bool[Tensor, "rows cols"]
+    part: Int[Tensor, "rows cols"]
+    area: Float[Tensor, "rows cols"]
+    face: Int[Tensor, "rows cols"]
+    barycentric: Float[Tensor, "rows cols 3"]
+    bounds: Float[Tensor, "2 3"]
+
+    def network_input(self) -> Float[Tensor, "6 rows cols"]:
+        """Position and normal for the generator, in [-1, 1]; heights are above 1 where the surface is taller than that.
+
+        Positions are taken from the middle of the bounding box, on the ground, and divided by half its longer
+        horizontal side: lengths compare within a vehicle, and vehicles of any size look alike.
+        """
+        low, high = self.bounds
+        ground = torch.stack([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
+        half = (high - low)[[0, 2]].max().clamp(min=1e-12) / 2
+        return torch.cat([(self.position - ground) / half, self.normal], dim=-1).permute(2, 0, 1).contiguous()
+
+
+def bake(surface: Surface, rows: int, cols: int) -> GeometryBuffer:
+    """The geometry buffer of a surface's exposed faces.
+
+    Raises:
+        AssetError: no exposed face covers the centre of any texel.
+    """
+    exposed = exposed_faces(surface)
+    raster = rasterize(surface, rows, cols, exposed)
+    if not raster.mask.any():
+        raise AssetError(f"no face covers a texel of {rows} x {cols}; bake at a higher resolution or check the UVs.")
+    nearest = nearest_texels(raster.mask)
+    bounds = _bounds(surface)
+    position = raster.interpolate(surface.faces, surface.positions)
+    normal = _outward(surface, raster, position, bounds)
+    part = np.where(raster.mask, surface.face_part[raster.face], -1)
+    return GeometryBuffer(
+        position=torch.from_numpy(position[nearest]).float(),
+        normal=torch.from_numpy(normal[nearest]).float(),
+        mask=torch.from_numpy(raster.mask),
+        part=torch.from_numpy(part),
+        area=torch.from_numpy(np.where(raster.mask, _texel_areas(surface, exposed, rows, cols), 0.0)).float(),
+        face=torch.from_numpy(raster.face),
+        barycentric=torch.from_numpy(raster.barycentric).float(),
+        bounds=torch.from_numpy(bounds).float(),
+    )
+
+
+def bake_base_color(mesh: Mesh, surface: Surface, buffer: GeometryBuffer) -> tuple[Float[Tensor, ...], ...]:
+    """Each part's linear base colour: constant (3,), or its texture resampled over the new UVs, (rows, cols, 3).
+
+    Beyond the texels that a part covers lies the colour of its nearest one.
+    """
+    return tuple(_base_color(mesh, surface, part, *buffer.mask.shape) for part in range(len(surface.parts)))
+
+
+def write_bake(
+    directory: str | os.PathLike[str], mesh: Mesh, surface: Surface, buffer: GeometryBuffer
+) -> dict[str, float | int]:
+    """Writes the geometry buffer (EXR), previews (PNG), the mesh with its new UVs (GLB) and `metrics.json`, given back.
+
+    Raises:
+        AssetError: the disk refuses.
+    """
+    folder = Path(directory)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise AssetError(f"{folder} cannot be made a folder ({error.strerror}); choose another.") from error
+    save_exr(folder / "geometry_buffer.exr", _channels(buffer), uv_map=True)
+    low, high = buffer.bounds
+    save_texture(
+        folder / "position.png", _preview((buffer.position - low) / (high - low).clamp(min=1e-12), buffer.mask)
+    )
+    save_texture(folder / "normal.png", _preview(0.5 + 0.5 * buffer.normal, buffer.mask))
+    base = bake_base_color(mesh, surface, buffer)
+    save_glb(folder / "surface.glb", surface, {part: map_ for part, map_ in enumerate(base) if map_.ndim == 3})
+    metrics = bake_metrics(mesh, surface, buffer)
+    with atomic_path(folder / "metrics.json") as temporary:
+        temporary.write_text(json.dumps(metrics, indent=2) + "\n")
+    return metrics
+
+
+def bake_metrics(mesh: Mesh, surface: Surface, buffer: GeometryBuffer) -> dict[str, float | int]:
+    """How well the embedding serves: faces, coverage, layers per texel, and which shares of the area can be learned."""
+    rows, cols = buffer.mask.shape
+    raster = rasterize(surface, rows, cols)
+    area, exposed = face_areas(surface.positions, surface.faces), exposed_faces(surface)
+    outermost = np.isin(np.arange(len(area)), raster.face[raster.mask])
+    return {
+        "mesh_faces": len(mesh.faces),
+        "surface_faces": len(surface.faces),
+        "surface_vertices": len(surface.positions),
+        "coverage": float(buffer.mask.double().mean()),
+        "layers_mean": float(raster.layers[raster.mask].mean()),
+        "layers_max": int(raster.layers.max()),
+        "area_square_metres": float(area.sum()),
+        "exposed_area_share": float(area[exposed].sum() / max(area.sum(), 1e-300)),
+        "outermost_area_share": float(area[outermost].sum() / max(area.sum(), 1e-300)),
+    }
+
+
+def exposed_faces(surface: Surface) -> Bool[ndarray, " faces"]:
+    """Which faces are in parts that are not hidden."""
+    return ~np.array([part.hidden for part in surface.parts])[surface.face_part]
+
+
+def nearest_texels(mask: Bool[ndarray, "rows cols"]) -> tuple[Int[ndarray, "rows cols"], Int[ndarray, "rows cols"]]:
+    """Row and column of the nearest texel inside the mask, for every texel."""
+    row, col = distance_transform_edt(~mask, return_distances=False, return_indices=True)
+    return row, col
+
+
+def _bounds(surface: Surface) -> Float[ndarray, "2 3"]:
+    used = surface.positions[np.unique(surface.faces)]
+    return np.stack([used.min(axis=0), used.max(axis=0)])
+
+
+def _outward(
+    surface: Surface, raster: Raster, position: Float[ndarray, "rows cols 3"], bounds: Float[ndarray, "2 3"]
+) -> Float[ndarray, "rows cols 3"]:
+    """Unit shading normals, turned away from the middle of the ground by the face that they belong to.
+
+    Surfaces are two-sided, and the shells that users bring are wound either way; the outermost is seen from outside.
+    A one-to-one embedding (elevation zero throughout) has no such outside: its normals stay as they are.
+    """
+    normal = unit(raster.interpolate(surface.faces, surface.normals))
+    if not surface.elevation.any():
+        return normal
+    ground = bounds.mean(axis=0)
+    ground[1] = bounds[0, 1]
+    flat = face_normals(surface.positions, surface.faces)[raster.face]
+    inward = np.einsum("rcx,rcx->rc", flat, position - ground) < 0
+    return np.where(inward[..., None], -normal, normal)
+
+
+def _texel_areas(
+    surface: Surface, exposed: Bool[ndarray, " faces"], rows: int, cols: int
+) -> Float[ndarray, "rows cols"]:
+    """Each exposed face's area, spread over the texels that it covers, or in its centroid's if it covers none."""
+    area = face_areas(surface.positions, surface.faces)
+    found = list(fragments(surface, rows, cols, exposed))
+    face, texel = (np.concatenate(list(ids)) for ids in zip(*((f.face, f.texel) for f in found), strict=True))
+    covered = np.bincount(face, minlength=len(area))
+    total = np.bincount(texel, area[face] / covered[face], rows * cols)
+    small = exposed & (covered == 0)
+    total += np.bincount(centroid_texels(surface, rows, cols)[small], area[small], rows * cols)
+    return total.reshape(rows, cols)
+
+
+def _base_color(mesh: Mesh, surface: Surface, part: int, rows: int, cols: int) -> Float[Tensor, ...]:
+    source = surface.parts[part]
+    color = torch.tensor(source.base_color, dtype=torch.float32)
+    if source.texture is None or mesh.uv is None:
+        return color
+    texture = torch.from_numpy(source.texture).float()
+    raster = rasterize(surface, rows, cols, surface.face_part == part)
+    if not raster.mask.any():
+        return color * texture.mean(dim=(0, 1))
+    corners = np.einsum("fij,fjk->fik", surface.source_barycentric, mesh.uv[surface.source_face])
+    uv = np.einsum("rcj,rcjk->rck", raster.barycentric, corners[raster.face])[nearest_texels(raster.mask)]
+    sampled = sample_texture(texture, torch.from_numpy(uv).reshape(-1, 2), repeat=(True, True))
+    return color * sampled.float().reshape(rows, cols, 3)
+
+
+def _channels(buffer: GeometryBuffer) -> dict[str, Float[Tensor, "rows cols"]]:
+    channels = {f"position.{axis}": buffer.position[..., i] for i, axis in enumerate("XYZ")}
+    channels |= {f"normal.{axis}": buffer.normal[..., i] for i, axis in enumerate("XYZ")}
+    return channels | {"mask": buffer.mask.float(), "part": buffer.part.float(), "area": buffer.area}
+
+
+def _preview(values: Float[Tensor, "rows cols 3"], mask: Bool[Tensor, "rows cols"]) -> Float[Tensor, "rows cols 3"]:
+    """Values in [0, 1] that the file will hold as they are, not as light; dark where there is no surface."""
+    return linear_from_srgb(torch.where(mask[..., None], values.clamp(0.0, 1.0), torch.tensor(0.1)))

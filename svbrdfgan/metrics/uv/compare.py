@@ -1,0 +1,152 @@
+"""Embeddings measured over a folder of meshes: each map's card, and how alike the maps of different meshes are."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.geometry.layers import hide_inner_layers
+from svbrdfgan.io.mesh import SUFFIXES, load_mesh
+from svbrdfgan.metrics.uv.neighbours import Similarity, similarity
+from svbrdfgan.metrics.uv.summary import Card, measure
+from svbrdfgan.metrics.uv.visibility import Outside, outside
+from svbrdfgan.protocols import UVEmbedding
+
+log = logging.getLogger(__name__)
+
+PARTNERS = 2  # meshes that each is compared with, when all pairs would be too many
+_FACTS = frozenset({"seen", "area"})  # of the mesh: neither good nor bad
+HIGHER_IS_BETTER = frozenset({"coverage", "connectivity", "kept", "matched"})
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One embedding over the meshes.
+
+    Attributes:
+        cards: by mesh, where there is one.
+        seconds: that embedding took, likewise.
+        failures: by mesh, the reason why there is no card.
+        similarities: by the names of two meshes.
+    """
+
+    cards: Mapping[str, Card]
+    seconds: Mapping[str, float]
+    failures: Mapping[str, str]
+    similarities: Mapping[tuple[str, str], Similarity]
+
+    def values(self) -> dict[str, dict[str, float]]:
+        """Every measure by name, then by mesh or pair of meshes."""
+        found: dict[str, dict[str, float]] = {}
+        for mesh, card in self.cards.items():
+            for name, value in {**card.flat(), "seconds": self.seconds[mesh]}.items():
+                found.setdefault(name, {})[mesh] = value
+        for pair, alike in self.similarities.items():
+            for name, value in (("similarity", alike.mean), ("matched", alike.matched)):
+                found.setdefault(name, {})[" / ".join(pair)] = value
+        return found
+
+    def summary(self) -> dict[str, dict[str, Any]]:
+        """The median and the worst of each measure, and of which mesh or pair; what is no number is left out."""
+        made = {}
+        for name, by_mesh in self.values().items():
+            known = {mesh: value for mesh, value in by_mesh.items() if not math.isnan(value)}
+            if known and name not in _FACTS:
+                pick = min if name in HIGHER_IS_BETTER else max
+                mesh = pick(known, key=lambda mesh: known[mesh])
+                made[name] = {"median": float(np.median(list(known.values()))), "worst": known[mesh], "of": mesh}
+        return made
+
+
+def mesh_files(folder: Path) -> dict[str, Path]:
+    """The meshes in a folder, by name, sorted.
+
+    Raises:
+        AssetError: it is no folder, or holds none.
+    """
+    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES) if folder.is_dir() else []
+    if not files:
+        raise AssetError(f"{folder} holds no mesh; wanted a folder of {', '.join(SUFFIXES)} files.")
+    return {path.name: path for path in files}
+
+
+def sample_pairs(names: Sequence[str]) -> list[tuple[str, str]]:
+    """Pairs of names: all if there are few, else each with as many partners after it in one shuffled ring.
+
+    The shuffle is the same every time. It keeps files of one family, which are neighbours by name, from being partners
+    more often than others.
+    """
+    every = [(one, other) for i, one in enumerate(names) for other in names[i + 1 :]]
+    if len(every) <= PARTNERS * len(names):
+        return every
+    ring = [names[i] for i in np.random.default_rng(0).permutation(len(names))]
+    return [(one, ring[(i + step) % len(ring)]) for step in range(1, PARTNERS + 1) for i, one in enumerate(ring)]
+
+
+def measure_embedding(embedding: UVEmbedding, meshes: Mapping[str, Path], resolution: int, tell: Tell) -> Measured:
+    """The embedding over the meshes; `tell` is called with the name of each in turn. What fails is kept as a reason."""
+    found: dict[str, Outside] = {}
+    cards: dict[str, Card] = {}
+    seconds: dict[str, float] = {}
+    failures: dict[str, str] = {}
+    for name, path in meshes.items():
+        tell(name)
+        try:
+            found[name], seconds[name] = _embed(embedding, path, resolution)
+            cards[name] = measure(found[name])
+        except Exception as error:  # a plugin may raise anything, and the others still count
+            failures[name] = str(error) or type(error).__name__
+            log.info("%s: %s", name, failures[name])
+    pairs = sample_pairs([name for name in cards if len(found[name].faces)])
+    alike = {}
+    for pair in pairs:
+        tell(" / ".join(pair))
+        alike[pair] = similarity(found[pair[0]], found[pair[1]])
+    return Measured(cards, {name: seconds[name] for name in cards}, failures, alike)
+
+
+def _embed(embedding: UVEmbedding, path: Path, resolution: int) -> tuple[Outside, float]:
+    """What is seen of the embedded mesh, and the seconds that embedding it took."""
+    mesh = load_mesh(path)
+    start = time.perf_counter()
+    surface = embedding.embed(mesh)
+    seconds = time.perf_counter() - start
+    if not embedding.capabilities.injective:
+        surface = hide_inner_layers(surface, resolution)
+    return outside(surface), seconds
+
+
+def as_json(results: Mapping[str, Measured]) -> dict[str, Any]:
+    """The results as JSON holds them: medians and worst, then each mesh; a measure that is not finite is null."""
+    return {
+        name: {
+            "summary": {
+                key: {"median": _finite(row["median"]), "worst": _finite(row["worst"]), "of": row["of"]}
+                for key, row in measured.summary().items()
+            },
+            "failures": dict(measured.failures),
+            "meshes": {
+                mesh: {key: _finite(value) for key, value in card.flat().items()} | {"seconds": measured.seconds[mesh]}
+                for mesh, card in measured.cards.items()
+            },
+            "similarity": [
+                {"meshes": list(pair), **{key: _finite(value) for key, value in vars(alike).items()}}
+                for pair, alike in measured.similarities.items()
+            ],
+        }
+        for name, measured in results.items()
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,101 @@
+"""How a map changes lengths, angles and areas, from the singular values of each triangle's linear map.
+
+Of the inverse map, from the unit square to the surface, after Sander, Snyder, Gortler and Hoppe (2001): the singular
+values Gamma >= gamma are how much a unit length of the square is stretched on the surface, at most and at least. All
+are divided by the square root of (area of the surface / area in the square): the size of the map does not count, and
+an isometry scores 1.0 in every measure. Mirrored triangles count as if they were not; `layout` measures them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from svbrdfgan.geometry.normals import uv_areas
+from svbrdfgan.metrics.uv.visibility import Outside
+
+_THINNEST = 1e-6  # of the square: rounding to float32, as files hold UVs, decides the stretch of thinner faces
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """Means and percentiles are weighted by area on the surface; 1.0 is none, infinity a map that holds nothing.
+
+    Attributes:
+        stretch_l2: sqrt(mean((Gamma^2 + gamma^2) / 2)): L2 stretch (Sander et al. 2001).
+        stretch_linf: the greatest Gamma: L-infinity stretch (Sander et al. 2001).
+        stretch_p99: the 99th percentile of Gamma, which slivers do not sway.
+        angle_mean, angle_p99: (Gamma / gamma + gamma / Gamma) / 2: half the MIPS energy of Hormann and Greiner (2000).
+        area_mean, area_p99: (a + 1 / a) / 2, a = Gamma gamma: the area term of Degener, Meseth and Klein (2003).
+        collapsed: share of the area whose triangles are a line or a point in UV, or thinner than a millionth of the
+            square. They do not count in the others, where their stretch would be infinite, or noise.
+    """
+
+    stretch_l2: float
+    stretch_linf: float
+    stretch_p99: float
+    angle_mean: float
+    angle_p99: float
+    area_mean: float
+    area_p99: float
+    collapsed: float
+
+
+def singular_values(
+    corners: Float[ndarray, "faces 3 3"], uv: Float[ndarray, "faces 3 2"]
+) -> tuple[Float[ndarray, " faces"], Float[ndarray, " faces"]]:
+    """Gamma and gamma of the linear map from the square to each triangle; not normalised, infinite if collapsed."""
+    p, q = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    twice = 2.0 * uv_areas(uv)
+    longest = np.max([np.linalg.norm(e, axis=1) for e in (p, q, q - p)], axis=0)
+    good = np.abs(twice) > _THINNEST * longest
+    e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    scale = np.where(good, twice, 1.0)[:, None]
+    by_u, by_v = (q[:, 1:] * e - p[:, 1:] * f) / scale, (p[:, :1] * f - q[:, :1] * e) / scale
+    a, b, c = ((m * n).sum(axis=1) for m, n in ((by_u, by_u), (by_u, by_v), (by_v, by_v)))
+    largest = np.sqrt((a + c) / 2 + np.hypot((a - c) / 2, b))
+    least = np.linalg.norm(np.cross(by_u, by_v), axis=1) / np.where(largest > 0, largest, 1.0)
+    return np.where(good, largest, np.inf), np.where(good, least, np.inf)
+
+
+def face_stretch(found: Outside) -> tuple[Float[ndarray, " faces"], Float[ndarray, " faces"]]:
+    """Gamma and gamma of each face, normalised by the areas of all that are not collapsed."""
+    largest, least = singular_values(found.positions[found.faces], found.uv)
+    good = np.isfinite(largest)
+    on_surface, in_square = found.areas[good].sum(), np.abs(found.uv_areas[good]).sum()
+    scale = np.sqrt(in_square / on_surface) if on_surface > 0 else 1.0
+    return largest * scale, least * scale
+
+
+def distortion(found: Outside) -> Distortion:
+    """The distortion of what is there."""
+    largest, least = face_stretch(found)
+    weights = found.areas
+    good = np.isfinite(largest) & (weights > 0)
+    collapsed = float(weights[~np.isfinite(largest)].sum() / max(weights.sum(), 1e-300))
+    if not good.any():
+        return Distortion(inf, inf, inf, inf, inf, inf, inf, collapsed)
+    largest, least, weights = largest[good], least[good], weights[good] / weights[good].sum()
+    angle = (largest / least + least / largest) / 2
+    size = (largest * least + 1 / (largest * least)) / 2
+    return Distortion(
+        stretch_l2=float(np.sqrt(weights @ (largest**2 + least**2) / 2)),
+        stretch_linf=float(largest.max()),
+        stretch_p99=percentile(largest, weights),
+        angle_mean=float(weights @ angle),
+        angle_p99=percentile(angle, weights),
+        area_mean=float(weights @ size),
+        area_p99=percentile(size, weights),
+        collapsed=collapsed,
+    )
+
+
+def percentile(values: Float[ndarray, " n"], weights: Float[ndarray, " n"], share: float = 0.99) -> float:
+    """The least of the values that, with all smaller ones, has this share of the weight."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order[min(np.searchsorted(total, share * total[-1] * (1 - 1e-12)), len(order) - 1)]])

@@ -1,0 +1,107 @@
+"""Stored transports in memory: as many as a budget allows, and those that will be wanted read ahead."""
+
+from __future__ import annotations
+
+import os
+from collections import OrderedDict
+from collections.abc import Iterator, MutableMapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import torch
+
+from svbrdfgan.rendering.transport.light_transport import LightTransport
+
+_SHARE = 4
+_UNKNOWN = 8 << 30
+_THREADS = 4
+
+Key = TypeVar("Key")
+
+
+class TransportCache(MutableMapping[Key, LightTransport]):
+    """Transports by key, within a budget of bytes: those that were not looked up for longest go first."""
+
+    def __init__(self, budget: int | None = None) -> None:
+        """An empty cache for `budget` bytes; None: a quarter of the memory of the device where the first one lies."""
+        self._budget = budget
+        self._held: OrderedDict[Key, LightTransport] = OrderedDict()
+        self.nbytes = 0
+
+    def __getitem__(self, key: Key) -> LightTransport:
+        self._held.move_to_end(key)
+        return self._held[key]
+
+    def __setitem__(self, key: Key, transport: LightTransport) -> None:
+        """Keeps it. If it is larger than the budget, it stays alone."""
+        self.pop(key, None)
+        self._held[key] = transport
+        self.nbytes += transport.nbytes
+        if self._budget is None:
+            self._budget = _memory(transport.texel.device) // _SHARE
+        while self.nbytes > self._budget and len(self._held) > 1:
+            del self[next(iter(self._held))]
+
+    def __delitem__(self, key: Key) -> None:
+        self.nbytes -= self._held.pop(key).nbytes
+
+    def __iter__(self) -> Iterator[Key]:
+        return iter(list(self._held))  # since looking up reorders
+
+    def __len__(self) -> int:
+        return len(self._held)
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._held
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A transport that is being read."""
+
+    _future: Future[tuple[LightTransport, torch.cuda.Event | None]]
+
+    def result(self) -> LightTransport:
+        """The transport, to be used on the current stream. That stream waits for the copy; we wait for the file alone.
+
+        Raises:
+            AssetError: the file is missing, damaged, or not a light transport.
+        """
+        transport, copied = self._future.result()
+        if copied is not None:
+            stream = torch.cuda.current_stream(transport.texel.device)
+            stream.wait_event(copied)
+            transport.record_stream(stream)
+        return transport
+
+
+class Reader:
+    """Reads transports from files to a device, on threads and, on CUDA, a stream of its own: nothing else waits."""
+
+    def __init__(self, device: torch.device) -> None:
+        self._device = device
+        self._threads = ThreadPoolExecutor(_THREADS, thread_name_prefix="transports")
+        self._stream = torch.cuda.Stream(device) if device.type == "cuda" else None
+
+    def read(self, path: Path) -> Reading:
+        """Begins to read what `LightTransport.save` wrote."""
+        return Reading(self._threads.submit(self._read, path))
+
+    def _read(self, path: Path) -> tuple[LightTransport, torch.cuda.Event | None]:
+        transport = LightTransport.load(path)
+        if self._stream is None:
+            return transport.to(self._device), None
+        with torch.cuda.stream(self._stream):
+            return transport.to(self._device), self._stream.record_event()
+
+
+def _memory(device: torch.device) -> int:
+    """Bytes."""
+    if device.type == "cuda":
+        return int(torch.cuda.get_device_properties(device).total_memory)
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, OSError, ValueError):  # Windows has no sysconf
+        return _UNKNOWN

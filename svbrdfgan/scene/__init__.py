@@ -1,0 +1,1 @@
+"""Scene descriptions, the assets that they name, and their loader."""

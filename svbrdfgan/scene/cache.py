@@ -1,0 +1,81 @@
+"""Subjects and layers on disk."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.geometry.bake import GeometryBuffer
+from svbrdfgan.io.tensors import save_tensors, stored_tensors
+from svbrdfgan.scene.asset import Subject
+from svbrdfgan.types import Part, Surface
+
+_SUBJECT, _LAYER = "svbrdfgan subject 1", "svbrdfgan layer 1"
+_REMEDY = "delete it to have it made anew"
+
+
+def save_subject(path: Path, subject: Subject) -> None:
+    """Writes a subject, so that its mesh need not be embedded and baked again."""
+    surface, buffer = _tensors(subject.surface), _tensors(subject.buffer)
+    tensors = {f"surface.{k}": v for k, v in surface.items()} | {f"buffer.{k}": v for k, v in buffer.items()}
+    tensors |= {f"base.{part}": base for part, base in enumerate(subject.base)}
+    parts = [{"name": p.name, "base_color": p.base_color, "hidden": p.hidden} for p in subject.surface.parts]
+    header = {"learnable": subject.learnable, "parts": parts, "repeat": subject.surface.repeat}
+    save_tensors(path, _SUBJECT, tensors, {"header": json.dumps(header)})
+
+
+def load_subject(path: Path) -> Subject:
+    """Reads what `save_subject` wrote; the parts' own textures live on in `base` alone.
+
+    Raises:
+        AssetError: missing, damaged, or of another version.
+    """
+    with stored_tensors(path, _SUBJECT, _REMEDY) as (tensors, words):
+        header = json.loads(words["header"])
+        parts = tuple(Part(p["name"], tuple(p["base_color"]), hidden=p["hidden"]) for p in header["parts"])
+        arrays = {k: v.numpy() for k, v in _under("surface.", tensors).items()}
+        surface = Surface(**arrays, parts=parts, repeat=tuple(header["repeat"]))
+        buffer = GeometryBuffer(**_like(GeometryBuffer, _under("buffer.", tensors)))
+        base = tuple(tensors[f"base.{part}"] for part in range(len(parts)))
+        subject = Subject(surface, buffer, tuple(header["learnable"]), base)
+    return subject
+
+
+def save_layer(path: Path, layer: Float[Tensor, "rows cols channels"]) -> None:
+    """Writes a layer in single precision."""
+    save_tensors(path, _LAYER, {"layer": layer.float()}, {})
+
+
+def load_layer(path: Path) -> Float[Tensor, "rows cols channels"]:
+    """Reads what `save_layer` wrote.
+
+    Raises:
+        AssetError: missing, damaged, or of another version.
+    """
+    with stored_tensors(path, _LAYER, _REMEDY) as (tensors, _):
+        layer = tensors["layer"]
+    return layer
+
+
+def _tensors(record: Any) -> dict[str, Tensor]:
+    """The arrays and tensors of a record, by field name."""
+    values = {field.name: getattr(record, field.name) for field in fields(record)}
+    return {k: torch.as_tensor(v) for k, v in values.items() if isinstance(v, np.ndarray | Tensor)}
+
+
+def _under(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): t for name, t in tensors.items() if name.startswith(prefix)}
+
+
+def _like(record: type, tensors: Mapping[str, Tensor]) -> dict[str, Any]:
+    """The tensors as the record declares them: NumPy where its annotation says ndarray."""
+    wanted = {field.name: str(field.type) for field in fields(record)}
+    return {name: t.numpy() if "ndarray" in wanted[name] else t for name, t in tensors.items()}

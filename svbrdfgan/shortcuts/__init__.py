@@ -1,5 +1,0 @@
-"""Shortcuts: what would tell real from fake without looking at the texture, found before a training run is spent."""
-
-from svbrdfgan.shortcuts.run import Probed, probe_shortcuts
-
-__all__ = ["Probed", "probe_shortcuts"]

@@ -1,0 +1,134 @@
+"""Whether what a renderer says is true: exactly, or on average over seeds and with eyes open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from svbrdfgan.testing.kit import check
+from svbrdfgan.testing.quadrature import Quadrature
+from svbrdfgan.testing.renderer.cases import Setting, Stage
+from svbrdfgan.testing.statistics import Estimate, estimate, least_bias, margin
+
+RUNS = 24
+EXACT = 5e-4
+"""What single precision may lose in a sum over a small picture, of its largest term."""
+
+_FIRST_SEED, _SAMPLES = 1000, 1_000_000
+_ROUNDS, _SHARE, _ROUNDING = 4, 0.02, 2e-5
+
+Measure = Callable[[int, int], Float[ndarray, "*shape"]]
+"""Something measured with so many samples per pixel, and a seed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """True values.
+
+    Attributes:
+        doubt: how far the truth may be off itself.
+        size: what a relative error is relative to.
+    """
+
+    truth: Float[ndarray, "*shape"]
+    doubt: Float[ndarray, "*shape"]
+    size: Float[ndarray, "*shape"]
+
+    @classmethod
+    def by_quadrature(
+        cls, setting: Setting, measure: Callable[[Quadrature], Float[ndarray, "*shape"]], grid: int = 4, split: int = 4
+    ) -> Known:
+        """What a quadrature of direct light says, as sure as one half as fine in every direction agrees with it."""
+        scene = setting.surface, setting.materials, setting.view
+        fine, coarse = (measure(Quadrature(*scene, grid // n, split // n)) for n in (1, 2))
+        return cls(fine, abs(fine - coarse) + _ROUNDING * abs(fine).max(), abs(fine))
+
+    @classmethod
+    def zero(cls, size: Float[ndarray, "*shape"]) -> Known:
+        """For differences that should vanish."""
+        return cls(np.zeros_like(size), np.full_like(size, _ROUNDING * size.max()), size)
+
+
+def exactly(what: str, found: Float[ndarray, "*shape"], wanted: Float[ndarray, "*shape"], *, hint: str = "") -> None:
+    """Fails unless two arrays agree but for rounding; says in what manner they differ, and gives a hint."""
+    check(found.shape == wanted.shape, f"{what} has shape {found.shape}; wanted {wanted.shape}.")
+    check(bool(np.isfinite(found).all()), f"{what} holds values that are not finite.")
+    scale = abs(wanted).max()
+    off = abs(found - wanted)
+    worst = np.unravel_index(np.argmax(off), off.shape)
+    place = tuple(int(i) for i in worst)
+    numbers = f"{what} at {place} is {found[worst]:.6g}, and should be {wanted[worst]:.6g}"
+    check(bool(off.max() <= EXACT * scale), f"{numbers}: {_manner(found, wanted)}. {hint}".rstrip())
+
+
+def _manner(found: ndarray, wanted: ndarray) -> str:
+    factor = (found * wanted).sum() / max((wanted**2).sum(), 1e-300)
+    if abs(found - factor * wanted).max() <= EXACT * abs(wanted).max():
+        return f"all are {factor:.4f} times what they should be"
+    if abs(found.sum() - wanted.sum()) <= EXACT * abs(wanted).sum():
+        return "the sum is right, so the shares go to the wrong places"
+    return f"the sum is {found.sum():.6g}, and should be {wanted.sum():.6g}"
+
+
+def unbiased(
+    what: str, stage: Stage, measure: Measure, known: Known, *, claim: float, spp: int, fixed: bool = False
+) -> None:
+    """Fails where the mean over seeds is not the truth, and where a relative bias of `claim` could go unseen.
+
+    That is asked of all values that make up a fiftieth of the total or more. Takes `spp` samples per pixel; where
+    those are too few, as many as it needs, or, where they are fixed, more seeds. A renderer without chance has to be
+    right within the claim.
+    """
+    if not stage.renderer.capabilities.stochastic:
+        none = np.zeros_like(known.truth)
+        loose = Known(known.truth, known.doubt + claim * np.maximum(known.size, _SHARE * known.size.sum()), known.size)
+        return _judge(what, Estimate(measure(spp, 0), none, none + 1.0), loose, "without chance")
+    runs, seed = RUNS, _FIRST_SEED
+    for _ in range(_ROUNDS):
+        found = _over_seeds(measure, spp, runs, seed)
+        blind = _blindness(found, known, claim)
+        more = (spp, _more(stage, blind, runs, spp)) if fixed else (_more(stage, blind, spp, runs), runs)
+        if blind <= 1.0 or more == (spp, runs):
+            break
+        (spp, runs), seed = more, seed + runs
+    _judge(what, found, known, f"on average over {runs} seeds of {spp} samples per pixel")
+    check(
+        blind <= 1.0,
+        f"{what}: too noisy to tell. From {runs} seeds of {spp} samples per pixel one would see an error of "
+        f"{claim * blind:.1%}, and should see one of {claim:.0%}: draw directions where light is.",
+    )
+
+
+def _over_seeds(measure: Measure, spp: int, runs: int, first: int) -> Estimate:
+    return estimate([measure(spp, first + run) for run in range(runs)])
+
+
+def _more(stage: Stage, blind: float, have: int, each: int) -> int:
+    """As many as should do, with something to spare, but for more samples than anybody wants to wait for."""
+    most = _SAMPLES // (each * stage.setting.view.height * stage.setting.view.width)
+    return max(have, min(most, int(1.5 * have * min(blind, 1e3) ** 2)))
+
+
+def _blindness(found: Estimate, known: Known, claim: float) -> float:
+    """The least error that would be seen, over the one that should be, in the worst value that counts."""
+    large = known.size >= _SHARE * known.size.sum()
+    wanted = np.maximum(claim * known.size - known.doubt, 1e-6 * known.size.max())
+    return float((least_bias(found) / wanted)[large].max(initial=0.0))
+
+
+def _judge(what: str, found: Estimate, known: Known, how: str) -> None:
+    check(bool(np.isfinite(found.mean).all()), f"{what}: there are values that are not finite.")
+    limit = margin(found) + known.doubt
+    off = abs(found.mean - known.truth)
+    worst = np.unravel_index(np.argmax(off / limit), off.shape)
+    place, wrong = tuple(int(i) for i in worst), int((off > limit).sum())
+    check(
+        wrong == 0,
+        f"{what}: value {place} is {found.mean[worst]:.5g} {how}, and should be {known.truth[worst]:.5g} within "
+        f"{limit[worst]:.2g}. {wrong} of {off.size} values are off; their sum is {found.mean.sum():.5g}, "
+        f"and should be {known.truth.sum():.5g}.",
+    )

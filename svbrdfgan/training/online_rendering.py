@@ -1,0 +1,87 @@
+"""Stages that render anew at every visit, by any renderer: for what is not linear, or not stored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.rendering.render_layer import RenderLayer
+from svbrdfgan.scene.description import Scene
+from svbrdfgan.training.cached_rendering import Coverage, Images, Layers, outermost, surface_of
+from svbrdfgan.training.perturb import Perturbation
+from svbrdfgan.types import Rendering
+
+
+@dataclass(frozen=True, eq=False)
+class FreshStage:
+    """Scenes rendered anew each time, by any renderer, for what is not linear or not stored."""
+
+    layer: RenderLayer[Any]
+    scenes: tuple[Scene, ...]
+    exemplars: Exemplars
+    indices: tuple[int, ...]
+    prepared: tuple[Any, ...]
+    guide: None = None
+
+    def render(self, layers: Layers) -> tuple[Images, Coverage]:
+        shown = [self._render(n, layer) for n, layer in enumerate(layers)]
+        images, coverage = (torch.stack(part) for part in zip(*((s.image, s.coverage) for s in shown), strict=True))
+        return images.to(layers.device), coverage.to(layers.device)
+
+    def _render(self, n: int, layer: Float[Tensor, "rows cols channels"]) -> Rendering:
+        subject, scene = self.exemplars.subject(self.indices[n]), self.scenes[n]
+        materials = subject.materials(scene.materials, layer.float(), scene.maps)
+        return self.layer(self.prepared[n], materials, self.exemplars.studio.view(scene), seed=scene.seed)
+
+
+@dataclass(frozen=True, eq=False)
+class FreshRenders:
+    """Stages that render anew: every visit has its own samples. Surfaces stay prepared in memory."""
+
+    exemplars: Exemplars
+    perturbation: Perturbation
+    layer: RenderLayer[Any]
+    _prepared: dict[int, Any] = field(default_factory=dict)
+
+    def build(self, indices: Iterable[int], progress: Callable[[int], None] | None = None) -> None:
+        """Prepares the surfaces of these exemplars."""
+        for index in indices:
+            self._surface(index)
+            if progress is not None:
+                progress(1)
+
+    def stage(self, indices: Sequence[int], rng: np.random.Generator) -> FreshStage:
+        """A scene for each of these exemplars."""
+        scenes = tuple(self.perturbation.scene(self.exemplars.scenes[i], i, rng) for i in indices)
+        prepared = tuple(self._surface(index) for index in indices)
+        return FreshStage(self.layer, scenes, self.exemplars, tuple(indices), prepared)
+
+    def expect(self, indices: Sequence[int], rng: np.random.Generator) -> None:
+        """Does nothing: pictures cannot be had ahead of their layers."""
+
+    def seen(self, index: int) -> Float[Tensor, "rows cols"]:
+        """Where an exemplar's picture shows the outermost learnable surface: where its gradient is not zero."""
+        scene, subject = self.exemplars.scenes[index], self.exemplars.subject(index)
+        white = torch.full((*subject.buffer.part.shape, 4), 0.5)
+        view = self.exemplars.studio.view(scene)
+        gradients = self.layer.renderer.render_vjp(
+            self._surface(index),
+            subject.materials(scene.materials, white),
+            view,
+            torch.ones(view.height, view.width, 3),
+            wrt=frozenset({"base_color"}),
+            spp=self.layer.spp,
+            seed=scene.seed,
+        )
+        seen = [gradients.materials[part]["base_color"].abs().sum(dim=-1).cpu() for part in subject.learnable]
+        return outermost(self.exemplars, index, torch.stack(seen))
+
+    def _surface(self, index: int) -> Any:
+        return surface_of(self.exemplars, index, self.layer.renderer, self._prepared)

@@ -1,0 +1,1 @@
+"""What knows nothing of rendering or learning: processes, progress display, device copies, Triton's availability."""

@@ -1,0 +1,228 @@
+"""Photographs become exemplars: what is true of the picture stays true, and nothing but the picture is believed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+import torch.nn.functional as F
+from stand_ins import SHOULDER, StandIn
+
+from svbrdfgan.config.yaml_files import load_yaml
+from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.data.exemplars import Exemplars, load_exemplars
+from svbrdfgan.data.generate import generate
+from svbrdfgan.data.index import DatasetPlan
+from svbrdfgan.data.photos.build import Imported, import_pictures
+from svbrdfgan.data.photos.light import GLOSS, white
+from svbrdfgan.data.photos.manifest import Manifest, read_manifest
+from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.evaluation.evaluate import evaluate
+from svbrdfgan.plugins import load_renderer
+from svbrdfgan.scene.asset import Subject
+from svbrdfgan.scene.description import Scene
+from svbrdfgan.training.config import train_config
+from svbrdfgan.training.trainer import train
+from svbrdfgan.types import Materials, Rendering
+
+Photographs = tuple[Path, list[StandIn]]
+SMALL: dict[str, Any] = {
+    "image": [48, 48],
+    "texture": 32,
+    "renderer": {"name": "mitsuba", "device": "cpu"},
+    "embedding": {"name": "hemispherical", "resolution": 32},
+    "environments": {"procedural": {"count": 3, "seed": 1}},
+    "environment_rows": 16,
+    "light": "mean",
+}
+
+
+def declared(photographs: Photographs, **changes: Any) -> Manifest:
+    return read_manifest({**load_yaml(photographs[0] / "manifest.yaml"), **SMALL, **changes}, "manifest.yaml")
+
+
+def with_true_cameras(photographs: Photographs, **changes: Any) -> Manifest:
+    given = load_yaml(photographs[0] / "manifest.yaml")["pictures"]
+    cameras = [json.loads(one.camera.model_dump_json()) for one in photographs[1]]
+    pictures = [{**entry, "camera": camera} for entry, camera in zip(given, cameras, strict=True)]
+    return declared(photographs, pictures=pictures, **changes)
+
+
+@pytest.fixture(scope="module")
+def imported(photographs: Photographs, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, tuple[Imported, ...]]:
+    """The stand-ins as a data set, by the cameras that their manifest tells, light estimated. Not to be changed."""
+    folder = tmp_path_factory.mktemp("imported") / "own"
+    return folder, import_pictures(declared(photographs, light="estimated"), folder, base=photographs[0])
+
+
+@pytest.fixture(scope="module")
+def exemplars(imported: tuple[Path, tuple[Imported, ...]]) -> Exemplars:
+    return load_exemplars(imported[0], "train")
+
+
+def rendered(exemplars: Exemplars, index: int, materials: Callable[[Subject], Materials]) -> Rendering:
+    """Other materials in an exemplar's scene, with next to no noise."""
+    scene, subject = exemplars.scenes[index], exemplars.subject(index)
+    renderer = load_renderer("mitsuba", {"device": "cpu"})
+    view = exemplars.studio.view(scene)
+    return renderer.render(renderer.prepare(subject.surface), materials(subject), view, spp=1024, seed=5)
+
+
+def test_an_exemplar_is_the_linear_picture_up_to_exposure_and_gloss(photographs: Photographs, tmp_path: Path) -> None:
+    """Against the radiance that was there, rendered anew from the exemplar's camera: within 12 % of the mean.
+
+    Most of that is noise. Colour, and so the exposure of each channel, is kept within 3 %.
+    """
+    import_pictures(with_true_cameras(photographs), tmp_path / "own", base=photographs[0])
+    found = load_exemplars(tmp_path / "own", "train")
+    for number, one in enumerate(photographs[1]):
+        true = one.again(found.scenes[number].camera.camera(), (48, 48), 256)
+        image, coverage = found.images[number].float(), found.coverage[number].float()
+        veil = GLOSS * rendered(found, number, lambda s: white(s.learnable, len(s.surface.parts))).image
+        below = (true.image * one.gain < SHOULDER).all(dim=-1)
+        whole = torch.minimum(coverage, true.coverage) > 0.99
+        full = (F.max_pool2d((~whole).float()[None], 3, 1, 1)[0] == 0) & below  # not what was filled in at the edge
+        assert full.sum() > 150
+        shown = image[full] + veil[full]
+        wanted = true.image[full] * (shown.mean() / true.image[full].mean())
+        assert (shown - wanted).abs().mean() < 0.12 * wanted.mean()
+        assert torch.allclose(shown.mean(dim=0), wanted.mean(dim=0), rtol=0.03)
+
+
+def test_outlines_are_the_mesh_s_with_a_mask_and_without(exemplars: Exemplars) -> None:
+    """So that no outline tells an exemplar from a fake. What the mask leaves open has the colour of what is near."""
+    for index in range(len(exemplars)):
+        made = rendered(exemplars, index, lambda s: s.materials({}, None))
+        coverage, image = exemplars.coverage[index].float(), exemplars.images[index].float()
+        assert (coverage - made.coverage).abs().max() < 0.25  # noise of 64 samples
+        assert (coverage - made.coverage).abs().mean() < 0.01
+        edge = (coverage > 0.3) & (coverage < 0.99)
+        inside = image[coverage > 0.99].mean()
+        assert (image[edge] / coverage[edge].unsqueeze(-1)).mean() == pytest.approx(float(inside), rel=0.6)
+
+
+def test_every_picture_is_an_exemplar(photographs: Photographs, imported: Any, exemplars: Exemplars) -> None:
+    folder, told = imported
+    assert [one.exemplar for one in told] == [f"train/{n:06d}" for n in range(4)]
+    assert [one.file for one in told] == [one.file for one in photographs[1]]
+    assert exemplars.subject_of.tolist() == [0, 0, 1, 1]
+    assert exemplars.images.isfinite().all()
+    assert all(0.15 < float(share) < 0.8 for share in exemplars.coverage.float().mean(dim=(1, 2)))
+    assert (exemplars.images[exemplars.coverage == 0] == 0).all()
+    assert json.loads((folder / "imported.json").read_text())[2]["exposure"] == told[2].exposure
+    assert sorted(path.name for path in (folder / "overlay").iterdir()) == [
+        *(f"{n:04d}.png" for n in range(4)),
+        "contact-sheet.png",
+    ]
+
+
+def test_scenes_keep_paint_camera_and_that_the_truth_is_unknown(photographs: Photographs, exemplars: Exemplars) -> None:
+    for one, scene in zip(photographs[1], exemplars.scenes, strict=True):
+        assert scene.weathering == "unknown"
+        assert scene.materials == {"body": one.paint}
+        # From where the manifest says, within what turning the camera leaves alone: its place.
+        assert scene.camera.camera().origin == pytest.approx(one.told.camera().origin, abs=1e-6)
+    lights = [scene.environment for scene in exemplars.scenes]
+    assert [one.asset.path for one in lights] == [f"assets/environments/light of picture {n}.exr" for n in range(4)]
+    assert {(one.scale, one.rotation_degrees) for one in lights} == {(1.0, 0.0)}
+    assert list(exemplars.layers) == [None] * 4
+    assert not any(map(exemplars.weathered, range(4)))
+
+
+def test_masks_agree_with_good_cameras_and_not_with_bad_ones(photographs: Photographs, imported: Any) -> None:
+    _, told = imported
+    assert [one.iou is None for one in told] == [False, True, False, True]
+    assert all(one.iou > 0.8 for one in told if one.iou is not None)
+    assert [one.doubts for one in told] == [()] * 4
+    pictures = load_yaml(photographs[0] / "manifest.yaml")["pictures"]
+    camera = photographs[1][0].camera.model_dump(mode="json")
+    pictures[0]["camera"] = {**camera, "azimuth_degrees": camera["azimuth_degrees"] + 60}
+    wrong = declared(photographs, pictures=pictures)
+    told = import_pictures(wrong, imported[0].parent / "wrong", base=photographs[0], preview=True)
+    assert told[0].iou is not None
+    assert told[0].iou < 0.8
+    assert "correct the camera or the mask" in told[0].doubts[0]
+
+
+def test_exposure_of_the_photograph_does_not_matter(photographs: Photographs, tmp_path: Path) -> None:
+    """A picture of half the linear brightness is the same exemplar, under the mean light."""
+    from svbrdfgan.io import load_image, save_exr
+
+    entry = load_yaml(photographs[0] / "manifest.yaml")["pictures"][0]
+    dimmed = load_image(photographs[0] / entry["file"]) * 0.5
+    save_exr(photographs[0] / "dimmed.exr", dict(zip("RGB", dimmed.unbind(-1), strict=True)))
+    changed = declared(
+        photographs,
+        pictures=[{**entry, "file": "dimmed.exr"}],
+        paint={photographs[1][0].mesh: list(photographs[1][0].paint)},
+    )
+    import_pictures(changed, tmp_path / "own", base=photographs[0])
+    import_pictures(declared(photographs), tmp_path / "plain", base=photographs[0])
+    again, plain = (load_exemplars(tmp_path / name, "train") for name in ("own", "plain"))
+    assert torch.allclose(again.images[0], plain.images[0], rtol=2e-3, atol=2e-3)
+    assert {scene.environment.asset.path for scene in plain.scenes} == {"assets/environments/mean of the pool.exr"}
+
+
+def test_a_light_is_the_same_every_time(photographs: Photographs, imported: Any, tmp_path: Path) -> None:
+    import_pictures(declared(photographs, light="estimated"), tmp_path / "own", base=photographs[0])
+    for number in range(4):
+        name = f"assets/environments/light of picture {number}.exr"
+        assert (tmp_path / "own" / name).read_bytes() == (imported[0] / name).read_bytes()
+
+
+def test_a_light_that_is_known_is_the_scene_s_own(photographs: Photographs, tmp_path: Path) -> None:
+    from svbrdfgan.io import save_environment
+
+    save_environment(tmp_path / "street.exr", torch.full((8, 16, 3), 3.0))
+    entry = load_yaml(photographs[0] / "manifest.yaml")["pictures"][0]
+    known = {"environment": str(tmp_path / "street.exr"), "environment_rotation_degrees": 40.0}
+    changed = declared(photographs, pictures=[{**entry, **known}], paint={}, light="estimated")
+    import_pictures(changed, tmp_path / "own", base=photographs[0])
+    (scene,) = load_exemplars(tmp_path / "own", "train").scenes
+    assert scene.environment.asset.path == "assets/environments/own street.exr"
+    assert scene.environment.rotation_degrees == 40
+    assert scene.environment.scale * 3 == pytest.approx(1.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("scenes", [{}, {"environment": "redrawn", "pool": 2}])
+def test_it_trains_and_cannot_be_scored(
+    imported: Any, training_data: Any, tmp_path: Path, exemplars: Exemplars, scenes: dict[str, Any]
+) -> None:
+    folder = imported[0]
+    config = train_config(training_data(dataset=str(folder), scenes=scenes, renderer="mitsuba", steps=2), "here")
+    state = train(config, tmp_path / "run")
+    assert state.step == 2
+    assert (tmp_path / "run" / "model.safetensors").is_file()
+    with pytest.raises(AssetError, match="nothing can be scored"):
+        evaluate(tmp_path / "run", split="train", oracle=False, device="cpu")
+
+
+def test_meshes_named_in_test_are_kept_from_training(photographs: Photographs, tmp_path: Path) -> None:
+    import_pictures(declared(photographs, test=[photographs[1][0].mesh]), tmp_path / "own", base=photographs[0])
+    plan = DatasetPlan.load(tmp_path / "own")
+    assert [mesh.name for mesh in plan.meshes["train"]] == ["car_1"]
+    assert [mesh.name for mesh in plan.meshes["test"]] == ["car_0"]
+    assert len(load_exemplars(tmp_path / "own", "test")) == 2
+
+
+def test_views_may_differ_from_mesh_to_mesh(photographs: Photographs, tmp_path: Path) -> None:
+    """And pictures of one mesh follow each other, in whatever order the manifest names them."""
+    entries = load_yaml(photographs[0] / "manifest.yaml")["pictures"]
+    mixed = [entries[2], entries[0], entries[3]]
+    told = import_pictures(declared(photographs, pictures=mixed), tmp_path / "own", base=photographs[0])
+    assert [one.exemplar for one in told] == ["train/000000", "train/000002", "train/000001"]
+    sampler = DatasetPlan.load(tmp_path / "own").sampler("train")
+    assert [sampler.mesh(n).name for n in range(len(sampler))] == ["car_1", "car_1", "car_0"]
+    stored = [Scene.load(tmp_path / "own" / f"{one.exemplar}.json").mesh.path for one in told]
+    assert [Path(path).stem for path in stored] == ["car_1", "car_0", "car_1"]
+
+
+def test_dataset_does_not_make_what_only_import_can(imported: Any, tmp_path: Path) -> None:
+    config: DatasetConfig = DatasetPlan.load(imported[0]).config
+    assert config.weathering is None
+    with pytest.raises(ConfigError, match="name a recipe"):
+        generate(config, tmp_path / "other", base=tmp_path)

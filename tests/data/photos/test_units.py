@@ -1,0 +1,249 @@
+"""The parts of importing pictures, each against what is known by construction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+from torch import Tensor
+
+from svbrdfgan.config.distributions import Fixed
+from svbrdfgan.data.index import DatasetPlan
+from svbrdfgan.data.photos.exposure import exposure, mean_light
+from svbrdfgan.data.photos.overlay import NOTHING, agreement, visible_parts
+from svbrdfgan.data.photos.photo import load_photo
+from svbrdfgan.data.photos.rectify import film_coordinates, frame, resample, zoom
+from svbrdfgan.data.sampler import ConfigSampler
+from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.io import linear_from_srgb, load_environment, save_exr
+from svbrdfgan.plugins import load_embedding, load_renderer
+from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.types import Camera, Environment, Material, Materials, Mesh, Part, Rendering, View
+
+
+@pytest.fixture(scope="module")
+def car() -> Mesh:
+    return build_vehicle(sample_vehicle("van", 5))
+
+
+def orbit(azimuth: float = 40, elevation: float = 15, distance: float = 2.2, fov: float = 34) -> Camera:
+    return Camera.orbit(math.radians(azimuth), math.radians(elevation), distance, (0.1, 0.2, -0.1), math.radians(fov))
+
+
+def seen_all_round(camera: Camera, width: int, height: int) -> Tensor:
+    """A smooth pattern on the sky, three channels, as the camera sees it at its pixels' centres."""
+    up = math.tan(camera.vertical_fov / 2)
+    y, x = np.meshgrid(
+        (1 - (np.arange(height) + 0.5) / height * 2) * up,
+        ((np.arange(width) + 0.5) / width * 2 - 1) * up * width / height,
+        indexing="ij",
+    )
+    sight = np.stack([x, y, -np.ones_like(x)], axis=-1)
+    sight = sight / np.linalg.norm(sight, axis=-1, keepdims=True) @ camera.basis()
+    return torch.from_numpy(np.sin(5 * sight + [0, 1, 2])).float().permute(2, 0, 1)
+
+
+def test_framing_is_the_picture_taken_in_another_direction() -> None:
+    taken = orbit(fov=60)
+    framed = Camera(taken.origin, (0.3, 0.4, 0.2), vertical_fov=math.radians(20))
+    found = resample(seen_all_round(taken, 480, 320), taken, framed, (48, 32))
+    assert (found - seen_all_round(framed, 48, 32)).abs().max() < 0.004
+
+
+def test_beyond_the_border_there_is_nothing() -> None:
+    taken = orbit(fov=30)
+    away = Camera(taken.origin, tuple(2 * np.asarray(taken.origin)), vertical_fov=math.radians(20))  # type: ignore[arg-type]
+    assert not resample(torch.ones(1, 32, 48), taken, away, (8, 8)).any()
+    wider = Camera(taken.origin, taken.target, vertical_fov=2 * math.atan(2 * math.tan(math.radians(15))))
+    seen = resample(torch.ones(1, 64, 64), taken, wider, (16, 16))[0]
+    assert seen[4:12, 4:12].min() > 0.99
+    assert float(seen.mean()) == pytest.approx(0.25, abs=0.01)
+
+
+@pytest.mark.parametrize("film", [(64, 64), (96, 48)])
+def test_a_frame_shows_the_whole_mesh_from_the_same_place(car: Mesh, film: tuple[int, int]) -> None:
+    for azimuth in range(0, 360, 45):
+        taken = orbit(azimuth)
+        framed = frame(taken, (150, 100), car, film)
+        assert framed.camera().origin == pytest.approx(taken.origin)
+        assert framed.target == pytest.approx(tuple(car.bounds.mean(axis=0)))
+        at, _ = film_coordinates(framed.camera(), film[0] / film[1], car.positions)
+        assert np.abs(at).max() == pytest.approx(1 / 1.08)
+
+
+def test_a_mesh_that_reaches_beyond_the_picture_is_cropped_about_its_middle(car: Mesh) -> None:
+    taken = orbit(distance=1.0, fov=30)
+    framed = frame(taken, (150, 100), car, (64, 64)).camera()
+    assert framed.origin == pytest.approx(taken.origin)
+    assert framed.basis() == pytest.approx(taken.basis())
+    assert framed.vertical_fov == pytest.approx(taken.vertical_fov)  # a square of the picture's height
+    upright = frame(taken, (100, 150), car, (64, 64)).camera()
+    assert math.tan(upright.vertical_fov / 2) == pytest.approx(math.tan(taken.vertical_fov / 2) / 1.5)
+
+
+@pytest.mark.parametrize(
+    ("camera", "said"),
+    [
+        (Camera((0.0, 0.2, 3.0), (0.0, 0.2, 6.0)), "does not have all of the mesh in front"),
+        (Camera((0.0, 0.2, 0.0), (0.0, 0.2, 6.0)), "does not have all of the mesh in front"),
+        (Camera((0.0, 0.2, 3.0), (4.0, 0.2, 0.0), vertical_fov=0.3), "does not see the mesh"),
+    ],
+)
+def test_cameras_that_cannot_be_are_told(camera: Camera, said: str, car: Mesh) -> None:
+    with pytest.raises(ConfigError, match=said):
+        frame(camera, (150, 100), car, (64, 64))
+
+
+def test_zoom_is_pixels_for_a_pixel() -> None:
+    assert zoom(300, orbit(fov=40), orbit(fov=40), (64, 100)) == pytest.approx(3)
+
+
+def test_the_silhouette_is_the_renderer_s(car: Mesh) -> None:
+    camera = orbit()
+    surface = load_embedding("hemispherical", {"resolution": 32}).embed(car)
+    renderer = load_renderer("numpy", {})
+    materials = Materials((Material.lambertian((0.5, 0.5, 0.5)),) * len(surface.parts))
+    view = View(camera, Environment(torch.ones(4, 8, 3)), 48, 32)
+    coverage = renderer.render(renderer.prepare(surface), materials, view, spp=16, seed=1).coverage
+    parts = visible_parts(car, camera, 48 * 8, 32 * 8)
+    mine = torch.from_numpy((parts != NOTHING).reshape(32, 8, 48, 8).mean(axis=(1, 3)))
+    assert (mine - coverage).abs().mean() < 0.01
+    assert float((mine - coverage).mean()) == pytest.approx(0, abs=0.002)
+
+
+def test_the_nearer_part_is_seen() -> None:
+    """Two squares that cross in depth at the line of sight: each hides the other on one side."""
+    x = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], dtype=float)
+    positions = np.concatenate([np.column_stack([x, slope * x[:, 0]]) for slope in (0.5, -0.5)])
+    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    mesh = Mesh(positions, faces, np.array([0, 0, 1, 1]), (Part("rises"), Part("falls")))
+    parts = visible_parts(mesh, Camera((0.0, 0.0, 4.0), vertical_fov=math.radians(40)), 64, 64)
+    assert set(parts[20:44, 36:44].ravel()) == {0}
+    assert set(parts[20:44, 20:28].ravel()) == {1}
+    assert parts[0, 0] == NOTHING
+
+
+def test_agreement_is_intersection_over_union() -> None:
+    one, other = np.zeros((2, 4), dtype=bool), np.zeros((2, 4), dtype=bool)
+    one[0], other[:, :2] = True, True
+    assert agreement(one, other) == pytest.approx(2 / 6)
+    assert agreement(one, one) == 1
+    assert agreement(np.zeros_like(one), np.zeros_like(one)) == 0
+
+
+def rendering(values: Tensor) -> Rendering:
+    return Rendering(values[..., None].expand(*values.shape, 3), torch.ones(values.shape))
+
+
+def test_exposure_undoes_any_gain_and_is_not_moved_by_the_weathered_third() -> None:
+    clean = torch.rand(30, 30, generator=torch.manual_seed(0)) + 0.1
+    weathered = clean.clone()
+    weathered[:10] *= 12
+    for gain in (0.01, 1.0, 50.0):
+        assert exposure(rendering(clean * gain), rendering(clean)) * gain == pytest.approx(1, rel=1e-5)
+        assert exposure(rendering(weathered * gain), rendering(clean)) * gain == pytest.approx(1, rel=1e-5)
+
+
+def test_an_exposure_that_cannot_be_is_told() -> None:
+    clean = rendering(torch.ones(4, 4))
+    with pytest.raises(AssetError, match="black"):
+        exposure(rendering(torch.zeros(4, 4)), clean)
+    with pytest.raises(AssetError, match="no pixel in common"):
+        exposure(Rendering(clean.image, torch.zeros(4, 4)), clean)
+
+
+def test_the_mean_light_is_what_a_fixed_turn_makes_of_the_maps(tiny_dataset: Path) -> None:
+    sampler = DatasetPlan.load(tiny_dataset).sampler("train")
+    maps = [load_environment(tiny_dataset / light.asset.path) * light.normalisation for light in sampler.environments]
+
+    def light(degrees: float) -> Tensor:
+        changed = sampler.config.model_copy(
+            update={
+                "environment_rotation_degrees": Fixed[float](fixed=degrees),
+                "environment_brightness": Fixed[float](fixed=2.0),
+            }
+        )
+        one = ConfigSampler(changed, "train", sampler.meshes, sampler.environments[:1])
+        return mean_light(one, tiny_dataset)
+
+    still, turned = light(0), light(90)
+    assert torch.allclose(still[::2, ::2], 2 * maps[0], rtol=1e-4, atol=1e-6)  # from 16 rows to 32
+    # A light at +X (u = 0.75) moves to -Z (u = 0.5), as conventions.md says.
+    assert torch.allclose(turned[:, 32], still[:, 48], rtol=1e-4)
+    anyhow = mean_light(sampler, tiny_dataset)
+    assert float(anyhow.std(dim=1).mean() / anyhow.mean()) < 0.3 * float(still.std(dim=1).mean() / still.mean())
+
+
+SaveImage = Callable[[str, Any], Path]
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> SaveImage:
+    def save(name: str, array: Any, **options: Any) -> Path:
+        Image.fromarray(np.asarray(array, dtype=np.uint8)).save(tmp_path / name, **options)
+        return tmp_path / name
+
+    return save  # type: ignore[return-value]
+
+
+def test_eight_bits_are_srgb_and_exr_is_linear(saved: SaveImage, tmp_path: Path) -> None:
+    photo = load_photo(saved("a.png", np.full((16, 20, 3), 128)), None)
+    assert photo.size == (20, 16)
+    assert float(photo.image[3, 4, 1]) == pytest.approx(float(linear_from_srgb(torch.tensor(128 / 255))))
+    assert photo.mask is None
+    save_exr(tmp_path / "a.exr", dict.fromkeys("RGB", torch.full((16, 20), 3.5)))
+    assert float(load_photo(tmp_path / "a.exr", None).image.mean()) == 3.5
+
+
+def test_exif_turns_a_picture_upright(tmp_path: Path) -> None:
+    pixels = np.zeros((16, 32, 3), dtype=np.uint8)
+    pixels[:, :8] = 255
+    image = Image.fromarray(pixels)
+    exif = image.getexif()
+    exif[0x0112] = 6  # the first row is the right-hand side
+    image.save(tmp_path / "turned.jpg", exif=exif, quality=95)
+    photo = load_photo(tmp_path / "turned.jpg", None)
+    assert photo.size == (16, 32)
+    assert photo.image[:6].mean() > 0.9 > 0.1 > photo.image[-6:].mean()
+
+
+def test_masks_are_plain_numbers_and_transparency_is_one(saved: SaveImage, tmp_path: Path) -> None:
+    picture = saved("a.png", np.full((16, 20, 3), 128))
+    photo = load_photo(picture, saved("mask.png", np.full((16, 20), 200)))
+    assert photo.mask is not None
+    assert float(photo.mask.mean()) == pytest.approx(200 / 255, abs=1e-5)
+    cut = np.full((16, 20, 4), 128)
+    cut[:, :10, 3], cut[:, 10:, 3] = 255, 0
+    own = load_photo(saved("cut.png", cut), None)
+    assert own.mask is not None
+    assert own.mask[:, :10].min() == 1
+    assert own.mask[:, 10:].max() == 0
+    premultiplied = {**dict.fromkeys("RGB", torch.full((16, 20), 0.3)), "A": torch.full((16, 20), 0.6)}
+    save_exr(tmp_path / "cut.exr", premultiplied)
+    assert float(load_photo(tmp_path / "cut.exr", None).image.mean()) == pytest.approx(0.5)
+
+
+def test_pictures_that_cannot_be_are_told(saved: SaveImage, tmp_path: Path) -> None:
+    picture = saved("a.png", np.full((16, 20, 3), 128))
+    (tmp_path / "broken.jpg").write_bytes(b"not a picture")
+    holed = torch.ones(16, 20)
+    holed[3, 4] = float("nan")
+    save_exr(tmp_path / "holed.exr", dict.fromkeys("RGB", holed))
+    wrong: list[tuple[Path, Path | None, str]] = [
+        (tmp_path / "none.png", None, "does not exist"),
+        (tmp_path / "broken.jpg", None, "cannot be read"),
+        (tmp_path / "holed.exr", None, "not finite"),
+        (saved("a.tif", np.full((16, 20, 3), 128)), None, "wanted one of"),
+        (saved("dot.png", np.full((4, 4, 3), 128)), None, "at least 16 x 16"),
+        (picture, saved("mask.png", np.full((16, 10), 255)), "10 x 16 pixels and its picture a.png 20 x 16"),
+        (picture, saved("black.png", np.zeros((16, 20))), "masks everything away"),
+    ]
+    for path, mask, said in wrong:
+        with pytest.raises(AssetError, match=said):
+            load_photo(path, mask)

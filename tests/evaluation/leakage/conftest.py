@@ -1,0 +1,59 @@
+"""A data set of plain boxes, quick to render and many enough to judge a probe by."""
+
+from collections.abc import Callable
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from svbrdfgan.config.models import validate
+from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.data.generate import generate
+from svbrdfgan.io import save_mesh_glb
+from svbrdfgan.training.config import TrainConfig, train_config
+from svbrdfgan.types import Mesh, Part
+
+WARP = {"name": "warp", "device": "cpu"}
+BOXES = {
+    "seed": 3,
+    "image": [32, 32],
+    "texture": 16,
+    "spp": 8,
+    "renderer": WARP,
+    "embedding": {"name": "hemispherical", "resolution": 16},
+    "environments": {"procedural": {"count": 6, "seed": 1}},
+    "environment_rows": 16,
+    "splits": {"train": {"meshes": {"files": ["*.glb"]}, "views": 5}},
+}
+TRAINING = {"batch_size": 2, "renderer": WARP, "spp": 8, "device": "cpu"}
+
+
+def box(width: float, height: float, length: float) -> Mesh:
+    corners = product((-width / 2, width / 2), (0.2, height), (-length / 2, length / 2))
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = np.array([face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))])
+    return Mesh(np.array(list(corners)), faces, np.zeros(len(faces), dtype=np.int64), (Part("body"),))
+
+
+@pytest.fixture(scope="session")
+def boxes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Twenty boxes, five views of each. Transports may be added to it, and nothing else."""
+    pytest.importorskip("warp", reason="the warp renderer needs warp-lang")
+    base = tmp_path_factory.mktemp("boxes")
+    rng = np.random.default_rng(0)
+    for number in range(20):
+        save_mesh_glb(base / f"box{number:02d}.glb", box(*rng.uniform((1.5, 1.2, 3.5), (2.1, 2.0, 5.0))))
+    generate(validate(DatasetConfig, BOXES, "boxes"), base / "dataset", base=base)
+    return base / "dataset"
+
+
+@pytest.fixture(scope="session")
+def training(boxes: Path) -> Callable[..., TrainConfig]:
+    """How to train on the boxes with a tiny discriminator, with changes."""
+
+    def changed(sees: str = "radiance", guide: bool = True, **changes: object) -> TrainConfig:
+        discriminator = {"width": 8, "layers": 2, "sees": sees, "guide": guide}
+        return train_config({"dataset": str(boxes), "discriminator": discriminator, **TRAINING, **changes}, "here")
+
+    return changed

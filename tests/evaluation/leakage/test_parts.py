@@ -1,0 +1,137 @@
+"""How pairs are dealt, judged and spoken of, without a renderer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import torch
+
+from svbrdfgan.config.models import validate
+from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.evaluation.leakage.classifier import Roles, Trial
+from svbrdfgan.evaluation.leakage.confounders import NUISANCES, REMEDIES, differences, scenes_with
+from svbrdfgan.evaluation.leakage.report import Diagnosis, Finding, Share
+from svbrdfgan.evaluation.leakage.stills import Stills
+from svbrdfgan.plugins import load_renderer
+from svbrdfgan.training.config import ScenesConfig, TrainConfig, train_config
+
+
+def config(sees: str = "radiance", **changes: object) -> TrainConfig:
+    return train_config(
+        {"dataset": "d", "discriminator": {"width": 8, "layers": 1, "guide": False, "sees": sees}, **changes}, "here"
+    )
+
+
+def noise(count: int, seed: int, mean: float = 0.5) -> Stills:
+    image = mean + 0.1 * torch.randn(count, 16, 16, 3, generator=torch.Generator().manual_seed(seed))
+    return Stills.of((image, torch.ones(count, 16, 16), None))
+
+
+def test_no_subject_has_two_roles() -> None:
+    subject_of = np.repeat(np.arange(12), 4)
+    roles = Roles.deal(subject_of, seed=0)
+    dealt = [set(subject_of[list(role)]) for role in (roles.learn, roles.choose, roles.judge)]
+    assert [len(subjects) for subjects in dealt] == [5, 2, 5]
+    assert set.union(*dealt) == set(range(12))
+    assert sorted([*roles.learn, *roles.choose, *roles.judge]) == list(range(48))
+    assert roles != Roles.deal(subject_of, seed=1)
+
+
+def test_few_subjects_are_dealt_by_picture() -> None:
+    roles = Roles.deal([0] * 6 + [1] * 4, seed=0)
+    assert [len(role) for role in (roles.learn, roles.choose, roles.judge)] == [4, 2, 4]
+    with pytest.raises(ConfigError, match="has 4 exemplars to train on; a probe needs 5"):
+        Roles.deal([0, 1, 2, 3], seed=0)
+
+
+def test_judged_pairs_teach_nothing() -> None:
+    """Whatever some of them hold, the probe that judges the others is the same."""
+    roles = Roles(learn=range(40), choose=range(40, 60), judge=range(60, 100))
+    real, fake = noise(100, 0, 0.6), noise(100, 1)
+    altered = Stills(real.image.clone(), real.coverage, None)
+    altered.image[80:] = 9.0
+    before, after = (Trial(config(), side, fake, roles).judge() for side in (real, altered))
+    assert torch.equal(before[:20], after[:20])
+    assert not torch.equal(before[20:], after[20:])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_equal_distributions_are_chance_and_others_are_told(seed: int) -> None:
+    roles = Roles.deal(range(250), seed)
+    fakes = noise(250, 3), noise(250, 3, 0.52)
+    matched, other = (Share.of(Trial(config(seed=seed), noise(250, 2), fake, roles).judge()) for fake in fakes)
+    assert not matched.told
+    assert other.value > 0.95
+
+
+def test_the_interval_is_wilsons() -> None:
+    """Its ends are where the picks lie 2.5758 deviations away."""
+    share = Share.of(torch.tensor([1.0] * 70 + [-1.0] * 30))
+    assert share.value == pytest.approx(0.7)
+    for end in (share.low, share.high):
+        assert abs(share.value - end) == pytest.approx(2.5758 * math.sqrt(end * (1 - end) / 100))
+    assert Share.of(torch.zeros(10)).value == 0.5
+    assert Share.of(torch.ones(7)).told
+    assert not Share.of(torch.ones(6)).told
+
+
+def test_the_interval_holds_as_often_as_it_says() -> None:
+    picks = np.random.default_rng(0).normal(size=(4000, 64))
+    shares = [Share.of(torch.from_numpy(row)) for row in picks]
+    missed = np.mean([not share.low <= 0.5 <= share.high for share in shares])
+    assert 0.004 < missed < 0.018
+    assert np.mean([share.told for share in shares]) < 0.01
+
+
+def test_what_differs_is_said(dataset_data: Callable[..., dict[str, object]]) -> None:
+    dataset = validate(DatasetConfig, dataset_data(), "here")
+    one, two = load_renderer("numpy"), load_renderer("numpy", {"max_bounces": 3})
+
+    def said(sees: str = "radiance", **changes: object) -> dict[str, str]:
+        return dict(differences(config(sees, **changes), dataset, two if changes.get("seed") else one, one))
+
+    assert said(spp=8) == {}
+    assert said(spp=9) == {"noise": "8 samples per pixel in exemplars, 9 in fakes"}
+    assert said("reflectance", spp=8) == {"noise": "8 samples per pixel in exemplars, no noise in fakes"}
+    assert said(spp=8, seed=1) == {
+        "renderer": "NumpyRenderer with 3 bounces for exemplars, NumpyRenderer with 1 bounce for fakes"
+    }
+    assert said(spp=8, scenes={"camera_noise_degrees": 2.5}) == {"pose": "fakes' cameras are off by up to 2.5 degrees"}
+    assert said(spp=8, scenes={"camera": {}, "environment": "redrawn"}) == {
+        "pose": "fakes' cameras are drawn anew",
+        "light": "fakes are lit anew, from the exemplars' own distribution",
+    }
+    assert said(spp=8, scenes={"environment": {"procedural": {"count": 1}}}).keys() == {"light"}
+
+
+def test_nuisances_are_taken_away_one_by_one() -> None:
+    scenes = validate(
+        ScenesConfig, {"camera_noise_degrees": 3.0, "camera": {}, "environment": "redrawn", "pool": 2}, "here"
+    )
+    assert scenes_with(scenes, frozenset(NUISANCES)) == scenes
+    assert scenes_with(scenes, frozenset({"noise"})).matched
+    pose, light = (scenes_with(scenes, frozenset({name})) for name in ("pose", "light"))
+    assert (pose.environment, pose.camera, pose.camera_noise_degrees) == ("same", scenes.camera, 3.0)
+    assert (light.environment, light.camera, light.camera_noise_degrees) == ("redrawn", None, 0.0)
+
+
+def test_what_is_told_comes_with_a_remedy() -> None:
+    sure, unsure = torch.ones(50), torch.tensor([1.0, -1.0] * 25)
+    alone = {name: Finding(differs="") for name in NUISANCES}
+    alone["pose"] = Finding.of("off", sure, REMEDIES["pose"])
+    alone["light"] = Finding.of("redrawn", unsure, REMEDIES["light"])
+    times = {"pictures_seconds": 1.0, "learning_seconds": 1.0}
+
+    def lines(together: torch.Tensor, alone: dict[str, Finding]) -> list[str]:
+        found = Finding.of("both", together)
+        return Diagnosis(dataset="d", seed=0, exemplars=9, judged=5, together=found, alone=alone, **times).lines()
+
+    assert alone["light"].verdict == "not told: 50%"
+    assert lines(sure, alone) == [f"pose can be told: 100%. {REMEDIES['pose']}"]
+    alone["pose"] = alone["light"]
+    assert lines(sure, alone) == ["All together can be told: 100%, though no nuisance alone: match more of them."]
+    assert lines(unsure, alone) == ["No shortcut was found that tells more than 67% of pairs."]

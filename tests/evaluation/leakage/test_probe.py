@@ -1,0 +1,146 @@
+"""The probe tells shortcuts that are there, names them, and finds none where real and fake are matched."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.evaluation.leakage import probe, probe_shortcuts
+from svbrdfgan.evaluation.leakage.confounders import REMEDIES
+from svbrdfgan.evaluation.leakage.report import Diagnosis
+from svbrdfgan.io import load_image, save_environment
+from svbrdfgan.plugins import load_renderer
+from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.types import Rendering
+
+Training = Callable[..., TrainConfig]
+HIGH = {"camera": {"elevation_degrees": {"uniform": [50.0, 70.0]}}}
+
+
+def told(diagnosis: Diagnosis) -> set[str]:
+    return {name for name, finding in diagnosis.alone.items() if finding.share and finding.share.told}
+
+
+def tried(diagnosis: Diagnosis) -> set[str]:
+    return {name for name, finding in diagnosis.alone.items() if finding.share}
+
+
+@pytest.mark.parametrize("guide", [True, False])
+def test_matched_scenes_come_out_at_chance(guide: bool, training: Training) -> None:
+    diagnosis = probe_shortcuts(training(guide=guide)).diagnosis
+    share = diagnosis.together.share
+    assert share is not None
+    assert not share.told
+    assert (diagnosis.exemplars, diagnosis.judged, share.pairs) == (100, 40, 40)
+    assert tried(diagnosis) == set()
+    assert {finding.verdict for finding in diagnosis.alone.values()} == {"the same on both sides"}
+    assert diagnosis.lines() == [f"No shortcut was found that tells more than {share.high:.0%} of pairs."]
+
+
+@pytest.fixture(scope="module")
+def red(boxes: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The boxes beside a red sky."""
+    base = tmp_path_factory.mktemp("red")
+    shutil.copytree(boxes, base / "dataset")
+    save_environment(base / "red.exr", torch.tensor([1.0, 0.3, 0.3]).expand(8, 16, 3).contiguous())
+    return base
+
+
+LIT_RED: dict[str, Any] = {"environment": {"files": ["red.exr"]}, "camera": {}}
+"""And cameras redrawn from the exemplars' own distribution, which nothing can tell."""
+
+
+def test_other_light_is_told_and_named(training: Training, red: Path) -> None:
+    diagnosis = probe_shortcuts(training(dataset="dataset", scenes=LIT_RED), base=red).diagnosis
+    assert tried(diagnosis) == {"pose", "light"}
+    assert told(diagnosis) == {"light"}
+    assert diagnosis.together.share is not None
+    assert diagnosis.together.share.told
+    assert diagnosis.lines() == [f"light {diagnosis.alone['light'].verdict}. {REMEDIES['light']}"]
+
+
+def test_neither_light_nor_pose_is_told_by_reflectance(training: Training, red: Path) -> None:
+    """Nor by its guide, where cameras differ as much as the light."""
+    scenes = LIT_RED | HIGH
+    diagnosis = probe_shortcuts(training("reflectance", dataset="dataset", scenes=scenes), base=red).diagnosis
+    assert tried(diagnosis) == {"pose", "light", "noise"}
+    assert told(diagnosis) <= {"noise"}
+
+
+@pytest.mark.parametrize("spp", [2, 8])
+def test_noise_is_told_by_reflectance_however_many_samples_fakes_have(spp: int, training: Training) -> None:
+    diagnosis = probe_shortcuts(training("reflectance", spp=spp)).diagnosis
+    assert (tried(diagnosis), told(diagnosis)) == ({"noise"}, {"noise"})
+    assert diagnosis.alone["noise"].differs == "8 samples per pixel in exemplars, no noise in fakes"
+
+
+def test_other_samples_are_told_and_named(training: Training) -> None:
+    diagnosis = probe_shortcuts(training(spp=2)).diagnosis
+    assert (tried(diagnosis), told(diagnosis)) == ({"noise"}, {"noise"})
+    assert diagnosis.alone["noise"].differs == "8 samples per pixel in exemplars, 2 in fakes"
+    assert diagnosis.alone["noise"].share == diagnosis.together.share
+
+
+def test_other_cameras_are_told_without_transports_too(training: Training) -> None:
+    fresh = training(scenes=HIGH, rendering="fresh", guide=False)
+    assert told(probe_shortcuts(fresh).diagnosis) == {"pose"}
+
+
+def test_another_renderer_is_told_and_named(training: Training, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that made the exemplars half as bright again, which the others' trials do not see."""
+
+    class Brighter(type(load_renderer("warp", {"device": "cpu"}))):  # type: ignore[misc]
+        def render(self, *given: Any, **more: Any) -> Rendering:
+            rendering = super().render(*given, **more)
+            return Rendering(rendering.image * 1.5, rendering.coverage)
+
+    makers = {"warp": lambda: Brighter(device="cpu"), "auto": lambda: load_renderer("warp", {"device": "cpu"})}
+    monkeypatch.setattr(probe, "resolve_renderer", lambda choice, *_, **__: (makers[choice.name](), choice))
+    diagnosis = probe_shortcuts(training(renderer="auto", scenes={"camera": {}})).diagnosis
+    assert (tried(diagnosis), told(diagnosis)) == ({"pose", "renderer"}, {"renderer"})
+    assert (
+        diagnosis.alone["renderer"].differs
+        == "Brighter with 1 bounce for exemplars, WarpRenderer with 1 bounce for fakes"
+    )
+
+
+def test_the_same_seed_is_the_same_probe(training: Training) -> None:
+    one, again = (probe_shortcuts(training(scenes=HIGH)) for _ in range(2))
+    clock = {"pictures_seconds", "learning_seconds"}
+    assert one.diagnosis.model_dump(exclude=clock) == again.diagnosis.model_dump(exclude=clock)
+    assert torch.equal(one.pairs, again.pairs)
+
+
+def test_the_files(training: Training, tmp_path: Path) -> None:
+    probed = probe_shortcuts(training(scenes=HIGH), minutes=1e-6)
+    probed.save(tmp_path / "out")
+    record = json.loads((tmp_path / "out" / "probe.json").read_text())
+    assert record["alone"]["pose"]["differs"] == "fakes' cameras are drawn anew"
+    assert record["alone"]["light"]["share"] is None
+    assert record == probed.diagnosis.model_dump()
+    assert load_image(tmp_path / "out" / "pairs.png").shape == (64, 8 * 32, 3)
+    above, below = probed.pairs[:32], probed.pairs[32:]
+    assert (above - below).abs().mean() > 0.01
+
+
+def test_training_finds_what_the_probe_stored(training: Training, boxes: Path, tmp_path: Path) -> None:
+    """The transports of the exemplars' own scenes and of the perturbed ones; none of the scenes in between."""
+    folder = shutil.copytree(boxes, tmp_path / "dataset", ignore=shutil.ignore_patterns("transports"))
+    both = training(dataset=str(folder), scenes={"camera_noise_degrees": 5.0, "environment": "redrawn"})
+    probe_shortcuts(both, minutes=1e-6)
+    assert len(list((folder / "cache" / "transports").iterdir())) == 2 * 100
+
+
+def test_imported_pictures_are_refused(training: Training, boxes: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(boxes, tmp_path / "dataset")
+    for path in (folder / "train").glob("*.json"):
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"weathering": "unknown"}))
+    with pytest.raises(ConfigError, match="imported pictures"):
+        probe_shortcuts(training(dataset=str(folder)))

@@ -1,0 +1,100 @@
+"""The geometry buffer of things whose geometry is known."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from svbrdfgan_hemispherical import HemisphericalEmbedding
+
+from svbrdfgan.geometry.bake import GeometryBuffer, bake, bake_base_color, write_bake
+from svbrdfgan.geometry.layers import hide_inner_layers
+from svbrdfgan.geometry.normals import face_areas
+from svbrdfgan.io import load_exr, load_mesh
+from svbrdfgan.types import Mesh, Part, Surface
+
+
+@pytest.fixture(scope="module")
+def mesh() -> Mesh:
+    """Two half spheres over the ground of radius 1 (wound inward) and 0.5, with UVs of their own."""
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    faces = np.asarray(ball.faces[ball.vertices[ball.faces][:, :, 1].min(axis=1) > -1e-9])
+    positions = np.concatenate([ball.vertices, 0.5 * ball.vertices])
+    both = np.concatenate([faces[:, ::-1], faces + len(ball.vertices)])
+    texture = np.zeros((64, 64, 3))
+    texture[..., 0] = ((np.arange(64) + 0.5) / 64)[None, :]
+    texture[..., 1] = ((np.arange(64) + 0.5) / 64)[:, None]
+    parts = (Part("outer", (0.5, 1.0, 1.0), texture), Part("inner", (0.1, 0.2, 0.3)))
+    uv = 0.5 + 0.4 * positions[both][:, :, [0, 2]]
+    return Mesh(positions, both, np.repeat([0, 1], len(faces)), parts, uv)
+
+
+@pytest.fixture(scope="module")
+def surface(mesh: Mesh) -> Surface:
+    return hide_inner_layers(HemisphericalEmbedding(resolution=64).embed(mesh), 64)
+
+
+@pytest.fixture(scope="module")
+def buffer(surface: Surface) -> GeometryBuffer:
+    return bake(surface, 64, 64)
+
+
+def test_the_outer_dome_is_seen_from_outside(buffer: GeometryBuffer) -> None:
+    radius = buffer.position[buffer.mask].norm(dim=1)
+    assert radius.min() > 0.98
+    assert torch.unique(buffer.part).tolist() in ([0], [-1, 0])
+    cosine = (buffer.normal * buffer.position).sum(dim=-1)[buffer.mask] / radius
+    assert cosine.min() > 0.99
+
+
+def test_areas_sum_to_the_exposed_surface(mesh: Mesh, buffer: GeometryBuffer) -> None:
+    outer = face_areas(mesh.positions, mesh.faces[mesh.face_part == 0]).sum()
+    assert buffer.area.sum().item() == pytest.approx(outer, rel=0.005)
+    assert (buffer.area[~buffer.mask] == 0).all()
+
+
+def test_texels_lead_back_to_the_surface(surface: Surface, buffer: GeometryBuffer) -> None:
+    corners = torch.from_numpy(surface.positions[surface.faces]).float()[buffer.face]
+    again = torch.einsum("rcj,rcjx->rcx", buffer.barycentric, corners)
+    assert torch.allclose(again[buffer.mask], buffer.position[buffer.mask], atol=1e-6)
+
+
+def test_gutters_are_filled_and_the_network_sees_minus_one_to_one(buffer: GeometryBuffer) -> None:
+    assert torch.allclose(buffer.normal.norm(dim=-1), torch.ones(64, 64), atol=1e-5)
+    seen = buffer.network_input()
+    assert seen.shape == (6, 64, 64)
+    assert seen.abs().max() <= 1.0 + 1e-6
+    assert seen[1].min() >= 0
+
+
+def test_size_and_place_do_not_reach_the_network(mesh: Mesh, buffer: GeometryBuffer) -> None:
+    moved = replace(mesh, positions=mesh.positions * 4 + (10, 3, -7))
+    other = bake(hide_inner_layers(HemisphericalEmbedding(resolution=64).embed(moved), 64), 64, 64)
+    assert torch.allclose(other.network_input(), buffer.network_input(), atol=1e-4)
+
+
+def test_the_meshs_own_texture_is_resampled(mesh: Mesh, surface: Surface, buffer: GeometryBuffer) -> None:
+    base = bake_base_color(mesh, surface, buffer)
+    assert len(base) == len(surface.parts)
+    own_uv = 0.5 + 0.4 * buffer.position[..., [0, 2]]
+    assert torch.allclose(base[0][buffer.mask][:, 0], 0.5 * own_uv[buffer.mask][:, 0], atol=1e-3)
+    assert torch.allclose(base[0][buffer.mask][:, 1], own_uv[buffer.mask][:, 1], atol=1e-3)
+    assert torch.allclose(base[1], torch.tensor([0.1, 0.2, 0.3]))
+
+
+def test_files_hold_what_was_baked(tmp_path: Path, mesh: Mesh, surface: Surface, buffer: GeometryBuffer) -> None:
+    metrics = write_bake(tmp_path / "new" / "folder", mesh, surface, buffer)
+    folder = tmp_path / "new" / "folder"
+    assert json.loads((folder / "metrics.json").read_text()) == metrics
+    assert metrics["layers_max"] >= 2
+    assert metrics["exposed_area_share"] == pytest.approx(0.8, abs=0.01)  # 1 / (1 + 0.5^2)
+    channels = load_exr(folder / "geometry_buffer.exr", uv_map=True)
+    assert torch.equal(channels["position.Y"], buffer.position[..., 1])
+    assert torch.equal(channels["part"].long(), buffer.part)
+    assert {"normal.X", "normal.Y", "normal.Z", "mask", "area"} <= set(channels)
+    assert len(load_mesh(folder / "surface.glb").faces) > 0
+    assert (folder / "position.png").stat().st_size > 0
+    assert (folder / "normal.png").stat().st_size > 0

@@ -1,0 +1,165 @@
+"""Pictures with their light divided out: what is left is reflectance, whatever the light."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from svbrdfgan.plugins import load_renderer
+from svbrdfgan.rendering.transport import TransportBatch
+from svbrdfgan.training.batches import Feed, make_feed
+from svbrdfgan.training.cached_rendering import TransportStage
+from svbrdfgan.training.config import train_config
+from svbrdfgan.training.demodulation import Sight, carried
+from svbrdfgan.training.step import sides
+
+Data = Callable[..., dict[str, Any]]
+Make = Callable[..., Feed]
+EVERY = range(6)
+
+
+@pytest.fixture(scope="module")
+def make(training_data: Data, tiny_dataset: Path) -> Make:
+    def feed(**changes: Any) -> Feed:
+        config = train_config(training_data(discriminator={"sees": "reflectance"}, **changes), "here")
+        return make_feed(config, tiny_dataset, "train", load_renderer("numpy"), torch.device("cpu"))
+
+    return feed
+
+
+@pytest.fixture(scope="module")
+def matched(make: Make) -> Feed:
+    return make()
+
+
+def staged(feed: Feed, seed: int = 0) -> TransportStage:
+    stage = feed.stage(EVERY, np.random.default_rng(seed))
+    assert isinstance(stage, TransportStage)
+    return stage
+
+
+def painted(feed: Feed, color: tuple[float, float, float]) -> Tensor:
+    size = feed.buffers.shape[-2:]
+    return torch.tensor([*color, 1.0]).expand(len(EVERY), *size, 4)
+
+
+def truth(feed: Feed) -> Tensor:
+    layers = [layer for layer in feed.exemplars.layers if layer is not None]
+    return torch.stack([layers[index] for index in range(len(EVERY))])
+
+
+ELSEWHERE = {"camera": {"elevation_degrees": {"uniform": [40, 60]}}, "environment": "redrawn"}
+SCENES: list[dict[str, Any]] = [{}, {"environment": "redrawn"}, {"camera_noise_degrees": 20.0}, ELSEWHERE]
+
+
+@pytest.mark.parametrize("scenes", SCENES)
+def test_one_reflectance_is_seen_as_itself_from_anywhere_under_any_light(scenes: dict[str, Any], make: Make) -> None:
+    feed, color = make(scenes=scenes), (0.7, 0.2, 0.45)
+    stage = staged(feed)
+    shown = stage.sight.reflectance(stage.render(painted(feed, color))[0])
+    (_, clear, _), (fake, _, _) = sides(feed, EVERY, stage, painted(feed, color))
+    for image, where in ((shown, stage.sight.clear), (fake, clear > 0)):
+        assert where.float().mean() > 0.05
+        torch.testing.assert_close(image[where], torch.tensor(color).expand_as(image[where]), rtol=1e-3, atol=1e-3)
+        assert (image[~where] == 0).all()
+
+
+@pytest.mark.parametrize("spp", [2, 64])
+@pytest.mark.parametrize("scenes", SCENES)
+def test_a_fake_of_the_truth_shows_what_its_exemplar_does(scenes: dict[str, Any], spp: int, make: Make) -> None:
+    feed = make(scenes=scenes, spp=spp)
+    (real, clear, _), (fake, _, _) = sides(feed, EVERY, staged(feed), truth(feed))
+    (_, _, _), (clean, _, _) = sides(feed, EVERY, staged(feed), torch.zeros_like(truth(feed)))
+    shown = clear > 0
+    apart, weathering = ((real - image)[shown].abs().mean() for image in (fake, clean))
+    assert apart < 0.6 * weathering
+    torch.testing.assert_close(real[shown].mean(), fake[shown].mean(), rtol=0.05, atol=0.0)
+
+
+@pytest.mark.parametrize("scenes", SCENES)
+def test_both_sides_are_blurred_alike(scenes: dict[str, Any], make: Make) -> None:
+    """Exemplars without noise, and fakes of the truth; a fake that came one step fewer is sharper."""
+    feed = make(scenes=scenes)
+    here, there = feed.sight(EVERY), staged(feed).sight
+    own = feed.own.stage(EVERY, np.random.default_rng(0))
+    exact = replace(feed, images=own.render(truth(feed))[0])
+    (real, clear, _), (fake, _, _) = sides(exact, EVERY, staged(feed), truth(feed))
+    sooner, _ = carried(there.reflectance(staged(feed).render(truth(feed))[0]), there.clear, there, here)
+    sharp = [detail(image, clear > 0) for image in (real, fake, sooner)]
+    assert abs(sharp[0] / sharp[1] - 1) < 0.1
+    assert sharp[2] > sharp[0]
+
+
+def detail(image: Tensor, clear: Tensor) -> float:
+    """Mean difference of neighbours."""
+    pairs = clear[:, 1:] & clear[:, :-1]
+    return float((image[:, 1:] - image[:, :-1])[pairs].abs().mean())
+
+
+@pytest.mark.parametrize("scenes", SCENES)
+def test_neither_outline_nor_guide_tells_real_from_fake(scenes: dict[str, Any], make: Make) -> None:
+    feed = make(scenes=scenes)
+    (real, clear, guide), (fake, other, shown) = sides(feed, EVERY, staged(feed), truth(feed))
+    assert torch.equal(clear, other)
+    assert guide is not None
+    assert shown is not None
+    assert torch.equal(guide, shown)
+    assert clear.mean() > 0.05
+    assert all((image[clear == 0] == 0).all() for image in (real, fake))
+
+
+def test_only_what_both_views_see_is_shown(make: Make) -> None:
+    feed = make(scenes=ELSEWHERE)
+    (_, clear, _), _ = sides(feed, EVERY, staged(feed), truth(feed))
+    seen = feed.sight(EVERY).clear
+    assert not (clear > 0)[~seen].any()
+    assert clear.sum() < 0.9 * seen.sum()
+
+
+@pytest.mark.parametrize("scenes", [{}, ELSEWHERE])
+def test_the_gradient_is_exact(scenes: dict[str, Any], make: Make) -> None:
+    """By finite differences; what is seen is linear in the layer's colours."""
+    feed = make(scenes=scenes)
+    stage, rng = staged(feed), torch.Generator().manual_seed(0)
+    layers = truth(feed).clone()
+    layers[..., 3] = 0.5
+    layers.requires_grad_(True)
+    weight = torch.rand(stage.batch.coverage.shape, generator=rng).unsqueeze(-1)
+
+    def total(of: Tensor) -> Tensor:
+        return (sides(feed, EVERY, stage, of)[1][0] * weight).sum()
+
+    total(layers).backward()
+    assert layers.grad is not None
+    direction = torch.rand(layers.shape, generator=rng) * torch.tensor([1.0, 1.0, 1.0, 0.0])
+    with torch.no_grad():
+        difference = (total(layers + 0.01 * direction) - total(layers - 0.01 * direction)) / 0.02
+    torch.testing.assert_close((layers.grad * direction).sum(), difference, rtol=1e-2, atol=1e-3)
+    assert layers.grad.abs().sum() > 0
+
+
+def test_what_is_dark_or_hardly_learnable_is_not_clear(matched: Feed) -> None:
+    batch = staged(matched).batch
+    first = batch.transports[0]
+    guide, background = torch.zeros_like(first.guide), torch.zeros_like(first.background)
+    guide[..., 4] = torch.linspace(0, 1, len(guide))[:, None]
+    halved = TransportBatch.stack([replace(first, guide=guide, background=background)])
+    sight, white = Sight.of(halved), halved.linear(torch.ones(len(first.parts), *first.texture_shape, 3))
+    learnable = guide[..., 4] >= 0.5
+    bright = (white[0] > 0.02 * white[0][learnable].mean(dim=0)).all(dim=-1)
+    assert 0 < sight.clear.sum() < (white[0] > 0).any(dim=-1).sum()
+    assert torch.equal(sight.clear[0], learnable & bright)
+    assert sight.reflectance(torch.full_like(white, 1e9)).unique().tolist() == [0.0, 1.5]
+
+
+def test_exemplars_are_divided_by_light_of_no_fewer_samples(make: Make, matched: Feed) -> None:
+    coarse = make(spp=1)
+    for few, many in zip(coarse.sight(EVERY).shading, matched.sight(EVERY).shading, strict=True):
+        assert torch.equal(few, many)

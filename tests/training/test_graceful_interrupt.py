@@ -1,0 +1,87 @@
+"""Ctrl-C: a step that was begun is ended and saved."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from safetensors.torch import load_file
+
+from svbrdfgan.training.config import train_config
+from svbrdfgan.training.graceful_interrupt import interrupts_wait
+from svbrdfgan.training.state import checkpoints
+from svbrdfgan.training.trainer import train
+
+Data = Callable[..., dict[str, Any]]
+COMMAND = """
+import os, signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from svbrdfgan.cli import main
+from svbrdfgan.training import trainer
+step = trainer.training_step
+def interrupted(fabric, config, state, *given):
+    if state.step == 5:
+        os.kill(os.getpid(), signal.SIGINT)
+    return step(fabric, config, state, *given)
+trainer.training_step = interrupted
+main()
+"""
+
+
+@pytest.fixture(autouse=True)
+def plain_handler() -> Iterator[None]:
+    """That of Python, which is not there in tests that a shell started in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_training_ends_its_step_saves_it_and_goes_on_from_there(training_data: Data, tmp_path: Path) -> None:
+    data = training_data(steps=12, save_every=1000, score_every=4)
+    (tmp_path / "train.yaml").write_text(json.dumps(data))
+    words = [sys.executable, "-c", COMMAND, "train", str(tmp_path / "train.yaml"), "-o", str(tmp_path / "stopped")]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 130
+    assert done.stderr.splitlines()[-1].endswith("stopped; the same command with --resume goes on.")
+    assert [path.name for path in checkpoints(tmp_path / "stopped")] == ["step_00000006"]
+    config = train_config(data, "here")
+    train(config, tmp_path / "stopped", resume=True)
+    train(config, tmp_path / "whole")
+    mine, its = (load_file(checkpoints(tmp_path / run)[-1] / "state.safetensors") for run in ("stopped", "whole"))
+    assert [name for name in its if not torch.equal(mine[name], its[name])] == []
+
+
+def test_the_second_is_raised() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with interrupts_wait() as interrupted:
+        assert not interrupted()
+        os.kill(os.getpid(), signal.SIGINT)
+        assert interrupted()
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_other_threads_and_other_handlers_are_left_alone() -> None:
+    seen: list[object] = []
+
+    def in_a_thread() -> None:
+        with interrupts_wait():
+            seen.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=in_a_thread)
+    thread.start()
+    thread.join()
+    assert seen == [signal.default_int_handler]
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with interrupts_wait():
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
