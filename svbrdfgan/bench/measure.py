@@ -70,7 +70,7 @@ def _transport(renderer: Any, prepared: Any, scene: BenchScene, view: View, spp:
         renderer.transport(prepared, view, spp=spp, seed=0),
         materials=scene.materials(texture),
         learnable=(0,),
-        guide=torch.zeros(*texture.shape[:2], 6),
+        gbuffer=torch.zeros(*texture.shape[:2], 6),
         view=view,
         spp=spp,
         repeat=(bool(scene.repeat[0]), bool(scene.repeat[1])),

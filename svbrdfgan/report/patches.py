@@ -74,7 +74,8 @@ def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> Jud
     layers, background = evaluated.layers["generated"][number : number + 1], torch.full((1, 3), _GREY, device=device)
     with torch.no_grad():
         pair = sides(feed, [index], feed.stage([index], np.random.default_rng(0)), layers.to(device))
-        real, fake = (discriminator(present(image, cover, background, guide))[0].cpu() for image, cover, guide in pair)
+        shown = [present(image, cover, background, gbuffer) for image, cover, gbuffer in pair]
+        real, fake = (discriminator(pictures)[0].cpu() for pictures in shown)
     first, second = (display(image[0].cpu().float(), _GREY, cover[0].cpu().float()) for image, cover, _ in pair)
     return Judged(first, second, real, fake)
 

@@ -38,7 +38,7 @@ class Feed:
         own: the exemplars' own scenes, which tell what their pictures show; the stages themselves where they are not
             perturbed and have samples enough, or are rendered anew. Traced as they are asked for, unless the
             discriminator is shown what they tell.
-        guides: position and normal as seen in each exemplar; None where the discriminator does not look at them.
+        gbuffers: position and normal as seen in each exemplar; None where the discriminator does not look at them.
         demodulated: whether the discriminator sees reflectance, rather than radiance.
     """
 
@@ -48,7 +48,7 @@ class Feed:
     buffers: Float[Tensor, "subjects 6 rows cols"]
     images: Float[Tensor, "exemplars height width 3"]
     coverage: Float[Tensor, "exemplars height width"]
-    guides: Float[Tensor, "exemplars height width 6"] | None
+    gbuffers: Float[Tensor, "exemplars height width 6"] | None
     demodulated: bool = False
 
     def __len__(self) -> int:
@@ -59,10 +59,10 @@ class Feed:
         return self.buffers[send(self.exemplars.subject_of[list(indices)], self.buffers.device)]
 
     def real(self, indices: Sequence[int]) -> tuple[Tensor, Tensor, Tensor | None]:
-        """Image, coverage and guide of these exemplars."""
+        """Image, coverage and G-buffer of these exemplars."""
         picked = send(torch.tensor(indices), self.images.device)
-        guide = None if self.guides is None else self.guides[picked]
-        return self.images[picked], self.coverage[picked], guide
+        gbuffer = None if self.gbuffers is None else self.gbuffers[picked]
+        return self.images[picked], self.coverage[picked], gbuffer
 
     def seen(self, index: int) -> Float[Tensor, "rows cols"]:
         """Where an exemplar's picture shows the outermost learnable surface, positive."""
@@ -120,7 +120,7 @@ def make_feed(
         buffers=buffers_of(exemplars, device),
         images=images,
         coverage=exemplars.coverage.to(device),
-        guides=_guides(config, own, device),
+        gbuffers=_gbuffers(config, own, device),
         demodulated=demodulated,
     )
 
@@ -219,10 +219,10 @@ def _any_order(exemplars: Exemplars) -> list[int]:
     return np.argsort(place[exemplars.subject_of.numpy()], kind="stable").tolist()
 
 
-def _guides(
+def _gbuffers(
     config: TrainConfig, own: Transports | FreshRenders, device: torch.device
 ) -> Float[Tensor, "exemplars height width 6"] | None:
     """What each exemplar shows."""
     if not config.discriminator.guide or not isinstance(own, Transports):
         return None
-    return torch.stack([own.guide(index) for index in range(len(own.exemplars))]).half().to(device)
+    return torch.stack([own.gbuffer(index) for index in range(len(own.exemplars))]).half().to(device)

@@ -38,10 +38,10 @@ log = logging.getLogger(__name__)
 
 
 class Stage(Protocol):
-    """A batch of scenes. `guide` is position and normal as seen, premultiplied; None if the renderer cannot tell."""
+    """A batch of scenes. `gbuffer` is position and normal as seen, premultiplied; None if the renderer cannot tell."""
 
     @property
-    def guide(self) -> Float[Tensor, "batch height width 6"] | None: ...
+    def gbuffer(self) -> Float[Tensor, "batch height width 6"] | None: ...
 
     def render(self, layers: Layers) -> tuple[Images, Coverage]:
         """The pictures of these layers on the learnable parts, differentiable in the layers; and their coverage."""
@@ -61,8 +61,8 @@ class TransportStage:
     base: Float[Tensor, "textures *#size 3"]
 
     @property
-    def guide(self) -> Float[Tensor, "batch height width 6"]:
-        return self.batch.guide
+    def gbuffer(self) -> Float[Tensor, "batch height width 6"]:
+        return self.batch.gbuffer
 
     @cached_property
     def sight(self) -> Sight:
@@ -156,9 +156,9 @@ class Transports:
             if key in self._paths and key not in self._coming and self._held.get(key) is None:
                 self._coming[key] = self._reader.read(self._paths[key])
 
-    def guide(self, index: int) -> Float[Tensor, "height width 6"]:
+    def gbuffer(self, index: int) -> Float[Tensor, "height width 6"]:
         """Position and normal as seen in the first scene kept for an exemplar."""
-        return self._stored((index, 0)).guide
+        return self._stored((index, 0)).gbuffer
 
     def seen(self, index: int) -> Float[Tensor, "rows cols"]:
         """Where an exemplar's picture shows the outermost learnable surface, positive."""
@@ -213,7 +213,7 @@ class Transports:
             self.renderer.transport(prepared, view, spp=self.spp, seed=scene.seed),
             materials=subject.materials(scene.materials, None),
             learnable=subject.learnable,
-            guide=subject.geometry.permute(1, 2, 0),
+            gbuffer=subject.geometry.permute(1, 2, 0),
             view=view,
             spp=self.spp,
             repeat=subject.surface.repeat,

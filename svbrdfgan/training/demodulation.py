@@ -45,7 +45,7 @@ class Sight:
         first = batch.transports[0]
         ones = torch.ones(len(batch.owner), *first.texture_shape, 3, device=first.texel.device)
         shading = batch.linear(ones)
-        clear = _clear(shading, batch.guide)
+        clear = _clear(shading, batch.gbuffer)
         return cls(batch, torch.where(clear.unsqueeze(-1), shading, torch.inf), clear)
 
     def reflectance(self, image: Image) -> Image:
@@ -77,9 +77,9 @@ def carried(reflectance: Image, clear: Pixels, *path: Sight) -> tuple[Image, Pix
     return reflectance, clear
 
 
-def _clear(shading: Image, guide: Float[Tensor, "batch height width 6"]) -> Pixels:
-    """By the guide of the same views: its normal is at most as long as the learnable share of a pixel."""
-    learnable = (guide[..., 3:].norm(dim=-1) >= _SHARE).unsqueeze(-1)
+def _clear(shading: Image, gbuffer: Float[Tensor, "batch height width 6"]) -> Pixels:
+    """By the G-buffer of the same views: its normal is at most as long as the learnable share of a pixel."""
+    learnable = (gbuffer[..., 3:].norm(dim=-1) >= _SHARE).unsqueeze(-1)
     count = learnable.sum(dim=(1, 2), keepdim=True).clamp(min=1)
     mean = (shading * learnable).sum(dim=(1, 2), keepdim=True) / count
     return (shading > _DARK * mean).all(dim=-1) & learnable.squeeze(-1)

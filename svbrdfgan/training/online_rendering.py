@@ -28,7 +28,7 @@ class FreshStage:
     exemplars: Exemplars
     indices: tuple[int, ...]
     prepared: tuple[Any, ...]
-    guide: None = None
+    gbuffer: None = None
 
     def render(self, layers: Layers) -> tuple[Images, Coverage]:
         shown = [self._render(n, layer) for n, layer in enumerate(layers)]

@@ -17,7 +17,7 @@ def present(
     image: Float[Tensor, "batch height width 3"],
     coverage: Float[Tensor, "batch height width"],
     background: Float[Tensor, "batch 3"],
-    guide: Float[Tensor, "batch height width 6"] | None,
+    gbuffer: Float[Tensor, "batch height width 6"] | None,
 ) -> Float[Tensor, "batch channels height width"]:
     """Tone-mapped to about [-1, 1] before a plain background, with position and normal behind the colours if given.
 
@@ -26,6 +26,6 @@ def present(
     """
     picture = over(image.float(), coverage.float(), background[:, None, None, :])
     channels = torch.log1p(_CONTRAST * picture.clamp(min=0)) * (2 / math.log1p(_CONTRAST)) - 1
-    if guide is not None:
-        channels = torch.cat([channels, guide.float()], dim=-1)
+    if gbuffer is not None:
+        channels = torch.cat([channels, gbuffer.float()], dim=-1)
     return channels.permute(0, 3, 1, 2)

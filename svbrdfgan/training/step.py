@@ -23,7 +23,7 @@ from svbrdfgan.utils.copy_async import send
 Diagnostics = dict[str, Tensor]
 Pictures = Float[Tensor, "batch channels height width"]
 Shot = tuple[Tensor, Tensor, Tensor | None]
-"""Image, coverage and guide of a batch; no guide where the discriminator does not look at one."""
+"""Image, coverage and G-buffer of a batch; no G-buffer where the discriminator does not look at one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ def sides(feed: Feed, indices: Sequence[int], stage: Stage, layers: Layers) -> t
     """
     real, (made, coverage) = feed.real(indices), stage.render(layers)
     if not feed.demodulated:
-        return real, (made, coverage, None if feed.guides is None else stage.guide)
+        return real, (made, coverage, None if feed.gbuffers is None else stage.gbuffer)
     here, there = feed.sight(indices), sight_of(stage)
     shown, clear = carried(here.reflectance(real[0]), here.clear, here, there, here)
     feigned, also = carried(there.reflectance(made), there.clear, there, here, here)
@@ -86,7 +86,7 @@ def show(real: Shot, fake: Shot, rng: np.random.Generator) -> Round:
     """Both sides as the discriminator sees them: each pair before a background of its own, drawn anew."""
     device = real[0].device
     background = send(torch.from_numpy(rng.random((len(real[0]), 3), dtype=np.float32)), device)
-    return Round(*(present(image, coverage, background, guide) for image, coverage, guide in (real, fake)))
+    return Round(*(present(image, coverage, background, gbuffer) for image, coverage, gbuffer in (real, fake)))
 
 
 def _update_discriminator(

@@ -29,7 +29,7 @@ class Stage:
     view: View
     colors: tuple[Tensor, ...]
     learnable: int
-    guide: Tensor
+    gbuffer: Tensor
     repeat: tuple[bool, bool]
 
     def materials(self, changes: dict[int, Tensor]) -> Materials:
@@ -47,8 +47,8 @@ def make_stage(name: str, exemplars: Exemplars, width: int = 12, height: int = 1
     (part,) = subject.learnable
     texture = torch.rand(TEXELS, TEXELS, 3, generator=torch.Generator().manual_seed(4))
     colors = tuple(texture if n == part else color for n, color in enumerate(subject.base))
-    guide = subject.geometry.permute(1, 2, 0)
-    return Stage(renderer, renderer.prepare(subject.surface), view, colors, part, guide, subject.surface.repeat)
+    gbuffer = subject.geometry.permute(1, 2, 0)
+    return Stage(renderer, renderer.prepare(subject.surface), view, colors, part, gbuffer, subject.surface.repeat)
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +150,7 @@ def test_equals_the_light_transport(name: str, tiny_exemplars: Exemplars) -> Non
         stage.renderer.transport(stage.prepared, stage.view, spp=SPP, seed=SEED),
         materials=stage.materials({}),
         learnable=(stage.learnable,),
-        guide=stage.guide,
+        gbuffer=stage.gbuffer,
         view=stage.view,
         spp=SPP,
         repeat=stage.repeat,

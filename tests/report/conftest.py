@@ -28,7 +28,7 @@ class PlainStage:
     """Shows each layer's colour, premultiplied, in the middle of the picture."""
 
     coverage: torch.Tensor
-    guide: torch.Tensor | None
+    gbuffer: torch.Tensor | None
 
     def render(self, layers: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         shown = F.interpolate((layers[..., :3] * layers[..., 3:]).permute(0, 3, 1, 2), size=(HEIGHT, WIDTH))
@@ -97,9 +97,9 @@ def make_evaluated(names: tuple[str, ...] = ("sedan_1", "van_2"), views: int = 2
         layers=tuple(truth[n] for n in owner.tolist()),
         studio=SimpleNamespace(),
     )
-    guides = torch.zeros(count * views, HEIGHT, WIDTH, 6)
+    gbuffers = torch.zeros(count * views, HEIGHT, WIDTH, 6)
     buffers = torch.stack([subject.geometry] * count)
-    feed = Feed(exemplars, stages, stages, buffers, exemplars.images, exemplars.coverage, guides)
+    feed = Feed(exemplars, stages, stages, buffers, exemplars.images, exemplars.coverage, gbuffers)
     constant = (0.4, 0.3, 0.2, 0.5)
     layers = {
         "generated": (truth + 0.1).clamp(0, 1),

@@ -37,16 +37,16 @@ def test_a_held_out_split_is_never_perturbed(config: Callable[..., TrainConfig],
     assert (coverage - feed.coverage.float()).abs().mean() < 0.03
 
 
-def test_guides_are_of_the_exemplars_own_scenes(
+def test_gbuffers_are_of_the_exemplars_own_scenes(
     config: Callable[..., TrainConfig], feed: Feed, tiny_dataset: Path
 ) -> None:
     """However fakes are perturbed, the discriminator sees real pictures beside their own geometry."""
     perturbed = config(scenes={"camera_noise_degrees": 20.0})
     moved = make_feed(perturbed, tiny_dataset, "train", load_renderer("numpy"), CPU)
-    assert feed.guides is not None
-    assert moved.guides is not None
-    assert (moved.guides - feed.guides).float().abs().mean() < 0.05 * feed.guides.float().abs().mean()
-    assert replace(feed, guides=None).real([0])[2] is None
+    assert feed.gbuffers is not None
+    assert moved.gbuffers is not None
+    assert (moved.gbuffers - feed.gbuffers).float().abs().mean() < 0.05 * feed.gbuffers.float().abs().mean()
+    assert replace(feed, gbuffers=None).real([0])[2] is None
     assert all(torch.equal(moved.seen(index), feed.seen(index)) for index in range(len(feed)))
     assert moved.own is not moved.stages
 

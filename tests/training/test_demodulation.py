@@ -104,13 +104,13 @@ def detail(image: Tensor, clear: Tensor) -> float:
 
 
 @pytest.mark.parametrize("scenes", SCENES)
-def test_neither_outline_nor_guide_tells_real_from_fake(scenes: dict[str, Any], make: Make) -> None:
+def test_neither_outline_nor_gbuffer_tells_real_from_fake(scenes: dict[str, Any], make: Make) -> None:
     feed = make(scenes=scenes)
-    (real, clear, guide), (fake, other, shown) = sides(feed, EVERY, staged(feed), truth(feed))
+    (real, clear, gbuffer), (fake, other, shown) = sides(feed, EVERY, staged(feed), truth(feed))
     assert torch.equal(clear, other)
-    assert guide is not None
+    assert gbuffer is not None
     assert shown is not None
-    assert torch.equal(guide, shown)
+    assert torch.equal(gbuffer, shown)
     assert clear.mean() > 0.05
     assert all((image[clear == 0] == 0).all() for image in (real, fake))
 
@@ -148,11 +148,11 @@ def test_the_gradient_is_exact(scenes: dict[str, Any], make: Make) -> None:
 def test_what_is_dark_or_hardly_learnable_is_not_clear(matched: Feed) -> None:
     batch = staged(matched).batch
     first = batch.transports[0]
-    guide, background = torch.zeros_like(first.guide), torch.zeros_like(first.background)
-    guide[..., 4] = torch.linspace(0, 1, len(guide))[:, None]
-    halved = TransportBatch.stack([replace(first, guide=guide, background=background)])
+    gbuffer, background = torch.zeros_like(first.gbuffer), torch.zeros_like(first.background)
+    gbuffer[..., 4] = torch.linspace(0, 1, len(gbuffer))[:, None]
+    halved = TransportBatch.stack([replace(first, gbuffer=gbuffer, background=background)])
     sight, white = Sight.of(halved), halved.linear(torch.ones(len(first.parts), *first.texture_shape, 3))
-    learnable = guide[..., 4] >= 0.5
+    learnable = gbuffer[..., 4] >= 0.5
     bright = (white[0] > 0.02 * white[0][learnable].mean(dim=0)).all(dim=-1)
     assert 0 < sight.clear.sum() < (white[0] > 0).any(dim=-1).sum()
     assert torch.equal(sight.clear[0], learnable & bright)

@@ -184,8 +184,8 @@ def test_a_matched_fake_of_the_truth_is_the_exemplar_but_for_noise(feed: Feed) -
     assert noise < 0.35 * turned
     torch.testing.assert_close(fake.mean(dim=(1, 2)), feed.images.float().mean(dim=(1, 2)), rtol=0.15, atol=0.01)
     assert (coverage - feed.coverage.float()).abs().mean() < 0.03
-    assert feed.guides is not None
-    assert (feed.guides[:, 0, 0] == 0).all()
+    assert feed.gbuffers is not None
+    assert (feed.gbuffers[:, 0, 0] == 0).all()
 
 
 @pytest.mark.parametrize("step", [1, 3])

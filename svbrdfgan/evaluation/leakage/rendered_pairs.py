@@ -77,7 +77,7 @@ class Darkroom:
             buffers=buffers_of(exemplars, self.device),
             images=images,
             coverage=coverage,
-            guides=self._guides(own),
+            gbuffers=self._gbuffers(own),
             demodulated=self._demodulated,
         )
 
@@ -126,11 +126,11 @@ class Darkroom:
             yield image[0], coverage[0]
             self.progress(1)
 
-    def _guides(self, own: Transports | FreshRenders) -> Float[Tensor, "exemplars height width 6"] | None:
+    def _gbuffers(self, own: Transports | FreshRenders) -> Float[Tensor, "exemplars height width 6"] | None:
         """What each exemplar shows."""
         if not self.config.discriminator.guide or not isinstance(own, Transports):
             return None
-        return self._placed([own.guide(index).half() for index in self.chosen])
+        return self._placed([own.gbuffer(index).half() for index in self.chosen])
 
     def _placed(self, found: Sequence[Tensor]) -> Tensor:
         """Each at its exemplar's place; zeros where none was chosen."""

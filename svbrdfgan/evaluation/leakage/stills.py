@@ -20,17 +20,17 @@ class Stills:
 
     image: Float[Tensor, "pairs height width 3"]
     coverage: Float[Tensor, "pairs height width"]
-    guide: Float[Tensor, "pairs height width 6"] | None
+    gbuffer: Float[Tensor, "pairs height width 6"] | None
 
     @classmethod
     def of(cls, *shots: Shot) -> Stills:
-        """One after another, rounded as stored exemplars are; all have guides, or none."""
-        images, coverage, guides = zip(*shots, strict=True)
+        """One after another, rounded as stored exemplars are; all have gbuffers, or none."""
+        images, coverage, gbuffers = zip(*shots, strict=True)
         image = torch.cat([some.clamp(max=BRIGHTEST).half() for some in images])
-        guide = None if guides[0] is None else torch.cat([some.half() for some in guides])
-        return cls(image, torch.cat([some.half() for some in coverage]), guide)
+        gbuffer = None if gbuffers[0] is None else torch.cat([some.half() for some in gbuffers])
+        return cls(image, torch.cat([some.half() for some in coverage]), gbuffer)
 
     def shot(self, pairs: Sequence[int]) -> Shot:
         """Those of some pairs."""
         picked = send(torch.as_tensor(pairs), self.image.device)
-        return self.image[picked], self.coverage[picked], None if self.guide is None else self.guide[picked]
+        return self.image[picked], self.coverage[picked], None if self.gbuffer is None else self.gbuffer[picked]

@@ -14,17 +14,19 @@ from svbrdfgan.rendering.transport.light_transport import LightTransport
 from svbrdfgan.rendering.transport.merge import Entries, Runs, segment_sums
 from svbrdfgan.types import Materials, TransportSamples, View
 from svbrdfgan.utils.copy_async import send
+from svbrdfgan.utils.deprecation import renamed_keyword
 
 _MERGE_AT = 16_000_000
 """Entries that may wait to be merged, beside those of one chunk: 24 bytes each."""
 
 
+@renamed_keyword("guide", "gbuffer")
 def build_transport(
     samples: Iterable[TransportSamples],
     *,
     materials: Materials,
     learnable: Sequence[int],
-    guide: Float[Tensor, "rows cols 6"],
+    gbuffer: Float[Tensor, "rows cols 6"],
     view: View,
     spp: int,
     repeat: Repeat = (False, False),
@@ -36,20 +38,20 @@ def build_transport(
     Args:
         samples: what `TransportRenderer.transport` yields.
         materials: of all parts; those of learnable ones do not matter.
-        learnable: the parts whose textures stay variable, at the resolution of `guide`.
-        guide: what the generator sees of the surface, kept as seen from the camera.
+        learnable: the parts whose textures stay variable, at the resolution of `gbuffer`.
+        gbuffer: position and normal of each texel; the transport keeps them as seen from the camera.
         spp: samples per pixel that were traced, hits or not.
     """
-    columns = _Columns.of(len(materials), tuple(learnable), (guide.shape[0], guide.shape[1]), repeat)
+    columns = _Columns.of(len(materials), tuple(learnable), (gbuffer.shape[0], gbuffer.shape[1]), repeat)
     pending: list[Entries] = []
     waiting = 0
     for chunk in samples:
-        columns, guide = columns.to(chunk.uv.device), send(guide, chunk.uv.device)
+        columns, gbuffer = columns.to(chunk.uv.device), send(gbuffer, chunk.uv.device)
         pending.append(_entries(chunk, _reflected(chunk, materials, learnable, repeat), columns).merged())
         waiting += len(pending[-1].key)
         if waiting > _MERGE_AT:
             pending, waiting = [_merged(pending)], 0
-    return _stored(_merged(pending), columns, guide, view, spp)
+    return _stored(_merged(pending), columns, gbuffer, view, spp)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,9 +139,9 @@ def _entries(chunk: TransportSamples, weight: Float[Tensor, "samples 3"], column
 
 
 def _stored(
-    entries: Entries, columns: _Columns, guide: Float[Tensor, "rows cols 6"], view: View, spp: int
+    entries: Entries, columns: _Columns, gbuffer: Float[Tensor, "rows cols 6"], view: View, spp: int
 ) -> LightTransport:
-    """The constant column becomes the background; the others, looked up in the guide, tell what a pixel shows."""
+    """The constant column becomes the background; the others, looked up in the G-buffer, tell what a pixel shows."""
     film, device = (view.height, view.width), entries.key.device
     edges = torch.arange(film[0] * film[1] + 1, device=device) * len(columns)
     column = entries.key % len(columns)
@@ -150,7 +152,7 @@ def _stored(
     background = torch.zeros(film[0] * film[1], 3, device=device)
     background[entries.key[constant] // len(columns)] = entries.value[constant, :3]
     count = segment_sums(entries.value[:, 3], torch.searchsorted(entries.key, edges).diff()).round()
-    shown = guide.reshape(-1, 6)[texel % (columns.shape[0] * columns.shape[1])] * value[:, 3:]
+    shown = gbuffer.reshape(-1, 6)[texel % (columns.shape[0] * columns.shape[1])] * value[:, 3:]
     return LightTransport(
         start=start.int(),
         texel=texel.int(),
@@ -158,7 +160,7 @@ def _stored(
         scale=torch.ones((), device=device),
         background=background.reshape(*film, 3),
         coverage=(count / spp).reshape(film),
-        guide=(segment_sums(shown, start.diff()) / spp).reshape(*film, 6),
+        gbuffer=(segment_sums(shown, start.diff()) / spp).reshape(*film, 6),
         parts=columns.parts,
         texture_shape=columns.shape,
     )

@@ -12,9 +12,12 @@ from torch import Tensor
 
 from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.utils.copy_async import send
+from svbrdfgan.utils.deprecation import renamed_attribute
 
 _FORMAT = "svbrdfgan light transport 1"
 _HALF_LIMIT = 32768.0
+_STORED_NAMES = {"gbuffer": "guide"}
+"""Tensors whose name in the file is not that of the attribute: files of earlier versions stay readable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +36,7 @@ class LightTransport:
         scale: one factor for all weights, so that half precision holds any brightness.
         background: the picture of all that is not learnable, premultiplied.
         coverage: share of each pixel that shows the surface.
-        guide: mean network input (position, normal) over a pixel's learnable samples, times their share of it.
+        gbuffer: mean network input (position, normal) over a pixel's learnable samples, times their share of it.
         parts: indices into `Surface.parts` of the textures.
         texture_shape: (rows, cols) of each texture.
     """
@@ -44,9 +47,11 @@ class LightTransport:
     scale: Float[Tensor, ""]
     background: Float[Tensor, "height width 3"]
     coverage: Float[Tensor, "height width"]
-    guide: Float[Tensor, "height width 6"]
+    gbuffer: Float[Tensor, "height width 6"]
     parts: tuple[int, ...]
     texture_shape: tuple[int, int]
+
+    guide = renamed_attribute("guide", "gbuffer")
 
     @property
     def texels(self) -> int:
@@ -63,13 +68,14 @@ class LightTransport:
         """The same with weights in half precision: half the bytes.
 
         A weight's error is at most 2^-11 of itself, or 2^-40 of the largest weight where that is more. So is the
-        relative error of a picture of reflectances that are not negative: all weights are positive. The guide is
+        relative error of a picture of reflectances that are not negative: all weights are positive. The G-buffer is
         rounded likewise.
         """
         largest = (self.weight.float().abs().max() if len(self.weight) else self.scale.new_ones(())) * self.scale
         scale = (largest / _HALF_LIMIT).clamp(min=torch.finfo(torch.float32).tiny)
         weight = (self.weight.float() * (self.scale / scale)).half()
-        return replace(self, weight=weight, scale=scale, background=self.background.float(), guide=self.guide.half())
+        background, gbuffer = self.background.float(), self.gbuffer.half()
+        return replace(self, weight=weight, scale=scale, background=background, gbuffer=gbuffer)
 
     @property
     def nbytes(self) -> int:
@@ -89,7 +95,8 @@ class LightTransport:
     def save(self, path: Path) -> None:
         """Writes one safetensors file, atomically."""
         words = {"parts": self.parts, "texture_shape": self.texture_shape}
-        save_tensors(path, _FORMAT, self.tensors(), {name: ",".join(map(str, of)) for name, of in words.items()})
+        tensors = {_STORED_NAMES.get(name, name): tensor for name, tensor in self.tensors().items()}
+        save_tensors(path, _FORMAT, tensors, {name: ",".join(map(str, of)) for name, of in words.items()})
 
     @classmethod
     def load(cls, path: Path) -> LightTransport:
@@ -101,7 +108,8 @@ class LightTransport:
         with stored_tensors(path, _FORMAT, "delete it to have it traced anew") as (tensors, words):
             rows, cols = (int(n) for n in words["texture_shape"].split(","))
             parts = tuple(int(n) for n in words["parts"].split(",") if n)
-            transport = cls(**tensors, parts=parts, texture_shape=(rows, cols))
+            named = {name: tensors.pop(stored) for name, stored in _STORED_NAMES.items()}
+            transport = cls(**tensors, **named, parts=parts, texture_shape=(rows, cols))
             transport._require_consistent()
         return transport
 
@@ -114,7 +122,7 @@ class LightTransport:
             "weight": ((entries, 3), half_or_single),
             "scale": ((), (torch.float,)),
             "background": ((height, width, 3), (torch.float,)),
-            "guide": ((height, width, 6), half_or_single),
+            "gbuffer": ((height, width, 6), half_or_single),
         }
         for name, (shape, types) in wanted.items():
             tensor = getattr(self, name)

@@ -16,6 +16,7 @@ from svbrdfgan.rendering.transport.csr import HostProduct
 from svbrdfgan.rendering.transport.light_transport import LightTransport
 from svbrdfgan.rendering.transport.reference import PlainProduct
 from svbrdfgan.utils.copy_async import send
+from svbrdfgan.utils.deprecation import renamed_attribute
 from svbrdfgan.utils.triton_works import triton_works
 
 
@@ -46,6 +47,8 @@ class TransportBatch:
     transports: tuple[LightTransport, ...]
     product: Product
 
+    guide = renamed_attribute("guide", "gbuffer")
+
     @classmethod
     def stack(cls, transports: Sequence[LightTransport]) -> TransportBatch:
         """The batch of these views. Nothing is copied, and no device waited for.
@@ -62,8 +65,8 @@ class TransportBatch:
         return torch.stack([t.coverage for t in self.transports]).float()
 
     @cached_property
-    def guide(self) -> Float[Tensor, "batch height width 6"]:
-        return torch.stack([t.guide for t in self.transports]).float()
+    def gbuffer(self) -> Float[Tensor, "batch height width 6"]:
+        return torch.stack([t.gbuffer for t in self.transports]).float()
 
     @cached_property
     def background(self) -> Float[Tensor, "batch height width 3"]:

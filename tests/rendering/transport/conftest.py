@@ -24,7 +24,7 @@ def random_transport(seed: int, parts: int = 1, longest: int = 50, scale: float 
         scale=torch.tensor(scale),
         background=torch.rand(HEIGHT, WIDTH, 3, generator=rng),
         coverage=torch.rand(HEIGHT, WIDTH, generator=rng),
-        guide=torch.randn(HEIGHT, WIDTH, 6, generator=rng),
+        gbuffer=torch.randn(HEIGHT, WIDTH, 6, generator=rng),
         parts=tuple(range(parts)),
         texture_shape=(ROWS, COLS),
     )

@@ -137,7 +137,7 @@ def test_a_batch_knows_what_its_views_show(make_transport: Make, device: str) ->
     transports = [make_transport(0, parts=2), make_transport(1, parts=3).half()]
     batch = TransportBatch.stack([t.to(device) for t in transports])
     assert batch.owner.tolist() == [0, 0, 1, 1, 1]
-    for name in ("coverage", "guide"):
+    for name in ("coverage", "gbuffer"):
         shown = getattr(batch, name).cpu()
         assert shown.dtype == torch.float32
         assert torch.equal(shown, torch.stack([getattr(t, name).float() for t in transports]))

@@ -36,7 +36,7 @@ def pictures(stages: Transports, step: int) -> torch.Tensor:
     stage = stages.stage(BATCHES[step], rng(step))
     layers = torch.rand(3, 32, 32, 4, generator=torch.Generator().manual_seed(step))
     image, coverage = stage.render(layers.to(stages.device))
-    return torch.cat([image, coverage.unsqueeze(-1), stage.guide], dim=-1).cpu()
+    return torch.cat([image, coverage.unsqueeze(-1), stage.gbuffer], dim=-1).cpu()
 
 
 @pytest.fixture(scope="module")

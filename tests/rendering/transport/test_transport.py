@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from safetensors import safe_open
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.rendering.texture_filter import Repeat, sample_texture
@@ -42,12 +43,12 @@ def three_parts() -> Materials:
 def built(
     chunks: list[TransportSamples],
     learnable: tuple[int, ...] = (0, 2),
-    guide: torch.Tensor | None = None,
+    gbuffer: torch.Tensor | None = None,
     repeat: Repeat = (False, False),
 ) -> LightTransport:
-    guide = torch.rand(ROWS, COLS, 6) if guide is None else guide
+    gbuffer = torch.rand(ROWS, COLS, 6) if gbuffer is None else gbuffer
     return build_transport(
-        chunks, materials=three_parts(), learnable=learnable, guide=guide, view=a_view(), spp=SPP, repeat=repeat
+        chunks, materials=three_parts(), learnable=learnable, gbuffer=gbuffer, view=a_view(), spp=SPP, repeat=repeat
     )
 
 
@@ -113,13 +114,13 @@ def test_no_samples_at_all_is_a_black_picture(chunks: int) -> None:
 
 
 @pytest.mark.parametrize("repeat", [(False, False), (True, False), (True, True)])
-def test_the_guide_is_what_learnable_samples_see(repeat: Repeat) -> None:
-    samples, guide = random_samples(400, 3), torch.randn(ROWS, COLS, 6, generator=torch.Generator().manual_seed(3))
-    transport = built([samples], guide=guide, repeat=repeat)
+def test_the_gbuffer_is_what_learnable_samples_see(repeat: Repeat) -> None:
+    samples, gbuffer = random_samples(400, 3), torch.randn(ROWS, COLS, 6, generator=torch.Generator().manual_seed(3))
+    transport = built([samples], gbuffer=gbuffer, repeat=repeat)
     learnable = samples.part != 1
     expected = torch.zeros(15, 6)
-    expected.index_add_(0, samples.pixel[learnable], sample_texture(guide, samples.uv[learnable], repeat) / SPP)
-    torch.testing.assert_close(transport.guide.reshape(-1, 6), expected, rtol=1e-5, atol=1e-5)
+    expected.index_add_(0, samples.pixel[learnable], sample_texture(gbuffer, samples.uv[learnable], repeat) / SPP)
+    torch.testing.assert_close(transport.gbuffer.reshape(-1, 6), expected, rtol=1e-5, atol=1e-5)
 
 
 def test_the_seam_repeats_where_it_is_told_to() -> None:
@@ -134,9 +135,9 @@ def test_the_seam_repeats_where_it_is_told_to() -> None:
 def test_cuda_builds_what_the_cpu_builds_and_the_same_bits_each_time() -> None:
     chunks = [random_samples(3000, 3, seed=n) for n in range(3)]
     there = [TransportSamples(**{name: value.cuda() for name, value in vars(chunk).items()}) for chunk in chunks]
-    guide = torch.rand(ROWS, COLS, 6, generator=torch.Generator().manual_seed(4))
-    expected, once, twice = built(chunks, guide=guide), built(there, guide=guide), built(there, guide=guide)
-    for name in ("start", "texel", "weight", "background", "coverage", "guide"):
+    gbuffer = torch.rand(ROWS, COLS, 6, generator=torch.Generator().manual_seed(4))
+    expected, once, twice = built(chunks, gbuffer=gbuffer), built(there, gbuffer=gbuffer), built(there, gbuffer=gbuffer)
+    for name in ("start", "texel", "weight", "background", "coverage", "gbuffer"):
         assert torch.equal(getattr(once, name), getattr(twice, name))
         torch.testing.assert_close(getattr(once, name).cpu(), getattr(expected, name), rtol=1e-5, atol=1e-5)
 
@@ -164,8 +165,31 @@ def test_file_returns_what_was_saved(tmp_path: Path) -> None:
     transport.save(tmp_path / "a" / "view.safetensors")
     loaded = LightTransport.load(tmp_path / "a" / "view.safetensors")
     assert (loaded.parts, loaded.texture_shape) == (transport.parts, transport.texture_shape)
-    for name in ("start", "texel", "weight", "scale", "background", "coverage", "guide"):
+    for name in ("start", "texel", "weight", "scale", "background", "coverage", "gbuffer"):
         assert torch.equal(getattr(loaded, name), getattr(transport, name))
+
+
+def test_files_call_the_gbuffer_guide_as_those_of_earlier_versions_do(tmp_path: Path) -> None:
+    transport = built([random_samples(100, 3)])
+    transport.save(tmp_path / "view.safetensors")
+    with safe_open(tmp_path / "view.safetensors", framework="pt") as file:
+        assert torch.equal(file.get_tensor("guide"), transport.gbuffer)
+        assert "gbuffer" not in file.keys()  # noqa: SIM118
+
+
+def test_the_former_name_of_the_gbuffer_works_and_warns() -> None:
+    given = {"materials": three_parts(), "learnable": [0, 2], "view": a_view(), "spp": SPP}
+    gbuffer = torch.rand(ROWS, COLS, 6)
+    with pytest.warns(DeprecationWarning, match=r"build_transport\(guide=...\) is now gbuffer=...") as caught:
+        transport = build_transport([random_samples(100, 3)], guide=gbuffer, **given)  # type: ignore[call-arg]
+    assert caught[0].filename == __file__
+    assert torch.equal(transport.gbuffer, build_transport([random_samples(100, 3)], gbuffer=gbuffer, **given).gbuffer)
+    with pytest.warns(DeprecationWarning, match=r"LightTransport\.guide is now gbuffer"):
+        assert transport.guide is transport.gbuffer
+    with pytest.warns(DeprecationWarning, match=r"TransportBatch\.guide is now gbuffer"):
+        assert TransportBatch.stack([transport]).guide.shape == (1, *transport.gbuffer.shape)
+    with pytest.raises(TypeError, match="guide"):
+        build_transport([], gbuffer=gbuffer, guide=gbuffer, **given)  # type: ignore[call-arg]
 
 
 @pytest.mark.parametrize("content", [b"", b"\x08\x00\x00\x00\x00\x00\x00\x00{broken}", b"x" * 5000])
@@ -187,7 +211,7 @@ def test_damaged_file_is_one_sentence(tmp_path: Path, content: bytes) -> None:
         ("start", lambda t: t[1:]),
         ("weight", lambda t: t[1:]),
         ("weight", lambda t: t.double()),
-        ("guide", lambda t: t[..., :3]),
+        ("gbuffer", lambda t: t[..., :3]),
     ],
 )
 def test_a_file_that_leads_out_of_its_arrays_is_refused(name: str, change: Change, tmp_path: Path) -> None:

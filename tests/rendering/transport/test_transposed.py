@@ -27,7 +27,7 @@ def view(seed: int, parts: tuple[int, ...]) -> LightTransport:
         scale=torch.tensor(1.5),
         background=torch.rand(HEIGHT, WIDTH, 3, generator=rng),
         coverage=torch.ones(HEIGHT, WIDTH),
-        guide=torch.zeros(HEIGHT, WIDTH, 6),
+        gbuffer=torch.zeros(HEIGHT, WIDTH, 6),
         parts=parts,
         texture_shape=(ROWS, COLS),
     )
