@@ -26,7 +26,7 @@ from svbrdfgan.training.config import ScenesConfig, TrainConfig, settled
 from svbrdfgan.training.demodulation import Sight
 from svbrdfgan.training.online_rendering import FreshRenders
 from svbrdfgan.training.perturb import Perturbation
-from svbrdfgan.utils.copy_async import send
+from svbrdfgan.utils.copy_async import copy_async
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +56,11 @@ class Feed:
 
     def geometry(self, indices: Sequence[int]) -> Float[Tensor, "batch 6 rows cols"]:
         """What the generator sees of these exemplars' subjects."""
-        return self.buffers[send(self.exemplars.subject_of[list(indices)], self.buffers.device)]
+        return self.buffers[copy_async(self.exemplars.subject_of[list(indices)], self.buffers.device)]
 
     def real(self, indices: Sequence[int]) -> tuple[Tensor, Tensor, Tensor | None]:
         """Image, coverage and G-buffer of these exemplars."""
-        picked = send(torch.tensor(indices), self.images.device)
+        picked = copy_async(torch.tensor(indices), self.images.device)
         gbuffer = None if self.gbuffers is None else self.gbuffers[picked]
         return self.images[picked], self.coverage[picked], gbuffer
 

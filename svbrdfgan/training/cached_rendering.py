@@ -25,7 +25,7 @@ from svbrdfgan.rendering.transport.cache import Reader, Reading, TransportCache
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.demodulation import Sight
 from svbrdfgan.training.perturb import Perturbation
-from svbrdfgan.utils.copy_async import send
+from svbrdfgan.utils.copy_async import copy_async
 
 Layers = Float[Tensor, "batch rows cols channels"]
 Images = Float[Tensor, "batch height width 3"]
@@ -222,9 +222,9 @@ class Transports:
     def _base(self, indices: Sequence[int]) -> Tensor:
         bases = [base for index in indices for base in self._bases_of(index)]
         if all(base.ndim == 1 for base in bases):
-            return send(torch.stack(bases).reshape(-1, 1, 1, 3), self.device)
+            return copy_async(torch.stack(bases).reshape(-1, 1, 1, 3), self.device)
         size = (*self.exemplars.subjects[0].buffer.part.shape, 3)
-        return send(torch.stack([base.expand(size) for base in bases]), self.device)
+        return copy_async(torch.stack([base.expand(size) for base in bases]), self.device)
 
     def _bases_of(self, index: int) -> list[Tensor]:
         """Of each learnable part."""

@@ -18,7 +18,7 @@ from svbrdfgan.training.config import LossConfig, TrainConfig
 from svbrdfgan.training.demodulation import carried
 from svbrdfgan.training.picture import present
 from svbrdfgan.training.state import State
-from svbrdfgan.utils.copy_async import send
+from svbrdfgan.utils.copy_async import copy_async
 
 Diagnostics = dict[str, Tensor]
 Pictures = Float[Tensor, "batch channels height width"]
@@ -85,7 +85,7 @@ def sides(feed: Feed, indices: Sequence[int], stage: Stage, layers: Layers) -> t
 def show(real: Shot, fake: Shot, rng: np.random.Generator) -> Round:
     """Both sides as the discriminator sees them: each pair before a background of its own, drawn anew."""
     device = real[0].device
-    background = send(torch.from_numpy(rng.random((len(real[0]), 3), dtype=np.float32)), device)
+    background = copy_async(torch.from_numpy(rng.random((len(real[0]), 3), dtype=np.float32)), device)
     return Round(*(present(image, coverage, background, gbuffer) for image, coverage, gbuffer in (real, fake)))
 
 
@@ -116,7 +116,7 @@ def _penalty(loss: LossConfig, critic: nn.Module, real: Tensor, fake: Tensor, rn
     if loss.r2:
         total = total + 0.5 * loss.r2 * gradient_square(critic, fake)
     if loss.gradient_penalty:
-        mix = send(torch.from_numpy(rng.random(len(real), dtype=np.float32)), real.device)
+        mix = copy_async(torch.from_numpy(rng.random(len(real), dtype=np.float32)), real.device)
         total = total + loss.gradient_penalty * gradient_penalty(critic, real, fake, mix)
     return total
 

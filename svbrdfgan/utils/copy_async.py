@@ -1,4 +1,4 @@
-"""From the CPU to a GPU without waiting."""
+"""Copies from the CPU to a GPU that nothing waits for."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import torch
 from torch import Tensor
 
 
-def send(tensor: Tensor, device: torch.device | str) -> Tensor:
-    """The tensor on a device. From the CPU to CUDA the copy is queued on the current stream, and not waited for."""
+def copy_async(tensor: Tensor, device: torch.device | str) -> Tensor:
+    """The tensor on a device. A copy from the CPU to CUDA is queued on the current stream; the caller goes on."""
     device = torch.device(device)
     if device.type == "cuda" and tensor.device.type == "cpu":
+        # from pageable memory the copy would be synchronous, non_blocking or not
         return tensor.pin_memory().to(device, non_blocking=True)
     return tensor.to(device)

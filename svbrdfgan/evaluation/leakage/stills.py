@@ -11,7 +11,7 @@ from torch import Tensor
 
 from svbrdfgan.data.generate import BRIGHTEST
 from svbrdfgan.training.step import Shot
-from svbrdfgan.utils.copy_async import send
+from svbrdfgan.utils.copy_async import copy_async
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,5 +32,5 @@ class Stills:
 
     def shot(self, pairs: Sequence[int]) -> Shot:
         """Those of some pairs."""
-        picked = send(torch.as_tensor(pairs), self.image.device)
+        picked = copy_async(torch.as_tensor(pairs), self.image.device)
         return self.image[picked], self.coverage[picked], None if self.gbuffer is None else self.gbuffer[picked]

@@ -13,7 +13,7 @@ from svbrdfgan.rendering.texture_filter import Repeat, bilinear_taps, sample_tex
 from svbrdfgan.rendering.transport.light_transport import LightTransport
 from svbrdfgan.rendering.transport.merge import Entries, Runs, segment_sums
 from svbrdfgan.types import Materials, TransportSamples, View
-from svbrdfgan.utils.copy_async import send
+from svbrdfgan.utils.copy_async import copy_async
 from svbrdfgan.utils.deprecation import renamed_keyword
 
 _MERGE_AT = 16_000_000
@@ -46,7 +46,7 @@ def build_transport(
     pending: list[Entries] = []
     waiting = 0
     for chunk in samples:
-        columns, gbuffer = columns.to(chunk.uv.device), send(gbuffer, chunk.uv.device)
+        columns, gbuffer = columns.to(chunk.uv.device), copy_async(gbuffer, chunk.uv.device)
         pending.append(_entries(chunk, _reflected(chunk, materials, learnable, repeat), columns).merged())
         waiting += len(pending[-1].key)
         if waiting > _MERGE_AT:
@@ -76,7 +76,7 @@ class _Columns:
         return cls(texture, learnable, shape, repeat)
 
     def to(self, device: torch.device) -> _Columns:
-        return _Columns(send(self.texture, device), self.parts, self.shape, self.repeat)
+        return _Columns(copy_async(self.texture, device), self.parts, self.shape, self.repeat)
 
     @property
     def texels(self) -> int:

@@ -19,7 +19,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from svbrdfgan.rendering.transport.light_transport import LightTransport
-from svbrdfgan.utils.copy_async import send
+from svbrdfgan.utils.copy_async import copy_async
 
 PICTURE = {"ROWS": 8, "LANES": 16, "num_warps": 1}
 """Pixels of a program, and entries of each of them at a time."""
@@ -169,7 +169,7 @@ class KernelProduct:
             for t, texel in zip(kept, first, strict=False)
         ]
         device = kept[0].texel.device
-        return cls(kept, send(torch.tensor(rows), device), half, 4 if _adds_vectors(device) else 3)
+        return cls(kept, copy_async(torch.tensor(rows), device), half, 4 if _adds_vectors(device) else 3)
 
     def picture(self, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
         return self._shown(texels, BACKGROUND=True)

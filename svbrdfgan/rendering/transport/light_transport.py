@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from svbrdfgan.io.tensors import save_tensors, stored_tensors
-from svbrdfgan.utils.copy_async import send
+from svbrdfgan.utils.copy_async import copy_async
 from svbrdfgan.utils.deprecation import renamed_attribute
 
 _FORMAT = "svbrdfgan light transport 1"
@@ -84,7 +84,7 @@ class LightTransport:
 
     def to(self, device: torch.device | str) -> LightTransport:
         """The same on another device. Copies from the CPU to CUDA are queued there, and not waited for."""
-        moved: dict[str, Any] = {name: send(tensor, device) for name, tensor in self.tensors().items()}
+        moved: dict[str, Any] = {name: copy_async(tensor, device) for name, tensor in self.tensors().items()}
         return replace(self, **moved)
 
     def record_stream(self, stream: torch.cuda.Stream) -> None:

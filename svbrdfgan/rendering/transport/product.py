@@ -15,7 +15,7 @@ from torch.autograd.function import FunctionCtx, once_differentiable
 from svbrdfgan.rendering.transport.csr import HostProduct
 from svbrdfgan.rendering.transport.light_transport import LightTransport
 from svbrdfgan.rendering.transport.reference import PlainProduct
-from svbrdfgan.utils.copy_async import send
+from svbrdfgan.utils.copy_async import copy_async
 from svbrdfgan.utils.deprecation import renamed_attribute
 from svbrdfgan.utils.triton_works import triton_works
 
@@ -76,7 +76,7 @@ class TransportBatch:
     def owner(self) -> Int[Tensor, " textures"]:
         """For every texture, in order, the view that it belongs to."""
         owners = [view for view, t in enumerate(self.transports) for _ in t.parts]
-        return send(torch.tensor(owners, dtype=torch.long), self.transports[0].texel.device)
+        return copy_async(torch.tensor(owners, dtype=torch.long), self.transports[0].texel.device)
 
     def render(self, textures: Float[Tensor, "textures rows cols 3"]) -> Float[Tensor, "batch height width 3"]:
         """The pictures of these reflectances, differentiable in them (once).
