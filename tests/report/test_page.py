@@ -97,7 +97,7 @@ def test_the_learned_layer_stands_beside_the_truth_and_the_oracle(whole: Page) -
 
 def test_a_rising_oracle_is_called_so(run: Path, evaluated) -> None:
     rising = evaluated.evaluation.model_copy(update={"oracle_plateau": False})
-    page = write(run, type(evaluated)(rising, evaluated.config, evaluated.feed, evaluated.layers))
+    page = write(run, type(evaluated)(rising, evaluated.config, evaluated.source, evaluated.layers))
     assert "Still rising after 2,300 steps" in page.words
     assert "At its plateau" not in page.words
 

@@ -16,20 +16,20 @@ from svbrdfgan.training.config import LossConfig
 
 
 def test_one_view_of_each_vehicle_spread_over_all(makers) -> None:
-    exemplars = makers.make_evaluated(tuple("abcdefgh"), views=3).feed.exemplars
+    exemplars = makers.make_evaluated(tuple("abcdefgh"), views=3).source.exemplars
     assert choose_views(exemplars, 20) == list(range(0, 24, 3))
     assert choose_views(exemplars, 2) == [0, 21]
     assert choose_views(exemplars, 1) == [0]
 
 
 def test_views_without_weathering_are_passed_over(evaluated) -> None:
-    exemplars = evaluated.feed.exemplars
+    exemplars = evaluated.source.exemplars
     clean = exemplars.scenes[0].model_copy(update={"weathering": None})
     assert choose_views(replace(exemplars, scenes=(clean, *exemplars.scenes[1:])), 4) == [1, 2]
 
 
 def test_of_a_vehicle_s_views_the_best_exposed_is_shown(makers) -> None:
-    exemplars = makers.make_evaluated(("a", "b"), views=3).feed.exemplars
+    exemplars = makers.make_evaluated(("a", "b"), views=3).source.exemplars
     scale = torch.tensor([0.01, 100.0, 1.0, 1.0, 0.01, 100.0]).reshape(6, 1, 1, 1)
     middle = exemplars.coverage.unsqueeze(-1) * 0.2 * torch.ones(3)
     assert choose_views(replace(exemplars, images=middle * scale), 2) == [2, 3]
