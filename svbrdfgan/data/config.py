@@ -1,4 +1,4 @@
-"""What a data set is made of, as written in its YAML file. `docs/quickstart.md` shows one with every key."""
+"""The configuration of a data set, as written in YAML. `docs/quickstart.md` shows a file with every key."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Split = Literal["train", "validation", "test"]
 
 
 class ProceduralMeshes(StrictModel):
-    """Vehicles made by `svbrdfgan.procedural`. Each seed gives other vehicles; splits need different seeds."""
+    """Procedural vehicles. Each seed gives other vehicles; splits need different seeds."""
 
     count: int = Field(ge=1)
     kinds: tuple[str, ...] = ("sedan", "hatchback", "van", "pickup")
@@ -23,7 +23,7 @@ class ProceduralMeshes(StrictModel):
 
 
 class ProceduralSkies(StrictModel):
-    """Skies made by `svbrdfgan.procedural`, or rooms, whose light is of another kind."""
+    """Procedural skies (outdoor) or rooms (indoor), whose light is of another kind."""
 
     count: int = Field(ge=1)
     kind: Literal["outdoor", "indoor"] = "outdoor"
@@ -45,7 +45,7 @@ class EnvironmentSource(StrictModel):
 
 
 ELEVATION, DISTANCE, FIELD_OF_VIEW, BRIGHTNESS = (-89.0, 89.0), (0.05, math.inf), (1.0, 170.0), (1e-6, math.inf)
-"""Least and greatest that are allowed; what `normal` draws beyond is clamped to them."""
+"""Smallest and largest allowed values. Draws of `normal` beyond them are clamped."""
 
 
 class CameraDistribution(StrictModel):
@@ -92,7 +92,7 @@ PAINTS = (
 
 
 class DatasetConfig(StrictModel):
-    """A whole data set. One of imported pictures has no `weathering`: nobody knows what theirs was made by."""
+    """A whole data set. One of imported pictures has no `weathering`, since theirs is unknown."""
 
     seed: int = 0
     image: tuple[Annotated[int, Field(ge=8, le=8192)], Annotated[int, Field(ge=8, le=8192)]] = (256, 256)
@@ -118,7 +118,7 @@ class DatasetConfig(StrictModel):
         return self
 
     def camera_of(self, split: Split) -> CameraDistribution:
-        """Where pictures of the split are taken from."""
+        """The cameras of the split."""
         return self.splits[split].camera or self.camera
 
 

@@ -1,4 +1,4 @@
-"""The oracle: the same network on the same data, told the truth. What it recovers is what training could at best."""
+"""The oracle: the same network on the same data, supervised with the true layers; a ceiling for the GAN."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from svbrdfgan.training.state import make_generator
 log = logging.getLogger(__name__)
 
 Watch = Callable[[int, float], None]
-"""Told the step and the validation score, now and then."""
+"""Called with the step and the validation score at every scoring."""
 
 
 @dataclass(frozen=True)
 class OracleConfig:
-    """How the oracle learns: as well as the data allow, whatever the run's own batch and rates are.
+    """How the oracle is trained: to its best, independent of the run's batch size and learning rates.
 
     Attributes:
         batch: targets in a step.
         rate: Adam's learning rate, halved whenever the score stalls.
         every: steps between scores.
-        patience: scores without a gain of `gain` before the rate is halved.
-        halvings: after so many, the plateau is reached.
-        steps: the most it takes, plateau or not.
+        patience: scores without an improvement of `gain` before the rate is halved.
+        halvings: halvings of the rate after which the plateau is reached.
+        steps: the most steps, plateau or not.
     """
 
     batch: int = 16
@@ -48,10 +48,10 @@ class OracleConfig:
 
 @dataclass(frozen=True, eq=False)
 class Oracle:
-    """What the supervised network reached.
+    """A trained oracle.
 
     Attributes:
-        plateau: whether its score had stopped rising before the steps ran out.
+        plateau: whether its score stopped rising before the last step.
     """
 
     generator: Generator
@@ -69,7 +69,7 @@ def train_oracle(
     schedule: OracleConfig,
     watch: Watch | None = None,
 ) -> Oracle:
-    """Minimises E, of every map, on the training targets, until the score of `scorer` stops rising; keeps the best."""
+    """Minimises E of every map on the training targets until the score of `scorer` stops rising."""
     generator = make_generator(config.generator, targets[0].truth.shape[-1])
     initialise(generator, torch.Generator().manual_seed(config.seed))
     generator.to(geometry.device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it

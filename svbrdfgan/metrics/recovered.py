@@ -1,8 +1,8 @@
-"""The score of a generator: how much of the ground-truth layers it recovered, over texels that pictures show.
+"""The score of a generator, `recovered`: how much of the ground-truth layers it found, on texels that pictures show.
 
-`E` is the mean absolute error of the composited albedo over seen texels of learnable parts, weighted by surface area.
-`recovered = 1 - E(generator) / E(constant)`, where *constant* is the one RGBA layer that minimises E on the training
-subjects: 1 is perfect, 0 is no better than one colour everywhere.
+`recovered = 1 - E(generator) / E(constant)` is a skill score: 1 is perfect, 0 is no better than one colour everywhere.
+`E` is the mean absolute error of the composited base colour over seen texels of learnable parts, weighted by surface
+area. *constant* is the one RGBA layer that minimises E on the training subjects.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from svbrdfgan.io import srgb_from_linear
 from svbrdfgan.rendering.compositing import RGBA, composite
 
 SeenTexels = Callable[[int], Float[Tensor, "rows cols"]]
-"""For an exemplar, a positive number wherever its picture shows the outermost learnable surface."""
+"""Maps an exemplar's index to a texture that is positive where its picture shows the outermost learnable surface."""
 
 _CONSTANT_TARGETS = 64
 POLE_DEGREES = 30.0
-"""Around a pole: within it, the hemispherical map widens what runs around the pole more than twice."""
+"""Within this angle of a pole the hemispherical map stretches circles around the pole more than twofold."""
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """One exemplar's truth.
+    """The true layer of one exemplar, and where it is scored.
 
     Attributes:
         subject: index among the exemplars' subjects.
         truth: G0's layer.
-        base: what lies beneath it: the reflectance, and the values of the further maps that the layer paints.
-        weight: square metres of each texel that counts; zero for the others.
+        base: base colour under the layer, and the values of the further maps that the layer paints.
+        weight: area in square metres of each scored texel; zero elsewhere.
     """
 
     subject: int
@@ -50,7 +50,7 @@ class Target:
         return self.errors(layer)[0]
 
     def errors(self, layer: Float[Tensor, "*#size channels"]) -> Float[Tensor, " maps"]:
-        """E of a layer, and the same of each further map."""
+        """E of a layer, followed by the error of each further map."""
         difference = (composite(self.base, layer) - composite(self.base, self.truth)).abs()
         maps = torch.stack([difference[..., :3].mean(dim=-1), *difference[..., 3:].unbind(dim=-1)])
         return (maps * self.weight).sum(dim=(1, 2)) / self.weight.sum()
@@ -59,12 +59,12 @@ class Target:
 def make_targets(
     exemplars: Exemplars, seen: SeenTexels, device: torch.device, limit: int | None = None
 ) -> tuple[list[Target], float]:
-    """The targets of exemplars whose truth is known, evenly chosen up to `limit`, and the seen share of learnable area.
+    """Targets of at most `limit` exemplars whose true layer is known, evenly chosen, and the seen share of learnable area.
 
-    A texel counts if any picture of its subject shows it. Only subjects of chosen exemplars are looked at.
+    A texel is scored if any picture of its subject shows it.
 
     Raises:
-        AssetError: of no exemplar is it known how it is weathered, or none shows any learnable texel.
+        AssetError: no exemplar has a known layer, or none shows a learnable texel.
     """
     views = [view for number in range(len(exemplars.subjects)) for view in exemplars.views_of(number)]
     known = list(filter(exemplars.weathered, views))
@@ -81,8 +81,8 @@ def make_targets(
             targets += [_target(exemplars, view, weight.to(device)) for view in chosen]
     if not targets:
         raise AssetError(
-            "nothing can be scored: of no exemplar that shows a learnable part is it known how it is weathered "
-            "(imported pictures have no truth)."
+            "nothing can be scored: no exemplar that shows a learnable part has a known layer (imported pictures have "
+            "none)."
         )
     return targets, sum(shares) / len(shares)
 
@@ -96,18 +96,18 @@ def _target(exemplars: Exemplars, view: int, weight: Float[Tensor, "rows cols"])
 
 
 def mean_errors(targets: Sequence[Target], layers: Float[Tensor, "subjects rows cols channels"]) -> list[float]:
-    """E over all targets, with one layer for each subject, and the same of each further map."""
+    """Mean E over all targets, with one layer for each subject, followed by the mean error of each further map."""
     with torch.no_grad():
         return torch.stack([target.errors(layers[target.subject]) for target in targets]).mean(dim=0).tolist()
 
 
 def mean_error(targets: Sequence[Target], layers: Float[Tensor, "subjects rows cols channels"]) -> float:
-    """E over all targets, with one layer for each subject."""
+    """Mean E over all targets, with one layer for each subject."""
     return mean_errors(targets, layers)[0]
 
 
 def best_constant(targets: Sequence[Target], steps: int = 400) -> Float[Tensor, " channels"]:
-    """The one layer of least E on these targets; in further maps, the mean of what the true layers lay down."""
+    """The constant layer of least E on these targets; in further maps, the mean of the true layers weighted by alpha."""
     device = targets[0].truth.device
     truth = torch.stack([target.truth for target in targets])
     base = torch.stack([target.base[..., :3] for target in targets])
@@ -135,7 +135,7 @@ def best_constant(targets: Sequence[Target], steps: int = 400) -> Float[Tensor, 
 
 
 def constant_layer(exemplars: Exemplars, seen: SeenTexels, device: torch.device) -> Float[Tensor, " channels"]:
-    """The one layer of least E on up to 64 of these exemplars, evenly chosen.
+    """The constant layer of least E on at most 64 of these exemplars, evenly chosen.
 
     Raises:
         AssetError: as `make_targets`.
@@ -144,9 +144,9 @@ def constant_layer(exemplars: Exemplars, seen: SeenTexels, device: torch.device)
 
 
 def near_poles(geometry: Float[Tensor, "subjects 6 rows cols"]) -> Bool[Tensor, "subjects rows cols"]:
-    """Texels near the poles of the hemispherical map (thesis 4.1), whatever the embedding: a vehicle's nose and tail.
+    """Texels near the poles of the hemispherical map (thesis 4.1), in any embedding: a vehicle's nose and tail.
 
-    Seen from the middle of the ground, they lie within `POLE_DEGREES` of the long axis (+Z and -Z).
+    Seen from the centre of the ground, they lie within `POLE_DEGREES` of the long axis (+Z and -Z).
     """
     position = geometry[:, :3]
     return position[:, 2].abs() >= math.cos(math.radians(POLE_DEGREES)) * position.norm(dim=1)
@@ -157,8 +157,8 @@ class Scorer:
     """Scores generators on the subjects of a split.
 
     Attributes:
-        geometry: what generators see of each subject.
-        targets: the truth.
+        geometry: the generator's input for each subject.
+        targets: the true layers.
         constant_error: E of the constant layer.
         seen: share of the learnable area that pictures show.
     """
@@ -172,14 +172,14 @@ class Scorer:
     def make(
         cls, exemplars: Exemplars, seen: SeenTexels, constant: Float[Tensor, " channels"], device: torch.device
     ) -> Scorer:
-        """A scorer of these exemplars, against the constant that training subjects gave."""
+        """A scorer of these exemplars, against the constant layer of the training subjects."""
         targets, share = make_targets(exemplars, seen, device)
         geometry = torch.stack([subject.geometry for subject in exemplars.subjects]).to(device)
         size = (len(geometry), *geometry.shape[2:], -1)
         return cls(geometry, targets, mean_error(targets, constant.to(device).expand(size)), share)
 
     def at_poles(self, constant: Float[Tensor, " channels"]) -> Scorer | None:
-        """A scorer of what lies near the poles alone; None if nothing that counts does."""
+        """A scorer of the texels near the poles alone; None if none is scored there."""
         near = near_poles(self.geometry)
         masked = [replace(target, weight=target.weight * near[target.subject]) for target in self.targets]
         targets = [target for target in masked if target.weight.sum() > 0]
@@ -191,7 +191,7 @@ class Scorer:
     def layers(
         self, generator: Callable[[Tensor], Tensor], batch: int = 8
     ) -> Float[Tensor, "subjects rows cols channels"]:
-        """What a generator paints on each subject."""
+        """The layer that a generator paints on each subject."""
         with torch.no_grad():
             return torch.cat([generator(chunk).float() for chunk in self.geometry.split(batch)])
 

@@ -1,4 +1,4 @@
-"""What is pictured: a mesh's surface, its geometry buffer and which of its parts carry the layer."""
+"""The asset that pictures show: a mesh's embedded surface, its geometry buffer, and the parts that carry the layer."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class Subject:
     """A surface ready to be weathered, learned from and rendered.
 
     Attributes:
-        surface: embedded, with inner layers hidden.
-        buffer: baked over the texture's texels.
+        surface: the embedded mesh, with inner layers hidden.
+        buffer: position and normal of each texel, baked from the surface.
         learnable: indices of the parts that carry the layer.
         base: linear RGB reflectance of every part, constant (3,) or (rows, cols, 3) over the surface's UV.
     """
@@ -38,7 +38,7 @@ class Subject:
 
     @cached_property
     def geometry(self) -> Float[Tensor, "6 rows cols"]:
-        """What the generator sees."""
+        """The generator's input."""
         return self.buffer.network_input()
 
     @cached_property
@@ -47,9 +47,7 @@ class Subject:
         return torch.isin(self.buffer.part, torch.tensor(self.learnable, dtype=self.buffer.part.dtype))
 
     def overlooked(self) -> list[str]:
-        """A sentence on each part that its name alone keeps clean by default, though it is larger than all that carry
-        the layer.
-        """
+        """A warning for each part that its name keeps clean, but that is larger than all learnable parts."""
         areas = torch.zeros(len(self.surface.parts), dtype=self.buffer.area.dtype)
         areas.index_add_(0, self.buffer.part[self.buffer.mask].long(), self.buffer.area[self.buffer.mask])
         carrying, total = areas[list(self.learnable)].sum(), areas.sum().clamp(min=1e-30)
@@ -63,7 +61,7 @@ class Subject:
         ]
 
     def base_colors(self, override: Mapping[str, tuple[float, float, float]]) -> tuple[Float[Tensor, ...], ...]:
-        """The base of every part, with those named by `override` replaced, their hidden halves included."""
+        """The base colour of every part. `override` replaces those of the parts it names and of their hidden halves."""
         replaced = {f"{name} (hidden)": color for name, color in override.items()} | dict(override)
         return tuple(
             torch.tensor(replaced[part.name]) if part.name in replaced else base
@@ -79,8 +77,8 @@ class Subject:
         """Materials of all parts, with the layer over the learnable ones, on its device.
 
         Args:
-            maps: the further maps that the layer paints, with what lies beneath it on learnable parts and on their
-                hidden halves. Other parts have none of them: they stay Lambertian.
+            maps: the further maps that the layer paints, and their values under it, on learnable parts and on their
+                hidden halves. Other parts stay Lambertian.
 
         Raises:
             AssetError: the layer has channels for other maps.
@@ -102,11 +100,11 @@ class Subject:
     def albedo(
         self, override: Mapping[str, tuple[float, float, float]], layer: Float[Tensor, "rows cols channels"]
     ) -> Float[Tensor, "rows cols 3"]:
-        """The composited reflectance of each texel's own part: what errors are measured on."""
+        """Base colour of each texel's own part under the layer. Scores compare this."""
         return composite(self.base_albedo(override), layer)
 
     def base_albedo(self, override: Mapping[str, tuple[float, float, float]]) -> Float[Tensor, "rows cols 3"]:
-        """The base reflectance of each texel's own part."""
+        """Base colour of each texel's own part."""
         rows, cols = self.buffer.part.shape
         albedo = torch.zeros(rows, cols, 3)
         for part, color in enumerate(self.base_colors(override)):
@@ -116,7 +114,7 @@ class Subject:
 
 
 def make_subject(mesh: Mesh, embedding: UVEmbedding, resolution: int, selection: PartSelection) -> Subject:
-    """Embeds a mesh, hides what lies beneath, and bakes its geometry buffer at resolution x resolution texels.
+    """Embeds a mesh, hides its inner layers, and bakes its geometry buffer at resolution x resolution texels.
 
     Raises:
         EmbeddingError: the mesh cannot be embedded.

@@ -1,4 +1,4 @@
-"""Subjects and layers on disk."""
+"""Files that cache subjects and layers."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from svbrdfgan.scene.asset import Subject
 from svbrdfgan.types import Part, Surface
 
 _SUBJECT, _LAYER = "svbrdfgan subject 1", "svbrdfgan layer 1"
-_REMEDY = "delete it to have it made anew"
+_REMEDY = "delete it, and it is made again"
 
 
 def save_subject(path: Path, subject: Subject) -> None:
-    """Writes a subject, so that its mesh need not be embedded and baked again."""
+    """Writes a subject, so that no later process embeds and bakes its mesh again."""
     surface, buffer = _tensors(subject.surface), _tensors(subject.buffer)
     tensors = {f"surface.{k}": v for k, v in surface.items()} | {f"buffer.{k}": v for k, v in buffer.items()}
     tensors |= {f"base.{part}": base for part, base in enumerate(subject.base)}
@@ -33,7 +33,7 @@ def save_subject(path: Path, subject: Subject) -> None:
 
 
 def load_subject(path: Path) -> Subject:
-    """Reads what `save_subject` wrote; the parts' own textures live on in `base` alone.
+    """Reads what `save_subject` wrote. The parts' own textures are in `base` alone.
 
     Raises:
         AssetError: missing, damaged, or of another version.
@@ -76,6 +76,6 @@ def _under(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
 
 
 def _like(record: type, tensors: Mapping[str, Tensor]) -> dict[str, Any]:
-    """The tensors as the record declares them: NumPy where its annotation says ndarray."""
+    """The tensors as the record declares them: as NumPy arrays where its annotation says ndarray."""
     wanted = {field.name: str(field.type) for field in fields(record)}
     return {name: t.numpy() if "ndarray" in wanted[name] else t for name, t in tensors.items()}

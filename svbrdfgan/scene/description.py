@@ -1,4 +1,4 @@
-"""A scene as stored beside each exemplar: everything that made the picture (thesis A.2), as readable JSON."""
+"""A scene description as stored beside each exemplar: all that its picture depends on (thesis A.2), as JSON."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from svbrdfgan.io.records import load_record, save_record
 from svbrdfgan.types import Camera
 
 MapValues = FurtherMaps[Annotated[float, Field(ge=0, le=1)]]
-"""By name, what lies beneath the layer in each map that it paints beside base_color."""
+"""By name, the value under the layer of each map that the layer paints beside base_color."""
 
 
 class AssetRef(StrictModel):
-    """A file, relative to the folder of the scene or data set, and what must be in it."""
+    """A file, relative to the folder of the scene or data set, and the hash of its content."""
 
     path: str
     sha256: str | None = None
@@ -45,7 +45,7 @@ class OrbitCamera(StrictModel):
 
 
 class SceneEnvironment(StrictModel):
-    """An environment map, turned and made brighter or darker."""
+    """An environment map with its rotation and scale."""
 
     asset: AssetRef
     rotation_degrees: float = 0.0
@@ -65,8 +65,8 @@ class Scene(StrictModel):
     """The thesis's scene description Phi: what `svbrdfgan render` reads and every exemplar keeps.
 
     `materials` overrides the base colours of the named parts; parts not named keep the mesh's own. `maps` are those
-    that the layer paints beside base_color, with their values on the learnable parts beneath it. `weathering` is None
-    where there is none, and "unknown" in an imported picture: it is weathered, and nobody can say how.
+    that the layer paints beside base_color, with their values on the learnable parts under it. `weathering` is None
+    where there is none, and "unknown" in an imported picture, whose weathering nobody described.
     """
 
     mesh: AssetRef

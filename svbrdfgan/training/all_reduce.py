@@ -1,4 +1,4 @@
-"""Means of gradients over processes, found while the backward pass still runs."""
+"""Gradient all-reduce: the mean over processes, computed while the backward pass still runs."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ import torch.distributed as dist
 from torch import Tensor, nn
 
 BUCKET_BYTES = 4 * 2**20
-_ALIGNMENT = 64  # values: kernels read what begins at multiples of 16 bytes faster
+_ALIGNMENT = 64  # in values; kernels read faster from addresses that are multiples of 16 bytes
 
 
 class GradientAllReduce:
     """The mean over processes of a network's gradients.
 
-    By hooks, since penalties differentiate twice, which wrappers of modules do not allow. The last parameters, whose
-    gradients come first, are in the first bucket, and a bucket goes out when all of it and all before it are there, so
-    that every process sends the same ones in the same order. One process has no hooks.
+    It uses hooks, since penalties differentiate twice, which `DistributedDataParallel` does not support. The first
+    bucket holds the last parameters, whose gradients are ready first. A bucket is sent when it and all buckets before
+    it are complete, so that every process sends the same buckets in the same order. One process has no hooks.
 
     Args:
-        processes: of the default group. Each makes one for a network alike, and the same backward passes.
-        bucket_bytes: as soon as there are so many, another bucket is begun.
+        processes: size of the default process group. Every process must run the same backward passes.
+        bucket_bytes: least size of a bucket.
     """
 
     def __init__(self, network: nn.Module, processes: int, bucket_bytes: int = BUCKET_BYTES) -> None:
@@ -36,7 +36,7 @@ class GradientAllReduce:
                 parameter.register_post_accumulate_grad_hook(partial(self._arrive, number))
 
     def finish(self) -> None:
-        """Makes the gradients means, after each backward pass; those that the pass did not give stay None."""
+        """Waits for the means after a backward pass. Gradients that the pass did not compute stay None."""
         for bucket in self._buckets[len(self._sent) :]:
             self._sent.append(bucket.send())
         for work in self._sent:
@@ -51,7 +51,7 @@ class GradientAllReduce:
 
 
 class _Bucket:
-    """Room for the gradients of some parameters, each strided as its parameter, which optimizers are faster with."""
+    """A flat buffer for gradients, each strided as its parameter, which fused optimizers need."""
 
     def __init__(self, parameters: Sequence[nn.Parameter], processes: int) -> None:
         self.parameters, self._processes = parameters, processes
@@ -62,7 +62,7 @@ class _Bucket:
         self._views = [self._flat.as_strided(p.shape, p.stride(), start) for p, start in places]
 
     def send(self) -> dist.Work:
-        """Begins to make the mean, and makes the gradients views of it."""
+        """Starts the all-reduce, and makes the gradients views of its buffer."""
         views, gradients = [], []
         for parameter, view in zip(self.parameters, self._views, strict=True):
             if parameter.grad is None:
@@ -74,11 +74,11 @@ class _Bucket:
         if views:
             torch._foreach_copy_(views, gradients)
         self._flat.div_(self._processes)
-        return dist.all_reduce(self._flat, async_op=True)  # Fabric's has a barrier, which waits for the GPU
+        return dist.all_reduce(self._flat, async_op=True)  # Fabric's all_reduce has a barrier, which waits for the GPU
 
 
 def _groups(parameters: Sequence[nn.Parameter], least_bytes: int) -> Iterator[list[nn.Parameter]]:
-    """The parameters from the last to the first, in groups of at least so many bytes but for the last group."""
+    """The parameters from last to first, in groups of at least `least_bytes` but for the last group."""
     group: list[nn.Parameter] = []
     for parameter in reversed(parameters):
         group.append(parameter)

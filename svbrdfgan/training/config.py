@@ -1,4 +1,4 @@
-"""What a training run is, as written in its YAML file."""
+"""The configuration of a training run, as written in YAML."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class GeneratorConfig(StrictModel):
 
 
 class DiscriminatorConfig(StrictModel):
-    """See `svbrdfgan.networks.Discriminator`. `guide` shows it the position and normal of what it looks at.
+    """See `svbrdfgan.networks.Discriminator`. `guide` shows it a G-buffer: the position and normal of each pixel.
 
-    `sees: reflectance` takes light, camera and noise out of the comparison (see `svbrdfgan.training.step.sides`);
-    `auto` does so unless there is nothing to take out (see `settled`).
+    `sees: reflectance` removes light, camera and noise from the comparison (see `svbrdfgan.training.step.make_pair`);
+    `auto` decides between the two (see `resolved`).
     """
 
     width: int = Field(default=64, ge=4)
@@ -36,7 +36,7 @@ class DiscriminatorConfig(StrictModel):
 
 
 class LossConfig(StrictModel):
-    """The game that is played (thesis 4.3.2, 5.3)."""
+    """The GAN loss and its penalties (thesis 4.3.2, 5.3)."""
 
     name: Literal["vanilla", "lsgan", "wgan", "relativistic"] = "vanilla"
     r1: float = Field(default=0.1, ge=0, description="weight of half |gradient|^2 per logit on real pictures")
@@ -47,7 +47,7 @@ class LossConfig(StrictModel):
 
 
 class OptimizerConfig(StrictModel):
-    """Adam for both players."""
+    """Adam for both networks, and the generator's average."""
 
     generator_rate: float = Field(default=2e-4, gt=0)
     discriminator_rate: float = Field(default=2e-4, gt=0)
@@ -59,12 +59,12 @@ class OptimizerConfig(StrictModel):
 
 
 class ScenesConfig(StrictModel):
-    """The scenes that fakes are rendered in: those of the exemplars, perturbed as told (thesis 5.1, 5.2)."""
+    """The scenes that fakes are rendered in: those of the exemplars, perturbed (thesis 5.1, 5.2)."""
 
     camera_noise_degrees: float = Field(default=0.0, ge=0, description="uniform, on azimuth and elevation, either way")
-    camera: CameraDistribution | None = Field(default=None, description="cameras drawn anew, whatever the exemplar's")
+    camera: CameraDistribution | None = Field(default=None, description="draws each camera, instead of the exemplar's")
     environment: Literal["same", "redrawn"] | EnvironmentSource = "same"
-    pool: int = Field(default=1, ge=0, description="perturbed scenes kept for each exemplar; 0: drawn at every visit")
+    pool: int = Field(default=1, ge=0, description="perturbed scenes stored per exemplar; 0: a new one at every visit")
 
     @property
     def matched(self) -> bool:
@@ -73,7 +73,7 @@ class ScenesConfig(StrictModel):
 
 RECIPES: dict[str, dict[str, Any]] = {
     "default": {},
-    # Thesis 4.3: WGAN-GP with its five critic steps, batch 1, its networks; what it does not say, as in its code base.
+    # Thesis 4.3: WGAN-GP with five critic steps, batch 1, its networks. What it leaves out is as in its code base.
     "thesis": {
         "batch_size": 1,
         "loss": {"name": "wgan", "r1": 0.0, "gradient_penalty": 10.0, "penalty_every": 1, "critic_steps": 5},
@@ -82,14 +82,14 @@ RECIPES: dict[str, dict[str, Any]] = {
         "optimizer": {"beta1": 0.5, "beta2": 0.999, "ema_images": 0.0},
     },
 }
-"""What a recipe sets where the configuration does not say."""
+"""Defaults of each recipe, for keys that the configuration leaves out."""
 
 _FRESH: dict[str, Any] = {"discriminator": {"guide": False}}
-"""Likewise what `rendering: fresh` sets, which does not know what its pixels show."""
+"""Defaults of `rendering: fresh`, which has no G-buffer."""
 
 
 class TrainConfig(StrictModel):
-    """A whole training run. What is not said is as its recipe and its rendering have it (`RECIPES`)."""
+    """A whole training run. Keys that are left out have the defaults of the recipe and the rendering (`RECIPES`)."""
 
     dataset: str
     recipe: Literal["default", "thesis"] = "default"
@@ -154,10 +154,10 @@ def train_config(data: dict[str, Any], source: str) -> TrainConfig:
 
 
 def resolved(config: TrainConfig, spp: int) -> TrainConfig:
-    """The configuration with what its discriminator sees decided, for exemplars of so many samples per pixel.
+    """The configuration with `discriminator.sees` decided, for exemplars with `spp` samples per pixel.
 
-    `auto` is radiance where fakes are shown in their exemplars' own scenes with as many samples, since then nothing but
-    texture tells them apart, and where `rendering` is `fresh`; else reflectance.
+    `auto` means radiance where fakes have their exemplars' scenes and samples per pixel, since then only texture
+    tells them apart, and where `rendering` is `fresh`. Elsewhere it means reflectance.
     """
     discriminator = config.discriminator
     if discriminator.sees != "auto":

@@ -1,4 +1,4 @@
-"""Ctrl-C between steps, rather than within one."""
+"""Graceful interrupt: Ctrl-C takes effect between steps."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from typing import Any
 
 @contextmanager
 def defer_interrupts(wanted: bool = True) -> Iterator[Callable[[], bool]]:
-    """Within, the first SIGINT is noted, and the second raised; it gives what tells whether one came.
+    """Within the context the first SIGINT is only recorded, and the second raises KeyboardInterrupt.
 
-    Nothing changes unless it is wanted, in threads other than the main one, and where SIGINT has a handler already.
+    It yields a function that says whether a SIGINT was recorded. It does nothing if not `wanted`, in threads other than
+    the main one, and where SIGINT has a handler of the caller's.
     """
     came = False
     before = signal.getsignal(signal.SIGINT)

@@ -1,4 +1,4 @@
-"""The scenes that fakes are rendered in: an exemplar's own, or one made from it as the experiment says (thesis 5.2)."""
+"""The scenes that fakes are rendered in: an exemplar's own, or a perturbation of it (thesis 5.2)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from svbrdfgan.training.config import ScenesConfig
 
 @dataclass(frozen=True)
 class Perturbation:
-    """Draws the training scene of an exemplar.
+    """Draws the scene of a fake from the scene of an exemplar.
 
     Attributes:
         config: what to change.
-        sampler: the data set's own distributions, for what is drawn anew from them.
-        environments: another pool of lights, where the configuration names one.
+        sampler: the data set's distributions, from which lights and cameras are drawn.
+        environments: the pool of lights to draw from, if not the split's own.
     """
 
     config: ScenesConfig
@@ -26,7 +26,7 @@ class Perturbation:
     environments: tuple[EnvironmentAsset, ...] | None = None
 
     def scene(self, exemplar: Scene, index: int, rng: np.random.Generator) -> Scene:
-        """A scene like the exemplar's, with samples of its own: its noise is never that of the exemplar."""
+        """A scene like the exemplar's with another seed, so that its noise is not the exemplar's."""
         camera, environment = exemplar.camera, exemplar.environment
         if self.config.camera is not None:
             camera = self.sampler.draw_camera(self.sampler.mesh(index), rng, self.config.camera)

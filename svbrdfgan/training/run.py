@@ -1,4 +1,4 @@
-"""The folder of a run: its configuration, its checkpoints, its model, its log; and how a model is used again."""
+"""A run's folder: its configuration and its models, written and read."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ _FREE: dict[str, Any] = {
     "versions": True,
     "dataset_folder": True,
 }
-"""What may differ when a run is resumed."""
+"""Keys that may differ when a run is resumed."""
 
 
 class RunConfig(StrictModel):
-    """The contents of a run's `config.json`: everything resolved, so that the run says by itself what it was."""
+    """The contents of a run's `config.json`: the whole resolved configuration of a run."""
 
     train: TrainConfig
     dataset: DatasetConfig
@@ -51,15 +51,15 @@ class RunConfig(StrictModel):
 
     @property
     def maps(self) -> dict[str, float]:
-        """What layers paint beside base_color, and what usually lies beneath: the mean of what was learned on."""
+        """Maps that layers paint beside base_color, and the mean of their values under the layer in the data set."""
         return {name: min(max(mean(value), 0.0), 1.0) for name, value in self.dataset.maps.items()}
 
     def moved(self, folder: Path) -> RunConfig:
-        """The same with its data set elsewhere.
+        """The same run with its data set in another folder.
 
         Raises:
-            AssetError: no data set is there.
-            ConfigError: it is another.
+            AssetError: the folder is no data set.
+            ConfigError: it is another data set.
         """
         if DatasetIndex.load(folder).config != self.dataset:
             raise ConfigError(f"{folder} is of another configuration than the data set that the run learned from.")
@@ -80,11 +80,11 @@ class RunConfig(StrictModel):
         return load_record(cls, run / CONFIG)
 
     def require_same(self, other: RunConfig) -> None:
-        """Refuses to resume a run with what would not be the same run.
+        """Checks that a configuration continues this run.
 
         Raises:
-            ConfigError: anything but its length, its log, the machine, where things lie, and what may have to change
-                where a loss was not finite (the rates and loss.r1) differs.
+            ConfigError: something else differs than length, logging, machine, folders, and what a user may change
+                after a loss that was not finite (the rates and loss.r1).
         """
         mine, its = (config.model_dump(exclude=_FREE) for config in (self, other))
         if changed := differences(mine, its):
@@ -93,7 +93,7 @@ class RunConfig(StrictModel):
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A trained generator and what it must be fed with: the embedding and the texture size it learned on."""
+    """A trained generator and the configuration of its run, which names its embedding and texture size."""
 
     generator: Generator
     config: RunConfig
@@ -101,7 +101,7 @@ class Model:
 
 
 def save_generator(path: Path, generator: Generator, config: GeneratorConfig, score: float | None) -> None:
-    """Writes a generator's weights with what is needed to build it."""
+    """Writes a generator's weights and its configuration."""
     words = {"generator": config.model_dump_json(), "score": json.dumps(score)}
     save_tensors(path, _FORMAT, generator.state_dict(), words | {"channels": json.dumps(generator.channels)})
 
@@ -132,7 +132,7 @@ def load_model(run: Path) -> Model:
 
 
 def versions() -> dict[str, str]:
-    """Of what results may depend on."""
+    """Versions of everything that results may depend on."""
     import platform
 
     import numpy

@@ -1,4 +1,4 @@
-"""The state of a run: networks, optimizers and counters; made, written and read whole."""
+"""The state of a run: networks, optimizers and counters, and its checkpoints."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ _KEEP = 2
 
 @dataclass(eq=False)
 class State:
-    """Everything that training changes.
+    """Everything that a training step changes.
 
     Attributes:
-        averaged: the generator's exponential moving average; what is scored and shipped.
+        averaged: the generator's exponential moving average; it is scored and saved.
         step: generator updates done.
         seconds: training time spent, over all resumptions.
         best: the best validation score so far, and at which step.
@@ -52,10 +52,10 @@ class State:
 
     @classmethod
     def fresh(cls, config: TrainConfig, device: torch.device, channels: int = RGBA, processes: int = 1) -> State:
-        """The state before the first step, for layers of so many channels; the same for the same seed on any device.
+        """The state before the first step, for layers with `channels` channels; the same for a seed on any device.
 
         Args:
-            processes: how many share each step.
+            processes: number that share each step.
         """
         rng = torch.Generator().manual_seed(config.seed)
         generator = make_generator(config.generator, channels)
@@ -75,14 +75,14 @@ class State:
         )
 
     def average(self, batch_size: int, half_life: float) -> None:
-        """Moves the averaged generator towards the current one: half the way in `half_life` images, sooner at first."""
+        """Moves the averaged generator towards the current one: half the way in `half_life` images, faster at first."""
         half_life = min(half_life, 0.1 * self.step * batch_size)
         keep = 0.5 ** (batch_size / half_life) if half_life > 0 else 0.0
         means, now = list(self.averaged.parameters()), list(self.generator.parameters())
         get_ema_multi_avg_fn(keep)(means, now, None)
 
     def save(self, folder: Path) -> None:
-        """Writes a checkpoint: a folder that appears whole or not at all. The latest two are kept."""
+        """Writes a checkpoint: a folder that appears whole or not at all. It keeps the latest two."""
         target = checkpoint_path(folder, self.step)
         temporary = target.with_name(f".{target.name}.{os.getpid()}")
         shutil.rmtree(temporary, ignore_errors=True)
@@ -126,7 +126,7 @@ class State:
 
 
 def load_discriminator(checkpoint: Path, config: DiscriminatorConfig) -> tuple[Discriminator, int]:
-    """The discriminator of a checkpoint, on the CPU, and the step that it is of.
+    """The discriminator of a checkpoint, on the CPU, and the checkpoint's step.
 
     Raises:
         AssetError: the checkpoint is damaged.
@@ -140,12 +140,12 @@ def load_discriminator(checkpoint: Path, config: DiscriminatorConfig) -> tuple[D
 
 
 def make_generator(config: GeneratorConfig, channels: int) -> Generator:
-    """The network for layers of so many channels (`layer_channels`)."""
+    """The network that paints layers with `channels` channels (`layer_channels`)."""
     return Generator(**config.model_dump(), channels=channels)
 
 
 def make_discriminator(config: DiscriminatorConfig) -> Discriminator:
-    """The network for what it is shown: colours, and position and normal if it is guided."""
+    """The network for three colour channels, and for the six of the G-buffer if `guide` is set."""
     return Discriminator(channels=9 if config.guide else 3, **config.model_dump(include={"width", "layers", "norm"}))
 
 
@@ -154,12 +154,12 @@ def checkpoint_path(folder: Path, step: int) -> Path:
 
 
 def checkpoints(folder: Path) -> list[Path]:
-    """The whole checkpoints of a run, oldest first."""
+    """The complete checkpoints of a run, oldest first."""
     return sorted((folder / "checkpoints").glob("step_*"))
 
 
 def step_of(checkpoint: Path) -> int:
-    """The generator updates that led to it."""
+    """The generator updates before the checkpoint."""
     return int(checkpoint.name.removeprefix("step_"))
 
 
@@ -186,7 +186,7 @@ def _load_adam(adam: torch.optim.Adam, tensors: dict[str, Tensor]) -> None:
         number, key = name.split(".", 1)
         state.setdefault(int(number), {})[key] = tensor
     adam.load_state_dict({"state": state, "param_groups": adam.state_dict()["param_groups"]})
-    for parameter, moments in adam.state.items():  # fused steps want the parameter's strides, which files do not keep
+    for parameter, moments in adam.state.items():  # fused Adam needs the parameter's strides, which files do not store
         alike = {key: value for key, value in moments.items() if value.shape == parameter.shape}
         moments.update({key: torch.empty_like(parameter).copy_(value) for key, value in alike.items()})
 
