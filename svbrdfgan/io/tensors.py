@@ -30,7 +30,7 @@ def stored_tensors(path: Path, kind: str, remedy: str) -> Iterator[tuple[dict[st
     """What `save_tensors` wrote, on the CPU. The block takes out of it what it needs.
 
     Args:
-        remedy: what to do about a file that cannot be read, such as "delete it to have it made anew".
+        remedy: what to do about a file that cannot be read, such as "delete it, and it is made again".
 
     Raises:
         AssetError: the file is missing, damaged, or of another kind; or the block found that it lacks something.

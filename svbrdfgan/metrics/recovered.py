@@ -59,7 +59,7 @@ class Target:
 def make_targets(
     exemplars: Exemplars, seen: SeenTexels, device: torch.device, limit: int | None = None
 ) -> tuple[list[Target], float]:
-    """Targets of at most `limit` exemplars whose true layer is known, evenly chosen, and the seen share of learnable area.
+    """Targets of at most `limit` exemplars with known layers, evenly chosen, and the seen share of learnable area.
 
     A texel is scored if any picture of its subject shows it.
 
@@ -107,7 +107,7 @@ def mean_error(targets: Sequence[Target], layers: Float[Tensor, "subjects rows c
 
 
 def best_constant(targets: Sequence[Target], steps: int = 400) -> Float[Tensor, " channels"]:
-    """The constant layer of least E on these targets; in further maps, the mean of the true layers weighted by alpha."""
+    """The constant layer of least E on these targets; in further maps, the alpha-weighted mean of the true layers."""
     device = targets[0].truth.device
     truth = torch.stack([target.truth for target in targets])
     base = torch.stack([target.base[..., :3] for target in targets])

@@ -140,7 +140,7 @@ def test_a_damaged_picture_is_one_sentence(content: bytes, dataset_copy: Path) -
 def test_a_damaged_cache_is_one_sentence(dataset_copy: Path) -> None:
     for path in (dataset_copy / "cache" / "subjects").iterdir():
         path.write_bytes(b"x" * 100)
-    with pytest.raises(AssetError, match="delete it to have it made anew") as caught:
+    with pytest.raises(AssetError, match="delete it, and it is made again") as caught:
         load_exemplars(Dataset.open(dataset_copy), "train")
     assert len(str(caught.value).splitlines()) == 1
 
