@@ -104,8 +104,9 @@ def tiny_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def tiny_exemplars(tiny_dataset: Path) -> Any:
     """The training split of the tiny data set in memory. Not to be changed."""
     from svbrdfgan.data.exemplars import load_exemplars
+    from svbrdfgan.data.index import Dataset
 
-    return load_exemplars(tiny_dataset, "train")
+    return load_exemplars(Dataset.open(tiny_dataset), "train")
 
 
 @pytest.fixture

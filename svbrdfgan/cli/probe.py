@@ -10,7 +10,7 @@ import click
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from svbrdfgan.evaluation.leakage.report import Diagnosis
+    from svbrdfgan.evaluation.leakage.report import LeakageReport
 
 _WIDE = 140
 
@@ -48,15 +48,15 @@ def command(
         probed = probe_shortcuts(declared, base=config.parent, minutes=minutes, display=display)
     terminal = Console()
     console = terminal if terminal.is_terminal else Console(width=_WIDE)
-    console.print(_table(probed.diagnosis))
-    for line in probed.diagnosis.lines():
+    console.print(_table(probed.report))
+    for line in probed.report.lines():
         click.echo(line)
     if out:
         probed.save(out)
         click.echo(f"written to {out}")
 
 
-def _table(diagnosis: Diagnosis) -> Table:
+def _table(diagnosis: LeakageReport) -> Table:
     from rich.table import Table
 
     judged = f"the exemplar's picture was picked in so many of {diagnosis.judged} pairs of clean pictures"

@@ -29,16 +29,17 @@ def command(
     from svbrdfgan.config.choices import PluginChoice
     from svbrdfgan.data.generate import render_scene, save_exemplar
     from svbrdfgan.io import save_image
+    from svbrdfgan.plugins.select import resolve_renderer
     from svbrdfgan.scene.description import Scene
-    from svbrdfgan.scene.loader import Studio, resolve_renderer
+    from svbrdfgan.scene.loader import SceneLoader
 
     if options and renderer is None:
         raise click.UsageError("--option is of --renderer: name one.")
     described = Scene.load(scene)
     chosen = described.renderer if renderer is None else PluginChoice(name=renderer, options=key_values(options))
     described = described.model_copy(update={"spp": spp or described.spp})
-    studio = Studio(assets or _asset_folder(scene, described), keep=False)
-    rendering = render_scene(studio, resolve_renderer(chosen, maps=described.maps)[0], described)
+    loader = SceneLoader(assets or _asset_folder(scene, described), keep=False)
+    rendering = render_scene(loader, resolve_renderer(chosen, maps=described.maps)[0], described)
     if out.suffix.lower() == ".exr":
         save_exemplar(out, rendering)
     elif out.suffix.lower() in (".jpg", ".jpeg"):

@@ -76,8 +76,8 @@ def _photographer(
     from svbrdfgan.config.choices import PluginChoice
     from svbrdfgan.inference.export import write_picture
     from svbrdfgan.io import load_environment
+    from svbrdfgan.plugins.select import resolve_renderer
     from svbrdfgan.procedural import build_sky, sample_sky
-    from svbrdfgan.scene.loader import resolve_renderer
 
     chosen, _ = resolve_renderer(PluginChoice(name=renderer), maps=maps)
     light = build_sky(sample_sky(_SKY)) if environment is None else load_environment(environment)

@@ -1,4 +1,4 @@
-"""What a data set will look like and what it will take, from a few of its exemplars made in a temporary folder."""
+"""Previews a data set, and estimates its time, disk and memory, from a few exemplars in a temporary folder."""
 
 from __future__ import annotations
 
@@ -13,20 +13,21 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.data.config import DatasetConfig
-from svbrdfgan.data.generate import render_scene, require_plugins, save_exemplar
-from svbrdfgan.data.index import make_plan
+from svbrdfgan.data.generate import render_scene, resolve_plugins, save_exemplar
+from svbrdfgan.data.index import make_index
+from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import over
-from svbrdfgan.scene.loader import Studio, resolve_renderer
+from svbrdfgan.scene.loader import SceneLoader
 
 _FEW, _PATIENCE = 4, 20.0
 _TRANSPORT_BYTES = 55
-"""For each pixel of a picture, in half precision. Measured on vehicles: 53 over 504 views at 64x64 and 32 samples,
-55 over 2,028 views at 256x256."""
+"""Of stored light transport per pixel, in half precision. Measured on vehicles: 53 over 504 views at 64x64
+and 32 samples, 55 over 2,028 views at 256x256."""
 
 
 @dataclass(frozen=True)
 class Needs:
-    """What a data set takes: seconds of one process, bytes of disk and of memory."""
+    """What a data set needs: seconds of one process, bytes of disk and of memory."""
 
     exemplars: int
     meshes: int
@@ -37,30 +38,32 @@ class Needs:
 
 
 def estimate(config: DatasetConfig, base: Path) -> Needs:
-    """Bakes one mesh, makes a few exemplars of it, and multiplies each by how many there will be."""
-    require_plugins(config)
+    """Bakes one mesh, renders a few exemplars of it, and multiplies each cost by the number in the data set."""
+    renderer, _ = resolve_plugins(config)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        plan = make_plan(config, folder, base)
-        samplers = [plan.sampler(split) for split in config.splits]
+        index = make_index(config, folder, base)
+        samplers = [index.sampler(split) for split in config.splits]
         exemplars, meshes = sum(map(len, samplers)), sum(len(sampler.meshes) for sampler in samplers)
         assets = _bytes_in(folder)
-        sampler, renderer = plan.sampler("train"), resolve_renderer(config.renderer, maps=config.maps)[0]
+        sampler = index.sampler("train")
         scenes = [sampler.draw(sampler.mesh(0), np.random.default_rng(number)) for number in range(_FEW + 1)]
-        studio = Studio(folder)
+        loader = SceneLoader(folder)
         began = time.monotonic()
-        first = render_scene(studio, renderer, scenes.pop(0))  # what a renderer compiles, it compiles here
+        first = render_scene(loader, renderer, scenes.pop(0))  # includes compilation, which happens once
         baked, layer = time.monotonic() - began, _bytes_in(folder / "cache" / "layers")
         began, made = time.monotonic(), 0
         while made < len(scenes) and time.monotonic() - began < _PATIENCE:
-            save_exemplar(folder / f"{made}.exr", render_scene(studio, renderer, scenes[made]))
+            save_exemplar(folder / f"{made}.exr", render_scene(loader, renderer, scenes[made]))
             made += 1
         each = (time.monotonic() - began) / made
         picture = _bytes_in(folder, "*.exr") / made
         subject = _bytes_in(folder / "cache" / "subjects")
         layers = exemplars if _bytes_in(folder / "cache" / "layers") > layer else meshes
     pixels, texels = first.coverage.numel(), config.texture**2
-    transport = 0 if config.maps else exemplars * pixels * _TRANSPORT_BYTES  # none is stored of what is not linear
+    transport = (
+        0 if config.maps else exemplars * pixels * _TRANSPORT_BYTES
+    )  # other maps are not linear, so nothing is stored
     return Needs(
         exemplars=exemplars,
         meshes=meshes,
@@ -77,10 +80,11 @@ def _bytes_in(folder: Path, pattern: str = "**/*") -> int:
 
 def preview(config: DatasetConfig, base: Path) -> Float[Tensor, "height width 3"]:
     """The first exemplar beside its unweathered twin, linear, before grey."""
+    renderer, _ = resolve_renderer(config.renderer, maps=config.maps)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        scene = make_plan(config, folder, base).sampler("train").scene(0)
-        studio, (renderer, _) = Studio(folder, keep=False), resolve_renderer(config.renderer, maps=config.maps)
-        pair = [render_scene(studio, renderer, s) for s in (scene, scene.model_copy(update={"weathering": None}))]
+        scene = make_index(config, folder, base).sampler("train").scene(0)
+        loader = SceneLoader(folder, keep=False)
+        pair = [render_scene(loader, renderer, s) for s in (scene, scene.model_copy(update={"weathering": None}))]
     grey = torch.tensor([0.18, 0.18, 0.18], device=renderer.device)
     return torch.cat([over(picture.image, picture.coverage, grey) for picture in pair], dim=1).cpu()

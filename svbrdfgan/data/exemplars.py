@@ -13,12 +13,12 @@ from torch import Tensor
 
 from svbrdfgan.data.config import Split
 from svbrdfgan.data.generate import exemplar_paths
-from svbrdfgan.data.index import DatasetPlan
+from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.exr import load_exr
 from svbrdfgan.scene.asset import Subject
 from svbrdfgan.scene.description import Scene, SceneWeathering
-from svbrdfgan.scene.loader import Studio, subject_key
+from svbrdfgan.scene.loader import SceneLoader, subject_key
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +28,12 @@ class Exemplars:
     Attributes:
         images: premultiplied linear radiance, half precision, in memory.
         coverage: share of each pixel that shows the surface, half precision.
-        scenes: what made each picture.
-        subjects: the surfaces pictured, each once.
-        subject_of: for each exemplar, its subject.
-        layers: what G0 painted on each exemplar's surface; None where it is not `weathered`. Read when looked at, since
-            where every exemplar has its own, they take more memory than the pictures.
+        scenes: the description of each picture's scene.
+        subjects: the surfaces that the pictures show, each once.
+        subject_of: for each exemplar, the index of its subject.
+        layers: what G0 painted on each exemplar's surface; None where it is not `weathered`. A layer is read from its
+            file when it is asked for: together they may take more memory than the pictures.
+        loader: loads what the scenes name.
     """
 
     images: Float[Tensor, "exemplars height width 3"]
@@ -41,7 +42,7 @@ class Exemplars:
     subjects: tuple[Subject, ...]
     subject_of: Int[Tensor, " exemplars"]
     layers: Sequence[Float[Tensor, "rows cols channels"] | None]
-    studio: Studio
+    loader: SceneLoader
 
     def __len__(self) -> int:
         return len(self.scenes)
@@ -50,7 +51,7 @@ class Exemplars:
         return self.subjects[int(self.subject_of[exemplar])]
 
     def weathered(self, exemplar: int) -> bool:
-        """Whether it is known what G0 painted on it."""
+        """Whether the layer that G0 painted on it is known."""
         return isinstance(self.scenes[exemplar].weathering, SceneWeathering)
 
     def views_of(self, subject: int) -> list[int]:
@@ -58,17 +59,17 @@ class Exemplars:
         return torch.nonzero(self.subject_of == subject).flatten().tolist()
 
 
-def load_exemplars(folder: Path, split: Split) -> Exemplars:
-    """Reads a split.
+def load_exemplars(dataset: Dataset, split: Split) -> Exemplars:
+    """Reads a split of a data set into memory.
 
     Raises:
         AssetError: the data set has no such split, is not finished, or a file of it is damaged.
     """
-    plan = DatasetPlan.load(folder)
-    if split not in plan.config.splits:
-        raise AssetError(f"{folder} has no split {split!r}; it has {', '.join(plan.config.splits)}.")
-    count = len(plan.sampler(split))
-    paths = [exemplar_paths(folder, split, index) for index in range(count)]
+    folder, index = dataset.folder, dataset.index
+    if split not in index.config.splits:
+        raise AssetError(f"{folder} has no split {split!r}; it has {', '.join(index.config.splits)}.")
+    count = len(index.sampler(split))
+    paths = [exemplar_paths(folder, split, number) for number in range(count)]
     absent = sum(not record.is_file() for _, record in paths)
     if absent:
         raise AssetError(
@@ -76,32 +77,32 @@ def load_exemplars(folder: Path, split: Split) -> Exemplars:
         )
     scenes = tuple(Scene.load(record) for _, record in paths)
     pictures = torch.stack([load_picture(picture) for picture, _ in paths])
-    studio = Studio(folder)
+    loader = SceneLoader(folder)
     keys = [subject_key(scene) for scene in scenes]
-    first = {key: keys.index(key) for key in keys}
-    number = {key: n for n, key in enumerate(first)}
+    first_of = {key: keys.index(key) for key in keys}
+    number_of = {key: number for number, key in enumerate(first_of)}
     return Exemplars(
         images=pictures[..., :3],
         coverage=pictures[..., 3],
         scenes=scenes,
-        subjects=tuple(studio.subject(scenes[index]) for index in first.values()),
-        subject_of=torch.tensor([number[key] for key in keys]),
-        layers=_StoredLayers(studio, scenes),
-        studio=studio,
+        subjects=tuple(loader.subject(scenes[first]) for first in first_of.values()),
+        subject_of=torch.tensor([number_of[key] for key in keys]),
+        layers=_StoredLayers(loader, scenes),
+        loader=loader,
     )
 
 
 class _StoredLayers(Sequence[Any]):
-    def __init__(self, studio: Studio, scenes: Sequence[Scene]) -> None:
-        self._studio, self._scenes = studio, scenes
+    def __init__(self, loader: SceneLoader, scenes: Sequence[Scene]) -> None:
+        self._loader, self._scenes = loader, scenes
 
     def __len__(self) -> int:
         return len(self._scenes)
 
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
-            return _StoredLayers(self._studio, self._scenes[index])
-        return self._studio.layer(self._scenes[index])
+            return _StoredLayers(self._loader, self._scenes[index])
+        return self._loader.layer(self._scenes[index])
 
 
 def load_picture(path: Path) -> Float[Tensor, "height width 4"]:

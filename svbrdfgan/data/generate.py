@@ -1,30 +1,34 @@
-"""Makes the exemplars of a data set, by one process or several; stopped at any moment, it goes on where it was."""
+"""Renders the exemplars of a data set, by one process or several. Interrupted at any moment, it can be resumed."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import torch
 from lightning_fabric import Fabric
 
+from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.data.config import DatasetConfig, Split
-from svbrdfgan.data.index import DatasetPlan, make_plan
-from svbrdfgan.data.prebake import baked
+from svbrdfgan.data.index import Dataset, DatasetIndex, make_index
+from svbrdfgan.data.prebake import prebake
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.exr import save_exr
 from svbrdfgan.plugins import load_embedding
+from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.scene.description import Scene
-from svbrdfgan.scene.loader import Studio, resolve_renderer
+from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.types import Rendering
 from svbrdfgan.utils.display import Display, Silent
 from svbrdfgan.weathering import recipe_from_options
 
 BRIGHTEST = 60000.0
-"""Radiance beyond it is clamped where pictures are stored, as half-precision floats."""
+"""Stored pictures are clamped to this radiance, since half-precision floats end at 65504."""
 
 log = logging.getLogger(__name__)
 
@@ -37,51 +41,53 @@ def generate(
     devices: int = 1,
     workers: int = 1,
     display: Display | None = None,
-) -> DatasetPlan:
+) -> DatasetIndex:
     """Writes the data set's exemplars that are not there yet.
 
     Args:
         base: the folder that file patterns of the configuration are relative to.
         devices: processes, one for each GPU where there are any. They share the work by mesh.
-        workers: processes, shared out among the devices, that embed and bake meshes ahead of the renderer. More than
-            one are spawned: a script that asks for them needs its `if __name__ == "__main__"`.
-        display: shows progress; with several devices, in the first process, of its share.
+        workers: processes that embed and bake meshes ahead of the renderer, divided among the devices. More than one
+            are spawned, so a script that asks for them needs its `if __name__ == "__main__"`.
+        display: shows progress; with several devices, the progress of the first process's share.
 
     Raises:
-        ConfigError: the folder holds another data set, or a pattern matches nothing.
+        ConfigError: the folder holds another data set, a pattern matches nothing, or the renderer, the embedding or
+            the recipe cannot do what is asked.
         AssetError: an asset cannot be read, or the disk cannot be written.
+        PluginError: the renderer or the embedding is unknown, or does not work here.
     """
-    require_plugins(config)
-    plan = make_plan(config, folder, base)
     fabric = Fabric(accelerator="auto", devices=devices, strategy="ddp_spawn" if devices > 1 else "auto")
-    work = partial(_work, plan=plan, folder=folder, by_mesh=_by_mesh(plan, folder), workers=max(1, workers // devices))
+    renderer, choice = resolve_plugins(config, fabric.device)
+    dataset = Dataset(folder, make_index(config, folder, base))
+    job = _Job(dataset, choice, _missing_by_mesh(dataset), max(1, workers // devices))
     if devices > 1:
-        fabric.launch(partial(work, display=Silent()))
+        fabric.launch(partial(_render_on_device, job=job))
     else:
-        work(fabric, display=display or Silent())
-    return plan
+        _render_share(fabric, job, renderer, display or Silent())
+    return dataset.index
 
 
 def exemplar_paths(folder: Path, split: Split, index: int) -> tuple[Path, Path]:
-    """The picture of an exemplar, and its scene. The scene is written last: where it is, the picture is whole."""
+    """The files of an exemplar's picture and scene. The scene is written last: it marks a whole picture."""
     stem = folder / split / f"{index:06d}"
     return stem.with_suffix(".exr"), stem.with_suffix(".json")
 
 
-def missing(plan: DatasetPlan, folder: Path) -> Iterator[tuple[Split, int]]:
-    """Exemplars that are still to be made, those of a mesh in a row."""
-    for split in plan.config.splits:
-        for index in range(len(plan.sampler(split))):
-            if not exemplar_paths(folder, split, index)[1].is_file():
-                yield split, index
+def missing(index: DatasetIndex, folder: Path) -> Iterator[tuple[Split, int]]:
+    """Split and number of each exemplar that is not rendered yet; those of a mesh follow each other."""
+    for split in index.config.splits:
+        for number in range(len(index.sampler(split))):
+            if not exemplar_paths(folder, split, number)[1].is_file():
+                yield split, number
 
 
-def render_scene(studio: Studio, renderer: Renderer[Any], scene: Scene, prepared: Any | None = None) -> Rendering:
-    """The picture of a scene, its weathering included."""
-    subject = studio.subject(scene)
+def render_scene(loader: SceneLoader, renderer: Renderer[Any], scene: Scene, prepared: Any | None = None) -> Rendering:
+    """The picture of a scene with its weathering."""
+    subject = loader.subject(scene)
     surface = renderer.prepare(subject.surface) if prepared is None else prepared
-    materials = subject.materials(scene.materials, studio.layer(scene), scene.maps)
-    return renderer.render(surface, materials, studio.view(scene), spp=scene.spp, seed=scene.seed)
+    materials = subject.materials(scene.materials, loader.layer(scene), scene.maps)
+    return renderer.render(surface, materials, loader.view(scene), spp=scene.spp, seed=scene.seed)
 
 
 def save_exemplar(path: Path, rendering: Rendering) -> None:
@@ -90,51 +96,65 @@ def save_exemplar(path: Path, rendering: Rendering) -> None:
     save_exr(path, {"R": red, "G": green, "B": blue, "A": rendering.coverage}, half=True)
 
 
-def require_plugins(config: DatasetConfig) -> None:
-    """Refuses what no exemplar could be made with, before anything is written that would have to be deleted.
+def resolve_plugins(config: DatasetConfig, device: torch.device | None = None) -> tuple[Renderer[Any], PluginChoice]:
+    """The renderer of a data set, and the choice that its scenes record; checks its embedding and its recipe, too.
+
+    It is called before anything is written, so that a mistake leaves nothing to delete.
 
     Raises:
         ConfigError: the renderer, the embedding or the recipe cannot do what is asked.
-        PluginError: one of them is unknown, or does not work here.
+        PluginError: the renderer or the embedding is unknown, or does not work here.
     """
-    if config.renderer.name != "auto" or config.maps:
-        resolve_renderer(config.renderer, maps=config.maps)
     load_embedding(config.embedding.name, config.embedding.options)
     if config.weathering is None:
         raise ConfigError("weathering is null, as in a data set of imported pictures: name a recipe.")
     recipe_from_options(config.weathering.recipe, config.weathering.options, config.maps)
+    return resolve_renderer(config.renderer, device, config.maps)
 
 
-def _by_mesh(plan: DatasetPlan, folder: Path) -> list[list[tuple[Split, int]]]:
-    """What is missing, found once, so that all processes share out the same list."""
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """What all processes of `generate` share.
+
+    Attributes:
+        missing: exemplars to be rendered, by mesh; found once, so that all processes share out the same list.
+        workers: processes that bake meshes, for each device.
+    """
+
+    dataset: Dataset
+    renderer: PluginChoice
+    missing: list[list[tuple[Split, int]]]
+    workers: int
+
+
+def _missing_by_mesh(dataset: Dataset) -> list[list[tuple[Split, int]]]:
     by_mesh: dict[str, list[tuple[Split, int]]] = {}
-    samplers = {split: plan.sampler(split) for split in plan.config.splits}
-    for split, index in missing(plan, folder):
-        by_mesh.setdefault(samplers[split].mesh(index).name, []).append((split, index))
+    samplers = {split: dataset.index.sampler(split) for split in dataset.config.splits}
+    for split, number in missing(dataset.index, dataset.folder):
+        by_mesh.setdefault(samplers[split].mesh(number).name, []).append((split, number))
     return list(by_mesh.values())
 
 
-def _work(
-    fabric: Fabric,
-    plan: DatasetPlan,
-    folder: Path,
-    by_mesh: list[list[tuple[Split, int]]],
-    workers: int,
-    display: Display,
-) -> None:
-    renderer, chosen = resolve_renderer(plan.config.renderer, fabric.device, plan.config.maps)
-    studio = Studio(folder)
-    display.begin("exemplars", sum(map(len, by_mesh)))
-    mine = by_mesh[fabric.global_rank :: fabric.world_size]
-    samplers = {split: plan.sampler(split) for split in plan.config.splits}
-    made_by = {"renderer": chosen}
-    scenes = [[samplers[split].scene(index).model_copy(update=made_by) for split, index in todo] for todo in mine]
-    for number in baked(folder, scenes, workers):
-        prepared = renderer.prepare(studio.subject(scenes[number][0]).surface)
+def _render_on_device(fabric: Fabric, job: _Job) -> None:
+    """A spawned process opens the renderer on its own device."""
+    renderer, _ = resolve_renderer(job.renderer, fabric.device, job.dataset.config.maps)
+    _render_share(fabric, job, renderer, Silent())
+
+
+def _render_share(fabric: Fabric, job: _Job, renderer: Renderer[Any], display: Display) -> None:
+    folder, config = job.dataset.folder, job.dataset.config
+    loader = SceneLoader(folder)
+    display.begin("exemplars", sum(map(len, job.missing)))
+    mine = job.missing[fabric.global_rank :: fabric.world_size]
+    samplers = {split: job.dataset.index.sampler(split) for split in config.splits}
+    made_by = {"renderer": job.renderer}
+    scenes = [[samplers[split].scene(n).model_copy(update=made_by) for split, n in group] for group in mine]
+    for number in prebake(folder, scenes, job.workers):
+        prepared = renderer.prepare(loader.subject(scenes[number][0]).surface)
         for (split, index), scene in zip(mine[number], scenes[number], strict=True):
             picture, record = exemplar_paths(folder, split, index)
-            save_exemplar(picture, render_scene(studio, renderer, scene, prepared))
+            save_exemplar(picture, render_scene(loader, renderer, scene, prepared))
             scene.save(record)
             display.advance()
-        studio.forget()
+        loader.forget()
     fabric.barrier()

@@ -1,4 +1,4 @@
-"""Meshes embedded, baked and weathered by worker processes, while those that are ready are pictured."""
+"""Worker processes that embed, bake and weather meshes ahead of the renderer."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ import torch
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.scene.description import Scene
-from svbrdfgan.scene.loader import Studio
+from svbrdfgan.scene.loader import SceneLoader
 
 
-def baked(folder: Path, groups: Sequence[Sequence[Scene]], workers: int) -> Iterator[int]:
-    """Indices of groups, each when the subjects and layers of its scenes are in the folder's cache.
+def prebake(folder: Path, groups: Sequence[Sequence[Scene]], workers: int) -> Iterator[int]:
+    """Yields the index of each group as soon as the subjects and layers of its scenes are in the folder's cache.
 
-    With one worker nothing is made ahead, and the order is kept.
+    With one worker it prebakes nothing, and yields the indices in order.
 
     Args:
         groups: scenes of one mesh each.
-        workers: processes; they import the caller's main module anew, as all that are spawned do.
+        workers: processes. They are spawned, so they import the caller's main module.
 
     Raises:
         AssetError: a mesh cannot be read, embedded or baked; or a process was killed.
@@ -43,7 +43,7 @@ def baked(folder: Path, groups: Sequence[Sequence[Scene]], workers: int) -> Iter
 
 
 def _bake(folder: Path, scenes: Sequence[Scene]) -> None:
-    studio = Studio(folder)
+    loader = SceneLoader(folder)
     for scene in scenes:
-        studio.subject(scene)
-        studio.layer(scene)
+        loader.subject(scene)
+        loader.layer(scene)

@@ -31,7 +31,7 @@ def write_strip(path: Path, evaluated: Evaluated) -> None:
     from PIL import Image
 
     strip, left = Image.new("RGB", (_STRIP, _HEIGHT), PAPER), 0
-    for index in choose_views(evaluated.feed.exemplars, _VEHICLES):
+    for index in choose_views(evaluated.source.exemplars, _VEHICLES):
         for picture, width in zip(_pictures(evaluated, index), _WIDTHS.values(), strict=True):
             strip.paste(cell(picture, width, _HEIGHT), (left, 0))
             left += width + _GAP
@@ -61,11 +61,11 @@ def write_sheet(path: Path, strips: Mapping[str, Path]) -> None:
 
 
 def _pictures(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
-    exemplars, learned = evaluated.feed.exemplars, evaluated.layers["generated"]
+    exemplars, learned = evaluated.source.exemplars, evaluated.layers["generated"]
     subject, truth = exemplars.subject(index), exemplars.layers[index]
     assert truth is not None
     coverage = exemplars.coverage[index].float()
-    made = pictures(evaluated.feed, index, {"learned": learned})["learned"]
+    made = pictures(evaluated.source, index, {"learned": learned})["learned"]
     layer = learned[int(exemplars.subject_of[index])].cpu().float()
     return (
         framed(display(exemplars.images[index].float(), coverage=coverage), coverage),

@@ -7,7 +7,7 @@ from pathlib import Path
 from pydantic import Field
 
 from svbrdfgan.config.models import StrictModel
-from svbrdfgan.evaluation.evaluate import Evaluation, share
+from svbrdfgan.evaluation.record import Evaluation, share
 from svbrdfgan.experiments.definition import Measure
 from svbrdfgan.io.records import load_record, save_record
 

@@ -24,7 +24,7 @@ from svbrdfgan.experiments.definition import (
     load_experiment,
     load_profile,
 )
-from svbrdfgan.training.config import TrainConfig, settled, train_config
+from svbrdfgan.training.config import TrainConfig, resolved, train_config
 
 _ELSEWHERE = "dataset"
 """Stands for the data set's folder, which is chosen when the run is placed."""
@@ -140,7 +140,7 @@ class Design:
         if lacking:
             raise ConfigError(f"{source}: dataset.splits lacks {' and '.join(lacking)}, on which scores are taken.")
         told = {"recipe": recipe, "seed": seed, "dataset": _ELSEWHERE}
-        train = settled(train_config({**data["train"], **told}, source), dataset.spp)
+        train = resolved(train_config({**data["train"], **told}, source), dataset.spp)
         return Cell(self.name, name, recipe, seed, RunSpec(train=train, oracle=self._oracle(dataset, train)))
 
     def changes(self, name: str) -> list[str]:

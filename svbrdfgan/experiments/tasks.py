@@ -14,7 +14,7 @@ from pydantic import Field
 from svbrdfgan.config.models import StrictModel
 from svbrdfgan.data.config import DatasetConfig, EnvironmentSource
 from svbrdfgan.data.generate import generate, missing
-from svbrdfgan.data.index import PLAN, DatasetPlan
+from svbrdfgan.data.index import INDEX, DatasetIndex
 from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.experiments.contact_strip import STRIP, write_strip
@@ -61,7 +61,7 @@ class DatasetTask(_Task):
     workers: int
 
     def done(self) -> bool:
-        return (self.path / PLAN).is_file() and next(missing(DatasetPlan.load(self.path), self.path), None) is None
+        return (self.path / INDEX).is_file() and next(missing(DatasetIndex.load(self.path), self.path), None) is None
 
     def work(self) -> None:
         generate(self.config, self.path, base=Path(self.assets), workers=self.workers)

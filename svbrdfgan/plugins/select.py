@@ -1,16 +1,21 @@
-"""`renderer: auto`: the best renderer that works on this machine."""
+"""Plugin selection: the renderer that a configuration names, or the best one that works here for `auto`."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from svbrdfgan.errors import PluginError
-from svbrdfgan.plugins import RENDERERS, Plugin, list_plugins
+from svbrdfgan.config.choices import PluginChoice
+from svbrdfgan.errors import ConfigError, PluginError
+from svbrdfgan.plugins import RENDERERS, Plugin, list_plugins, load_renderer
 from svbrdfgan.plugins.probe import Probe, probe
+
+if TYPE_CHECKING:
+    import torch
+
+    from svbrdfgan.protocols import Renderer
 
 RANKING: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"cuda": ("warp", "mitsuba", "numpy"), "cpu": ("mitsuba", "warp", "numpy")}
@@ -23,18 +28,49 @@ RANKING: Mapping[str, tuple[str, ...]] = MappingProxyType(
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class Choice:
-    """What to give to `load_renderer`."""
+def resolve_renderer(
+    choice: PluginChoice,
+    device: torch.device | None = None,
+    maps: Collection[str] = (),
+    *,
+    differentiable: bool = False,
+) -> tuple[Renderer[Any], PluginChoice]:
+    """The renderer that a configuration names, and the choice as it is recorded in files.
 
-    name: str
-    options: Mapping[str, object]
+    For `auto` the recorded choice names the renderer but not the device, so that another machine can render the same.
+
+    Args:
+        device: the device of `auto`; None leaves that open, too.
+        maps: maps that layers paint beside base_color.
+        differentiable: whether the renderer must have gradients for them.
+
+    Raises:
+        ConfigError: the named renderer cannot render or differentiate these maps.
+        PluginError: the named renderer is unknown or does not work here; for `auto`, no renderer works.
+    """
+    if choice.name == "auto":
+        kind: Literal["auto", "cpu", "cuda"] = "auto"
+        if device is not None:
+            kind = "cuda" if device.type == "cuda" else "cpu"
+        best = choose_renderer(kind, maps, differentiable=differentiable)
+        return load_renderer(best.name, best.options), PluginChoice(name=best.name)
+    renderer = load_renderer(choice.name, choice.options)
+    able = renderer.capabilities.maps & renderer.capabilities.differentiable
+    lacking = [name for name in maps if name not in (able if differentiable else renderer.capabilities.maps)]
+    if lacking:
+        raise ConfigError(
+            f"{type(renderer).__name__} cannot {'learn' if differentiable else 'render'} {', '.join(lacking)}, which "
+            "the data set's layers paint: choose a renderer that can (`svbrdfgan backends` shows what each can do)."
+        )
+    return renderer, choice
 
 
 def choose_renderer(
     device: Literal["auto", "cpu", "cuda"] = "auto", maps: Collection[str] = (), *, differentiable: bool = False
-) -> Choice:
-    """The first in `RANKING` that works on the device; "auto" is a GPU where some renderer works on one, else the CPU.
+) -> PluginChoice:
+    """The first renderer in `RANKING` that works on the device, and the options that put it there.
+
+    "auto" means a GPU where some renderer works on one, else the CPU.
 
     Each candidate is tried in a process of its own until one works.
 
@@ -52,7 +88,7 @@ def choose_renderer(
             reason = outcome.reason or _lack(outcome, maps, differentiable)
             if reason is None:
                 log.info("renderer: %s on %s", plugin.title, wanted)
-                return Choice(plugin.name, outcome.options)
+                return PluginChoice(name=plugin.name, options=dict(outcome.options))
             log.info("renderer %r is passed over on %s: %s", plugin.name, wanted, reason)
             reasons.append(f"\n  {plugin.name} on {wanted}: {reason}")
     raise PluginError(f"no installed renderer works on {device!r}:{''.join(reasons) or ' none is installed.'}")

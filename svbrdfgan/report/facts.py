@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from svbrdfgan.data.index import PLAN, DatasetPlan
-from svbrdfgan.evaluation.evaluate import Evaluated, Evaluation
+from svbrdfgan.data.index import INDEX, DatasetIndex
+from svbrdfgan.evaluation.evaluate import Evaluated
+from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.run import RunConfig
 
-Journal = list[dict[str, float]]
+MetricsLog = list[dict[str, float]]
 HELD_OUT = {"train": "Training vehicles", "validation": "Validation vehicles", "test": "Held-out vehicles"}
 
 
@@ -32,7 +33,7 @@ class Bar:
     percent: float
 
 
-def verdict(evaluation: Evaluation, config: TrainConfig, journal: Journal) -> list[Figure]:
+def verdict(evaluation: Evaluation, config: TrainConfig, journal: MetricsLog) -> list[Figure]:
     """The figures at the head of the page; those that are not known are left out."""
     found = [
         Figure(
@@ -65,7 +66,7 @@ def verdict(evaluation: Evaluation, config: TrainConfig, journal: Journal) -> li
     return found if half is None else [*found, half]
 
 
-def half_way(evaluation: Evaluation, config: TrainConfig, journal: Journal) -> Figure | None:
+def half_way(evaluation: Evaluation, config: TrainConfig, journal: MetricsLog) -> Figure | None:
     """Images and time until the validation score passed half the oracle's; None if it never did, or is unknown."""
     if evaluation.oracle_validation is None:
         return None
@@ -92,7 +93,7 @@ def flip_bars(evaluation: Evaluation) -> list[Bar]:
     return [Bar(name, f"{value:.3f}", 100 * (value / longest)) for name, value in known.items()]
 
 
-def title(config: RunConfig, plan: DatasetPlan | None) -> str:
+def title(config: RunConfig, plan: DatasetIndex | None) -> str:
     """What was learned, and from what; without a plan, the data set is gone."""
     what = _recipe(config).replace("-", " ").capitalize()
     if plan is None:
@@ -100,7 +101,7 @@ def title(config: RunConfig, plan: DatasetPlan | None) -> str:
     return f"{what}, learned from {len(plan.sampler('train')):,} pictures of {len(plan.meshes['train']):,} vehicles"
 
 
-def summary(evaluated: Evaluated, plan: DatasetPlan | None, journal: Journal) -> list[tuple[str, str]]:
+def summary(evaluated: Evaluated, plan: DatasetIndex | None, journal: MetricsLog) -> list[tuple[str, str]]:
     """What was learned, from what, and for how long."""
     config = evaluated.config
     dataset, train = config.dataset, config.train
@@ -139,14 +140,14 @@ def _oracle_meaning(evaluation: Evaluation) -> str:
     return f"{ceiling} Still rising{steps}, so the true ceiling is higher."
 
 
-def _counts(plan: DatasetPlan | None, judged: Evaluation) -> str:
+def _counts(plan: DatasetIndex | None, judged: Evaluation) -> str:
     """Vehicles and pictures of each split; of the one that was scored, where the data set is gone."""
     if plan is None:
         return f"{judged.subjects} {judged.split} in {judged.exemplars} pictures"
     return ", ".join(f"{len(plan.meshes[split])} {split}" for split in plan.config.splits)
 
 
-def find_plan(config: RunConfig) -> DatasetPlan | None:
+def find_plan(config: RunConfig) -> DatasetIndex | None:
     """What the run's data set is; None where it is gone."""
     folder = Path(config.dataset_folder)
-    return DatasetPlan.load(folder) if (folder / PLAN).is_file() else None
+    return DatasetIndex.load(folder) if (folder / INDEX).is_file() else None

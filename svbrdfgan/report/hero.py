@@ -30,17 +30,17 @@ def write_hero(run: Path, evaluated: Evaluated, path: Path, *, rows: int = 4) ->
     Raises:
         AssetError: it cannot be written.
     """
-    views = choose_views(evaluated.feed.exemplars, rows)
+    views = choose_views(evaluated.source.exemplars, rows)
     sheet = _sheet([_row(evaluated, index) for index in views])
     with atomic_path(path) as temporary:
         temporary.write_bytes(_small_png(sheet))
 
 
 def _row(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
-    exemplars, number = evaluated.feed.exemplars, int(evaluated.feed.exemplars.subject_of[index])
+    exemplars, number = evaluated.source.exemplars, int(evaluated.source.exemplars.subject_of[index])
     subject, layer = exemplars.subjects[number], evaluated.layers["generated"][number].cpu().float()
     truth = display(exemplars.images[index].float(), coverage=exemplars.coverage[index].float())
-    learned = pictures(evaluated.feed, index, {"generated": evaluated.layers["generated"]})["generated"]
+    learned = pictures(evaluated.source, index, {"generated": evaluated.layers["generated"]})["generated"]
     normal = upright(signed_as_color(subject.geometry[3:6].cpu()), subject.buffer.mask)
     coverage = exemplars.coverage[index]
     return (

@@ -8,7 +8,8 @@ from typing import Any
 import yaml
 
 from svbrdfgan.config.models import StrictModel
-from svbrdfgan.evaluation.evaluate import Evaluated, of_split
+from svbrdfgan.evaluation.evaluate import Evaluated
+from svbrdfgan.evaluation.record import of_split
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.report.curves import draw
 from svbrdfgan.report.facts import HELD_OUT, find_plan, flip_bars, summary, title, verdict
@@ -16,7 +17,7 @@ from svbrdfgan.report.patches import patch_maps
 from svbrdfgan.report.pictures import data_uri
 from svbrdfgan.report.progress import charts
 from svbrdfgan.report.vehicles import choose_views, error_scale, rendered, textured
-from svbrdfgan.training.metrics_log import read_journal
+from svbrdfgan.training.metrics_log import read_metrics
 
 REPORT = "report.html"
 _VEHICLES, _TEXTURES, _JUDGED = 6, 3, 3
@@ -39,10 +40,10 @@ def write_report(run: Path, evaluated: Evaluated) -> Path:
 
 def _contents(run: Path, evaluated: Evaluated) -> dict[str, Any]:
     config, evaluation = evaluated.config, evaluated.evaluation
-    views = choose_views(evaluated.feed.exemplars, _VEHICLES)
+    views = choose_views(evaluated.source.exemplars, _VEHICLES)
     textures = views[:_TEXTURES]
     top = error_scale(evaluated, textures)
-    journal, plan = read_journal(run), find_plan(config)
+    journal, plan = read_metrics(run), find_plan(config)
     drawn = charts(journal, evaluation, config.train)
     return {
         "name": run.resolve().name,

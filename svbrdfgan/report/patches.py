@@ -21,9 +21,8 @@ from svbrdfgan.metrics.flip import display
 from svbrdfgan.networks import Discriminator
 from svbrdfgan.report.pictures import Picture
 from svbrdfgan.report.vehicles import Titled, Vehicle, subject_name
-from svbrdfgan.training.picture import present
 from svbrdfgan.training.state import checkpoints, load_discriminator
-from svbrdfgan.training.step import sides
+from svbrdfgan.training.step import make_pair
 
 CYAN, YELLOW = (0.0, 0.78, 0.86), (1.0, 0.82, 0.05)
 _GREY, _TINT = 0.5, 0.85
@@ -60,23 +59,23 @@ def patch_maps(run: Path, evaluated: Evaluated, indices: Sequence[int]) -> Patch
     except SvbrdfganError as error:
         log.warning("the discriminator is left out of the report: %s", error)
         return None
-    discriminator.to(evaluated.feed.images.device)
+    discriminator.to(evaluated.source.real.image.device)
     judged = [judge(evaluated, discriminator, index) for index in indices]
-    names = [subject_name(evaluated.feed.exemplars.scenes[index]) for index in indices]
+    names = [subject_name(evaluated.source.exemplars.scenes[index]) for index in indices]
     scale = Scale.make(evaluated.config.train.loss.name, judged)
     return PatchMaps(step, scale.told, tuple(_row(n, pair, scale) for n, pair in zip(names, judged, strict=True)))
 
 
 def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> Judged:
     """Shows the discriminator an exemplar and the generator's layer in the same scene, by as many samples for both."""
-    feed, number = evaluated.feed, int(evaluated.feed.exemplars.subject_of[index])
-    device = feed.images.device
+    source, number = evaluated.source, int(evaluated.source.exemplars.subject_of[index])
+    device = source.real.image.device
     layers, background = evaluated.layers["generated"][number : number + 1], torch.full((1, 3), _GREY, device=device)
     with torch.no_grad():
-        pair = sides(feed, [index], feed.stage([index], np.random.default_rng(0)), layers.to(device))
-        shown = [present(image, cover, background, gbuffer) for image, cover, gbuffer in pair]
-        real, fake = (discriminator(pictures)[0].cpu() for pictures in shown)
-    first, second = (display(image[0].cpu().float(), _GREY, cover[0].cpu().float()) for image, cover, _ in pair)
+        scenes = source.scenes([index], np.random.default_rng(0))
+        pair = make_pair(source, [index], scenes, layers.to(device))
+        real, fake = (discriminator(side.tone_mapped(background))[0].cpu() for side in pair)
+    first, second = (display(side.image[0].cpu().float(), _GREY, side.coverage[0].cpu().float()) for side in pair)
     return Judged(first, second, real, fake)
 
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from svbrdfgan.evaluation.evaluate import Evaluation
+from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.report.curves import INK, SERIES, Chart, Curve, Level
-from svbrdfgan.report.facts import Journal
+from svbrdfgan.report.facts import MetricsLog
 from svbrdfgan.training.config import TrainConfig
 
 _IMAGES = "images seen"
 
 
-def charts(journal: Journal, evaluation: Evaluation, config: TrainConfig) -> list[Chart]:
+def charts(journal: MetricsLog, evaluation: Evaluation, config: TrainConfig) -> list[Chart]:
     """Those that the journal has numbers for."""
     shown = config.images_per_step
     made = [
@@ -22,7 +22,7 @@ def charts(journal: Journal, evaluation: Evaluation, config: TrainConfig) -> lis
     return [chart for chart in made if chart is not None]
 
 
-def _recovered(journal: Journal, evaluation: Evaluation, shown: int) -> Chart | None:
+def _recovered(journal: MetricsLog, evaluation: Evaluation, shown: int) -> Chart | None:
     scored = [line for line in journal if "recovered" in line]
     if not scored:
         return None
@@ -46,7 +46,7 @@ def _recovered(journal: Journal, evaluation: Evaluation, shown: int) -> Chart | 
 def _lines(
     title: str,
     names: dict[str, str],
-    journal: Journal,
+    journal: MetricsLog,
     shown: int,
     limits: tuple[float | None, float | None] = (None, None),
 ) -> Chart | None:

@@ -63,10 +63,10 @@ def subject_name(scene: Scene) -> str:
 
 def rendered(evaluated: Evaluated, index: int) -> Vehicle:
     """An exemplar beside renders of its scene under each layer, with the FLIP between them."""
-    exemplars = evaluated.feed.exemplars
+    exemplars = evaluated.source.exemplars
     truth = display(exemplars.images[index].float(), coverage=exemplars.coverage[index].float())
     bare = torch.zeros_like(evaluated.layers["generated"])
-    made = pictures(evaluated.feed, index, {**evaluated.layers, "bare": bare})
+    made = pictures(evaluated.source, index, {**evaluated.layers, "bare": bare})
     floor = f"noise alone {flip(truth, made['truth']):.3f}" if "truth" in made else ""
     titles = {"generated": "Learned", "oracle": "Oracle", "constant": "Best constant", "bare": "Unweathered"}
     coverage = exemplars.coverage[index]
@@ -79,7 +79,7 @@ def rendered(evaluated: Evaluated, index: int) -> Vehicle:
 
 def textured(evaluated: Evaluated, index: int, top: float) -> Vehicle:
     """What the generator was given, what it painted, what G0 painted, and where they differ (black 0, bright `top`)."""
-    exemplars, number = evaluated.feed.exemplars, int(evaluated.feed.exemplars.subject_of[index])
+    exemplars, number = evaluated.source.exemplars, int(evaluated.source.exemplars.subject_of[index])
     subject, truth = exemplars.subjects[number], exemplars.layers[index]
     assert truth is not None
     made = evaluated.layers["generated"][number].cpu().float()
@@ -113,12 +113,12 @@ def error_scale(evaluated: Evaluated, indices: Sequence[int]) -> float:
 
 def _error(evaluated: Evaluated, index: int) -> tuple[Tensor, Tensor]:
     """Which texels are scored, and the absolute error of the composited albedo at all."""
-    exemplars, number = evaluated.feed.exemplars, int(evaluated.feed.exemplars.subject_of[index])
+    exemplars, number = evaluated.source.exemplars, int(evaluated.source.exemplars.subject_of[index])
     subject, truth = exemplars.subjects[number], exemplars.layers[index]
     assert truth is not None
     base = subject.base_albedo(exemplars.scenes[index].materials)
     made = evaluated.layers["generated"][number].cpu().float()
-    seen = torch.stack([evaluated.feed.seen(view).cpu() > 0 for view in exemplars.views_of(number)]).any(dim=0)
+    seen = torch.stack([evaluated.source.seen(view).cpu() > 0 for view in exemplars.views_of(number)]).any(dim=0)
     scored = seen & subject.learnable_texels & (subject.buffer.area > 0)
     return scored, (composite(base, made) - composite(base, truth)).abs().mean(dim=-1)
 

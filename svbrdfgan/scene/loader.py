@@ -1,4 +1,4 @@
-"""From scene descriptions to what renderers take: assets loaded, surfaces prepared, each kept for the next scene."""
+"""Scene loader: from scene descriptions to the surfaces, layers and views that renderers take."""
 
 from __future__ import annotations
 
@@ -6,21 +6,17 @@ import hashlib
 import json
 import logging
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.config.choices import PluginChoice
-from svbrdfgan.errors import AssetError, ConfigError, EmbeddingError
+from svbrdfgan.errors import AssetError, EmbeddingError
 from svbrdfgan.io import load_environment, load_mesh
-from svbrdfgan.plugins import load_embedding, load_renderer
-from svbrdfgan.plugins.select import choose_renderer
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.plugins import load_embedding
 from svbrdfgan.scene.asset import Subject, make_subject
 from svbrdfgan.scene.cache import load_layer, load_subject, save_layer, save_subject
 from svbrdfgan.scene.description import AssetRef, Scene, SceneWeathering
@@ -31,64 +27,16 @@ log = logging.getLogger(__name__)
 
 _CACHE = "cache"
 _LAYERS = 64
-"""Kept in memory, at most."""
-
-
-def resolve_renderer(
-    choice: PluginChoice,
-    device: torch.device | None = None,
-    maps: Collection[str] = (),
-    *,
-    differentiable: bool = False,
-) -> tuple[Renderer[Any], PluginChoice]:
-    """The renderer that a configuration names, `auto` being the best one that works; and the choice, to be recorded.
-
-    What `auto` chose is recorded by name, without the device, so that another machine can render the same.
-
-    Args:
-        device: where `auto` is to run; None leaves that to it, too.
-        maps: those that layers paint beside base_color.
-        differentiable: whether gradients for them are wanted.
-
-    Raises:
-        ConfigError: the renderer that is named cannot do that.
-        PluginError: it is unknown or does not work here; or, of `auto`, none does.
-    """
-    if choice.name == "auto":
-        kind: Literal["auto", "cpu", "cuda"] = "auto"
-        if device is not None:
-            kind = "cuda" if device.type == "cuda" else "cpu"
-        best = choose_renderer(kind, maps, differentiable=differentiable)
-        return load_renderer(best.name, best.options), PluginChoice(name=best.name)
-    renderer = load_renderer(choice.name, choice.options)
-    require_maps(renderer, maps, differentiable=differentiable)
-    return renderer, choice
-
-
-def require_maps(renderer: Renderer[Any], maps: Collection[str], *, differentiable: bool = False) -> None:
-    """Refuses a renderer that does not read these maps, or has no gradients for them where those are wanted.
-
-    Raises:
-        ConfigError: names what it lacks.
-    """
-    able = renderer.capabilities.maps
-    if differentiable:
-        able = able & renderer.capabilities.differentiable
-    lacking = [name for name in maps if name not in able]
-    if lacking:
-        raise ConfigError(
-            f"{type(renderer).__name__} cannot {'learn' if differentiable else 'render'} {', '.join(lacking)}, which "
-            "the data set's layers paint: choose a renderer that can (`svbrdfgan backends` shows what each can do)."
-        )
+"""The most layers that a loader keeps in memory."""
 
 
 @dataclass
-class Studio:
-    """Everything that scenes of one folder need, made at most once; of layers, the last are at hand.
+class SceneLoader:
+    """Loads what the scenes of one folder name, each asset once. It keeps the last 64 layers in memory.
 
     Attributes:
-        folder: what asset paths are relative to.
-        keep: whether subjects and layers are stored there, for the next run.
+        folder: asset paths are relative to it.
+        keep: whether subjects and layers are cached in files there, for the next process.
     """
 
     folder: Path
@@ -107,7 +55,7 @@ class Studio:
         return self._subjects[key]
 
     def layer(self, scene: Scene) -> Float[Tensor, "rows cols channels"] | None:
-        """What G0 paints on the scene's surface; None where it is not weathered, or nobody knows how."""
+        """The layer that G0 paints on the scene's surface; None where there is none or it is unknown."""
         if not isinstance(scene.weathering, SceneWeathering):
             return None
         key = f"{subject_key(scene)}-{_digest(scene.weathering, *scene.maps)}"
@@ -120,7 +68,7 @@ class Studio:
         return self._layers[key]
 
     def view(self, scene: Scene) -> View:
-        """The scene's camera, light and film."""
+        """The scene's camera, environment and film."""
         asset = scene.environment.asset
         if asset.path not in self._lights:
             self._lights[asset.path] = load_environment(self.file(asset))
@@ -129,10 +77,10 @@ class Studio:
         return View(scene.camera.camera(), environment, scene.width, scene.height)
 
     def file(self, asset: AssetRef) -> Path:
-        """The asset's path, after its content has been checked.
+        """The asset's path, after a check of its content hash.
 
         Raises:
-            AssetError: it is missing, or not what it was.
+            AssetError: the file is missing or has changed.
         """
         path = self.folder / asset.path
         if not path.is_file():
@@ -142,12 +90,12 @@ class Studio:
         return path
 
     def forget(self) -> None:
-        """Lets go of subjects and layers; environments stay."""
+        """Drops subjects and layers from memory; environments stay."""
         for kept in (self._subjects, self._sites, self._layers):
             kept.clear()
 
     def _weather(self, scene: Scene, recipe: Recipe) -> Float[Tensor, "rows cols channels"]:
-        """The layers of a surface share what takes most of the time; it is large, so that of one alone is kept."""
+        """Paints a layer. Layers of a surface share its `Site`, which is slow to find; being large, one is kept."""
         subject, key = self.subject(scene), subject_key(scene)
         if key not in self._sites:
             self._sites.clear()
@@ -161,8 +109,8 @@ class Studio:
             made = make_subject(mesh, embedding, scene.texture, scene.learnable)
         except (AssetError, EmbeddingError) as error:
             raise type(error)(f"{scene.mesh.path}: {error}") from error
-        for told in made.overlooked():
-            log.warning("%s: %s", scene.mesh.path, told)
+        for warning in made.overlooked():
+            log.warning("%s: %s", scene.mesh.path, warning)
         return made
 
     def _stored(self, path: Path, load: Callable[..., Any], save: Callable[..., None], make: Callable[[], Any]) -> Any:
@@ -175,7 +123,7 @@ class Studio:
 
 
 def subject_key(scene: Scene) -> str:
-    """A name for the scene's surface: equal for scenes that differ in light, camera or materials alone."""
+    """A name for the scene's baked surface: equal for scenes that differ only in light, camera or materials."""
     parts = (scene.mesh, scene.embedding, scene.texture, scene.learnable)
     return f"{Path(scene.mesh.path).stem}-{_digest(*parts)}"
 

@@ -14,7 +14,7 @@ BUCKET_BYTES = 4 * 2**20
 _ALIGNMENT = 64  # values: kernels read what begins at multiples of 16 bytes faster
 
 
-class GradientAverage:
+class GradientAllReduce:
     """The mean over processes of a network's gradients.
 
     By hooks, since penalties differentiate twice, which wrappers of modules do not allow. The last parameters, whose

@@ -1,15 +1,14 @@
-"""Where fakes are rendered: batches of scenes, ready to show any layers by their stored transport."""
+"""Cached rendering: each scene is traced once and stored; then a sparse product renders any layer in it."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import logging
 from collections.abc import Callable, Iterable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import torch
@@ -23,38 +22,23 @@ from svbrdfgan.rendering.compositing import composite
 from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
 from svbrdfgan.rendering.transport.cache import Reader, Reading, TransportCache
 from svbrdfgan.scene.description import Scene
-from svbrdfgan.training.demodulation import Sight
+from svbrdfgan.training.config import ScenesConfig
+from svbrdfgan.training.demodulation import Demodulator
 from svbrdfgan.training.perturb import Perturbation
+from svbrdfgan.training.scenes import Coverage, Images, Layers, SceneBatch, of_outermost_parts, prepared_surface
 from svbrdfgan.utils.copy_async import copy_async
 
-Layers = Float[Tensor, "batch rows cols channels"]
-Images = Float[Tensor, "batch height width 3"]
-Coverage = Float[Tensor, "batch height width"]
-
 _Key = tuple[int, int]
-"""An exemplar, and which of the scenes kept for it."""
-
-log = logging.getLogger(__name__)
-
-
-class Stage(Protocol):
-    """A batch of scenes. `gbuffer` is position and normal as seen, premultiplied; None if the renderer cannot tell."""
-
-    @property
-    def gbuffer(self) -> Float[Tensor, "batch height width 6"] | None: ...
-
-    def render(self, layers: Layers) -> tuple[Images, Coverage]:
-        """The pictures of these layers on the learnable parts, differentiable in the layers; and their coverage."""
-        ...
+"""The index of an exemplar, and of one of the scenes that are stored for it."""
 
 
 @dataclass(frozen=True, eq=False)
-class TransportStage:
-    """Scenes by their stored transports.
+class CachedSceneBatch:
+    """A batch of scenes whose light transport is stored.
 
     Attributes:
-        batch: the transports.
-        base: the reflectance beneath the layer, of each texture of the batch.
+        batch: the light transports.
+        base: base colour under the layer, for each texture of the batch.
     """
 
     batch: TransportBatch
@@ -65,42 +49,42 @@ class TransportStage:
         return self.batch.gbuffer
 
     @cached_property
-    def sight(self) -> Sight:
-        """What the scenes show of the textures."""
-        return Sight.of(self.batch)
+    def demodulator(self) -> Demodulator:
+        """Divides the light of these scenes out of their pictures."""
+        return Demodulator.of(self.batch)
 
     def render(self, layers: Layers) -> tuple[Images, Coverage]:
         textures = composite(self.base, layers.float().index_select(0, self.batch.owner))
         return self.batch.render(textures), self.batch.coverage
 
 
-def sight_of(stage: Stage) -> Sight:
-    """What a stage of stored transports shows of its textures.
+def demodulator_of(scenes: SceneBatch) -> Demodulator:
+    """The demodulator of a batch of cached scenes.
 
     Raises:
-        TypeError: it is of another kind, which configurations do not allow where this is wanted.
+        TypeError: the scenes are rendered online. `TrainConfig` refuses such a configuration earlier.
     """
-    if not isinstance(stage, TransportStage):
-        raise TypeError(f"{type(stage).__name__} does not know what its pixels show")
-    return stage.sight
+    if not isinstance(scenes, CachedSceneBatch):
+        raise TypeError(f"{type(scenes).__name__} does not know what its pixels show")
+    return scenes.demodulator
 
 
 @dataclass(frozen=True, eq=False)
-class Transports:
-    """Stages of stored transports: each scene is traced once and kept as a file in the data set's cache.
+class CachedRendering:
+    """Scenes for fakes by stored light transport: each is traced once and kept as a file in the data set's cache.
 
-    As many as fit into a quarter of the device's memory are held there, those used last. The others are read again from
-    their files, which the system keeps in what memory it has free; `expect` has that done before they are wanted.
+    The transports used last stay on the device, up to a quarter of its memory. The others are read again from their
+    files; `prefetch` starts that before they are needed.
 
     Attributes:
-        exemplars: whose scenes to perturb.
-        perturbation: how.
-        renderer: traces them.
+        exemplars: their scenes are perturbed.
+        perturbation: makes a scene for a fake from an exemplar's.
+        renderer: traces the scenes.
         spp: samples per pixel.
-        pool: scenes kept for each exemplar; 0 traces a new one at every visit, of surfaces that stay prepared.
+        pool: scenes stored for each exemplar. With 0 every visit traces a new scene; surfaces stay prepared.
         device: where transports are held.
         seed: of the perturbations.
-        options: the renderer's, lest those of others be taken for its transports.
+        options: the renderer's options. They are part of the file names, since other options trace other transports.
     """
 
     exemplars: Exemplars
@@ -111,8 +95,8 @@ class Transports:
     device: torch.device
     seed: int = 0
     options: Mapping[str, object] = field(default_factory=dict)
-    _held: MutableMapping[_Key, LightTransport] = field(default_factory=TransportCache)
-    _coming: dict[_Key, Reading] = field(default_factory=dict)
+    _cache: MutableMapping[_Key, LightTransport] = field(default_factory=TransportCache)
+    _pending: dict[_Key, Reading] = field(default_factory=dict)
     _paths: dict[_Key, Path] = field(default_factory=dict)
     _prepared: dict[int, Any] = field(default_factory=dict)
     _bases: dict[int, list[Tensor]] = field(default_factory=dict)
@@ -125,66 +109,73 @@ class Transports:
             )
 
     def build(self, indices: Iterable[int], progress: Callable[[int], None] | None = None) -> None:
-        """Traces what is not stored yet, and reads all stored scenes once: a damaged file is found before training."""
+        """Traces scenes that are not stored yet, and reads all files once, to find damaged ones before training."""
         for index in indices:
             for variant in range(self.pool):
                 self._stored((index, variant))
             if progress is not None:
                 progress(1)
 
-    def stage(self, indices: Sequence[int], rng: np.random.Generator) -> TransportStage:
-        """A scene for each of these exemplars; `rng` chooses among the pool, or draws the scene."""
+    def scenes(self, indices: Sequence[int], rng: np.random.Generator) -> CachedSceneBatch:
+        """A scene for each of these exemplars. `rng` chooses it from the pool, or draws it where there is no pool."""
         if self.pool:
             transports = [self._stored(key) for key in self._chosen(indices, rng)]
         else:
             transports = [self._trace(index, self._scene(index, rng)).to(self.device) for index in indices]
-        return TransportStage(TransportBatch.stack(transports), self._base(indices))
+        return CachedSceneBatch(TransportBatch.stack(transports), self._base(indices))
+
+    def in_scenes(self, config: ScenesConfig, spp: int) -> CachedRendering:
+        """The same exemplars in otherwise perturbed scenes, one for each, with a cache of its own."""
+        perturbation = Perturbation(config, self.perturbation.sampler)
+        return CachedRendering(
+            self.exemplars, perturbation, self.renderer, spp, 1, self.device, self.seed, self.options
+        )
 
     def batch(self, indices: Sequence[int]) -> TransportBatch:
-        """The first scene kept for each of these exemplars."""
+        """The light transport of the first stored scene of each of these exemplars."""
         return TransportBatch.stack([self._stored((index, 0)) for index in indices])
 
-    def expect(self, indices: Sequence[int], rng: np.random.Generator) -> None:
-        """Begins to read what a later `stage` will want of these exemplars, given a generator in the same state.
+    def prefetch(self, indices: Sequence[int], rng: np.random.Generator) -> None:
+        """Starts to read the transports that `scenes` will need for these exemplars, given an equal `rng`.
 
-        Returns at once. What is read so waits beside the held transports, whatever their budget; that should be two
-        batches at least, lest one batch drive out what the next one wants as well.
+        Returns at once. Prefetched transports do not count towards the memory budget of the cache. The budget should
+        hold at least two batches, so that one batch does not evict what the next one needs too.
         """
         if not self.pool:
             return
         for key in self._chosen(indices, rng):
-            if key in self._paths and key not in self._coming and self._held.get(key) is None:
-                self._coming[key] = self._reader.read(self._paths[key])
+            if key in self._paths and key not in self._pending and self._cache.get(key) is None:
+                self._pending[key] = self._reader.read(self._paths[key])
 
     def gbuffer(self, index: int) -> Float[Tensor, "height width 6"]:
-        """Position and normal as seen in the first scene kept for an exemplar."""
+        """Position and normal per pixel of the first stored scene of an exemplar."""
         return self._stored((index, 0)).gbuffer
 
     def seen(self, index: int) -> Float[Tensor, "rows cols"]:
-        """Where an exemplar's picture shows the outermost learnable surface, positive."""
-        return outermost(self.exemplars, index, self._stored((index, 0)).seen_texels().cpu())
+        """Positive at texels that an exemplar's picture shows of the outermost learnable surface."""
+        return of_outermost_parts(self.exemplars, index, self._stored((index, 0)).seen_texels().cpu())
 
     def _scene(self, index: int, rng: np.random.Generator) -> Scene:
         return self.perturbation.scene(self.exemplars.scenes[index], index, rng)
 
     def _chosen(self, indices: Sequence[int], rng: np.random.Generator) -> list[_Key]:
-        """Which stored scene of each exemplar."""
+        """The stored scene chosen for each exemplar."""
         return [(index, int(rng.integers(self.pool))) for index in indices]
 
     def _stored(self, key: _Key) -> LightTransport:
-        held = self._held.get(key)
-        if held is None:
-            coming = self._coming.pop(key, None)
-            held = LightTransport.load(self._file(key)).to(self.device) if coming is None else coming.result()
-            self._held[key] = held
-        return held
+        found = self._cache.get(key)
+        if found is None:
+            pending = self._pending.pop(key, None)
+            found = LightTransport.load(self._file(key)).to(self.device) if pending is None else pending.result()
+            self._cache[key] = found
+        return found
 
     def _file(self, key: _Key) -> Path:
-        """Where the transport is stored, traced if it is not yet."""
+        """The file of a scene's transport. It traces the scene if the file is not there."""
         if key not in self._paths:
             index, variant = key
             scene = self._scene(index, np.random.default_rng([self.seed, index, variant]))
-            path = self.exemplars.studio.folder / "cache" / "transports" / f"{self._key(scene)}.safetensors"
+            path = self.exemplars.loader.folder / "cache" / "transports" / f"{self._key(scene)}.safetensors"
             if not path.is_file():
                 self._trace(index, scene).half().save(path)
             self._paths[key] = path
@@ -195,7 +186,7 @@ class Transports:
         return Reader(self.device)
 
     def _key(self, scene: Scene) -> str:
-        """A name for all that the transport depends on."""
+        """A hash of everything that the transport depends on."""
         kind = type(self.renderer)
         options = json.dumps({name: value for name, value in self.options.items() if name != "device"}, sort_keys=True)
         renderer = f"{kind.__module__}.{kind.__qualname__}{options}"
@@ -205,9 +196,9 @@ class Transports:
     def _trace(self, index: int, scene: Scene) -> LightTransport:
         subject = self.exemplars.subject(index)
         if self.pool and int(self.exemplars.subject_of[index]) not in self._prepared:
-            self._prepared.clear()  # the scenes of a subject are traced in a row, and once
-        view = self.exemplars.studio.view(scene)
-        prepared = surface_of(self.exemplars, index, self.renderer, self._prepared)
+            self._prepared.clear()  # `build` traces the scenes of a subject in a row, and each once
+        view = self.exemplars.loader.view(scene)
+        prepared = prepared_surface(self.exemplars, index, self.renderer, self._prepared)
         assert isinstance(self.renderer, TransportRenderer)
         return build_transport(
             self.renderer.transport(prepared, view, spp=self.spp, seed=scene.seed),
@@ -227,27 +218,9 @@ class Transports:
         return copy_async(torch.stack([base.expand(size) for base in bases]), self.device)
 
     def _bases_of(self, index: int) -> list[Tensor]:
-        """Of each learnable part."""
+        """The base colour of each learnable part."""
         if index not in self._bases:
             subject = self.exemplars.subject(index)
             colors = subject.base_colors(self.exemplars.scenes[index].materials)
             self._bases[index] = [colors[part] for part in subject.learnable]
         return self._bases[index]
-
-
-def surface_of(exemplars: Exemplars, index: int, renderer: Renderer[Any], kept: dict[int, Any]) -> Any:
-    """An exemplar's surface as its renderer prepared it, now or before; `kept` holds those, by subject."""
-    number = int(exemplars.subject_of[index])
-    if number not in kept:
-        kept[number] = renderer.prepare(exemplars.subjects[number].surface)
-    return kept[number]
-
-
-def outermost(exemplars: Exemplars, index: int, seen: Float[Tensor, "parts rows cols"]) -> Float[Tensor, "rows cols"]:
-    """Of each texel, what is said of the part that is outermost there."""
-    subject = exemplars.subject(index)
-    picked = torch.zeros_like(seen[0])
-    for slot, part in enumerate(subject.learnable):
-        mine = subject.buffer.part == part
-        picked[mine] = seen[slot][mine]
-    return picked

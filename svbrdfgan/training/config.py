@@ -153,7 +153,7 @@ def train_config(data: dict[str, Any], source: str) -> TrainConfig:
     return validate(TrainConfig, data, source)
 
 
-def settled(config: TrainConfig, spp: int) -> TrainConfig:
+def resolved(config: TrainConfig, spp: int) -> TrainConfig:
     """The configuration with what its discriminator sees decided, for exemplars of so many samples per pixel.
 
     `auto` is radiance where fakes are shown in their exemplars' own scenes with as many samples, since then nothing but

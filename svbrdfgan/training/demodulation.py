@@ -1,8 +1,8 @@
-"""What pictures show of a surface, with the light divided out and seen from elsewhere.
+"""Demodulation: what pictures show of a surface, with the light divided out, seen from any camera.
 
-Under direct light a picture of Lambertian surfaces is background + T @ texture. So (picture - background) / (T @ 1) is
-the mean reflectance of what a pixel shows of the learnable parts, each point weighted by the light that it returns; and
-each row of T, divided so, says which texels those are.
+Under direct light a picture of Lambertian surfaces is background + T @ texture, where T is the light transport. So
+(picture - background) / (T @ 1) is the mean reflectance of the learnable surface in a pixel, each point weighted by the
+light that it returns. The rows of T, divided by T @ 1, are the weights of the texels in that mean.
 """
 
 from __future__ import annotations
@@ -21,18 +21,24 @@ Pixels = Bool[Tensor, "batch height width"]
 Texture = Float[Tensor, "textures rows cols 3"]
 Texels = Bool[Tensor, "textures rows cols 1"]
 
-_DARK, _SHARE, _LARGEST = 0.02, 0.5, 1.5
-_TOUCHED = 1e-4
+_DARKEST = 0.02
+"""Shading below this share of the picture's mean is not divided by: the quotient would be noise."""
+_LEAST_SHARE = 0.5
+"""Least learnable share of a pixel, and least known share of its texels, for which its reflectance is given."""
+_MAX_REFLECTANCE = 1.5
+"""Above 1, so that noise is not cut off on one side; bounded, since the discriminator sees the result."""
+_LEAST_WEIGHT = 1e-4
+"""Texels with less weight in all pixels together count as not seen."""
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
-    """What a batch of views shows of their textures: each pixel a mean of texels.
+class Demodulator:
+    """Divides the light out of pictures of a batch of views.
 
     Attributes:
-        shading: the pictures of the learnable parts alone, were they white; infinite where not clear.
-        clear: where reflectance can be told: at least half the pixel is learnable, and no channel of `shading` is below
-            2 % of its mean over such pixels.
+        shading: pictures of the learnable parts alone, painted white; infinite where `clear` is false.
+        clear: pixels whose reflectance can be given: at least half the pixel is learnable, and no channel of `shading`
+            is below 2 % of its mean over such pixels.
     """
 
     batch: TransportBatch
@@ -40,8 +46,8 @@ class Sight:
     clear: Pixels
 
     @classmethod
-    def of(cls, batch: TransportBatch) -> Sight:
-        """That of these views."""
+    def of(cls, batch: TransportBatch) -> Demodulator:
+        """The demodulator of these views."""
         first = batch.transports[0]
         ones = torch.ones(len(batch.owner), *first.texture_shape, 3, device=first.texel.device)
         shading = batch.linear(ones)
@@ -49,37 +55,37 @@ class Sight:
         return cls(batch, torch.where(clear.unsqueeze(-1), shading, torch.inf), clear)
 
     def reflectance(self, image: Image) -> Image:
-        """What these pictures of the views show, in [0, 1.5]; zero where it cannot be told. Differentiable."""
-        return ((image.float() - self.batch.background) / self.shading).clamp(0.0, _LARGEST)
+        """Mean reflectance per pixel of these views' pictures, in [0, 1.5]; 0 where not `clear`. Differentiable."""
+        return ((image.float() - self.batch.background) / self.shading).clamp(0.0, _MAX_REFLECTANCE)
 
-    def lifted(self, reflectance: Image, clear: Pixels) -> tuple[Texture, Texels]:
-        """The texture that clear pixels show, each texel the mean of those that show it; and where they show any."""
+    def scatter_to_texture(self, reflectance: Image, clear: Pixels) -> tuple[Texture, Texels]:
+        """The texture that clear pixels show, each texel the mean of its pixels; and which texels are seen."""
         share = clear.unsqueeze(-1) / self.shading
         weight = self.batch.transposed(share)
-        touched = (weight > _TOUCHED).all(dim=-1, keepdim=True)
-        texture = self.batch.transposed(reflectance * share) / torch.where(touched, weight, torch.inf)
-        return texture, touched
+        seen = (weight > _LEAST_WEIGHT).all(dim=-1, keepdim=True)
+        texture = self.batch.transposed(reflectance * share) / torch.where(seen, weight, torch.inf)
+        return texture, seen
 
-    def projected(self, texture: Texture, touched: Texels) -> tuple[Image, Pixels]:
-        """How these views see a texture that is known in places, and where half of what they see of it is."""
-        share = self.batch.linear(touched.expand_as(texture).float()) / self.shading
-        clear = (share > _SHARE).all(dim=-1)
+    def gather_from_texture(self, texture: Texture, seen: Texels) -> tuple[Image, Pixels]:
+        """How these views show a texture that is known in places, and the pixels of which at least half is known."""
+        share = self.batch.linear(seen.expand_as(texture).float()) / self.shading
+        clear = (share > _LEAST_SHARE).all(dim=-1)
         return self.batch.linear(texture) / self.shading / torch.where(clear.unsqueeze(-1), share, torch.inf), clear
 
 
-def carried(reflectance: Image, clear: Pixels, *path: Sight) -> tuple[Image, Pixels]:
-    """What pictures of the first views show, as seen from the next and so on, each time through the texture.
+def reproject(reflectance: Image, clear: Pixels, *path: Demodulator) -> tuple[Image, Pixels]:
+    """What pictures of the first views show, as seen from the next views and so on, each time through the texture.
 
-    Every step blurs by about a pixel of the views that it leads between, and leaves what both of them see.
+    Every step blurs by about a pixel of the views that it leads between, and keeps what both of them see.
     """
     for here, there in pairwise(path):
-        reflectance, clear = there.projected(*here.lifted(reflectance, clear))
+        reflectance, clear = there.gather_from_texture(*here.scatter_to_texture(reflectance, clear))
     return reflectance, clear
 
 
 def _clear(shading: Image, gbuffer: Float[Tensor, "batch height width 6"]) -> Pixels:
-    """By the G-buffer of the same views: its normal is at most as long as the learnable share of a pixel."""
-    learnable = (gbuffer[..., 3:].norm(dim=-1) >= _SHARE).unsqueeze(-1)
+    # The G-buffer is premultiplied by the learnable share of a pixel, so its normal is at most that long.
+    learnable = (gbuffer[..., 3:].norm(dim=-1) >= _LEAST_SHARE).unsqueeze(-1)
     count = learnable.sum(dim=(1, 2), keepdim=True).clamp(min=1)
     mean = (shading * learnable).sum(dim=(1, 2), keepdim=True) / count
-    return (shading > _DARK * mean).all(dim=-1) & learnable.squeeze(-1)
+    return (shading > _DARKEST * mean).all(dim=-1) & learnable.squeeze(-1)

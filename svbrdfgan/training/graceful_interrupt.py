@@ -10,7 +10,7 @@ from typing import Any
 
 
 @contextmanager
-def interrupts_wait(wanted: bool = True) -> Iterator[Callable[[], bool]]:
+def defer_interrupts(wanted: bool = True) -> Iterator[Callable[[], bool]]:
     """Within, the first SIGINT is noted, and the second raised; it gives what tells whether one came.
 
     Nothing changes unless it is wanted, in threads other than the main one, and where SIGINT has a handler already.

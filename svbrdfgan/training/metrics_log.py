@@ -1,4 +1,4 @@
-"""What a run writes down as it goes: a line of JSON for each report, and TensorBoard's files where it is installed."""
+"""The metrics log of a run: one line of JSON per report, and TensorBoard files if TensorBoard is installed."""
 
 from __future__ import annotations
 
@@ -16,36 +16,36 @@ from svbrdfgan.training.run import LOG
 log = logging.getLogger(__name__)
 
 
-class Journal:
-    """Appends to a run's log; lines after `step`, of a run that was stopped and resumed there, are dropped."""
+class MetricsLog:
+    """Appends to a run's log, after dropping lines past `step`, which an interrupted run wrote."""
 
     def __init__(self, run: Path, step: int) -> None:
         self.path = run / LOG
-        kept = [line for line in read_journal(run) if line["step"] <= step]
+        kept = [line for line in read_metrics(run) if line["step"] <= step]
         with atomic_path(self.path) as temporary:
             temporary.write_text("".join(json.dumps(line) + "\n" for line in kept), encoding="utf-8")
         self.board = _board(run, step)
 
     def write(self, step: int, values: dict[str, float]) -> None:
-        """Reports numbers."""
+        """Logs numbers."""
         with self.path.open("a", encoding="utf-8") as file:
             file.write(json.dumps({"step": step, **values}) + "\n")
         if self.board is not None:
             for name, value in values.items():
                 self.board.add_scalar(name, value, step)
 
-    def show(self, step: int, name: str, picture: Float[Tensor, "height width 3"]) -> None:
-        """Reports a picture with values in [0, 1]."""
+    def add_image(self, step: int, name: str, image: Float[Tensor, "height width 3"]) -> None:
+        """Logs a display-referred image with values in [0, 1], to TensorBoard alone."""
         if self.board is not None:
-            self.board.add_image(name, picture, step, dataformats="HWC")
+            self.board.add_image(name, image, step, dataformats="HWC")
 
     def close(self) -> None:
         if self.board is not None:
             self.board.close()
 
 
-def read_journal(run: Path) -> list[dict[str, float]]:
-    """The lines of a run's log; a last line cut off by a kill is left out."""
+def read_metrics(run: Path) -> list[dict[str, float]]:
+    """The lines of a run's log. A line that a kill cut off is left out."""
     lines: list[dict[str, float]] = []
     if (run / LOG).is_file():
         for line in (run / LOG).read_text(encoding="utf-8").splitlines():

@@ -1,4 +1,4 @@
-"""Stages that render anew at every visit, by any renderer: for what is not linear, or not stored."""
+"""Online rendering: fakes rendered from scratch at every visit, by any renderer, for what cannot be stored."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.scene.description import Scene
-from svbrdfgan.training.cached_rendering import Coverage, Images, Layers, outermost, surface_of
 from svbrdfgan.training.perturb import Perturbation
+from svbrdfgan.training.scenes import Coverage, Images, Layers, of_outermost_parts, prepared_surface
 from svbrdfgan.types import Rendering
 
 
 @dataclass(frozen=True, eq=False)
-class FreshStage:
-    """Scenes rendered anew each time, by any renderer, for what is not linear or not stored."""
+class OnlineSceneBatch:
+    """A batch of scenes that a renderer traces when a layer is rendered. It knows no G-buffer."""
 
     layer: RenderLayer[Any]
     scenes: tuple[Scene, ...]
@@ -31,19 +31,20 @@ class FreshStage:
     gbuffer: None = None
 
     def render(self, layers: Layers) -> tuple[Images, Coverage]:
-        shown = [self._render(n, layer) for n, layer in enumerate(layers)]
-        images, coverage = (torch.stack(part) for part in zip(*((s.image, s.coverage) for s in shown), strict=True))
+        renderings = [self._render(n, layer) for n, layer in enumerate(layers)]
+        images = torch.stack([rendering.image for rendering in renderings])
+        coverage = torch.stack([rendering.coverage for rendering in renderings])
         return images.to(layers.device), coverage.to(layers.device)
 
     def _render(self, n: int, layer: Float[Tensor, "rows cols channels"]) -> Rendering:
         subject, scene = self.exemplars.subject(self.indices[n]), self.scenes[n]
         materials = subject.materials(scene.materials, layer.float(), scene.maps)
-        return self.layer(self.prepared[n], materials, self.exemplars.studio.view(scene), seed=scene.seed)
+        return self.layer(self.prepared[n], materials, self.exemplars.loader.view(scene), seed=scene.seed)
 
 
 @dataclass(frozen=True, eq=False)
-class FreshRenders:
-    """Stages that render anew: every visit has its own samples. Surfaces stay prepared in memory."""
+class OnlineRendering:
+    """Scenes for fakes, rendered from scratch: every visit has its own samples. Prepared surfaces stay in memory."""
 
     exemplars: Exemplars
     perturbation: Perturbation
@@ -57,20 +58,20 @@ class FreshRenders:
             if progress is not None:
                 progress(1)
 
-    def stage(self, indices: Sequence[int], rng: np.random.Generator) -> FreshStage:
+    def scenes(self, indices: Sequence[int], rng: np.random.Generator) -> OnlineSceneBatch:
         """A scene for each of these exemplars."""
         scenes = tuple(self.perturbation.scene(self.exemplars.scenes[i], i, rng) for i in indices)
         prepared = tuple(self._surface(index) for index in indices)
-        return FreshStage(self.layer, scenes, self.exemplars, tuple(indices), prepared)
+        return OnlineSceneBatch(self.layer, scenes, self.exemplars, tuple(indices), prepared)
 
-    def expect(self, indices: Sequence[int], rng: np.random.Generator) -> None:
-        """Does nothing: pictures cannot be had ahead of their layers."""
+    def prefetch(self, indices: Sequence[int], rng: np.random.Generator) -> None:
+        """Does nothing: a picture cannot be rendered before the generator has painted its layer."""
 
     def seen(self, index: int) -> Float[Tensor, "rows cols"]:
-        """Where an exemplar's picture shows the outermost learnable surface: where its gradient is not zero."""
+        """Positive at texels that an exemplar's picture shows of the outermost learnable surface; from its gradient."""
         scene, subject = self.exemplars.scenes[index], self.exemplars.subject(index)
         white = torch.full((*subject.buffer.part.shape, 4), 0.5)
-        view = self.exemplars.studio.view(scene)
+        view = self.exemplars.loader.view(scene)
         gradients = self.layer.renderer.render_vjp(
             self._surface(index),
             subject.materials(scene.materials, white),
@@ -81,7 +82,7 @@ class FreshRenders:
             seed=scene.seed,
         )
         seen = [gradients.materials[part]["base_color"].abs().sum(dim=-1).cpu() for part in subject.learnable]
-        return outermost(self.exemplars, index, torch.stack(seen))
+        return of_outermost_parts(self.exemplars, index, torch.stack(seen))
 
     def _surface(self, index: int) -> Any:
-        return surface_of(self.exemplars, index, self.layer.renderer, self._prepared)
+        return prepared_surface(self.exemplars, index, self.layer.renderer, self._prepared)

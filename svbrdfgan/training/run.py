@@ -12,13 +12,14 @@ import torch
 from svbrdfgan.config.distributions import mean
 from svbrdfgan.config.models import StrictModel, differences, validate
 from svbrdfgan.data.config import DatasetConfig
-from svbrdfgan.data.index import DatasetPlan
+from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.records import load_record, save_record
 from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.networks import Generator
 from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.config import GeneratorConfig, TrainConfig
+from svbrdfgan.training.resolve import ResolvedRun
 from svbrdfgan.training.state import make_generator
 
 _FORMAT = "svbrdfgan generator 2"
@@ -42,6 +43,12 @@ class RunConfig(StrictModel):
     dataset_folder: str
     versions: dict[str, str]
 
+    @classmethod
+    def of(cls, run: ResolvedRun) -> RunConfig:
+        """The record of a run that is about to start, with the versions of what computes it."""
+        folder = str(run.dataset.folder)
+        return cls(train=run.config, dataset=run.dataset.config, dataset_folder=folder, versions=versions())
+
     @property
     def maps(self) -> dict[str, float]:
         """What layers paint beside base_color, and what usually lies beneath: the mean of what was learned on."""
@@ -54,7 +61,7 @@ class RunConfig(StrictModel):
             AssetError: no data set is there.
             ConfigError: it is another.
         """
-        if DatasetPlan.load(folder).config != self.dataset:
+        if DatasetIndex.load(folder).config != self.dataset:
             raise ConfigError(f"{folder} is of another configuration than the data set that the run learned from.")
         return self.model_copy(update={"dataset_folder": str(folder.resolve())})
 

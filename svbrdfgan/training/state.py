@@ -21,7 +21,7 @@ from torch.optim.swa_utils import get_ema_multi_avg_fn
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.networks import Discriminator, Generator, initialise
 from svbrdfgan.rendering.compositing import RGBA
-from svbrdfgan.training.all_reduce import GradientAverage
+from svbrdfgan.training.all_reduce import GradientAllReduce
 from svbrdfgan.training.config import DiscriminatorConfig, GeneratorConfig, TrainConfig
 
 _KEEP = 2
@@ -43,8 +43,8 @@ class State:
     averaged: Generator
     generator_adam: torch.optim.Adam
     discriminator_adam: torch.optim.Adam
-    generator_gradients: GradientAverage
-    discriminator_gradients: GradientAverage
+    generator_gradients: GradientAllReduce
+    discriminator_gradients: GradientAllReduce
     step: int = 0
     seconds: float = 0.0
     best: tuple[float, int] = (-float("inf"), 0)
@@ -70,8 +70,8 @@ class State:
             averaged=copy.deepcopy(generator).requires_grad_(False),
             generator_adam=torch.optim.Adam(generator.parameters(), adam.generator_rate, betas, fused=True),
             discriminator_adam=torch.optim.Adam(discriminator.parameters(), adam.discriminator_rate, betas, fused=True),
-            generator_gradients=GradientAverage(generator, processes),
-            discriminator_gradients=GradientAverage(discriminator, processes),
+            generator_gradients=GradientAllReduce(generator, processes),
+            discriminator_gradients=GradientAllReduce(discriminator, processes),
         )
 
     def average(self, batch_size: int, half_life: float) -> None:

@@ -15,6 +15,7 @@ from PIL import Image
 
 from svbrdfgan.cli import main
 from svbrdfgan.data.exemplars import load_exemplars
+from svbrdfgan.data.index import Dataset
 from svbrdfgan.data.photos.manifest import LookAtCamera, Manifest, PictureEntry, read_manifest
 from svbrdfgan.io import save_mesh_glb
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
@@ -61,7 +62,7 @@ def test_it_makes_a_data_set_and_says_what_to_look_at(manifest: Path, tmp_path: 
     assert "contact-sheet.png" in result.stdout
     assert "train: 1 exemplars of 1 meshes" in result.stdout
     assert "warning: van.jpg: mask and mesh agree by 0." in result.stderr
-    assert load_exemplars(tmp_path / "own", "train").images.shape == (1, 24, 32, 3)
+    assert load_exemplars(Dataset.open(tmp_path / "own"), "train").images.shape == (1, 24, 32, 3)
     again = invoke("dataset", "import", manifest, "-o", tmp_path / "own")
     assert again.exit_code == 1
     assert "holds other things" in again.stderr

@@ -23,22 +23,23 @@ from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.estimate import estimate, preview
 from svbrdfgan.data.exemplars import load_exemplars, load_picture
+from svbrdfgan.data.gather import gather_environments
 from svbrdfgan.data.generate import exemplar_paths, generate, missing, render_scene
-from svbrdfgan.data.index import DatasetPlan, gather_environments, make_plan
-from svbrdfgan.data.prebake import baked
+from svbrdfgan.data.index import Dataset, DatasetIndex, make_index
+from svbrdfgan.data.prebake import prebake
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io import load_environment, save_mesh_glb
-from svbrdfgan.plugins.select import Choice
+from svbrdfgan.plugins import select
+from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
-from svbrdfgan.scene import loader
 from svbrdfgan.scene.description import Scene
-from svbrdfgan.scene.loader import Studio, resolve_renderer
+from svbrdfgan.scene.loader import SceneLoader
 
 Data = Callable[..., dict[str, Any]]
 MAKE = """
 import sys
 from pathlib import Path
-from svbrdfgan.data.prebake import baked
+from svbrdfgan.data.prebake import prebake
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.generate import generate
 if __name__ == "__main__":
@@ -75,7 +76,7 @@ def test_every_exemplar_is_a_picture_and_its_scene(tiny_dataset: Path) -> None:
     for split, count in (("train", 6), ("validation", 2)):
         names = sorted(path.name for path in (tiny_dataset / split).iterdir())
         assert names == sorted(f"{n:06d}{suffix}" for n in range(count) for suffix in (".exr", ".json"))
-    assert list(missing(DatasetPlan.load(tiny_dataset), tiny_dataset)) == []
+    assert list(missing(DatasetIndex.load(tiny_dataset), tiny_dataset)) == []
     pictures = torch.stack([load_picture(exemplar_paths(tiny_dataset, "train", n)[0]) for n in range(6)])
     assert pictures.isfinite().all()
     coverage = pictures[..., 3].float()
@@ -85,14 +86,14 @@ def test_every_exemplar_is_a_picture_and_its_scene(tiny_dataset: Path) -> None:
 
 
 def test_scenes_are_those_of_the_sampler(tiny_dataset: Path) -> None:
-    plan = DatasetPlan.load(tiny_dataset)
+    plan = DatasetIndex.load(tiny_dataset)
     for split in ("train", "validation"):
         for index in range(len(plan.sampler(split))):
             assert Scene.load(exemplar_paths(tiny_dataset, split, index)[1]) == plan.sampler(split).scene(index)
 
 
 def test_assets_are_those_that_the_plan_names(tiny_dataset: Path) -> None:
-    plan = DatasetPlan.load(tiny_dataset)
+    plan = DatasetIndex.load(tiny_dataset)
     refs = [a.asset for pool in (*plan.meshes.values(), *plan.environments.values()) for a in pool]
     assert len(refs) == 3 + 3 + 3
     for ref in refs:
@@ -102,8 +103,8 @@ def test_assets_are_those_that_the_plan_names(tiny_dataset: Path) -> None:
 def test_larger_environments_are_shrunk_and_keep_their_mean(
     tiny_dataset: Path, tmp_path: Path, config: DatasetConfig
 ) -> None:
-    (whole, *_) = gather_environments(config.environments, 4096, tmp_path, Path())
-    (small, *_) = DatasetPlan.load(tiny_dataset).environments["train"]
+    (whole, *_) = gather_environments(config.environments, [], 4096, tmp_path)
+    (small, *_) = DatasetIndex.load(tiny_dataset).environments["train"]
     assert load_environment(tiny_dataset / small.asset.path).shape == (16, 32, 3)
     assert small.normalisation == pytest.approx(whole.normalisation, rel=0.02)
 
@@ -111,7 +112,7 @@ def test_larger_environments_are_shrunk_and_keep_their_mean(
 def test_a_picture_is_its_scene_rendered_again(tiny_dataset: Path) -> None:
     picture, record = exemplar_paths(tiny_dataset, "train", 4)
     scene = Scene.load(record)
-    rendering = render_scene(Studio(tiny_dataset, keep=False), resolve_renderer(scene.renderer)[0], scene)
+    rendering = render_scene(SceneLoader(tiny_dataset, keep=False), resolve_renderer(scene.renderer)[0], scene)
     stored = load_picture(picture)
     assert torch.equal(stored[..., :3], rendering.image.half())
     assert torch.equal(stored[..., 3], rendering.coverage.half())
@@ -123,7 +124,7 @@ def test_only_what_is_missing_is_made(dataset_copy: Path, tiny_dataset: Path, co
         exemplar_paths(dataset_copy, split, index)[1].unlink()  # type: ignore[arg-type]
     exemplar_paths(dataset_copy, "train", 5)[0].write_bytes(b"half a picture")
     before = {path: path.stat().st_mtime_ns for path in dataset_copy.rglob("0*.exr")}
-    assert list(missing(DatasetPlan.load(dataset_copy), dataset_copy)) == removed
+    assert list(missing(DatasetIndex.load(dataset_copy), dataset_copy)) == removed
     generate(config, dataset_copy, base=Path())
     changed = {(p.parent.name, int(p.stem)) for p, then in before.items() if p.stat().st_mtime_ns != then}
     assert changed == set(removed)
@@ -161,13 +162,13 @@ def test_meshes_baked_ahead_make_the_same(tmp_path: Path, tiny_dataset: Path, co
 
 
 def test_a_mesh_that_cannot_be_baked_ahead_is_told(dataset_copy: Path) -> None:
-    plan = DatasetPlan.load(dataset_copy)
+    plan = DatasetIndex.load(dataset_copy)
     scenes = [plan.sampler("train").scene(index) for index in (0, 4)]
     gone = dataset_copy / scenes[1].mesh.path
     gone.unlink()
     shutil.rmtree(dataset_copy / "cache")
     with pytest.raises(AssetError, match=f"{gone.name} is missing"):
-        list(baked(dataset_copy, [[scene] for scene in scenes], workers=2))
+        list(prebake(dataset_copy, [[scene] for scene in scenes], workers=2))
 
 
 def test_processes_share_out_one_list(
@@ -178,18 +179,20 @@ def test_processes_share_out_one_list(
 
     from svbrdfgan.data import generate as module
 
-    plan = DatasetPlan.load(dataset_copy)
+    plan = DatasetIndex.load(dataset_copy)
     for record in dataset_copy.glob("*/0*.json"):
         record.unlink()
-    shares = module._by_mesh(plan, dataset_copy)
+    dataset, choice = Dataset(dataset_copy, plan), PluginChoice(name="numpy")
+    job = module._Job(dataset, choice, module._missing_by_mesh(dataset), 1)
     for rank in (0, 1):
         fabric = SimpleNamespace(device=torch.device("cpu"), world_size=2, global_rank=rank, barrier=lambda: None)
-        module._work(fabric, plan, dataset_copy, shares, 1, module.Silent())  # type: ignore[arg-type]
+        module._render_on_device(fabric, job)  # type: ignore[arg-type]
     assert list(missing(plan, dataset_copy)) == []
 
 
 def test_what_auto_chose_is_recorded(tmp_path: Path, dataset_data: Data, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(loader, "choose_renderer", lambda device, *_, **__: Choice("warp", {"device": device}))
+    best = PluginChoice(name="warp", options={"device": "cpu"})
+    monkeypatch.setattr(select, "choose_renderer", lambda *_, **__: best)
     data = dataset_data(renderer="auto", image=[8, 8], spp=1, splits={"train": {"views": 1}})
     generate(validate(DatasetConfig, data, "here"), tmp_path, base=Path())
     chosen = Scene.load(exemplar_paths(tmp_path, "train", 0)[1]).renderer
@@ -201,7 +204,7 @@ def test_a_mesh_that_is_trained_on_is_not_scored(split: str, tmp_path: Path, dat
     shared = {"meshes": {"procedural": {"count": 2, "seed": 1}}, "views": 1}
     declared = validate(DatasetConfig, dataset_data(splits={split: shared}), "here")
     with pytest.raises(ConfigError, match=rf"'sedan_100003' is in the splits train and {split}.*another seed"):
-        make_plan(declared, tmp_path, Path())
+        make_index(declared, tmp_path, Path())
     assert not (tmp_path / "dataset.json").exists()
 
 
@@ -210,14 +213,14 @@ def test_files_that_match_later_are_told(tmp_path: Path, dataset_data: Data, cap
     save_mesh_glb(tmp_path / "cars" / "one.glb", vehicle)
     data = dataset_data(splits={"train": {"meshes": {"files": ["cars/*.glb"], "procedural": None}}})
     declared = validate(DatasetConfig, data, "here")
-    plan = make_plan(declared, tmp_path / "data", tmp_path)
-    assert make_plan(declared, tmp_path / "data", tmp_path) == plan
+    plan = make_index(declared, tmp_path / "data", tmp_path)
+    assert make_index(declared, tmp_path / "data", tmp_path) == plan
     assert not caplog.messages
     save_mesh_glb(tmp_path / "cars" / "two.glb", vehicle)
-    assert make_plan(declared, tmp_path / "data", tmp_path) == plan
+    assert make_index(declared, tmp_path / "data", tmp_path) == plan
     assert "was begun without two, which train files match now" in caplog.text
     shutil.rmtree(tmp_path / "cars")
-    assert make_plan(declared, tmp_path / "data", tmp_path) == plan, "the folder has copies"
+    assert make_index(declared, tmp_path / "data", tmp_path) == plan, "the folder has copies"
 
 
 def test_another_configuration_is_refused(dataset_copy: Path, dataset_data: Data) -> None:
@@ -280,14 +283,14 @@ def test_a_changed_or_missing_mesh_is_told(damage: str, dataset_copy: Path) -> N
     mesh = dataset_copy / scene.mesh.path
     mesh.write_bytes(mesh.read_bytes() + b"x") if damage == "change" else mesh.unlink()
     with pytest.raises(AssetError, match=f"{mesh.name} is (missing|not the file)"):
-        Studio(dataset_copy, keep=False).subject(scene)
+        SceneLoader(dataset_copy, keep=False).subject(scene)
 
 
 def test_environments_shared_by_splits_are_written_once(tmp_path: Path, config: DatasetConfig) -> None:
     """EXR files carry the time of their writing: written again, they would be other files."""
-    (first, *_) = gather_environments(config.environments, 16, tmp_path, Path())
+    (first, *_) = gather_environments(config.environments, [], 16, tmp_path)
     written = (tmp_path / first.asset.path).stat().st_mtime_ns
-    (again, *_) = gather_environments(config.environments, 16, tmp_path, Path())
+    (again, *_) = gather_environments(config.environments, [], 16, tmp_path)
     assert again == first
     assert (tmp_path / first.asset.path).stat().st_mtime_ns == written
 
@@ -301,7 +304,7 @@ def test_meshes_come_from_patterns(tmp_path: Path, dataset_data: Data) -> None:
         a_car(tmp_path / "cars" / f"{name}.glb", seed)
     data = dataset_data()
     data["splits"] = {"train": {"meshes": {"files": ["cars/*.glb"]}}}
-    plan = make_plan(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
+    plan = make_index(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
     assert [mesh.name for mesh in plan.meshes["train"]] == ["a", "b"]
     assert all((tmp_path / "out" / mesh.asset.path).is_file() for mesh in plan.meshes["train"])
 
@@ -310,14 +313,14 @@ def test_a_pattern_without_a_match_is_told(tmp_path: Path, dataset_data: Data) -
     data = dataset_data()
     data["splits"] = {"train": {"meshes": {"files": ["cars/*.glb"]}}}
     with pytest.raises(ConfigError, match=r"splits\.train\.meshes\.files: no file matches 'cars/\*\.glb'"):
-        make_plan(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
+        make_index(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
     data = dataset_data(environments={"files": ["*.hdr"]})
     with pytest.raises(ConfigError, match=r"environments\.files: no file matches '\*\.hdr'"):
-        make_plan(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
+        make_index(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
     assert not (tmp_path / "out").exists()
     for split in data["splits"].values():
         split["environments"] = {"procedural": {"count": 1}}
-    make_plan(
+    make_index(
         validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path
     )  # what no split takes need not be there
 
@@ -325,14 +328,14 @@ def test_a_pattern_without_a_match_is_told(tmp_path: Path, dataset_data: Data) -
 def test_a_run_is_no_place_for_a_data_set(tmp_path: Path, config: DatasetConfig) -> None:
     (tmp_path / "config.json").write_text("{}")
     with pytest.raises(ConfigError, match="holds a run"):
-        make_plan(config, tmp_path, tmp_path)
+        make_index(config, tmp_path, tmp_path)
     assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_what_is_no_pattern_is_told(tmp_path: Path, dataset_data: Data) -> None:
     data = dataset_data(splits={"train": {"meshes": {"files": [""]}}})
     with pytest.raises(ConfigError, match=r"'' is not a shell pattern of files"):
-        make_plan(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
+        make_index(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
 
 
 @pytest.mark.parametrize("split", ["train", "validation"])
@@ -347,26 +350,26 @@ def test_two_meshes_of_one_name_are_told(split: str, tmp_path: Path, dataset_dat
     else:
         data["splits"]["validation"] = {"meshes": {"files": ["two/car.glb"]}}
     with pytest.raises(ConfigError, match=r"share the name.*'car'.*rename"):
-        make_plan(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
+        make_index(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
 
 
 def test_another_environment_never_replaces_one_of_a_data_set(dataset_copy: Path, config: DatasetConfig) -> None:
-    (light, *_) = DatasetPlan.load(dataset_copy).environments["train"]
+    (light, *_) = DatasetIndex.load(dataset_copy).environments["train"]
     with pytest.raises(ConfigError, match=f"another environment of the name '{light.name}'"):
-        gather_environments(config.environments, 8, dataset_copy, Path())
-    Studio(dataset_copy).file(light.asset)
+        gather_environments(config.environments, [], 8, dataset_copy)
+    SceneLoader(dataset_copy).file(light.asset)
 
 
 def test_no_data_set_is_told(tmp_path: Path) -> None:
     with pytest.raises(AssetError, match=r"is not a data set: it has no dataset\.json"):
-        DatasetPlan.load(tmp_path)
+        DatasetIndex.load(tmp_path)
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"format": "svbrdfgan data set 0"}'])
 def test_a_plan_of_another_kind_is_told(tmp_path: Path, text: str) -> None:
     (tmp_path / "dataset.json").write_text(text)
     with pytest.raises(AssetError, match=r"dataset\.json") as caught:
-        DatasetPlan.load(tmp_path)
+        DatasetIndex.load(tmp_path)
     assert len(str(caught.value).splitlines()) == 1
 
 
@@ -375,7 +378,7 @@ def test_a_damaged_plan_names_the_key(dataset_copy: Path) -> None:
     plan["config"]["spp"] = "many"
     (dataset_copy / "dataset.json").write_text(json.dumps(plan))
     with pytest.raises(ConfigError, match=r"config\.spp"):
-        load_exemplars(dataset_copy, "train")
+        load_exemplars(Dataset.open(dataset_copy), "train")
 
 
 def test_an_estimate_is_near_and_leaves_nothing(tmp_path: Path, tiny_dataset: Path, config: DatasetConfig) -> None:

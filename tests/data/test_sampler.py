@@ -14,11 +14,12 @@ import torch
 
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import CameraDistribution, DatasetConfig, EnvironmentSource
-from svbrdfgan.data.index import DatasetPlan, gather_environments
+from svbrdfgan.data.gather import gather_environments
+from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset, MeshAsset
 from svbrdfgan.io import load_environment, load_mesh
 from svbrdfgan.scene.description import AssetRef, OrbitCamera
-from svbrdfgan.scene.loader import Studio
+from svbrdfgan.scene.loader import SceneLoader
 
 BOX = ((-1.0, 0.0, -2.5), (1.0, 1.5, 2.0))
 
@@ -151,7 +152,7 @@ def test_the_bounding_sphere_just_fits_at_distance_one(
 
 
 def test_every_vertex_is_in_the_picture_at_distance_one(tiny_dataset: Any) -> None:
-    plan = DatasetPlan.load(tiny_dataset)
+    plan = DatasetIndex.load(tiny_dataset)
     declared = plan.sampler("train")
     mesh = declared.meshes[0]
     positions = load_mesh(tiny_dataset / mesh.asset.path).positions
@@ -166,9 +167,9 @@ def test_every_vertex_is_in_the_picture_at_distance_one(tiny_dataset: Any) -> No
 
 def test_environments_are_brought_to_the_declared_brightness(tiny_dataset: Any) -> None:
     """Luminance, mean over the sphere, with rings weighted by the exact area between their edges."""
-    sampler, studio = DatasetPlan.load(tiny_dataset).sampler("train"), Studio(tiny_dataset, keep=False)
+    sampler, loader = DatasetIndex.load(tiny_dataset).sampler("train"), SceneLoader(tiny_dataset, keep=False)
     for index in range(3):
-        radiance = studio.view(sampler.scene(index)).environment.radiance.double()
+        radiance = loader.view(sampler.scene(index)).environment.radiance.double()
         rows = len(radiance)
         edges = torch.cos(torch.arange(rows + 1, dtype=torch.float64) * math.pi / rows)
         luminance = radiance @ torch.tensor([0.2126, 0.7152, 0.0722], dtype=torch.float64)
@@ -179,7 +180,7 @@ def test_environments_are_brought_to_the_declared_brightness(tiny_dataset: Any) 
 def test_rooms_are_gathered_beside_skies(tmp_path: Path) -> None:
     sources = [{"procedural": {"count": 2, "seed": 1, **kind}} for kind in ({}, {"kind": "indoor"})]
     skies, rooms = (
-        gather_environments(validate(EnvironmentSource, source, "here"), 16, tmp_path, tmp_path) for source in sources
+        gather_environments(validate(EnvironmentSource, source, "here"), [], 16, tmp_path) for source in sources
     )
     assert [light.name for light in (*skies, *rooms)] == ["sky_100003", "sky_100004", "room_100003", "room_100004"]
     pictures = {load_environment(tmp_path / light.asset.path).numpy().tobytes() for light in (*skies, *rooms)}
@@ -193,14 +194,14 @@ def test_brightness_scales_the_light(sampler: Callable[..., ConfigSampler]) -> N
 
 
 def test_configurations_speak_degrees(tiny_dataset: Any) -> None:
-    scene = DatasetPlan.load(tiny_dataset).sampler("train").scene(0)
+    scene = DatasetIndex.load(tiny_dataset).sampler("train").scene(0)
     turned = scene.model_copy(
         update={
             "environment": scene.environment.model_copy(update={"rotation_degrees": 90.0}),
             "camera": OrbitCamera(azimuth_degrees=90.0, elevation_degrees=0.0, distance=2.0, vertical_fov_degrees=60.0),
         }
     )
-    view = Studio(tiny_dataset, keep=False).view(turned)
+    view = SceneLoader(tiny_dataset, keep=False).view(turned)
     assert view.environment.rotation == pytest.approx(math.pi / 2)
     assert view.camera.vertical_fov == pytest.approx(math.pi / 3)
     assert view.camera.origin == pytest.approx((2.0, 0.0, 0.0), abs=1e-12)

@@ -18,6 +18,7 @@ from svbrdfgan.cli import main
 from svbrdfgan.data.config import dataset_config
 from svbrdfgan.data.exemplars import load_exemplars, load_picture
 from svbrdfgan.data.generate import generate
+from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
@@ -25,8 +26,9 @@ from svbrdfgan.inference.apply import paint
 from svbrdfgan.inference.export import write_weathered
 from svbrdfgan.io import load_image, load_mesh, load_texture, srgb_from_linear
 from svbrdfgan.plugins import load_renderer
-from svbrdfgan.training.batches import make_feed
+from svbrdfgan.training.batches import make_batch_source
 from svbrdfgan.training.config import TrainConfig, train_config
+from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.training.run import load_model
 from svbrdfgan.training.state import State
 from svbrdfgan.training.trainer import train
@@ -72,7 +74,7 @@ def run(settings: Settings, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_exemplars_say_how_rough_paint_and_dirt_are(folder: Path) -> None:
-    exemplars = load_exemplars(folder, "train")
+    exemplars = load_exemplars(Dataset.open(folder), "train")
     bare = [scene.maps["roughness"] for scene in exemplars.scenes]
     assert len(set(bare)) == len(bare) == 4
     assert all(0.2 <= value <= 0.5 for value in bare)
@@ -85,17 +87,17 @@ def test_exemplars_say_how_rough_paint_and_dirt_are(folder: Path) -> None:
 
 def test_the_gradient_of_the_channel_is_that_of_finite_differences(settings: Settings, folder: Path) -> None:
     """With the same samples, through compositing, materials and renderer."""
-    feed = make_feed(settings(), folder, "train", load_renderer("numpy"), CPU)
-    stage = feed.stage([0], np.random.default_rng(0))
+    source = make_batch_source(resolve_run(settings()), "train", load_renderer("numpy"), CPU)
+    scenes = source.scenes([0], np.random.default_rng(0))
     rng = torch.Generator().manual_seed(1)
     layers, direction = 0.3 + 0.4 * torch.rand(1, 32, 32, 5, generator=rng), torch.zeros(1, 32, 32, 5)
     direction[..., 4] = torch.rand(1, 32, 32, generator=rng)
     cotangent = torch.rand(1, 32, 32, 3, generator=rng)
     learned = layers.clone().requires_grad_(True)
-    (stage.render(learned)[0] * cotangent).sum().backward()
+    (scenes.render(learned)[0] * cotangent).sum().backward()
     assert learned.grad is not None
     with torch.no_grad():
-        ends = [(stage.render(layers + h * direction)[0] * cotangent).double().sum() for h in (0.01, -0.01)]
+        ends = [(scenes.render(layers + h * direction)[0] * cotangent).double().sum() for h in (0.01, -0.01)]
     slope = float((ends[0] - ends[1]) / 0.02)
     assert abs(slope) > 0.1
     assert float((learned.grad * direction).sum()) == pytest.approx(slope, rel=0.01)

@@ -12,8 +12,9 @@ import pytest
 import torch
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.evaluation.evaluate import Evaluated, Evaluation, evaluate, pictures, share
+from svbrdfgan.evaluation.evaluate import Evaluated, evaluate, pictures
 from svbrdfgan.evaluation.oracle import OracleConfig
+from svbrdfgan.evaluation.record import Evaluation, share
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.trainer import train
 
@@ -74,9 +75,9 @@ def test_layers_are_painted_on_every_subject(evaluated: Evaluated) -> None:
 
 
 def test_pictures_show_the_same_scene_under_each_layer(evaluated: Evaluated) -> None:
-    shown = pictures(evaluated.feed, 1, evaluated.layers)
+    shown = pictures(evaluated.source, 1, evaluated.layers)
     assert set(shown) == {"generated", "oracle", "constant", "truth"}
-    bare = evaluated.feed.stages._stored((1, 0)).coverage == 0  # type: ignore[union-attr]
+    bare = evaluated.source.fake_scenes._stored((1, 0)).coverage == 0  # type: ignore[union-attr]
     for picture in shown.values():
         assert picture.shape == (32, 32, 3)
         assert torch.equal(picture[bare], shown["truth"][bare])

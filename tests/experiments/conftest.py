@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
-from svbrdfgan.evaluation.evaluate import Evaluation
+from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.experiments.outcome import Ceiling, Outcome, Point
 from svbrdfgan.experiments.run_matrix import Design
 from svbrdfgan.experiments.schedule import Schedule

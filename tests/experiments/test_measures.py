@@ -20,9 +20,10 @@ from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
 from svbrdfgan.experiments import measures
 from svbrdfgan.experiments.contact_strip import write_strip
 from svbrdfgan.experiments.measures import gradient_noise, measure, recovered_where, seen_by_training
-from svbrdfgan.scene.loader import resolve_renderer
-from svbrdfgan.training.batches import make_feed
+from svbrdfgan.plugins.select import resolve_renderer
+from svbrdfgan.training.batches import make_batch_source
 from svbrdfgan.training.config import train_config
+from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.training.trainer import train
 
 Data = Callable[..., dict[str, Any]]
@@ -36,8 +37,8 @@ def evaluated(tmp_path_factory: pytest.TempPathFactory, training_data: Data) -> 
 
 
 def test_only_what_no_picture_shows_counts_as_unseen(evaluated: Evaluated) -> None:
-    exemplars = evaluated.feed.exemplars
-    shown = torch.stack([evaluated.feed.seen(view) > 0 for view in exemplars.views_of(0)]).any(dim=0)
+    exemplars = evaluated.source.exemplars
+    shown = torch.stack([evaluated.source.seen(view) > 0 for view in exemplars.views_of(0)]).any(dim=0)
     truth = exemplars.layers[0]
     assert truth is not None
     assert (shown & exemplars.subjects[0].learnable_texels).any()
@@ -59,9 +60,9 @@ def test_what_training_could_see_is_seen_by_its_cameras(evaluated: Evaluated) ->
     train = dataset.splits["train"].model_copy(update={"camera": validate(CameraDistribution, right, "here")})
     told = dataset.model_copy(update={"splits": {**dataset.splits, "train": train}})
     one_sided = replace(evaluated, config=evaluated.config.model_copy(update={"dataset": told}))
-    assert seen_by_training(evaluated) == evaluated.feed.seen
+    assert seen_by_training(evaluated) == evaluated.source.seen
     seen = seen_by_training(one_sided)
-    exemplars = evaluated.feed.exemplars
+    exemplars = evaluated.source.exemplars
     shown = torch.stack([seen(view) > 0 for view in exemplars.views_of(0)]).any(dim=0)
     facing = exemplars.subjects[0].geometry[3]  # the normal's x
     assert shown.any()
@@ -77,12 +78,13 @@ def test_stored_gradients_have_no_noise_to_measure(evaluated: Evaluated) -> None
 def test_the_noise_of_a_gradient_is_its_relative_variance(spread: float, tiny_exemplars: Exemplars) -> None:
     """A renderer that multiplies the layer by samples of mean 1: so the gradient's noise is theirs."""
 
-    def stage(indices: list[int], rng: np.random.Generator) -> SimpleNamespace:
+    def scenes(indices: list[int], rng: np.random.Generator) -> SimpleNamespace:
         samples = torch.from_numpy(1 + spread * rng.standard_normal((1, 32, 32, 4)))
         return SimpleNamespace(render=lambda layers: (layers * samples, None))
 
-    feed = SimpleNamespace(exemplars=tiny_exemplars, stage=stage, real=lambda indices: (torch.zeros(1, 32, 32, 4),))
-    noise = gradient_noise(feed, torch.full((2, 32, 32, 4), 0.5))  # type: ignore[arg-type]
+    real = SimpleNamespace(image=torch.zeros(6, 32, 32, 4))
+    source = SimpleNamespace(exemplars=tiny_exemplars, scenes=scenes, real=real)
+    noise = gradient_noise(source, torch.full((2, 32, 32, 4), 0.5))  # type: ignore[arg-type]
     assert noise == pytest.approx(spread**2, rel=0.15)
 
 
@@ -93,8 +95,8 @@ def test_gradients_of_fresh_renders_are_noisy(
     fresh = {"rendering": "fresh", "discriminator": {"guide": False}, "spp": 1, "spp_grad": 1}
     config = train_config(training_data(**fresh), "here")
     renderer, _ = resolve_renderer(config.renderer)
-    feed = make_feed(config, tiny_dataset, "validation", renderer, torch.device("cpu"))
-    assert gradient_noise(feed, torch.full((1, 32, 32, 4), 0.5)) > 0.01
+    source = make_batch_source(resolve_run(config), "validation", renderer, torch.device("cpu"))
+    assert gradient_noise(source, torch.full((1, 32, 32, 4), 0.5)) > 0.01
 
 
 def test_the_strip(evaluated: Evaluated, tmp_path: Path) -> None:

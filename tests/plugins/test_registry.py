@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.errors import ConfigError, PluginError
 from svbrdfgan.plugins import (
     EMBEDDINGS,
@@ -307,7 +308,7 @@ class TestChoice:
         install("able", RENDERER, group=RENDERERS)
         monkeypatch.setattr(select, "RANKING", dict.fromkeys(("cpu", "cuda"), ("absent", "fast", "able")))
         caplog.set_level(logging.INFO)
-        assert select.choose_renderer("cpu") == select.Choice("able", {})
+        assert select.choose_renderer("cpu") == PluginChoice(name="able")
         assert "'fast' is passed over on cpu" in caplog.text
         assert "SIGABRT" in caplog.text
         assert isinstance(load_renderer("able"), Renderer)

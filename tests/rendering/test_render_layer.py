@@ -43,7 +43,7 @@ class Stage:
 def make_stage(name: str, exemplars: Exemplars, width: int = 12, height: int = 10) -> Stage:
     options = {"device": "cpu"} if name == "warp" else {}
     renderer, subject = load_renderer(name, options), exemplars.subjects[0]
-    view = replace(exemplars.studio.view(exemplars.scenes[0]), width=width, height=height)
+    view = replace(exemplars.loader.view(exemplars.scenes[0]), width=width, height=height)
     (part,) = subject.learnable
     texture = torch.rand(TEXELS, TEXELS, 3, generator=torch.Generator().manual_seed(4))
     colors = tuple(texture if n == part else color for n, color in enumerate(subject.base))

@@ -11,12 +11,14 @@ import torch.nn.functional as F
 
 from svbrdfgan.data.config import DatasetConfig, MeshSource, SplitConfig
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation.evaluate import Evaluated, Evaluation
+from svbrdfgan.evaluation.evaluate import Evaluated
+from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.geometry.bake import bake
 from svbrdfgan.scene.asset import Subject
 from svbrdfgan.scene.description import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
-from svbrdfgan.training.batches import Feed
+from svbrdfgan.training.batches import BatchSource
 from svbrdfgan.training.config import DiscriminatorConfig, GeneratorConfig, TrainConfig
+from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.run import RunConfig
 from svbrdfgan.types import Part, Surface
 
@@ -36,12 +38,12 @@ class PlainStage:
 
 
 @dataclass(frozen=True)
-class PlainStages:
+class PlainScenes:
     """The same stage for every exemplar; pictures show the left half of the texture."""
 
     coverage: torch.Tensor
 
-    def stage(self, indices: list[int], rng: np.random.Generator) -> PlainStage:
+    def scenes(self, indices: list[int], rng: np.random.Generator) -> PlainStage:
         count = len(indices)
         return PlainStage(self.coverage.expand(count, -1, -1), torch.zeros(count, HEIGHT, WIDTH, 6))
 
@@ -85,9 +87,9 @@ def make_evaluated(names: tuple[str, ...] = ("sedan_1", "van_2"), views: int = 2
     truth = torch.rand(count, TEXELS, TEXELS, 4)
     coverage = torch.zeros(HEIGHT, WIDTH)
     coverage[10:22, 8:32] = 1.0
-    stages = PlainStages(coverage)
+    stages = PlainScenes(coverage)
     owner = torch.arange(count).repeat_interleave(views)
-    images, _ = stages.stage([0] * (count * views), np.random.default_rng(0)).render(truth[owner])
+    images, _ = stages.scenes([0] * (count * views), np.random.default_rng(0)).render(truth[owner])
     exemplars = Exemplars(
         images=images.half(),
         coverage=coverage.expand(count * views, -1, -1).half(),
@@ -95,11 +97,11 @@ def make_evaluated(names: tuple[str, ...] = ("sedan_1", "van_2"), views: int = 2
         subjects=(subject,) * count,
         subject_of=owner,
         layers=tuple(truth[n] for n in owner.tolist()),
-        studio=SimpleNamespace(),
+        loader=SimpleNamespace(),
     )
     gbuffers = torch.zeros(count * views, HEIGHT, WIDTH, 6)
     buffers = torch.stack([subject.geometry] * count)
-    feed = Feed(exemplars, stages, stages, buffers, exemplars.images, exemplars.coverage, gbuffers)
+    source = BatchSource(exemplars, stages, stages, buffers, ImageBatch(exemplars.images, exemplars.coverage, gbuffers))
     constant = (0.4, 0.3, 0.2, 0.5)
     layers = {
         "generated": (truth + 0.1).clamp(0, 1),
@@ -120,7 +122,7 @@ def make_evaluated(names: tuple[str, ...] = ("sedan_1", "van_2"), views: int = 2
     )
     dataset = DatasetConfig(splits={"train": SplitConfig(meshes=MeshSource(files=("cars/*.glb",)))})
     config = RunConfig(train=train, dataset=dataset, dataset_folder="nowhere", versions={"svbrdfgan": "1.2.3"})
-    return Evaluated(evaluation, config, feed, layers)
+    return Evaluated(evaluation, config, source, layers)
 
 
 def without_oracle(evaluated: Evaluated) -> Evaluated:
@@ -130,10 +132,10 @@ def without_oracle(evaluated: Evaluated) -> Evaluated:
 
 
 def without_weathering(evaluated: Evaluated) -> Evaluated:
-    before = evaluated.feed.exemplars
+    before = evaluated.source.exemplars
     scenes = tuple(scene.model_copy(update={"weathering": None}) for scene in before.scenes)
     exemplars = replace(before, scenes=scenes, layers=(None,) * len(before))
-    return replace(evaluated, feed=replace(evaluated.feed, exemplars=exemplars))
+    return replace(evaluated, source=replace(evaluated.source, exemplars=exemplars))
 
 
 @pytest.fixture(scope="session")

@@ -16,13 +16,14 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars, load_exemplars, load_picture
 from svbrdfgan.data.generate import exemplar_paths
+from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.tensors import save_tensors
 from svbrdfgan.rendering.compositing import composite
-from svbrdfgan.scene import loader as studio_module
+from svbrdfgan.scene import loader as loader_module
 from svbrdfgan.scene.cache import load_layer, load_subject, save_layer, save_subject
 from svbrdfgan.scene.description import Scene, SceneWeathering
-from svbrdfgan.scene.loader import Studio, subject_key
+from svbrdfgan.scene.loader import SceneLoader, subject_key
 from svbrdfgan.weathering import find_site
 
 TRASH = [b"", b"\x08\x00\x00\x00\x00\x00\x00\x00{broken}", b"x" * 5000]
@@ -120,19 +121,19 @@ def test_layers_are_those_of_the_subject(tiny_exemplars: Exemplars) -> None:
 def test_an_unfinished_data_set_is_told(dataset_copy: Path) -> None:
     exemplar_paths(dataset_copy, "train", 2)[1].unlink()
     with pytest.raises(AssetError, match="not finished: 1 of 6 train exemplars are missing"):
-        load_exemplars(dataset_copy, "train")
+        load_exemplars(Dataset.open(dataset_copy), "train")
 
 
 def test_a_split_that_is_not_there_is_told(tiny_dataset: Path) -> None:
     with pytest.raises(AssetError, match="has no split 'test'; it has train, validation"):
-        load_exemplars(tiny_dataset, "test")
+        load_exemplars(Dataset.open(tiny_dataset), "test")
 
 
 @pytest.mark.parametrize("content", TRASH)
 def test_a_damaged_picture_is_one_sentence(content: bytes, dataset_copy: Path) -> None:
     exemplar_paths(dataset_copy, "train", 2)[0].write_bytes(content)
     with pytest.raises(AssetError, match=r"000002\.exr") as caught:
-        load_exemplars(dataset_copy, "train")
+        load_exemplars(Dataset.open(dataset_copy), "train")
     assert len(str(caught.value).splitlines()) == 1
 
 
@@ -140,13 +141,13 @@ def test_a_damaged_cache_is_one_sentence(dataset_copy: Path) -> None:
     for path in (dataset_copy / "cache" / "subjects").iterdir():
         path.write_bytes(b"x" * 100)
     with pytest.raises(AssetError, match="delete it to have it made anew") as caught:
-        load_exemplars(dataset_copy, "train")
+        load_exemplars(Dataset.open(dataset_copy), "train")
     assert len(str(caught.value).splitlines()) == 1
 
 
 def test_a_cache_that_is_gone_is_made_again(dataset_copy: Path, tiny_exemplars: Exemplars) -> None:
     shutil.rmtree(dataset_copy / "cache")
-    again = load_exemplars(dataset_copy, "train")
+    again = load_exemplars(Dataset.open(dataset_copy), "train")
     assert torch.equal(again.subjects[1].geometry, tiny_exemplars.subjects[1].geometry)
     assert torch.equal(again.layers[5], tiny_exemplars.layers[5])  # type: ignore[arg-type]
     assert (dataset_copy / "cache").is_dir()
@@ -154,9 +155,9 @@ def test_a_cache_that_is_gone_is_made_again(dataset_copy: Path, tiny_exemplars: 
 
 def test_a_studio_that_keeps_nothing_writes_nothing(dataset_copy: Path, tiny_exemplars: Exemplars) -> None:
     shutil.rmtree(dataset_copy / "cache")
-    studio = Studio(dataset_copy, keep=False)
-    subject = studio.subject(tiny_exemplars.scenes[0])
-    assert studio.subject(tiny_exemplars.scenes[1]) is subject
+    loader = SceneLoader(dataset_copy, keep=False)
+    subject = loader.subject(tiny_exemplars.scenes[0])
+    assert loader.subject(tiny_exemplars.scenes[1]) is subject
     assert not (dataset_copy / "cache").exists()
 
 
@@ -171,7 +172,7 @@ def test_a_subject_is_shared_by_scenes_that_differ_in_light_and_paint(tiny_exemp
 
 def test_what_is_not_weathered_has_no_layer(tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
     clean = tiny_exemplars.scenes[0].model_copy(update={"weathering": None})
-    assert Studio(tiny_dataset).layer(clean) is None
+    assert SceneLoader(tiny_dataset).layer(clean) is None
 
 
 def test_paint_covers_the_named_parts_alone(tiny_exemplars: Exemplars) -> None:
@@ -205,7 +206,7 @@ def test_files_that_know_of_no_further_maps_are_read(dataset_copy: Path, tiny_ex
     for path in dataset_copy.rglob("*.json"):
         path.write_text(json.dumps(without_maps(json.loads(path.read_text()))))
     kept = {path: path.stat().st_mtime_ns for path in (dataset_copy / "cache").rglob("*")}
-    again = load_exemplars(dataset_copy, "train")
+    again = load_exemplars(Dataset.open(dataset_copy), "train")
     assert again.scenes == tiny_exemplars.scenes
     assert kept == {path: path.stat().st_mtime_ns for path in (dataset_copy / "cache").rglob("*")}
 
@@ -221,9 +222,9 @@ def test_layers_are_read_when_they_are_looked_at(
 ) -> None:
     """And let go of, so that a data set in which each exemplar has its own fits in memory."""
     read: list[Path] = []
-    monkeypatch.setattr(studio_module, "load_layer", lambda path: read.append(path) or load_layer(path))
-    monkeypatch.setattr(studio_module, "_LAYERS", 1)
-    exemplars = load_exemplars(tiny_dataset, "train")
+    monkeypatch.setattr(loader_module, "load_layer", lambda path: read.append(path) or load_layer(path))
+    monkeypatch.setattr(loader_module, "_LAYERS", 1)
+    exemplars = load_exemplars(Dataset.open(tiny_dataset), "train")
     assert all(map(exemplars.weathered, range(6)))
     assert read == []
     for index in (0, 1, 3, 0):
@@ -235,19 +236,19 @@ def test_a_surface_is_surveyed_once_for_all_its_layers(
     tiny_dataset: Path, tiny_exemplars: Exemplars, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     surveyed: list[object] = []
-    monkeypatch.setattr(studio_module, "find_site", lambda *of: surveyed.append(of) or find_site(*of))
-    studio, scene = Studio(tiny_dataset, keep=False), tiny_exemplars.scenes[0]
+    monkeypatch.setattr(loader_module, "find_site", lambda *of: surveyed.append(of) or find_site(*of))
+    loader, scene = SceneLoader(tiny_dataset, keep=False), tiny_exemplars.scenes[0]
     assert isinstance(scene.weathering, SceneWeathering)
     thin = scene.model_copy(update={"weathering": scene.weathering.model_copy(update={"amount": 0.5})})
-    layers = [studio.layer(scene), studio.layer(thin)]
+    layers = [loader.layer(scene), loader.layer(thin)]
     assert len(surveyed) == 1
     assert torch.equal(*(layer for layer in (layers[0], tiny_exemplars.layers[0]) if layer is not None))
     assert not torch.equal(*(layer for layer in layers if layer is not None))
 
 
 def test_a_layer_is_kept_apart_for_other_maps(tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
-    studio, scene = Studio(tiny_dataset, keep=False), tiny_exemplars.scenes[0]
-    plain, glossy = studio.layer(scene), studio.layer(scene.model_copy(update={"maps": {"roughness": 0.5}}))
+    loader, scene = SceneLoader(tiny_dataset, keep=False), tiny_exemplars.scenes[0]
+    plain, glossy = loader.layer(scene), loader.layer(scene.model_copy(update={"maps": {"roughness": 0.5}}))
     assert plain is not None
     assert glossy is not None
     assert (plain.shape[-1], glossy.shape[-1]) == (4, 5)

@@ -17,9 +17,11 @@ from lightning_fabric import Fabric
 from torch import Tensor, nn
 
 from svbrdfgan.networks.losses import gradient_square
+from svbrdfgan.training import all_reduce as module
 from svbrdfgan.training import trainer
-from svbrdfgan.training.all_reduce import GradientAverage
+from svbrdfgan.training.all_reduce import GradientAllReduce
 from svbrdfgan.training.config import train_config
+from svbrdfgan.training.resolve import ResolvedRun, resolve_run
 from svbrdfgan.training.run import RunConfig
 from svbrdfgan.utils.display import Silent
 
@@ -86,7 +88,7 @@ def gradients(network: nn.Module) -> Gradients:
 def together(rank: int) -> list[Gradients]:
     """The game as one of several processes plays it."""
     game = Game()
-    means = {network: GradientAverage(network, PROCESSES, SMALL) for network in (game.judge, game.maker)}
+    means = {network: GradientAllReduce(network, PROCESSES, SMALL) for network in (game.judge, game.maker)}
 
     def learn(network: nn.Module, turn: Callable[[int], None]) -> None:
         turn(rank)
@@ -110,10 +112,10 @@ def alone() -> list[Gradients]:
     return Game().play(learn)
 
 
-def work(fabric: Fabric, folder: Path, resolved: RunConfig) -> None:
+def work(fabric: Fabric, folder: Path, resolved: ResolvedRun) -> None:
     """What each of the processes does and leaves: the game, and a training."""
     torch.save(together(fabric.global_rank), folder / f"game{fabric.global_rank}")
-    state = trainer._train(fabric, resolved, folder / "run", folder, Silent())
+    state = trainer._train(fabric, resolved, RunConfig.of(resolved), folder / "run", Silent())
     learned = [p.detach() for network in (state.generator, state.discriminator) for p in network.parameters()]
     torch.save(learned, folder / f"training{fabric.global_rank}")
 
@@ -158,12 +160,12 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
     """What went out so far, as though to another process that has the same gradients: they are their own mean."""
     buckets: list[Tensor] = []
 
-    def all_reduce(bucket: Tensor, *, async_op: bool) -> Any:
+    def send(bucket: Tensor, *, async_op: bool) -> Any:
         assert async_op
         buckets.append(bucket)
         return SimpleNamespace(wait=lambda: bucket.mul_(PROCESSES))
 
-    monkeypatch.setattr(all_reduce.dist, "all_reduce", all_reduce)
+    monkeypatch.setattr(module.dist, "all_reduce", send)
     return buckets
 
 
@@ -181,7 +183,7 @@ def linear(count: int = 4, width: int = 16) -> nn.Sequential:
 
 def test_means_are_under_way_before_the_backward_pass_ends(sent: list[Tensor]) -> None:
     layers, seen = linear(), []
-    mean = GradientAverage(layers, PROCESSES, bucket_bytes=1)
+    mean = GradientAllReduce(layers, PROCESSES, bucket_bytes=1)
     layers[0].weight.register_hook(lambda _: seen.append(len(sent)))  # before the first layer's is accumulated
     backward(layers)
     assert seen == [3]
@@ -194,7 +196,7 @@ def test_means_are_under_way_before_the_backward_pass_ends(sent: list[Tensor]) -
 def test_the_order_is_that_of_the_buckets(order: Sequence[int], sent: list[Tensor]) -> None:
     """Whichever gradients come first, and whether they all do."""
     layers = linear()
-    mean = GradientAverage(layers, PROCESSES, bucket_bytes=1)
+    mean = GradientAllReduce(layers, PROCESSES, bucket_bytes=1)
     orders = []
     for way in (range(4), order):
         sent.clear()
@@ -214,7 +216,7 @@ def test_gradients_lie_in_the_buckets_as_their_weights_do(
     """Without a copy, at addresses that vector instructions can read, in each of several passes."""
     network, plain = Network(2, 3), Network(2, 3)
     plain.load_state_dict(network.state_dict())
-    mean = GradientAverage(network, PROCESSES, bucket_bytes)
+    mean = GradientAllReduce(network, PROCESSES, bucket_bytes)
     for step in range(STEPS):
         sent.clear()
         for each in (network, plain):
@@ -237,7 +239,7 @@ def test_gradients_lie_in_the_buckets_as_their_weights_do(
 def test_a_weight_left_out_this_time_sends_zeros(sent: list[Tensor]) -> None:
     """Not what it sent last time, which would be added by the others."""
     layers = linear(2)
-    mean = GradientAverage(layers, PROCESSES)
+    mean = GradientAllReduce(layers, PROCESSES)
     for way in ([0, 1], [0]):
         layers.zero_grad()
         backward([layers[number] for number in way])
@@ -248,7 +250,7 @@ def test_a_weight_left_out_this_time_sends_zeros(sent: list[Tensor]) -> None:
 
 def test_one_process_pays_nothing(sent: list[Tensor]) -> None:
     layers = linear()
-    mean = GradientAverage(layers, 1)
+    mean = GradientAllReduce(layers, 1)
     backward(layers)
     found = [p.grad for p in layers.parameters()]
     mean.finish()
@@ -260,5 +262,6 @@ def test_one_process_pays_nothing(sent: list[Tensor]) -> None:
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
     config = train_config(json.loads((folder / "train.json").read_text()), "here")
-    resolved = trainer._resolve(config, folder / "run", folder, False)
-    Fabric(accelerator="cpu", devices=PROCESSES, strategy="ddp_spawn").launch(work, folder, resolved)
+    resolved = resolve_run(config, folder)
+    job = partial(work, folder=folder, resolved=resolved)  # Fabric takes no frozen dataclass as an argument
+    Fabric(accelerator="cpu", devices=PROCESSES, strategy="ddp_spawn").launch(job)

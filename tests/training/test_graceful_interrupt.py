@@ -17,7 +17,7 @@ import torch
 from safetensors.torch import load_file
 
 from svbrdfgan.training.config import train_config
-from svbrdfgan.training.graceful_interrupt import interrupts_wait
+from svbrdfgan.training.graceful_interrupt import defer_interrupts
 from svbrdfgan.training.state import checkpoints
 from svbrdfgan.training.trainer import train
 
@@ -62,7 +62,7 @@ def test_training_ends_its_step_saves_it_and_goes_on_from_there(training_data: D
 
 def test_the_second_is_raised() -> None:
     before = signal.getsignal(signal.SIGINT)
-    with interrupts_wait() as interrupted:
+    with defer_interrupts() as interrupted:
         assert not interrupted()
         os.kill(os.getpid(), signal.SIGINT)
         assert interrupted()
@@ -75,7 +75,7 @@ def test_other_threads_and_other_handlers_are_left_alone() -> None:
     seen: list[object] = []
 
     def in_a_thread() -> None:
-        with interrupts_wait():
+        with defer_interrupts():
             seen.append(signal.getsignal(signal.SIGINT))
 
     thread = threading.Thread(target=in_a_thread)
@@ -83,5 +83,5 @@ def test_other_threads_and_other_handlers_are_left_alone() -> None:
     thread.join()
     assert seen == [signal.default_int_handler]
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with interrupts_wait():
+    with defer_interrupts():
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN

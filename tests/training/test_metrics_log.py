@@ -11,7 +11,7 @@ import pytest
 from svbrdfgan.errors import AssetError
 from svbrdfgan.training import trainer
 from svbrdfgan.training.config import TrainConfig, train_config
-from svbrdfgan.training.metrics_log import Journal, read_journal
+from svbrdfgan.training.metrics_log import MetricsLog, read_metrics
 from svbrdfgan.training.trainer import train
 
 
@@ -22,7 +22,7 @@ def config(training_data: Callable[..., dict[str, Any]]) -> Callable[..., TrainC
 
 def test_a_penalty_between_reports_is_in_the_log(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
     train(config(steps=50, score_every=50, save_every=50, loss={"penalty_every": 8}), tmp_path / "run")
-    (told,) = [line for line in read_journal(tmp_path / "run") if "d_loss" in line]
+    (told,) = [line for line in read_metrics(tmp_path / "run") if "d_loss" in line]
     assert told["step"] == 50
     assert told["d_penalty"] > 0
 
@@ -54,13 +54,13 @@ def test_images_of_all_critic_steps_are_counted(
     monkeypatch.setattr(trainer, "_REPORT_EVERY", 2)
     monkeypatch.setattr(trainer.time, "monotonic", lambda: float(next(now)))  # a second from each look to the next
     train(config(steps=2, loss={"critic_steps": 3}), tmp_path / "run")
-    (told,) = [line for line in read_journal(tmp_path / "run") if "images_per_second" in line]
+    (told,) = [line for line in read_metrics(tmp_path / "run") if "images_per_second" in line]
     assert told["images_per_second"] == 2 * 2 * 3 / 2
 
 
 def test_a_line_cut_off_by_a_kill_is_left_out(tmp_path: Path) -> None:
     (tmp_path / "log.jsonl").write_text('{"step": 1, "g_loss": 2.0}\n{"step": 2, "g_lo')
-    assert read_journal(tmp_path) == [{"step": 1, "g_loss": 2.0}]
+    assert read_metrics(tmp_path) == [{"step": 1, "g_loss": 2.0}]
 
 
 def test_a_log_that_cannot_be_rewritten_stays_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,5 +74,5 @@ def test_a_log_that_cannot_be_rewritten_stays_as_it_was(tmp_path: Path, monkeypa
 
     monkeypatch.setattr(Path, "write_text", full)
     with pytest.raises(AssetError, match="No space left"):
-        Journal(tmp_path, 1)
+        MetricsLog(tmp_path, 1)
     assert (tmp_path / "log.jsonl").read_text() == before

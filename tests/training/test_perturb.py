@@ -12,18 +12,18 @@ import torch
 
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.data.index import DatasetPlan
+from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.plugins import load_renderer
 from svbrdfgan.scene.asset import Subject
 from svbrdfgan.scene.description import Scene
-from svbrdfgan.training.cached_rendering import Transports
+from svbrdfgan.training.cached_rendering import CachedRendering
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.perturb import Perturbation
 
 
 def perturbation(folder: Path, **declared: Any) -> Perturbation:
-    return Perturbation(validate(ScenesConfig, declared, "here"), DatasetPlan.load(folder).sampler("train"))
+    return Perturbation(validate(ScenesConfig, declared, "here"), DatasetIndex.load(folder).sampler("train"))
 
 
 def drawn(folder: Path, exemplar: Scene, count: int = 300, **declared: Any) -> list[Scene]:
@@ -67,7 +67,7 @@ def test_noise_never_looks_from_beyond_the_pole(tiny_dataset: Path, tiny_exempla
 def test_redrawn_environments_come_from_the_splits_own(tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
     exemplar = tiny_exemplars.scenes[0]
     scenes = drawn(tiny_dataset, exemplar, 60, environment="redrawn")
-    pool = {light.asset.path for light in DatasetPlan.load(tiny_dataset).environments["train"]}
+    pool = {light.asset.path for light in DatasetIndex.load(tiny_dataset).environments["train"]}
     assert {scene.environment.asset.path for scene in scenes} == pool
     assert len({scene.environment.rotation_degrees for scene in scenes}) == 60
     assert {scene.camera.model_dump_json() for scene in scenes} == {exemplar.camera.model_dump_json()}
@@ -96,8 +96,8 @@ def test_what_is_matched() -> None:
     assert not ScenesConfig(environment="redrawn").matched
 
 
-def stages(exemplars: Exemplars, folder: Path, pool: int, **declared: Any) -> Transports:
-    return Transports(
+def stages(exemplars: Exemplars, folder: Path, pool: int, **declared: Any) -> CachedRendering:
+    return CachedRendering(
         exemplars, perturbation(folder, **declared), load_renderer("numpy"), 4, pool, torch.device("cpu"), seed=2
     )
 
@@ -106,19 +106,19 @@ def stages(exemplars: Exemplars, folder: Path, pool: int, **declared: Any) -> Tr
 def test_a_pool_holds_so_many_scenes(pool: int, tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
     held = stages(tiny_exemplars, tiny_dataset, pool, camera_noise_degrees=5.0)
     held.build([0, 4])
-    assert len(held._held) == 2 * pool
+    assert len(held._cache) == 2 * pool
     rng = np.random.default_rng(0)
-    pictures = {held.stage([0], rng).batch.coverage.numpy().tobytes() for _ in range(12)}
+    pictures = {held.scenes([0], rng).batch.coverage.numpy().tobytes() for _ in range(12)}
     assert len(pictures) == pool
-    assert len(held._held) == 2 * pool
+    assert len(held._cache) == 2 * pool
 
 
 def test_without_a_pool_every_visit_is_new(tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
     fresh, rng = stages(tiny_exemplars, tiny_dataset, 0, camera_noise_degrees=5.0), np.random.default_rng(0)
     fresh.build([0])
-    pictures = {fresh.stage([0], rng).batch.transports[0].weight.numpy().tobytes() for _ in range(4)}
+    pictures = {fresh.scenes([0], rng).batch.transports[0].weight.numpy().tobytes() for _ in range(4)}
     assert len(pictures) == 4
-    assert fresh._held == {}
+    assert fresh._cache == {}
 
 
 def test_a_surface_is_prepared_once_whatever_is_visited(
@@ -128,7 +128,7 @@ def test_a_surface_is_prepared_once_whatever_is_visited(
     prepare = type(fresh.renderer).prepare
     monkeypatch.setattr(type(fresh.renderer), "prepare", lambda self, surface: made.append(1) or prepare(self, surface))
     for seed in range(2):
-        fresh.stage([0, 3, 1], np.random.default_rng(seed))
+        fresh.scenes([0, 3, 1], np.random.default_rng(seed))
     assert len(made) == len(tiny_exemplars.subjects) == 2
 
 
@@ -140,7 +140,7 @@ def test_base_colours_are_made_once(
     monkeypatch.setattr(Subject, "base_colors", lambda self, paint: made.append(1) or base_colors(self, paint))
     held.build([0, 3])
     made.clear()
-    first, again = (held.stage([3, 0, 3], np.random.default_rng(0)).base for _ in range(2))
+    first, again = (held.scenes([3, 0, 3], np.random.default_rng(0)).base for _ in range(2))
     assert len(made) == 2
     assert torch.equal(first, again)
     paint = [tiny_exemplars.scenes[index].materials["body"] for index in (3, 0, 3)]
@@ -158,15 +158,15 @@ def test_renderers_of_one_name_do_not_share_transports(tiny_dataset: Path, tiny_
 
 
 def test_stored_transports_are_read_again(dataset_copy: Path, tiny_exemplars: Exemplars) -> None:
-    from svbrdfgan.scene.loader import Studio
+    from svbrdfgan.scene.loader import SceneLoader
 
-    exemplars = replace(tiny_exemplars, studio=Studio(dataset_copy))
+    exemplars = replace(tiny_exemplars, loader=SceneLoader(dataset_copy))
     first = stages(exemplars, dataset_copy, 1)
     first.build([0])
-    again = replace(first, _held={}, renderer=load_renderer("numpy"), _prepared={})
+    again = replace(first, _cache={}, renderer=load_renderer("numpy"), _prepared={})
     again.build([0])
     assert again._prepared == {}
-    assert torch.equal(again._held[0, 0].weight, first._held[0, 0].weight)
+    assert torch.equal(again._cache[0, 0].weight, first._cache[0, 0].weight)
     assert len(list((dataset_copy / "cache" / "transports").iterdir())) >= 1
 
 
@@ -180,7 +180,7 @@ def test_seen_texels_are_lit_and_learnable(tiny_dataset: Path, tiny_exemplars: E
 
 def test_a_renderer_without_transport_is_refused(tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
     with pytest.raises(ConfigError, match="set rendering: fresh or choose another renderer"):
-        Transports(
+        CachedRendering(
             tiny_exemplars,
             perturbation(tiny_dataset),
             load_renderer("numpy", {"max_bounces": 2}),

@@ -1,4 +1,4 @@
-"""One step of the game, and the state that it changes."""
+"""One training step, and the state that it changes."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from torch import Tensor
 
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.plugins import load_renderer
-from svbrdfgan.training.batches import Feed, make_feed
+from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.config import TrainConfig, train_config
-from svbrdfgan.training.picture import present
+from svbrdfgan.training.discriminator_batch import ImageBatch
+from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.training.state import State, checkpoints
 from svbrdfgan.training.step import Diagnostics, training_step
 
@@ -37,68 +38,70 @@ def config(training_data: Data) -> Callable[..., TrainConfig]:
 
 
 @pytest.fixture(scope="module")
-def feed(config: Callable[..., TrainConfig], tiny_dataset: Path) -> Feed:
-    return make_feed(config(), tiny_dataset, "train", load_renderer("numpy"), CPU)
+def source(config: Callable[..., TrainConfig], tiny_dataset: Path) -> BatchSource:
+    return make_batch_source(resolve_run(config()), "train", load_renderer("numpy"), CPU)
 
 
-def play(config: TrainConfig, state: State, feed: Feed, steps: int, batch: Sequence[int] = (0, 4)) -> list[Diagnostics]:
+def run_steps(
+    config: TrainConfig, state: State, source: BatchSource, steps: int, batch: Sequence[int] = (0, 4)
+) -> list[Diagnostics]:
     fabric = Fabric(accelerator="cpu", devices=1)
-    return [training_step(fabric, config, state, feed, [batch] * config.loss.critic_steps) for _ in range(steps)]
+    return [training_step(fabric, config, state, source, [batch] * config.loss.critic_steps) for _ in range(steps)]
 
 
 def weights(state: State) -> dict[str, Tensor]:
     return {name: tensor.clone() for name, tensor in state._tensors().items()}
 
 
-def test_a_step_changes_all_that_learns(config: Callable[..., TrainConfig], feed: Feed) -> None:
+def test_a_step_changes_all_that_learns(config: Callable[..., TrainConfig], source: BatchSource) -> None:
     state = State.fresh(config(), CPU)
     before = weights(state)
-    (told,) = play(config(), state, feed, 1)
+    (reports,) = run_steps(config(), state, source, 1)
     after = weights(state)
     for network in ("generator", "discriminator", "averaged"):
         names = [name for name in before if name.startswith(f"{network}.") and name.endswith("weight")]
         assert names
         assert all(not torch.equal(before[name], after[name]) for name in names), network
     assert state.step == 1
-    assert {"d_loss", "g_loss", "d_real", "d_fake", "d_accuracy", "d_penalty"} <= told.keys()
-    assert not any(value.requires_grad for value in told.values())
+    assert {"d_loss", "g_loss", "d_real", "d_fake", "d_accuracy", "d_penalty"} <= reports.keys()
+    assert not any(value.requires_grad for value in reports.values())
 
 
 @pytest.mark.parametrize("name", LOSSES)
-def test_every_loss_runs(name: str, config: Callable[..., TrainConfig], feed: Feed) -> None:
+def test_every_loss_runs(name: str, config: Callable[..., TrainConfig], source: BatchSource) -> None:
     chosen = config(loss={"name": name, **LOSSES[name]})
     state = State.fresh(chosen, CPU)
-    for told in play(chosen, state, feed, 3):
-        assert all(bool(value.isfinite()) for value in told.values())
+    for reports in run_steps(chosen, state, source, 3):
+        assert all(bool(value.isfinite()) for value in reports.values())
 
 
 def test_the_discriminator_learns_to_tell(config: Callable[..., TrainConfig], tiny_dataset: Path) -> None:
     """Against a generator that stands still."""
     rates, plain = {"generator_rate": 1e-12, "discriminator_rate": 3e-3}, {"sees": "radiance"}
     chosen = config(optimizer=rates, loss={"r1": 0.0}, discriminator=plain)
-    feed = make_feed(chosen, tiny_dataset, "train", load_renderer("numpy"), CPU)
-    told = play(chosen, State.fresh(chosen, CPU), feed, 80)
-    margins = [float(report["d_real"] - report["d_fake"]) for report in told]
+    source = make_batch_source(resolve_run(chosen), "train", load_renderer("numpy"), CPU)
+    reports = run_steps(chosen, State.fresh(chosen, CPU), source, 80)
+    margins = [float(report["d_real"] - report["d_fake"]) for report in reports]
     assert sum(margins[-20:]) / 20 > 1.0 > abs(margins[0]) + 0.9, "each step draws backgrounds, so one tells little"
 
 
-def test_the_generator_learns_to_fool(config: Callable[..., TrainConfig], feed: Feed) -> None:
+def test_the_generator_learns_to_fool(config: Callable[..., TrainConfig], source: BatchSource) -> None:
     """A discriminator that has learned, and then stands still."""
     learning = config(optimizer={"generator_rate": 1e-12, "discriminator_rate": 3e-2}, loss={"r1": 0.0})
     state = State.fresh(learning, CPU)
-    play(learning, state, feed, 80)
+    run_steps(learning, state, source, 80)
     for group in state.generator_adam.param_groups:
         group["lr"] = 1e-2
     for group in state.discriminator_adam.param_groups:
         group["lr"] = 1e-12
-    told = play(learning, state, feed, 15)
-    assert told[-1]["g_loss"] < 0.8 * told[0]["g_loss"]
+    reports = run_steps(learning, state, source, 15)
+    assert reports[-1]["g_loss"] < 0.8 * reports[0]["g_loss"]
 
 
-def test_the_same_seed_is_the_same_game(config: Callable[..., TrainConfig], feed: Feed) -> None:
+def test_the_same_seed_gives_the_same_run(config: Callable[..., TrainConfig], source: BatchSource) -> None:
     states = [State.fresh(config(), CPU) for _ in range(2)]
     for state in states:
-        play(config(), state, feed, 3)
+        run_steps(config(), state, source, 3)
     one, other = map(weights, states)
     assert all(torch.equal(one[name], other[name]) for name in one)
     elsewhere = State.fresh(config(seed=1), CPU)
@@ -106,41 +109,42 @@ def test_the_same_seed_is_the_same_game(config: Callable[..., TrainConfig], feed
 
 
 def test_moments_from_a_file_lie_as_the_weights_do(
-    config: Callable[..., TrainConfig], feed: Feed, tmp_path: Path
+    config: Callable[..., TrainConfig], source: BatchSource, tmp_path: Path
 ) -> None:
     """A fused step goes over memory, not over indices."""
     state, loaded = State.fresh(config(), CPU), State.fresh(config(), CPU)
-    play(config(), state, feed, 2)
+    run_steps(config(), state, source, 2)
     state.save(tmp_path)
     loaded.load(checkpoints(tmp_path)[-1])
     for adam in (loaded.generator_adam, loaded.discriminator_adam):
         for parameter, moments in adam.state.items():
             assert moments["exp_avg"].stride() == moments["exp_avg_sq"].stride() == parameter.stride()
-    play(config(), state, feed, 1)
-    play(config(), loaded, feed, 1)
+    run_steps(config(), state, source, 1)
+    run_steps(config(), loaded, source, 1)
     one, other = weights(state), weights(loaded)
     assert all(torch.equal(one[name], other[name]) for name in one)
 
 
-def test_penalties_come_when_told(config: Callable[..., TrainConfig], feed: Feed) -> None:
+def test_penalties_come_when_told(config: Callable[..., TrainConfig], source: BatchSource) -> None:
     chosen = config(loss={"r1": 0.5, "penalty_every": 2})
-    told = play(chosen, State.fresh(chosen, CPU), feed, 4)
-    assert ["d_penalty" in one for one in told] == [True, False, True, False]
+    reports = run_steps(chosen, State.fresh(chosen, CPU), source, 4)
+    assert ["d_penalty" in one for one in reports] == [True, False, True, False]
 
 
 def test_real_and_fake_stand_before_the_same_background() -> None:
     image, background = torch.zeros(2, 4, 4, 3), torch.rand(2, 3)
-    shown = present(image, torch.zeros(2, 4, 4), background, None)
+    shown = ImageBatch(image, torch.zeros(2, 4, 4), None).tone_mapped(background)
     assert torch.equal(shown, shown[:, :, :1, :1].expand_as(shown))
     assert not torch.equal(shown[0], shown[1])
-    black, white = (present(torch.full((1, 1, 1, 3), v), torch.ones(1, 1, 1), background[:1], None) for v in (0.0, 1.0))
+    grey = (ImageBatch(torch.full((1, 1, 1, 3), v), torch.ones(1, 1, 1), None) for v in (0.0, 1.0))
+    black, white = (image.tone_mapped(background[:1]) for image in grey)
     torch.testing.assert_close(black, torch.full((1, 3, 1, 1), -1.0))
     torch.testing.assert_close(white, torch.full((1, 3, 1, 1), 1.0))
 
 
 def test_the_tone_curve_never_loses_a_gradient() -> None:
     image = torch.linspace(0, 50, 64).reshape(1, 8, 8, 1).expand(1, 8, 8, 3).clone().requires_grad_(True)
-    present(image, torch.ones(1, 8, 8), torch.zeros(1, 3), None).sum().backward()
+    ImageBatch(image, torch.ones(1, 8, 8), None).tone_mapped(torch.zeros(1, 3)).sum().backward()
     assert image.grad is not None
     assert (image.grad > 0).all()
 
@@ -159,12 +163,12 @@ def test_fresh_rendering_has_the_gradient_of_the_transport(
     }
     gradients, pictures = [], []
     for chosen in kinds.values():
-        feed = make_feed(chosen, tiny_dataset, "train", load_renderer("numpy"), CPU)
+        source = make_batch_source(resolve_run(chosen), "train", load_renderer("numpy"), CPU)
         state = State.fresh(chosen, CPU)
-        stage = feed.stage([0, 4], np.random.default_rng([chosen.seed, 0, 0, 0]))
+        scenes = source.scenes([0, 4], np.random.default_rng([chosen.seed, 0, 0, 0]))
         with torch.no_grad():
-            pictures.append(stage.render(state.generator(feed.geometry([0, 4]))))
-        play(chosen, state, feed, 1)
+            pictures.append(scenes.render(state.generator(source.geometry([0, 4]))))
+        run_steps(chosen, state, source, 1)
         gradients.append([p.grad.clone() for p in state.generator.parameters() if p.grad is not None])
     torch.testing.assert_close(pictures[0], pictures[1], rtol=1e-4, atol=1e-4)
     assert len(gradients[0]) == len(gradients[1]) > 5
@@ -174,26 +178,26 @@ def test_fresh_rendering_has_the_gradient_of_the_transport(
         torch.testing.assert_close(stored, rendered, rtol=1e-3, atol=1e-4 * scale)
 
 
-def test_a_matched_fake_of_the_truth_is_the_exemplar_but_for_noise(feed: Feed) -> None:
+def test_a_matched_fake_of_the_truth_is_the_exemplar_but_for_noise(source: BatchSource) -> None:
     """G0's own layer through the training transports gives back the stored pictures: nothing is turned or shifted."""
-    layers = torch.stack([layer for layer in feed.exemplars.layers if layer is not None])
-    stage = feed.stage(range(6), np.random.default_rng(0))
-    fake, coverage = stage.render(layers)
-    noise = (fake - feed.images.float()).abs().mean()
-    turned = (fake.flip(2) - feed.images.float()).abs().mean()
+    layers = torch.stack([layer for layer in source.exemplars.layers if layer is not None])
+    scenes = source.scenes(range(6), np.random.default_rng(0))
+    fake, coverage = scenes.render(layers)
+    noise = (fake - source.real.image.float()).abs().mean()
+    turned = (fake.flip(2) - source.real.image.float()).abs().mean()
     assert noise < 0.35 * turned
-    torch.testing.assert_close(fake.mean(dim=(1, 2)), feed.images.float().mean(dim=(1, 2)), rtol=0.15, atol=0.01)
-    assert (coverage - feed.coverage.float()).abs().mean() < 0.03
-    assert feed.gbuffers is not None
-    assert (feed.gbuffers[:, 0, 0] == 0).all()
+    torch.testing.assert_close(fake.mean(dim=(1, 2)), source.real.image.float().mean(dim=(1, 2)), rtol=0.15, atol=0.01)
+    assert (coverage - source.real.coverage.float()).abs().mean() < 0.03
+    assert source.real.gbuffer is not None
+    assert (source.real.gbuffer[:, 0, 0] == 0).all()
 
 
 @pytest.mark.parametrize("step", [1, 3])
 def test_a_checkpoint_returns_as_it_was(
-    step: int, config: Callable[..., TrainConfig], feed: Feed, tmp_path: Path
+    step: int, config: Callable[..., TrainConfig], source: BatchSource, tmp_path: Path
 ) -> None:
     state = State.fresh(config(), CPU)
-    play(config(), state, feed, step)
+    run_steps(config(), state, source, step)
     state.best, state.seconds, state.history = (0.25, 1), 3.5, [{"step": 1, "seconds": 1.0, "recovered": 0.25}]
     state.save(tmp_path)
     other = State.fresh(config(seed=9), CPU)
@@ -201,8 +205,8 @@ def test_a_checkpoint_returns_as_it_was(
     assert weights(state).keys() == weights(other).keys()
     assert all(torch.equal(tensor, weights(other)[name]) for name, tensor in weights(state).items())
     assert (other.step, other.best, other.seconds, other.history) == (step, (0.25, 1), 3.5, state.history)
-    play(config(), state, feed, 1)
-    play(config(), other, feed, 1)
+    run_steps(config(), state, source, 1)
+    run_steps(config(), other, source, 1)
     assert all(torch.equal(tensor, weights(other)[name]) for name, tensor in weights(state).items())
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.training.config import DiscriminatorConfig, LossConfig, TrainConfig, settled, train_config
+from svbrdfgan.training.config import DiscriminatorConfig, LossConfig, TrainConfig, resolved, train_config
 
 
 def config(**data: Any) -> TrainConfig:
@@ -66,7 +66,7 @@ def test_a_step_shows_a_batch_to_each_update_of_the_discriminator() -> None:
     ],
 )
 def test_plain_pictures_are_seen_where_only_texture_differs(data: dict[str, Any], sees: str) -> None:
-    assert settled(config(**data), spp=64).discriminator.sees == sees
+    assert resolved(config(**data), spp=64).discriminator.sees == sees
 
 
 def test_a_recipe_stays_as_it_is() -> None:

@@ -19,14 +19,14 @@ import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from svbrdfgan.data.index import DatasetPlan
+from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.errors import AssetError, ConfigError, TrainingError
 from svbrdfgan.inference.apply import paint
 from svbrdfgan.io import load_mesh
 from svbrdfgan.networks import Generator
 from svbrdfgan.training import trainer
-from svbrdfgan.training.config import GeneratorConfig, TrainConfig, settled, train_config
-from svbrdfgan.training.metrics_log import read_journal
+from svbrdfgan.training.config import GeneratorConfig, TrainConfig, resolved, train_config
+from svbrdfgan.training.metrics_log import read_metrics
 from svbrdfgan.training.run import MODEL, RunConfig, load_generator, load_model, save_generator
 from svbrdfgan.training.state import State, checkpoints, step_of
 from svbrdfgan.training.trainer import batch_indices, train
@@ -67,7 +67,7 @@ def test_without_a_checkpoint_nothing_of_an_earlier_run_is_left(
     for name in (MODEL, "oracle.safetensors", "oracle.json"):
         (tmp_path / name).write_text("of another run")
     train(config(steps=1, score_every=9), tmp_path, resume=True)
-    assert "has no checkpoint to go on from: it begins anew" in caplog.text
+    assert "has no checkpoint to resume from: training starts at step 0" in caplog.text
     assert load_generator(tmp_path / MODEL)[1] is not None
     assert not (tmp_path / "oracle.json").exists()
 
@@ -85,8 +85,8 @@ def test_a_run_leaves_its_model_its_log_and_what_it_was(config: Callable[..., Tr
     assert [entry["step"] for entry in state.history] == [2, 4]
     model = load_model(tmp_path / "run")
     assert model.score == state.best[0] == max(entry["recovered"] for entry in state.history)
-    assert model.config.train == settled(config(), spp=8)
-    assert [line["step"] for line in read_journal(tmp_path / "run") if "recovered" in line] == [2, 4]
+    assert model.config.train == resolved(config(), spp=8)
+    assert [line["step"] for line in read_metrics(tmp_path / "run") if "recovered" in line] == [2, 4]
     versions = RunConfig.load(tmp_path / "run").versions
     assert versions["torch"] == torch.__version__
     assert versions["renderer"].startswith("numpy (svbrdfgan ")
@@ -128,7 +128,7 @@ def best_of(run: Path) -> tuple[float, int]:
 
 
 def steps_of(run: Path) -> list[tuple[float, bool]]:
-    return [(line["step"], "recovered" in line) for line in read_journal(run)]
+    return [(line["step"], "recovered" in line) for line in read_metrics(run)]
 
 
 def test_a_longer_run_goes_on_from_a_shorter_one(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
@@ -174,7 +174,7 @@ def test_other_settings_are_refused_by_name(
     train(config(steps=1), tmp_path / "run")
     with pytest.raises(ConfigError, match=rf"started with other settings \({key}\); start a new one"):
         train(config(**changes), tmp_path / "run", resume=True)
-    assert RunConfig.load(tmp_path / "run").train == settled(config(steps=1), spp=8)
+    assert RunConfig.load(tmp_path / "run").train == resolved(config(steps=1), spp=8)
 
 
 def test_fewer_steps_than_were_made_are_refused(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
@@ -345,7 +345,7 @@ def test_a_generator_paints_a_mesh_of_ones_own(
 ) -> None:
     train(config(), tmp_path / "run")
     model = load_model(tmp_path / "run")
-    mesh = DatasetPlan.load(tiny_dataset).meshes["validation"][0]
+    mesh = DatasetIndex.load(tiny_dataset).meshes["validation"][0]
     subject, layer = paint(load_mesh(tiny_dataset / mesh.asset.path), model)
     assert layer.shape == (32, 32, 4)
     assert not layer.requires_grad

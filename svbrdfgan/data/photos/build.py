@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from svbrdfgan.data.index import PLAN, gather_environments
+from svbrdfgan.data.gather import INDEX, gather_environments, match_files
 from svbrdfgan.data.photos.check import Faults, Order, Shot, check_environments, check_meshes, check_pictures
 from svbrdfgan.data.photos.convert import develop, places
 from svbrdfgan.data.photos.manifest import Manifest
@@ -75,7 +75,8 @@ def import_pictures(
             load_embedding(manifest.embedding.name, manifest.embedding.options)
         pool: tuple[EnvironmentAsset, ...] = ()
         with faults.about("environments"):
-            pool = gather_environments(manifest.environments, manifest.environment_rows, stage, base)
+            files = match_files(manifest.environments.files, base)
+            pool = gather_environments(manifest.environments, files, manifest.environment_rows, stage)
         shots = check_pictures(order, meshes)
         faults.tell()
         exposures: Sequence[float | None] = [None] * len(shots)
@@ -84,7 +85,7 @@ def import_pictures(
             faults.tell()
         told = _told(manifest, shots, exposures)
         _draw(stage, shots, told)
-        kept = [OVERLAYS] if preview else [OVERLAYS, RECORD, "assets", "cache", *manifest.config().splits, PLAN]
+        kept = [OVERLAYS] if preview else [OVERLAYS, RECORD, "assets", "cache", *manifest.config().splits, INDEX]
         (stage / RECORD).write_text(json.dumps([asdict(one) for one in told], indent=1) + "\n", encoding="utf-8")
         _publish(stage, folder, kept)
     return told

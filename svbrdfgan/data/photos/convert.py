@@ -15,17 +15,19 @@ from torch import Tensor
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.config.distributions import mean
 from svbrdfgan.data.config import Split
+from svbrdfgan.data.gather import environment_asset, mesh_asset
 from svbrdfgan.data.generate import exemplar_paths, save_exemplar
-from svbrdfgan.data.index import DatasetPlan, environment_asset, mesh_asset
+from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.photos.check import Order, Shot
 from svbrdfgan.data.photos.exposure import exposure, mean_light
 from svbrdfgan.data.photos.light import GLOSS, estimate, film_size, light, look, white
 from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.sampler import EnvironmentAsset, MeshAsset
 from svbrdfgan.io import load_environment
+from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.scene.description import Scene, SceneEnvironment
-from svbrdfgan.scene.loader import Studio, resolve_renderer
+from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.types import Environment, Materials, Mesh, Rendering, View
 
 Place = tuple[Split, int]
@@ -68,7 +70,7 @@ def develop(
 
 def _plan(
     manifest: Manifest, meshes: Mapping[str, Mesh], pool: tuple[EnvironmentAsset, ...], folder: Path
-) -> DatasetPlan:
+) -> DatasetIndex:
     config = manifest.config()
     views = [entry.mesh for entry in manifest.pictures]
 
@@ -77,7 +79,7 @@ def _plan(
         return stored.model_copy(update={"views": views.count(file)})
 
     assets = {split: tuple(asset(file) for file in manifest.meshes(split)) for split in config.splits}
-    return DatasetPlan(config=config, meshes=assets, environments=dict.fromkeys(config.splits, pool))
+    return DatasetIndex(config=config, meshes=assets, environments=dict.fromkeys(config.splits, pool))
 
 
 @dataclass
@@ -93,7 +95,7 @@ class _Darkroom:
     """
 
     manifest: Manifest
-    studio: Studio
+    loader: SceneLoader
     renderer: Renderer[Any]
     chosen: PluginChoice
     meshes: dict[str, MeshAsset]
@@ -102,7 +104,7 @@ class _Darkroom:
     prepared: tuple[str, Any] | None = None
 
     @classmethod
-    def open(cls, order: Order, plan: DatasetPlan, folder: Path) -> _Darkroom:
+    def open(cls, order: Order, plan: DatasetIndex, folder: Path) -> _Darkroom:
         manifest, base = order.manifest, order.base
         config, rows = plan.config, plan.config.environment_rows
         files = [file for split in config.splits for file in manifest.meshes(split)]
@@ -115,7 +117,9 @@ class _Darkroom:
             scale = known.normalisation * max(mean(config.environment_brightness), 1e-6)
             lights[file] = SceneEnvironment(asset=known.asset, scale=scale)
         renderer, chosen = resolve_renderer(manifest.renderer)
-        return cls(manifest, Studio(folder), renderer, chosen, dict(zip(files, assets, strict=True)), lights, unknown)
+        return cls(
+            manifest, SceneLoader(folder), renderer, chosen, dict(zip(files, assets, strict=True)), lights, unknown
+        )
 
     def develop(self, shot: Shot, number: int, paths: tuple[Path, Path]) -> float:
         """Writes one exemplar, and gives what the picture was multiplied by."""
@@ -133,7 +137,7 @@ class _Darkroom:
 
     def _light(self, scene: Scene, exposed: Rendering) -> SceneEnvironment:
         """The scene's own light, as its picture tells it."""
-        subject, (width, height) = self.studio.subject(scene), film_size(scene.width, scene.height)
+        subject, (width, height) = self.loader.subject(scene), film_size(scene.width, scene.height)
         prepared, seed = self._prepared(scene), scene.seed
 
         def shoot(materials: Materials, radiance: Float[Tensor, "rows cols 3"]) -> Rendering:
@@ -142,7 +146,7 @@ class _Darkroom:
 
         evidence = look(exposed, shoot, subject.materials(scene.materials, None), subject.learnable, self.mean)
         found = light(self.mean, estimate(evidence, self.manifest.weathering_color))
-        rows, folder = self.manifest.environment_rows, self.studio.folder
+        rows, folder = self.manifest.environment_rows, self.loader.folder
         return SceneEnvironment(asset=environment_asset(f"light of picture {scene.seed}", found, rows, folder).asset)
 
     def _scene(self, shot: Shot, number: int) -> Scene:
@@ -168,27 +172,27 @@ class _Darkroom:
 
     def _clean(self, scene: Scene) -> Rendering:
         """The scene without weathering."""
-        return self._picture(scene, self.studio.subject(scene).materials(scene.materials, None), _SPP)
+        return self._picture(scene, self.loader.subject(scene).materials(scene.materials, None), _SPP)
 
     def _veil(self, scene: Scene) -> Float[Tensor, "height width 3"]:
         """What the learnable parts' gloss adds to the picture, roughly."""
-        subject = self.studio.subject(scene)
+        subject = self.loader.subject(scene)
         return GLOSS * self._picture(scene, white(subject.learnable, len(subject.surface.parts)), _SMOOTH_SPP).image
 
     def _noise(self, scene: Scene) -> Float[Tensor, "height width 3"]:
         """A factor of one on average: what `_SPP` samples in each pixel make of a white mesh."""
-        count = len(self.studio.subject(scene).surface.parts)
+        count = len(self.loader.subject(scene).surface.parts)
         some, many = (self._picture(scene, white(range(count), count), spp).image for spp in (_SPP, _SMOOTH_SPP))
         return torch.where(many > 0, some / many, 1.0)
 
     def _picture(self, scene: Scene, materials: Materials, spp: int) -> Rendering:
-        view = self.studio.view(scene)
+        view = self.loader.view(scene)
         return _on_cpu(self.renderer.render(self._prepared(scene), materials, view, spp=spp, seed=scene.seed))
 
     def _prepared(self, scene: Scene) -> Any:
         """The scene's surface, as the renderer wants it."""
         if self.prepared is None or self.prepared[0] != scene.mesh.path:
-            self.prepared = scene.mesh.path, self.renderer.prepare(self.studio.subject(scene).surface)
+            self.prepared = scene.mesh.path, self.renderer.prepare(self.loader.subject(scene).surface)
         return self.prepared[1]
 
 

@@ -1,5 +1,5 @@
-"""Shortcuts: what would tell real from fake without looking at the texture, found before a training run is spent."""
+"""The leakage probe: what tells real from fake besides the texture, found before a training run is spent."""
 
-from svbrdfgan.evaluation.leakage.probe import Probed, probe_shortcuts
+from svbrdfgan.evaluation.leakage.probe import ProbeResult, probe_shortcuts
 
-__all__ = ["Probed", "probe_shortcuts"]
+__all__ = ["ProbeResult", "probe_shortcuts"]

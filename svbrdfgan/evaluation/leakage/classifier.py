@@ -1,4 +1,4 @@
-"""Probes: discriminators that learn which of two clean pictures is the exemplar's, judged on pairs kept back."""
+"""Classifiers that learn which of two clean pictures is the exemplar's, judged on held-out pairs."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.evaluation.leakage.stills import Stills
 from svbrdfgan.networks.losses import LOSSES
 from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.discriminator_batch import DiscriminatorBatch, ImageBatch, composite_pair
 from svbrdfgan.training.state import make_discriminator
-from svbrdfgan.training.step import Round, show
 
 _STEPS, _EVERY, _PATIENCE = 200, 10, 5
 _BATCH, _RATE = 16, 3e-4
@@ -34,7 +33,7 @@ Margins = Float[Tensor, " pairs"]
 
 @dataclass(frozen=True, eq=False)
 class Roles:
-    """Which pairs probes learn from, which say when they have learned enough, and which they are judged on."""
+    """Pairs that classifiers learn from, pairs that choose when they stop, and pairs that they are judged on."""
 
     learn: Sequence[int]
     choose: Sequence[int]
@@ -42,7 +41,9 @@ class Roles:
 
     @classmethod
     def deal(cls, subject_of: Sequence[int], seed: int) -> Roles:
-        """Two, one and two fifths, by whole subjects; by single pairs where there are fewer than five subjects.
+        """Two fifths, one fifth and two fifths of all pairs, at random.
+
+        Pairs of one subject share a role, unless there are fewer than five subjects.
 
         Raises:
             ConfigError: there are fewer than five pairs.
@@ -59,78 +60,78 @@ class Roles:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """Two sides that are to be told apart."""
+    """Both sides' pictures, which classifiers try to tell apart."""
 
     config: TrainConfig
-    real: Stills
-    fake: Stills
+    real: ImageBatch
+    fake: ImageBatch
     roles: Roles
 
     def judge(self, seconds: float | None = None) -> Margins:
-        """The margins of the pairs kept back, by three probes of the configuration's own architecture together.
+        """The margins of the held-out pairs: the sum over three classifiers of the discriminator's own architecture.
 
-        Each weighs as much as it is sure of the pairs that told it when to stop.
+        Each classifier's margins are divided by their mean size on the pairs that chose when it stops.
 
         Args:
-            seconds: each stops earlier, after a third of it; what is learned then depends on the machine.
+            seconds: each classifier stops after a third of it at the latest. The result then depends on the machine.
         """
         total = torch.zeros(len(self.roles.judge))
         for number in range(_PROBES):
-            probe = self._train(number, None if seconds is None else seconds / _PROBES)
-            scale = self._margins(probe, self.roles.choose).abs().mean().clamp(min=1e-12)
-            total += (self._margins(probe, self.roles.judge) / scale).cpu()
+            network = self._train(number, None if seconds is None else seconds / _PROBES)
+            scale = self._margins(network, self.roles.choose).abs().mean().clamp(min=1e-12)
+            total += (self._margins(network, self.roles.judge) / scale).cpu()
         return total
 
     def _train(self, number: int, seconds: float | None) -> nn.Module:
-        """A probe that learned which of two pictures is the exemplar's (Bradley and Terry 1952), as it was at its best.
+        """A classifier that learned which of two pictures is the exemplar's (Bradley and Terry 1952).
 
-        Few scenes are soon learned by heart; so it stops when pairs that it does not learn from say that it gets no
-        better.
+        A classifier soon memorises few scenes. So it stops when it no longer improves on the pairs of `choose`, and its
+        best state on them is returned.
         """
         began, rng = time.monotonic(), np.random.default_rng([self.config.seed, 1, number])
-        probe = self._fresh(number)
+        network = self._fresh(number)
         optimizer = self.config.optimizer
-        adam = torch.optim.AdamW(probe.parameters(), _RATE, (optimizer.beta1, optimizer.beta2))
-        best, least, waited = copy.deepcopy(probe), math.inf, 0
+        adam = torch.optim.AdamW(network.parameters(), _RATE, (optimizer.beta1, optimizer.beta2))
+        best, least, stalled = copy.deepcopy(network), math.inf, 0
         for step in range(1, _STEPS + 1):
             pairs = rng.choice(self.roles.learn, min(_BATCH, len(self.roles.learn)), replace=False).tolist()
-            game = self._game(pairs, rng)
-            loss = LOSSES["relativistic"].discriminator(probe(game.real), probe(game.fake))
+            batch = self._batch(pairs, rng)
+            loss = LOSSES["relativistic"].discriminator(network(batch.real), network(batch.fake))
             adam.zero_grad(set_to_none=True)
             loss.backward()
             adam.step()
             if step % _EVERY:
                 continue
-            doubt = float(nn.functional.softplus(-self._margins(probe, self.roles.choose)).mean())
-            waited = 0 if doubt < least else waited + 1
+            doubt = float(nn.functional.softplus(-self._margins(network, self.roles.choose)).mean())
+            stalled = 0 if doubt < least else stalled + 1
             if doubt < least:
-                best, least = copy.deepcopy(probe), doubt
+                best, least = copy.deepcopy(network), doubt
             late = seconds is not None and time.monotonic() - began > seconds
-            if least < _SURE or waited >= _PATIENCE or late:
+            if least < _SURE or stalled >= _PATIENCE or late:
                 break
         return best
 
     def _fresh(self, number: int) -> nn.Module:
-        """With larger weights than training begins with (He et al. 2015), which saves the first hundred steps."""
+        """A network with larger weights than training starts with (He et al. 2015), which saves a hundred steps."""
         rng = torch.Generator().manual_seed(self.config.seed * _PROBES + number)
-        probe = make_discriminator(self.config.discriminator)
-        for module in probe.modules():
+        network = make_discriminator(self.config.discriminator)
+        for module in network.modules():
             if isinstance(module, nn.Conv2d):
                 nn.init.kaiming_normal_(module.weight, 0.2, generator=rng)
                 if module.bias is not None:
                     nn.init.zeros_(module.bias)
         device = self.real.image.device
-        return probe.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
+        return network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
 
-    def _game(self, pairs: Sequence[int], rng: np.random.Generator) -> Round:
-        return show(self.real.shot(pairs), self.fake.shot(pairs), rng)
+    def _batch(self, pairs: Sequence[int], rng: np.random.Generator) -> DiscriminatorBatch:
+        return composite_pair(self.real.pick(pairs), self.fake.pick(pairs), rng)
 
     @torch.no_grad()
-    def _margins(self, probe: nn.Module, pairs: Sequence[int]) -> Margins:
-        """Means over patches and a few backgrounds."""
+    def _margins(self, network: nn.Module, pairs: Sequence[int]) -> Margins:
+        """Margins of these pairs, each the mean over patches and a few backgrounds."""
         rng, found = np.random.default_rng(0), []
         for first in range(0, len(pairs), _BATCH):
-            games = [self._game(pairs[first : first + _BATCH], rng) for _ in range(_BACKGROUNDS)]
-            margins = [(probe(game.real) - probe(game.fake)).mean(dim=(1, 2)) for game in games]
+            batches = [self._batch(pairs[first : first + _BATCH], rng) for _ in range(_BACKGROUNDS)]
+            margins = [(network(batch.real) - network(batch.fake)).mean(dim=(1, 2)) for batch in batches]
             found.append(torch.stack(margins).mean(dim=0))
         return torch.cat(found)

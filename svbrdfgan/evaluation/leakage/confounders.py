@@ -1,4 +1,4 @@
-"""What may differ between exemplars and fakes besides the texture, and what helps against each."""
+"""Confounders: what may differ between exemplars and fakes besides the texture, and a remedy for each."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.training.config import ScenesConfig, TrainConfig
 
-Nuisance = Literal["pose", "light", "noise", "renderer"]
-NUISANCES: tuple[Nuisance, ...] = get_args(Nuisance)
+Confounder = Literal["pose", "light", "noise", "renderer"]
+CONFOUNDERS: tuple[Confounder, ...] = get_args(Confounder)
 
-REMEDIES: Mapping[Nuisance, str] = MappingProxyType(
+REMEDIES: Mapping[Confounder, str] = MappingProxyType(
     {
         "pose": "Let the discriminator see reflectance (discriminator.sees), carried to the exemplar's camera; or draw "
         "the fakes' cameras from the distribution of the exemplars' own (scenes.camera).",
@@ -25,49 +25,49 @@ REMEDIES: Mapping[Nuisance, str] = MappingProxyType(
         "denoise or blur both sides alike.",
     }
 )
-"""The best known, one sentence each."""
+"""The best known remedy for each confounder, in one sentence."""
 
 
-def differences(
-    config: TrainConfig, dataset: DatasetConfig, made_with: Renderer[Any], trained_with: Renderer[Any]
-) -> dict[Nuisance, str]:
-    """The nuisances that differ under this configuration, and how, in words.
+def find_confounders(
+    config: TrainConfig, dataset: DatasetConfig, exemplar_renderer: Renderer[Any], renderer: Renderer[Any]
+) -> dict[Confounder, str]:
+    """The confounders of this configuration, and how the two sides differ in each, in words.
 
     Args:
-        made_with: renders the exemplars.
-        trained_with: renders the fakes.
+        exemplar_renderer: renders the exemplars.
+        renderer: renders the fakes.
     """
-    found: dict[Nuisance, str] = {"pose": _pose(config.scenes), "light": _light(config.scenes)}
+    found: dict[Confounder, str] = {"pose": _pose(config.scenes), "light": _light(config.scenes)}
     if config.discriminator.sees == "reflectance":
         found["noise"] = f"{dataset.spp} samples per pixel in exemplars, no noise in fakes"
     elif dataset.spp != config.spp:
         found["noise"] = f"{dataset.spp} samples per pixel in exemplars, {config.spp} in fakes"
-    if (type(made_with), made_with.capabilities) != (type(trained_with), trained_with.capabilities):
-        found["renderer"] = f"{_title(made_with)} for exemplars, {_title(trained_with)} for fakes"
+    if (type(exemplar_renderer), exemplar_renderer.capabilities) != (type(renderer), renderer.capabilities):
+        found["renderer"] = f"{_title(exemplar_renderer)} for exemplars, {_title(renderer)} for fakes"
     return {name: how for name, how in found.items() if how}
 
 
-def scenes_with(scenes: ScenesConfig, differing: frozenset[Nuisance]) -> ScenesConfig:
-    """The same perturbation of these nuisances alone."""
+def scenes_with(scenes: ScenesConfig, present: frozenset[Confounder]) -> ScenesConfig:
+    """The same perturbation, of these confounders alone."""
     matched = ScenesConfig()
     update: dict[str, Any] = {}
-    if "pose" not in differing:
+    if "pose" not in present:
         update |= {"camera": matched.camera, "camera_noise_degrees": matched.camera_noise_degrees}
-    if "light" not in differing:
+    if "light" not in present:
         update["environment"] = matched.environment
     return scenes.model_copy(update=update)
 
 
 def _pose(scenes: ScenesConfig) -> str:
-    drawn = "fakes' cameras are drawn anew" if scenes.camera is not None else ""
+    drawn = "fakes' cameras are drawn from another distribution" if scenes.camera is not None else ""
     off = f"fakes' cameras are off by up to {scenes.camera_noise_degrees:g} degrees"
     return drawn or (off if scenes.camera_noise_degrees else "")
 
 
 def _light(scenes: ScenesConfig) -> str:
-    told = {"same": "", "redrawn": "fakes are lit anew, from the exemplars' own distribution"}
+    words = {"same": "", "redrawn": "fakes' lights are drawn again from the exemplars' distribution"}
     if isinstance(scenes.environment, str):
-        return told[scenes.environment]
+        return words[scenes.environment]
     return "fakes are lit from another source"
 
 

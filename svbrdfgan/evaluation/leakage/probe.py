@@ -1,4 +1,4 @@
-"""The shortcut probe from a training configuration to its diagnosis."""
+"""The leakage probe, from a training configuration to its report."""
 
 from __future__ import annotations
 
@@ -9,58 +9,56 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Float
-from lightning_fabric import Fabric
 from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars, load_exemplars
-from svbrdfgan.data.index import DatasetPlan
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.leakage.classifier import Margins, Roles, Trial
-from svbrdfgan.evaluation.leakage.confounders import NUISANCES, REMEDIES, Nuisance, differences
-from svbrdfgan.evaluation.leakage.rendered_pairs import Darkroom, Differing
-from svbrdfgan.evaluation.leakage.report import Diagnosis, Finding
+from svbrdfgan.evaluation.leakage.confounders import CONFOUNDERS, REMEDIES, Confounder, find_confounders
+from svbrdfgan.evaluation.leakage.rendered_pairs import Confounders, RenderedPairs
+from svbrdfgan.evaluation.leakage.report import Finding, LeakageReport
 from svbrdfgan.io import save_image
+from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import over
-from svbrdfgan.scene.loader import resolve_renderer
-from svbrdfgan.training.batches import require_possible
-from svbrdfgan.training.config import TrainConfig, settled
-from svbrdfgan.training.trainer import require_device
+from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.resolve import make_fabric, resolve_run
 from svbrdfgan.utils.display import Display, Silent
 
 PAIRS = "pairs.png"
 _MOST = 1024
+"""The most exemplars that are rendered."""
 _SHOWN = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Probed:
-    """A diagnosis and a picture of it.
+class ProbeResult:
+    """What the probe found, and a picture of it.
 
     Attributes:
-        pairs: the judged pairs that were told most surely, linear: above, the exemplars' clean twins; below, the fakes.
+        pairs: the judged pairs with the largest margins, linear: clean exemplars above, fakes below.
     """
 
-    diagnosis: Diagnosis
+    report: LeakageReport
     pairs: Float[Tensor, "height width 3"]
 
     def save(self, folder: Path) -> None:
         """Writes `probe.json` and `pairs.png`."""
-        self.diagnosis.save(folder)
+        self.report.save(folder)
         save_image(folder / PAIRS, self.pairs)
 
 
 def probe_shortcuts(
     config: TrainConfig, *, base: Path = Path(), minutes: float | None = None, display: Display | None = None
-) -> Probed:
-    """Finds what a discriminator could tell real from fake by, were there no texture to look at.
+) -> ProbeResult:
+    """Finds what a discriminator could tell real from fake by if there were no texture to look at.
 
-    It is trained on clean, unweathered renders: in the exemplars' own scenes, and in those in which training would show
-    fakes. Then once more for each nuisance that differs, with the others taken away. At most 1024 exemplars, evenly
-    chosen, are rendered. Light transports that training will want are stored for it.
+    It trains classifiers on clean, unweathered renders of the exemplars' own scenes and of the scenes that training
+    would render fakes in; then again for each confounder that differs, with the others removed. It renders at most 1024
+    exemplars, evenly chosen, and stores the light transports that training will need.
 
     Args:
         base: the folder that paths of the configuration are relative to.
-        minutes: about the most that all probes may learn; what they find then depends on the machine.
+        minutes: roughly the most time that all classifiers may learn. The result then depends on the machine.
 
     Raises:
         ConfigError: there are fewer than five exemplars, they are imported pictures, or the renderer cannot do what is
@@ -68,56 +66,51 @@ def probe_shortcuts(
         AssetError: the data set is missing, not finished, or damaged.
     """
     began, shown = time.monotonic(), display or Silent()
-    darkroom, how = _open(config, base, shown)
-    roles = Roles.deal([int(darkroom.exemplars.subject_of[index]) for index in darkroom.chosen], config.seed)
+    pairs, how = _open(config, base, shown)
+    roles = Roles.deal([int(pairs.exemplars.subject_of[index]) for index in pairs.chosen], config.seed)
     everything = frozenset(how)
     shown.begin("clean pictures of both sides")
     trials = {
-        differing: Trial(darkroom.config, *darkroom.pair(differing), roles)
-        for differing in (everything, *(frozenset({name}) for name in how))
+        present: Trial(pairs.run.config, *pairs.render(present), roles)
+        for present in (everything, *(frozenset({name}) for name in how))
     }
-    pictured = time.monotonic()
+    rendered = time.monotonic()
     margins = _judge(trials, minutes, shown)
-    diagnosis = Diagnosis(
+    report = LeakageReport(
         dataset=config.dataset,
         seed=config.seed,
-        exemplars=len(darkroom.chosen),
+        exemplars=len(pairs.chosen),
         judged=len(roles.judge),
         together=Finding.of("; ".join(how.values()), margins[everything]),
-        alone={name: _alone(name, how, margins) for name in NUISANCES},
-        pictures_seconds=pictured - began,
-        learning_seconds=time.monotonic() - pictured,
+        alone={name: _alone(name, how, margins) for name in CONFOUNDERS},
+        pictures_seconds=rendered - began,
+        learning_seconds=time.monotonic() - rendered,
     )
-    return Probed(diagnosis, _easiest(trials[everything], margins[everything]))
+    return ProbeResult(report, _easiest(trials[everything], margins[everything]))
 
 
-def _open(config: TrainConfig, base: Path, display: Display) -> tuple[Darkroom, dict[Nuisance, str]]:
-    """What makes the pictures, and in what they differ."""
-    require_device(config.device)
-    device = Fabric(accelerator=config.device, devices=1).device
-    folder = (base / config.dataset).resolve()
-    plan = DatasetPlan.load(folder)
-    config = settled(config, plan.config.spp)
-    trained_with, chosen_renderer = resolve_renderer(config.renderer, device, plan.config.maps, differentiable=True)
-    require_possible(config, plan, trained_with)
-    exemplars = load_exemplars(folder, "train")
+def _open(config: TrainConfig, base: Path, display: Display) -> tuple[RenderedPairs, dict[Confounder, str]]:
+    """The pairs, not rendered yet, and the confounders of the configuration, in words."""
+    run, device = resolve_run(config, base), make_fabric(config.device).device
+    renderer, choice = resolve_renderer(config.renderer, device, run.dataset.config.maps, differentiable=True)
+    exemplars = load_exemplars(run.dataset, "train")
     recorded = exemplars.scenes[0].renderer
-    made_with = trained_with if recorded == chosen_renderer else resolve_renderer(recorded, device)[0]
+    exemplar_renderer = renderer if recorded == choice else resolve_renderer(recorded, device)[0]
     _require_known(exemplars)
     chosen = np.unique(np.linspace(0, len(exemplars) - 1, min(len(exemplars), _MOST)).round().astype(int)).tolist()
-    darkroom = Darkroom(config, exemplars, chosen, trained_with, made_with, device, base, display.advance)
-    return darkroom, differences(config, plan.config, made_with, trained_with)
+    pairs = RenderedPairs(run, exemplars, chosen, renderer, exemplar_renderer, device, display.advance)
+    return pairs, find_confounders(run.config, run.dataset.config, exemplar_renderer, renderer)
 
 
-def _judge(trials: dict[Differing, Trial], minutes: float | None, display: Display) -> dict[Differing, Margins]:
-    """The margins of each trial. What time one leaves over is for the others."""
-    margins: dict[Differing, Margins] = {}
+def _judge(trials: dict[Confounders, Trial], minutes: float | None, display: Display) -> dict[Confounders, Margins]:
+    """The margins of each trial. Time that one trial leaves is shared by the others."""
+    margins: dict[Confounders, Margins] = {}
     began = time.monotonic()
     display.begin("probes", len(trials))
-    for differing, trial in trials.items():
+    for present, trial in trials.items():
         left = len(trials) - len(margins)
         seconds = None if minutes is None else (60 * minutes - (time.monotonic() - began)) / left
-        margins[differing] = trial.judge(seconds)
+        margins[present] = trial.judge(seconds)
         display.advance()
     return margins
 
@@ -130,17 +123,17 @@ def _require_known(exemplars: Exemplars) -> None:
         )
 
 
-def _alone(name: Nuisance, how: dict[Nuisance, str], margins: dict[Differing, Margins]) -> Finding:
+def _alone(name: Confounder, how: dict[Confounder, str], margins: dict[Confounders, Margins]) -> Finding:
     if name not in how:
         return Finding(differs="")
     return Finding.of(how[name], margins[frozenset({name})], REMEDIES[name])
 
 
 def _easiest(trial: Trial, margins: Margins) -> Float[Tensor, "height width 3"]:
-    """The pairs of the largest margins, before grey, the most telling first."""
+    """The pairs with the largest margins over grey, largest first."""
     best = [trial.roles.judge[place] for place in margins.argsort(descending=True)[:_SHOWN].tolist()]
     rows, grey = [], torch.full((3,), 0.5)
-    for stills in (trial.real, trial.fake):
-        image, coverage, _ = stills.shot(best)
-        rows.append(torch.cat(over(image.float().cpu(), coverage.float().cpu(), grey).unbind(), dim=1))
+    for side in (trial.real, trial.fake):
+        shown = side.pick(best)
+        rows.append(torch.cat(over(shown.image.float().cpu(), shown.coverage.float().cpu(), grey).unbind(), dim=1))
     return torch.cat(rows)

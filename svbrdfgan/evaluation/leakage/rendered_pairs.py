@@ -1,10 +1,9 @@
-"""Clean pictures of both sides: unweathered, so that whatever tells them apart is a nuisance."""
+"""Rendered pairs: clean pictures of both sides. They show no weathering, so what tells them apart is a confounder."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,129 +13,126 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.generate import BRIGHTEST, render_scene
-from svbrdfgan.evaluation.leakage.confounders import Nuisance, scenes_with
-from svbrdfgan.evaluation.leakage.stills import Stills
+from svbrdfgan.evaluation.leakage.confounders import Confounder, scenes_with
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import layer_channels
-from svbrdfgan.training.batches import Feed, buffers_of, make_stages, own_spp
-from svbrdfgan.training.cached_rendering import Transports
-from svbrdfgan.training.config import ScenesConfig, TrainConfig
-from svbrdfgan.training.online_rendering import FreshRenders
-from svbrdfgan.training.step import sides
+from svbrdfgan.training.batches import BatchSource, SceneRendering, exemplar_spp, make_scenes, stack_geometry
+from svbrdfgan.training.cached_rendering import CachedRendering
+from svbrdfgan.training.config import ScenesConfig
+from svbrdfgan.training.discriminator_batch import ImageBatch
+from svbrdfgan.training.resolve import ResolvedRun
+from svbrdfgan.training.step import make_pair
 
 _CHUNK = 8
 
-Differing = frozenset[Nuisance]
+Confounders = frozenset[Confounder]
 
 
 @dataclass(frozen=True, eq=False)
-class Darkroom:
-    """Makes both sides' clean pictures, with any of the configuration's nuisances present or taken away.
+class RenderedPairs:
+    """Renders both sides' clean pictures, with any of the configuration's confounders present or removed.
 
-    Fakes are always of the training's renderer, samples and stored transports. So scenes are matched on the side of
-    the fakes, samples and renderer on that of the exemplars; whatever seed makes a fake, it is not its exemplar's.
+    Fakes always use the training's renderer, samples per pixel and stored transports. So pose and light are matched on
+    the fakes' side, and noise and renderer on the exemplars' side. A fake never has its exemplar's seed.
 
     Attributes:
-        chosen: the exemplars, in order.
-        renderer, made_with: the training's, and the data set's.
-        base: the folder that paths of the configuration are relative to.
-        progress: told how many pictures were made.
+        run: the training run that is probed.
+        chosen: indices of the exemplars that are rendered, in order.
+        renderer: the training's renderer.
+        exemplar_renderer: the data set's renderer.
+        progress: called with the number of pictures rendered since the last call.
     """
 
-    config: TrainConfig
+    run: ResolvedRun
     exemplars: Exemplars
     chosen: Sequence[int]
     renderer: Renderer[Any]
-    made_with: Renderer[Any]
+    exemplar_renderer: Renderer[Any]
     device: torch.device
-    base: Path
     progress: Callable[[int], None]
-    _made: dict[Differing, tuple[Tensor, Tensor]] = field(default_factory=dict)
+    _rendered: dict[Confounders, tuple[Tensor, Tensor]] = field(default_factory=dict)
 
-    def pair(self, differing: Differing) -> tuple[Stills, Stills]:
-        """Exemplars' clean twins, and fakes of a generator that paints nothing, as training would show them."""
-        feed, shots = self._feed(differing), []
+    def render(self, present: Confounders) -> tuple[ImageBatch, ImageBatch]:
+        """Clean exemplars, and fakes of a generator that paints nothing, as training would show them."""
+        source, pairs = self._source(present), []
         for first in range(0, len(self.chosen), _CHUNK):
             indices = list(self.chosen[first : first + _CHUNK])
-            stage = feed.stage(indices, np.random.default_rng([self.config.seed, indices[0]]))
+            scenes = source.scenes(indices, np.random.default_rng([self.run.config.seed, indices[0]]))
             with torch.no_grad():
-                shots.append(sides(feed, indices, stage, self._nothing(len(indices))))
+                pairs.append(make_pair(source, indices, scenes, self._nothing(len(indices))))
             self.progress(len(indices))
-        real, fake = (Stills.of(*side) for side in zip(*shots, strict=True))
-        return real, fake
+        real, fake = zip(*pairs, strict=True)
+        return ImageBatch.cat(real), ImageBatch.cat(fake)
 
-    def _feed(self, differing: Differing) -> Feed:
-        """Training's, but that its exemplars are clean, and that fakes differ from them in these nuisances alone."""
-        exemplars, scenes = self.exemplars, self.config.scenes
-        own = self._stages(scenes_with(scenes, frozenset()), own_spp(self.config, exemplars))
-        images, coverage = self._twins(differing & {"noise", "renderer"}, own)
-        return Feed(
+    def _source(self, present: Confounders) -> BatchSource:
+        """The training's batches, with clean exemplars, and fakes that differ in these confounders alone."""
+        exemplars, config = self.exemplars, self.run.config
+        own_scenes = self._scenes(scenes_with(config.scenes, frozenset()), exemplar_spp(config, exemplars))
+        images, coverage = self._clean_exemplars(present & {"noise", "renderer"}, own_scenes)
+        return BatchSource(
             exemplars=exemplars,
-            stages=self._stages(scenes_with(scenes, differing), self.config.spp),
-            own=own,
-            buffers=buffers_of(exemplars, self.device),
-            images=images,
-            coverage=coverage,
-            gbuffers=self._gbuffers(own),
+            fake_scenes=self._scenes(scenes_with(config.scenes, present), config.spp),
+            own_scenes=own_scenes,
+            buffers=stack_geometry(exemplars, self.device),
+            real=ImageBatch(images, coverage, self._gbuffers(own_scenes)),
             demodulated=self._demodulated,
         )
 
     @property
     def _demodulated(self) -> bool:
-        return self.config.discriminator.sees == "reflectance"
+        return self.run.config.discriminator.sees == "reflectance"
 
-    def _stages(self, scenes: ScenesConfig, spp: int) -> Transports | FreshRenders:
-        if scenes.matched:  # which training stores too, whatever its pool
+    def _scenes(self, scenes: ScenesConfig, spp: int) -> SceneRendering:
+        if scenes.matched:  # training stores these too, whatever its pool
             scenes = scenes.model_copy(update={"pool": 1})
-        elif scenes != self.config.scenes:  # which training never sees: not to be stored
+        elif scenes != self.run.config.scenes:  # training never renders these, so they are not stored
             scenes = scenes.model_copy(update={"pool": 0})
-        config = self.config.model_copy(update={"scenes": scenes, "spp": spp})
-        return make_stages(config, self.exemplars, "train", self.renderer, self.device, self.base)
+        run = self.run.with_config(scenes=scenes, spp=spp)
+        return make_scenes(run, self.exemplars, "train", self.renderer, self.device)
 
-    def _twins(self, differing: Differing, own: Transports | FreshRenders) -> tuple[Tensor, Tensor]:
-        """Images and coverage of the exemplars' clean twins: their own cameras and lights.
+    def _clean_exemplars(self, present: Confounders, own_scenes: SceneRendering) -> tuple[Tensor, Tensor]:
+        """Images and coverage of the exemplars without weathering, in their own cameras and lights.
 
-        Divided by its own light, a fake has no noise. So neither has a twin whose noise is taken away.
+        A fake whose own light is divided out has no noise. So an exemplar has none either, unless noise is present.
         """
-        if differing not in self._made:
-            exact = self._demodulated and not differing
-            twins = self._exact(own) if exact else self._rendered(differing)
-            images, coverage = zip(*twins, strict=True)
-            self._made[differing] = self._placed(images), self._placed(coverage)
-        return self._made[differing]
+        if present not in self._rendered:
+            exact = self._demodulated and not present
+            rendered = self._exact(own_scenes) if exact else self._traced(present)
+            images, coverage = zip(*rendered, strict=True)
+            self._rendered[present] = self._scattered(images), self._scattered(coverage)
+        return self._rendered[present]
 
-    def _rendered(self, differing: Differing) -> Iterator[tuple[Tensor, Tensor]]:
-        """As exemplars are made and stored, their own seeds included."""
-        renderer = self.made_with if "renderer" in differing else self.renderer
+    def _traced(self, present: Confounders) -> Iterator[tuple[Tensor, Tensor]]:
+        """Rendered and rounded as exemplars are stored, with their own seeds."""
+        renderer = self.exemplar_renderer if "renderer" in present else self.renderer
         prepared, last = None, -1
         for index in self.chosen:
             subject, scene = int(self.exemplars.subject_of[index]), self.exemplars.scenes[index]
             if subject != last:
                 prepared, last = renderer.prepare(self.exemplars.subject(index).surface), subject
-            spp = scene.spp if "noise" in differing else self.config.spp
+            spp = scene.spp if "noise" in present else self.run.config.spp
             clean = scene.model_copy(update={"weathering": None, "spp": spp})
-            twin = render_scene(self.exemplars.studio, renderer, clean, prepared)
-            yield twin.image.clamp(max=BRIGHTEST).half(), twin.coverage.half()
+            rendering = render_scene(self.exemplars.loader, renderer, clean, prepared)
+            yield rendering.image.clamp(max=BRIGHTEST).half(), rendering.coverage.half()
             self.progress(1)
 
-    def _exact(self, own: Transports | FreshRenders) -> Iterator[tuple[Tensor, Tensor]]:
-        """What the exemplars' own light makes of a clean surface."""
+    def _exact(self, own_scenes: SceneRendering) -> Iterator[tuple[Tensor, Tensor]]:
+        """By the light transport of the exemplars' own scenes."""
         for index in self.chosen:
-            image, coverage = own.stage([index], np.random.default_rng(0)).render(self._nothing(1))
+            image, coverage = own_scenes.scenes([index], np.random.default_rng(0)).render(self._nothing(1))
             yield image[0], coverage[0]
             self.progress(1)
 
-    def _gbuffers(self, own: Transports | FreshRenders) -> Float[Tensor, "exemplars height width 6"] | None:
-        """What each exemplar shows."""
-        if not self.config.discriminator.guide or not isinstance(own, Transports):
+    def _gbuffers(self, own_scenes: SceneRendering) -> Float[Tensor, "exemplars height width 6"] | None:
+        if not self.run.config.discriminator.guide or not isinstance(own_scenes, CachedRendering):
             return None
-        return self._placed([own.gbuffer(index).half() for index in self.chosen])
+        return self._scattered([own_scenes.gbuffer(index).half() for index in self.chosen])
 
-    def _placed(self, found: Sequence[Tensor]) -> Tensor:
-        """Each at its exemplar's place; zeros where none was chosen."""
-        places = found[0].new_zeros(len(self.exemplars), *found[0].shape, device=self.device)
-        places[list(self.chosen)] = torch.stack(list(found)).to(self.device)
-        return places
+    def _scattered(self, values: Sequence[Tensor]) -> Tensor:
+        """Each value at its exemplar's index; zeros at exemplars that were not chosen."""
+        scattered = values[0].new_zeros(len(self.exemplars), *values[0].shape, device=self.device)
+        scattered[list(self.chosen)] = torch.stack(list(values)).to(self.device)
+        return scattered
 
     def _nothing(self, count: int) -> Float[Tensor, "batch rows cols channels"]:
         """Layers of alpha 0."""

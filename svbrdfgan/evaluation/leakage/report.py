@@ -1,4 +1,4 @@
-"""What probes found, in numbers and in words."""
+"""The leakage report: what the probe found, in numbers and in words."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.config.models import StrictModel
-from svbrdfgan.evaluation.leakage.confounders import Nuisance
+from svbrdfgan.evaluation.leakage.confounders import Confounder
 from svbrdfgan.io.records import save_record
 
-DIAGNOSIS = "probe.json"
+REPORT = "probe.json"
 _DEVIATIONS = 2.5758
-"""Within so many of them lie 99 % of a normal distribution."""
+"""99 % of a normal distribution lie within this many standard deviations."""
 
 
 class Share(StrictModel):
-    """The share of pairs in which a probe picked the exemplar's picture, a tie counted as half a pick; 0.5 is chance.
+    """The share of pairs in which the classifiers picked the exemplar's picture; a tie is half a pick; 0.5 is chance.
 
     Attributes:
-        low, high: the 99 % interval (Wilson 1927). Where nothing differs every pick is the toss of a coin, whatever the
-            probe has learned; so one matched configuration in two hundred seems to be told.
+        low, high: the 99 % interval (Wilson 1927). Where nothing differs, every pick is a coin toss, so one matched
+            configuration in two hundred appears to leak.
     """
 
     value: float
@@ -32,7 +32,7 @@ class Share(StrictModel):
 
     @classmethod
     def of(cls, margins: Float[Tensor, " pairs"]) -> Share:
-        """From how much more real each exemplar's picture looked."""
+        """From how much more real each exemplar's picture looked than its fake."""
         count, square = len(margins), _DEVIATIONS**2
         value = float(((margins > 0) + 0.5 * (margins == 0)).double().mean())
         centre = value + square / (2 * count)
@@ -41,23 +41,23 @@ class Share(StrictModel):
         return cls(value=value, low=low, high=high, pairs=count)
 
     @property
-    def told(self) -> bool:
-        """Whether it is more than chance."""
+    def leaks(self) -> bool:
+        """Whether it is above chance."""
         return self.low > 0.5
 
     @property
     def verdict(self) -> str:
-        """In words."""
-        return f"{'can be' if self.told else 'not'} told: {self.value:.0%}"
+        """The result in words."""
+        return f"{'leaks' if self.leaks else 'no leak'}: {self.value:.0%}"
 
 
 class Finding(StrictModel):
-    """What came of one nuisance alone, or of all together.
+    """The result for one confounder alone, or for all together.
 
     Attributes:
-        differs: how real and fake differ in it; empty where they do not.
-        share: None where nothing differs, and so nothing was tried.
-        remedy: what helps, where it can be told.
+        differs: how real and fake differ; empty where they do not.
+        share: None where nothing differs.
+        remedy: what helps, if it leaks.
     """
 
     differs: str
@@ -67,19 +67,19 @@ class Finding(StrictModel):
 
     @classmethod
     def of(cls, differs: str, margins: Float[Tensor, " pairs"], remedy: str | None = None) -> Finding:
-        """From a probe's margins."""
+        """From the classifiers' margins."""
         share = Share.of(margins)
-        return cls(differs=differs, share=share, verdict=share.verdict, remedy=remedy if share.told else None)
+        return cls(differs=differs, share=share, verdict=share.verdict, remedy=remedy if share.leaks else None)
 
 
-class Diagnosis(StrictModel):
+class LeakageReport(StrictModel):
     """The contents of `probe.json`.
 
     Attributes:
-        exemplars: whose scenes were probed; the probes were judged on `judged` of them, and learned from the others.
-        together: all that differs under the configuration at once, as training would show it.
-        alone: each nuisance with the others taken away.
-        pictures_seconds, learning_seconds: how long it took.
+        exemplars: number of scenes rendered. The classifiers were judged on `judged` of them and learned from the rest.
+        together: all confounders of the configuration at once, as training would show them.
+        alone: each confounder with the others removed.
+        pictures_seconds, learning_seconds: time taken.
     """
 
     dataset: str
@@ -87,19 +87,21 @@ class Diagnosis(StrictModel):
     exemplars: int
     judged: int
     together: Finding
-    alone: dict[Nuisance, Finding]
+    alone: dict[Confounder, Finding]
     pictures_seconds: float
     learning_seconds: float
 
     def lines(self) -> list[str]:
-        """What to tell a user: one line for each nuisance that can be told, or that none can."""
+        """One line for each confounder that tells the sides apart, or a line that none does."""
         found = [f"{name} {f.verdict}. {f.remedy}" for name, f in self.alone.items() if f.remedy]
         if found:
             return found
-        if self.together.share and self.together.share.told:
-            return [f"All together {self.together.verdict}, though no nuisance alone: match more of them."]
+        if self.together.share and self.together.share.leaks:
+            return [
+                f"All together tell {self.together.share.value:.0%} of pairs, though no confounder alone leaks: match more."
+            ]
         bound = f" that tells more than {self.together.share.high:.0%} of pairs" if self.together.share else ""
         return [f"No shortcut was found{bound}."]
 
     def save(self, folder: Path) -> None:
-        save_record(folder / DIAGNOSIS, self)
+        save_record(folder / REPORT, self)

@@ -10,8 +10,9 @@ from pathlib import Path
 from svbrdfgan.config.yaml_files import load_yaml
 from svbrdfgan.data.config import dataset_config
 from svbrdfgan.data.generate import generate
-from svbrdfgan.evaluation.evaluate import Evaluation, evaluate
+from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
+from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.inference.apply import paint
 from svbrdfgan.inference.export import write_weathered
 from svbrdfgan.io import load_mesh

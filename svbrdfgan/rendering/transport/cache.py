@@ -22,7 +22,7 @@ Key = TypeVar("Key")
 
 
 class TransportCache(MutableMapping[Key, LightTransport]):
-    """Transports by key, within a budget of bytes: those that were not looked up for longest go first."""
+    """CachedRendering by key, within a budget of bytes: those that were not looked up for longest go first."""
 
     def __init__(self, budget: int | None = None) -> None:
         """An empty cache for `budget` bytes; None: a quarter of the memory of the device where the first one lies."""

@@ -16,7 +16,7 @@ from svbrdfgan.config.yaml_files import load_yaml
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.generate import generate
-from svbrdfgan.data.index import DatasetPlan
+from svbrdfgan.data.index import Dataset, DatasetIndex
 from svbrdfgan.data.photos.build import Imported, import_pictures
 from svbrdfgan.data.photos.light import GLOSS, white
 from svbrdfgan.data.photos.manifest import Manifest, read_manifest
@@ -61,14 +61,14 @@ def imported(photographs: Photographs, tmp_path_factory: pytest.TempPathFactory)
 
 @pytest.fixture(scope="module")
 def exemplars(imported: tuple[Path, tuple[Imported, ...]]) -> Exemplars:
-    return load_exemplars(imported[0], "train")
+    return load_exemplars(Dataset.open(imported[0]), "train")
 
 
 def rendered(exemplars: Exemplars, index: int, materials: Callable[[Subject], Materials]) -> Rendering:
     """Other materials in an exemplar's scene, with next to no noise."""
     scene, subject = exemplars.scenes[index], exemplars.subject(index)
     renderer = load_renderer("mitsuba", {"device": "cpu"})
-    view = exemplars.studio.view(scene)
+    view = exemplars.loader.view(scene)
     return renderer.render(renderer.prepare(subject.surface), materials(subject), view, spp=1024, seed=5)
 
 
@@ -78,7 +78,7 @@ def test_an_exemplar_is_the_linear_picture_up_to_exposure_and_gloss(photographs:
     Most of that is noise. Colour, and so the exposure of each channel, is kept within 3 %.
     """
     import_pictures(with_true_cameras(photographs), tmp_path / "own", base=photographs[0])
-    found = load_exemplars(tmp_path / "own", "train")
+    found = load_exemplars(Dataset.open(tmp_path / "own"), "train")
     for number, one in enumerate(photographs[1]):
         true = one.again(found.scenes[number].camera.camera(), (48, 48), 256)
         image, coverage = found.images[number].float(), found.coverage[number].float()
@@ -162,7 +162,7 @@ def test_exposure_of_the_photograph_does_not_matter(photographs: Photographs, tm
     )
     import_pictures(changed, tmp_path / "own", base=photographs[0])
     import_pictures(declared(photographs), tmp_path / "plain", base=photographs[0])
-    again, plain = (load_exemplars(tmp_path / name, "train") for name in ("own", "plain"))
+    again, plain = (load_exemplars(Dataset.open(tmp_path / name), "train") for name in ("own", "plain"))
     assert torch.allclose(again.images[0], plain.images[0], rtol=2e-3, atol=2e-3)
     assert {scene.environment.asset.path for scene in plain.scenes} == {"assets/environments/mean of the pool.exr"}
 
@@ -182,7 +182,7 @@ def test_a_light_that_is_known_is_the_scene_s_own(photographs: Photographs, tmp_
     known = {"environment": str(tmp_path / "street.exr"), "environment_rotation_degrees": 40.0}
     changed = declared(photographs, pictures=[{**entry, **known}], paint={}, light="estimated")
     import_pictures(changed, tmp_path / "own", base=photographs[0])
-    (scene,) = load_exemplars(tmp_path / "own", "train").scenes
+    (scene,) = load_exemplars(Dataset.open(tmp_path / "own"), "train").scenes
     assert scene.environment.asset.path == "assets/environments/own street.exr"
     assert scene.environment.rotation_degrees == 40
     assert scene.environment.scale * 3 == pytest.approx(1.0, rel=1e-3)
@@ -203,10 +203,10 @@ def test_it_trains_and_cannot_be_scored(
 
 def test_meshes_named_in_test_are_kept_from_training(photographs: Photographs, tmp_path: Path) -> None:
     import_pictures(declared(photographs, test=[photographs[1][0].mesh]), tmp_path / "own", base=photographs[0])
-    plan = DatasetPlan.load(tmp_path / "own")
+    plan = DatasetIndex.load(tmp_path / "own")
     assert [mesh.name for mesh in plan.meshes["train"]] == ["car_1"]
     assert [mesh.name for mesh in plan.meshes["test"]] == ["car_0"]
-    assert len(load_exemplars(tmp_path / "own", "test")) == 2
+    assert len(load_exemplars(Dataset.open(tmp_path / "own"), "test")) == 2
 
 
 def test_views_may_differ_from_mesh_to_mesh(photographs: Photographs, tmp_path: Path) -> None:
@@ -215,14 +215,14 @@ def test_views_may_differ_from_mesh_to_mesh(photographs: Photographs, tmp_path: 
     mixed = [entries[2], entries[0], entries[3]]
     told = import_pictures(declared(photographs, pictures=mixed), tmp_path / "own", base=photographs[0])
     assert [one.exemplar for one in told] == ["train/000000", "train/000002", "train/000001"]
-    sampler = DatasetPlan.load(tmp_path / "own").sampler("train")
+    sampler = DatasetIndex.load(tmp_path / "own").sampler("train")
     assert [sampler.mesh(n).name for n in range(len(sampler))] == ["car_1", "car_1", "car_0"]
     stored = [Scene.load(tmp_path / "own" / f"{one.exemplar}.json").mesh.path for one in told]
     assert [Path(path).stem for path in stored] == ["car_1", "car_0", "car_1"]
 
 
 def test_dataset_does_not_make_what_only_import_can(imported: Any, tmp_path: Path) -> None:
-    config: DatasetConfig = DatasetPlan.load(imported[0]).config
+    config: DatasetConfig = DatasetIndex.load(imported[0]).config
     assert config.weathering is None
     with pytest.raises(ConfigError, match="name a recipe"):
         generate(config, tmp_path / "other", base=tmp_path)

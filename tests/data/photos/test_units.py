@@ -14,7 +14,7 @@ from PIL import Image
 from torch import Tensor
 
 from svbrdfgan.config.distributions import Fixed
-from svbrdfgan.data.index import DatasetPlan
+from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.photos.exposure import exposure, mean_light
 from svbrdfgan.data.photos.overlay import NOTHING, agreement, visible_parts
 from svbrdfgan.data.photos.photo import load_photo
@@ -159,7 +159,7 @@ def test_an_exposure_that_cannot_be_is_told() -> None:
 
 
 def test_the_mean_light_is_what_a_fixed_turn_makes_of_the_maps(tiny_dataset: Path) -> None:
-    sampler = DatasetPlan.load(tiny_dataset).sampler("train")
+    sampler = DatasetIndex.load(tiny_dataset).sampler("train")
     maps = [load_environment(tiny_dataset / light.asset.path) * light.normalisation for light in sampler.environments]
 
     def light(degrees: float) -> Tensor:

@@ -38,7 +38,7 @@ def box(width: float, height: float, length: float) -> Mesh:
 
 @pytest.fixture(scope="session")
 def boxes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Twenty boxes, five views of each. Transports may be added to it, and nothing else."""
+    """Twenty boxes, five views of each. CachedRendering may be added to it, and nothing else."""
     pytest.importorskip("warp", reason="the warp renderer needs warp-lang")
     base = tmp_path_factory.mktemp("boxes")
     rng = np.random.default_rng(0)

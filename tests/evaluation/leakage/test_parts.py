@@ -13,11 +13,11 @@ from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.leakage.classifier import Roles, Trial
-from svbrdfgan.evaluation.leakage.confounders import NUISANCES, REMEDIES, differences, scenes_with
-from svbrdfgan.evaluation.leakage.report import Diagnosis, Finding, Share
-from svbrdfgan.evaluation.leakage.stills import Stills
+from svbrdfgan.evaluation.leakage.confounders import CONFOUNDERS, REMEDIES, find_confounders, scenes_with
+from svbrdfgan.evaluation.leakage.report import Finding, LeakageReport, Share
 from svbrdfgan.plugins import load_renderer
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, train_config
+from svbrdfgan.training.discriminator_batch import ImageBatch
 
 
 def config(sees: str = "radiance", **changes: object) -> TrainConfig:
@@ -26,9 +26,9 @@ def config(sees: str = "radiance", **changes: object) -> TrainConfig:
     )
 
 
-def noise(count: int, seed: int, mean: float = 0.5) -> Stills:
+def noise(count: int, seed: int, mean: float = 0.5) -> ImageBatch:
     image = mean + 0.1 * torch.randn(count, 16, 16, 3, generator=torch.Generator().manual_seed(seed))
-    return Stills.of((image, torch.ones(count, 16, 16), None))
+    return ImageBatch.cat([ImageBatch(image, torch.ones(count, 16, 16), None)])
 
 
 def test_no_subject_has_two_roles() -> None:
@@ -52,7 +52,7 @@ def test_judged_pairs_teach_nothing() -> None:
     """Whatever some of them hold, the probe that judges the others is the same."""
     roles = Roles(learn=range(40), choose=range(40, 60), judge=range(60, 100))
     real, fake = noise(100, 0, 0.6), noise(100, 1)
-    altered = Stills(real.image.clone(), real.coverage, None)
+    altered = ImageBatch(real.image.clone(), real.coverage, None)
     altered.image[80:] = 9.0
     before, after = (Trial(config(), side, fake, roles).judge() for side in (real, altered))
     assert torch.equal(before[:20], after[:20])
@@ -64,7 +64,7 @@ def test_equal_distributions_are_chance_and_others_are_told(seed: int) -> None:
     roles = Roles.deal(range(250), seed)
     fakes = noise(250, 3), noise(250, 3, 0.52)
     matched, other = (Share.of(Trial(config(seed=seed), noise(250, 2), fake, roles).judge()) for fake in fakes)
-    assert not matched.told
+    assert not matched.leaks
     assert other.value > 0.95
 
 
@@ -75,8 +75,8 @@ def test_the_interval_is_wilsons() -> None:
     for end in (share.low, share.high):
         assert abs(share.value - end) == pytest.approx(2.5758 * math.sqrt(end * (1 - end) / 100))
     assert Share.of(torch.zeros(10)).value == 0.5
-    assert Share.of(torch.ones(7)).told
-    assert not Share.of(torch.ones(6)).told
+    assert Share.of(torch.ones(7)).leaks
+    assert not Share.of(torch.ones(6)).leaks
 
 
 def test_the_interval_holds_as_often_as_it_says() -> None:
@@ -84,7 +84,7 @@ def test_the_interval_holds_as_often_as_it_says() -> None:
     shares = [Share.of(torch.from_numpy(row)) for row in picks]
     missed = np.mean([not share.low <= 0.5 <= share.high for share in shares])
     assert 0.004 < missed < 0.018
-    assert np.mean([share.told for share in shares]) < 0.01
+    assert np.mean([share.leaks for share in shares]) < 0.01
 
 
 def test_what_differs_is_said(dataset_data: Callable[..., dict[str, object]]) -> None:
@@ -92,7 +92,7 @@ def test_what_differs_is_said(dataset_data: Callable[..., dict[str, object]]) ->
     one, two = load_renderer("numpy"), load_renderer("numpy", {"max_bounces": 3})
 
     def said(sees: str = "radiance", **changes: object) -> dict[str, str]:
-        return dict(differences(config(sees, **changes), dataset, two if changes.get("seed") else one, one))
+        return dict(find_confounders(config(sees, **changes), dataset, two if changes.get("seed") else one, one))
 
     assert said(spp=8) == {}
     assert said(spp=9) == {"noise": "8 samples per pixel in exemplars, 9 in fakes"}
@@ -102,17 +102,17 @@ def test_what_differs_is_said(dataset_data: Callable[..., dict[str, object]]) ->
     }
     assert said(spp=8, scenes={"camera_noise_degrees": 2.5}) == {"pose": "fakes' cameras are off by up to 2.5 degrees"}
     assert said(spp=8, scenes={"camera": {}, "environment": "redrawn"}) == {
-        "pose": "fakes' cameras are drawn anew",
-        "light": "fakes are lit anew, from the exemplars' own distribution",
+        "pose": "fakes' cameras are drawn from another distribution",
+        "light": "fakes' lights are drawn again from the exemplars' distribution",
     }
     assert said(spp=8, scenes={"environment": {"procedural": {"count": 1}}}).keys() == {"light"}
 
 
-def test_nuisances_are_taken_away_one_by_one() -> None:
+def test_confounders_are_taken_away_one_by_one() -> None:
     scenes = validate(
         ScenesConfig, {"camera_noise_degrees": 3.0, "camera": {}, "environment": "redrawn", "pool": 2}, "here"
     )
-    assert scenes_with(scenes, frozenset(NUISANCES)) == scenes
+    assert scenes_with(scenes, frozenset(CONFOUNDERS)) == scenes
     assert scenes_with(scenes, frozenset({"noise"})).matched
     pose, light = (scenes_with(scenes, frozenset({name})) for name in ("pose", "light"))
     assert (pose.environment, pose.camera, pose.camera_noise_degrees) == ("same", scenes.camera, 3.0)
@@ -121,17 +121,19 @@ def test_nuisances_are_taken_away_one_by_one() -> None:
 
 def test_what_is_told_comes_with_a_remedy() -> None:
     sure, unsure = torch.ones(50), torch.tensor([1.0, -1.0] * 25)
-    alone = {name: Finding(differs="") for name in NUISANCES}
+    alone = {name: Finding(differs="") for name in CONFOUNDERS}
     alone["pose"] = Finding.of("off", sure, REMEDIES["pose"])
     alone["light"] = Finding.of("redrawn", unsure, REMEDIES["light"])
     times = {"pictures_seconds": 1.0, "learning_seconds": 1.0}
 
     def lines(together: torch.Tensor, alone: dict[str, Finding]) -> list[str]:
         found = Finding.of("both", together)
-        return Diagnosis(dataset="d", seed=0, exemplars=9, judged=5, together=found, alone=alone, **times).lines()
+        return LeakageReport(dataset="d", seed=0, exemplars=9, judged=5, together=found, alone=alone, **times).lines()
 
-    assert alone["light"].verdict == "not told: 50%"
-    assert lines(sure, alone) == [f"pose can be told: 100%. {REMEDIES['pose']}"]
+    assert alone["light"].verdict == "no leak: 50%"
+    assert lines(sure, alone) == [f"pose leaks: 100%. {REMEDIES['pose']}"]
     alone["pose"] = alone["light"]
-    assert lines(sure, alone) == ["All together can be told: 100%, though no nuisance alone: match more of them."]
+    assert lines(sure, alone) == [
+        "All together tell 100% of pairs, though no confounder alone leaks: match more of them."
+    ]
     assert lines(unsure, alone) == ["No shortcut was found that tells more than 67% of pairs."]

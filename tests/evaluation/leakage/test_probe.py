@@ -14,7 +14,7 @@ import torch
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.leakage import probe, probe_shortcuts
 from svbrdfgan.evaluation.leakage.confounders import REMEDIES
-from svbrdfgan.evaluation.leakage.report import Diagnosis
+from svbrdfgan.evaluation.leakage.report import LeakageReport
 from svbrdfgan.io import load_image, save_environment
 from svbrdfgan.plugins import load_renderer
 from svbrdfgan.training.config import TrainConfig
@@ -24,24 +24,24 @@ Training = Callable[..., TrainConfig]
 HIGH = {"camera": {"elevation_degrees": {"uniform": [50.0, 70.0]}}}
 
 
-def told(diagnosis: Diagnosis) -> set[str]:
-    return {name for name, finding in diagnosis.alone.items() if finding.share and finding.share.told}
+def leaking(report: LeakageReport) -> set[str]:
+    return {name for name, finding in report.alone.items() if finding.share and finding.share.leaks}
 
 
-def tried(diagnosis: Diagnosis) -> set[str]:
-    return {name for name, finding in diagnosis.alone.items() if finding.share}
+def tried(report: LeakageReport) -> set[str]:
+    return {name for name, finding in report.alone.items() if finding.share}
 
 
 @pytest.mark.parametrize("guide", [True, False])
 def test_matched_scenes_come_out_at_chance(guide: bool, training: Training) -> None:
-    diagnosis = probe_shortcuts(training(guide=guide)).diagnosis
-    share = diagnosis.together.share
+    report = probe_shortcuts(training(guide=guide)).report
+    share = report.together.share
     assert share is not None
-    assert not share.told
-    assert (diagnosis.exemplars, diagnosis.judged, share.pairs) == (100, 40, 40)
-    assert tried(diagnosis) == set()
-    assert {finding.verdict for finding in diagnosis.alone.values()} == {"the same on both sides"}
-    assert diagnosis.lines() == [f"No shortcut was found that tells more than {share.high:.0%} of pairs."]
+    assert not share.leaks
+    assert (report.exemplars, report.judged, share.pairs) == (100, 40, 40)
+    assert tried(report) == set()
+    assert {finding.verdict for finding in report.alone.values()} == {"the same on both sides"}
+    assert report.lines() == [f"No shortcut was found that tells more than {share.high:.0%} of pairs."]
 
 
 @pytest.fixture(scope="module")
@@ -58,39 +58,39 @@ LIT_RED: dict[str, Any] = {"environment": {"files": ["red.exr"]}, "camera": {}}
 
 
 def test_other_light_is_told_and_named(training: Training, red: Path) -> None:
-    diagnosis = probe_shortcuts(training(dataset="dataset", scenes=LIT_RED), base=red).diagnosis
-    assert tried(diagnosis) == {"pose", "light"}
-    assert told(diagnosis) == {"light"}
-    assert diagnosis.together.share is not None
-    assert diagnosis.together.share.told
-    assert diagnosis.lines() == [f"light {diagnosis.alone['light'].verdict}. {REMEDIES['light']}"]
+    report = probe_shortcuts(training(dataset="dataset", scenes=LIT_RED), base=red).report
+    assert tried(report) == {"pose", "light"}
+    assert leaking(report) == {"light"}
+    assert report.together.share is not None
+    assert report.together.share.leaks
+    assert report.lines() == [f"light {report.alone['light'].verdict}. {REMEDIES['light']}"]
 
 
 def test_neither_light_nor_pose_is_told_by_reflectance(training: Training, red: Path) -> None:
     """Nor by its guide, where cameras differ as much as the light."""
     scenes = LIT_RED | HIGH
-    diagnosis = probe_shortcuts(training("reflectance", dataset="dataset", scenes=scenes), base=red).diagnosis
-    assert tried(diagnosis) == {"pose", "light", "noise"}
-    assert told(diagnosis) <= {"noise"}
+    report = probe_shortcuts(training("reflectance", dataset="dataset", scenes=scenes), base=red).report
+    assert tried(report) == {"pose", "light", "noise"}
+    assert leaking(report) <= {"noise"}
 
 
 @pytest.mark.parametrize("spp", [2, 8])
 def test_noise_is_told_by_reflectance_however_many_samples_fakes_have(spp: int, training: Training) -> None:
-    diagnosis = probe_shortcuts(training("reflectance", spp=spp)).diagnosis
-    assert (tried(diagnosis), told(diagnosis)) == ({"noise"}, {"noise"})
-    assert diagnosis.alone["noise"].differs == "8 samples per pixel in exemplars, no noise in fakes"
+    report = probe_shortcuts(training("reflectance", spp=spp)).report
+    assert (tried(report), leaking(report)) == ({"noise"}, {"noise"})
+    assert report.alone["noise"].differs == "8 samples per pixel in exemplars, no noise in fakes"
 
 
 def test_other_samples_are_told_and_named(training: Training) -> None:
-    diagnosis = probe_shortcuts(training(spp=2)).diagnosis
-    assert (tried(diagnosis), told(diagnosis)) == ({"noise"}, {"noise"})
-    assert diagnosis.alone["noise"].differs == "8 samples per pixel in exemplars, 2 in fakes"
-    assert diagnosis.alone["noise"].share == diagnosis.together.share
+    report = probe_shortcuts(training(spp=2)).report
+    assert (tried(report), leaking(report)) == ({"noise"}, {"noise"})
+    assert report.alone["noise"].differs == "8 samples per pixel in exemplars, 2 in fakes"
+    assert report.alone["noise"].share == report.together.share
 
 
 def test_other_cameras_are_told_without_transports_too(training: Training) -> None:
     fresh = training(scenes=HIGH, rendering="fresh", guide=False)
-    assert told(probe_shortcuts(fresh).diagnosis) == {"pose"}
+    assert leaking(probe_shortcuts(fresh).report) == {"pose"}
 
 
 def test_another_renderer_is_told_and_named(training: Training, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,18 +103,17 @@ def test_another_renderer_is_told_and_named(training: Training, monkeypatch: pyt
 
     makers = {"warp": lambda: Brighter(device="cpu"), "auto": lambda: load_renderer("warp", {"device": "cpu"})}
     monkeypatch.setattr(probe, "resolve_renderer", lambda choice, *_, **__: (makers[choice.name](), choice))
-    diagnosis = probe_shortcuts(training(renderer="auto", scenes={"camera": {}})).diagnosis
-    assert (tried(diagnosis), told(diagnosis)) == ({"pose", "renderer"}, {"renderer"})
+    report = probe_shortcuts(training(renderer="auto", scenes={"camera": {}})).report
+    assert (tried(report), leaking(report)) == ({"pose", "renderer"}, {"renderer"})
     assert (
-        diagnosis.alone["renderer"].differs
-        == "Brighter with 1 bounce for exemplars, WarpRenderer with 1 bounce for fakes"
+        report.alone["renderer"].differs == "Brighter with 1 bounce for exemplars, WarpRenderer with 1 bounce for fakes"
     )
 
 
 def test_the_same_seed_is_the_same_probe(training: Training) -> None:
     one, again = (probe_shortcuts(training(scenes=HIGH)) for _ in range(2))
     clock = {"pictures_seconds", "learning_seconds"}
-    assert one.diagnosis.model_dump(exclude=clock) == again.diagnosis.model_dump(exclude=clock)
+    assert one.report.model_dump(exclude=clock) == again.report.model_dump(exclude=clock)
     assert torch.equal(one.pairs, again.pairs)
 
 
@@ -122,9 +121,9 @@ def test_the_files(training: Training, tmp_path: Path) -> None:
     probed = probe_shortcuts(training(scenes=HIGH), minutes=1e-6)
     probed.save(tmp_path / "out")
     record = json.loads((tmp_path / "out" / "probe.json").read_text())
-    assert record["alone"]["pose"]["differs"] == "fakes' cameras are drawn anew"
+    assert record["alone"]["pose"]["differs"] == "fakes' cameras are drawn from another distribution"
     assert record["alone"]["light"]["share"] is None
-    assert record == probed.diagnosis.model_dump()
+    assert record == probed.report.model_dump()
     assert load_image(tmp_path / "out" / "pairs.png").shape == (64, 8 * 32, 3)
     above, below = probed.pairs[:32], probed.pairs[32:]
     assert (above - below).abs().mean() > 0.01

@@ -1,4 +1,4 @@
-"""Transports in memory within a budget, and read ahead."""
+"""CachedRendering in memory within a budget, and read ahead."""
 
 from collections.abc import Callable
 from pathlib import Path

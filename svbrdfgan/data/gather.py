@@ -1,0 +1,138 @@
+"""Gathers a data set's meshes and environment maps: finds or makes them, and stores copies in its folder."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, MeshSource
+from svbrdfgan.data.sampler import EnvironmentAsset, MeshAsset
+from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.io import load_environment, load_mesh, luminance, save_environment, save_mesh_glb
+from svbrdfgan.procedural import build_room, build_sky, build_vehicle, sample_sky, sample_vehicle
+from svbrdfgan.scene.description import AssetRef
+from svbrdfgan.types import Mesh
+
+INDEX = "dataset.json"
+_SEED_STRIDE = 100_003
+"""Between the first seeds of two sources: a prime above any count, so that sources share no procedural asset."""
+
+
+def match_files(patterns: Sequence[str], base: Path) -> list[Path]:
+    """The files that shell patterns match, each once. Relative patterns start at `base`.
+
+    Raises:
+        ConfigError: a pattern is malformed or matches nothing, or two files share a name.
+    """
+    found: list[Path] = []
+    for pattern in patterns:
+        absolute = Path(pattern).expanduser()
+        root = Path(absolute.anchor) if absolute.is_absolute() else base
+        try:
+            matches = sorted(root.glob(str(absolute.relative_to(root) if absolute.is_absolute() else absolute)))
+        except (ValueError, IndexError) as error:
+            raise ConfigError(f"{pattern!r} is not a shell pattern of files ({error}); correct it.") from error
+        if not matches:
+            raise ConfigError(f"no file matches {pattern!r} in {base}; correct the pattern or the folder.")
+        found += [match for match in matches if match not in found]
+    stems = [path.stem for path in found]
+    doubled = sorted({stem for stem in stems if stems.count(stem) > 1})
+    if doubled:
+        raise ConfigError(f"files share the names {doubled}; rename them, since a data set stores assets by name.")
+    return found
+
+
+def gather_meshes(
+    source: MeshSource, files: Iterable[Path], config: DatasetConfig, folder: Path
+) -> tuple[MeshAsset, ...]:
+    """Stores the meshes of a source among the folder's assets: those of the files, and the procedural ones.
+
+    Raises:
+        AssetError: a file cannot be read.
+    """
+    makers: dict[str, Callable[[], Mesh]] = {path.stem: partial(load_mesh, path) for path in files}
+    if source.procedural is not None:
+        kinds, first = source.procedural.kinds, source.procedural.seed * _SEED_STRIDE
+        for number in range(source.procedural.count):
+            kind, seed = kinds[number % len(kinds)], first + number
+            makers[f"{kind}_{seed}"] = partial(_procedural_vehicle, kind, seed)
+    return tuple(mesh_asset(name, make(), config, folder) for name, make in makers.items())
+
+
+def mesh_asset(name: str, mesh: Mesh, config: DatasetConfig, folder: Path) -> MeshAsset:
+    """Stores a mesh among the folder's assets."""
+    path = folder / "assets" / "meshes" / f"{name}.glb"
+    save_mesh_glb(path, mesh)
+    (x0, y0, z0), (x1, y1, z1) = mesh.bounds.tolist()
+    painted = tuple(part.name for part in mesh.parts if config.learnable.selects(part))
+    return MeshAsset(name=name, asset=_reference(path, folder), bounds=((x0, y0, z0), (x1, y1, z1)), painted=painted)
+
+
+def gather_environments(
+    source: EnvironmentSource, files: Iterable[Path], rows: int, folder: Path
+) -> tuple[EnvironmentAsset, ...]:
+    """Stores the environment maps of a source among the folder's assets, each shrunk to at most `rows` rows.
+
+    Raises:
+        AssetError: a file cannot be read, or a map is black.
+        ConfigError: the source names none, or the folder holds another map of the same name.
+    """
+    makers: dict[str, Callable[[], Tensor]] = {path.stem: partial(load_environment, path) for path in files}
+    if source.procedural is not None:
+        indoor, first = source.procedural.kind == "indoor", source.procedural.seed * _SEED_STRIDE
+        for seed in range(first, first + source.procedural.count):
+            makers[f"{'room' if indoor else 'sky'}_{seed}"] = partial(build_room if indoor else _procedural_sky, seed)
+    if not makers:
+        raise ConfigError("environments needs 'files', 'procedural' or both.")
+    return tuple(environment_asset(name, make(), rows, folder) for name, make in makers.items())
+
+
+def environment_asset(name: str, radiance: Float[Tensor, "rows cols 3"], rows: int, folder: Path) -> EnvironmentAsset:
+    """Stores an environment map among the folder's assets, shrunk to at most `rows` rows."""
+    radiance = _shrink(radiance, rows)
+    path = folder / "assets" / "environments" / f"{name}.exr"
+    if not path.is_file() or not torch.equal(load_environment(path), radiance):
+        if path.is_file() and (folder / INDEX).is_file():
+            raise ConfigError(f"{folder} holds another environment of the name {name!r} already; rename yours.")
+        save_environment(path, radiance)
+    mean = _mean_luminance(radiance)
+    if not mean > 0:
+        raise AssetError(f"environment {name} is black; choose another.")
+    return EnvironmentAsset(name=name, asset=_reference(path, folder), normalisation=1.0 / mean)
+
+
+def _mean_luminance(radiance: Float[Tensor, "rows cols 3"]) -> float:
+    """The mean over the sphere."""
+    rows = radiance.shape[0]
+    solid_angle = torch.sin((torch.arange(rows) + 0.5) * torch.pi / rows)
+    by_row = luminance(radiance).mean(dim=1)
+    return float((by_row * solid_angle).sum() / solid_angle.sum())
+
+
+def _shrink(radiance: Float[Tensor, "rows cols 3"], rows: int) -> Float[Tensor, "rows cols 3"]:
+    """The map with at most `rows` rows, by averaging whole blocks of pixels, which keeps its energy."""
+    factor = -(-radiance.shape[0] // rows)
+    if factor == 1:
+        return radiance
+    size = (radiance.shape[0] // factor, radiance.shape[1] // factor)
+    return F.adaptive_avg_pool2d(radiance.permute(2, 0, 1), size).permute(1, 2, 0).contiguous()
+
+
+def _procedural_vehicle(kind: str, seed: int) -> Mesh:
+    return build_vehicle(sample_vehicle(kind, seed))
+
+
+def _procedural_sky(seed: int) -> Tensor:
+    return build_sky(sample_sky(seed))
+
+
+def _reference(path: Path, folder: Path) -> AssetRef:
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return AssetRef(path=path.relative_to(folder).as_posix(), sha256=digest)

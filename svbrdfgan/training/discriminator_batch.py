@@ -1,0 +1,82 @@
+"""What the discriminator sees: exemplars beside fakes, composited over a background and tone-mapped."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.data.generate import BRIGHTEST
+from svbrdfgan.rendering.compositing import over
+from svbrdfgan.utils.copy_async import copy_async
+
+Pictures = Float[Tensor, "batch channels height width"]
+
+_CONTRAST = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class ImageBatch:
+    """A batch of images and what is known of each pixel.
+
+    Attributes:
+        image: linear and premultiplied: radiance, or reflectance where the light was divided out.
+        coverage: share of each pixel that shows the surface.
+        gbuffer: position and normal that each pixel shows, premultiplied; None where the discriminator is not shown it.
+    """
+
+    image: Float[Tensor, "batch height width 3"]
+    coverage: Float[Tensor, "batch height width"]
+    gbuffer: Float[Tensor, "batch height width 6"] | None
+
+    def __len__(self) -> int:
+        return len(self.image)
+
+    def pick(self, indices: Sequence[int]) -> ImageBatch:
+        """The images at these indices. The indices are copied to the images' device without waiting for it."""
+        picked = copy_async(torch.as_tensor(indices), self.image.device)
+        gbuffer = None if self.gbuffer is None else self.gbuffer[picked]
+        return ImageBatch(self.image[picked], self.coverage[picked], gbuffer)
+
+    @classmethod
+    def cat(cls, batches: Sequence[ImageBatch]) -> ImageBatch:
+        """All images in one batch, in half precision, as exemplars are stored. All have a G-buffer, or none has."""
+        image = torch.cat([batch.image.clamp(max=BRIGHTEST).half() for batch in batches])
+        coverage = torch.cat([batch.coverage.half() for batch in batches])
+        gbuffers = [batch.gbuffer.half() for batch in batches if batch.gbuffer is not None]
+        return cls(image, coverage, torch.cat(gbuffers) if gbuffers else None)
+
+    def tone_mapped(self, background: Float[Tensor, "batch 3"]) -> Pictures:
+        """The images over a plain background, in about [-1, 1], with the G-buffer as six more channels if there is one.
+
+        The tone curve is log(1 + 10 x) / log 11 * 2 - 1. It maps 0 to -1 and 1 to 1, and is never flat: highlights keep
+        a gradient.
+        """
+        picture = over(self.image.float(), self.coverage.float(), background[:, None, None, :])
+        channels = torch.log1p(_CONTRAST * picture.clamp(min=0)) * (2 / math.log1p(_CONTRAST)) - 1
+        if self.gbuffer is not None:
+            channels = torch.cat([channels, self.gbuffer.float()], dim=-1)
+        return channels.permute(0, 3, 1, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class DiscriminatorBatch:
+    """A batch of exemplars and as many fakes, ready for the discriminator."""
+
+    real: Pictures
+    fake: Pictures
+
+
+def composite_pair(real: ImageBatch, fake: ImageBatch, rng: np.random.Generator) -> DiscriminatorBatch:
+    """Both sides tone-mapped over random plain backgrounds.
+
+    An exemplar and its fake share a background, so that the background does not tell them apart.
+    """
+    colors = torch.from_numpy(rng.random((len(real), 3), dtype=np.float32))
+    background = copy_async(colors, real.image.device)
+    return DiscriminatorBatch(real.tone_mapped(background), fake.tone_mapped(background))

@@ -1,0 +1,86 @@
+"""A training configuration with every decision taken, once, before anything is rendered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from lightning_fabric import Fabric
+
+from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.data.index import Dataset
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
+
+
+@dataclass(frozen=True, eq=False)
+class ResolvedRun:
+    """What a run will do. Code below reads it, and opens and decides nothing again.
+
+    Attributes:
+        config: the configuration, with `discriminator.sees` decided.
+        dataset: the data set that it names, opened.
+        base: the folder that file patterns of the configuration are relative to.
+    """
+
+    config: TrainConfig
+    dataset: Dataset
+    base: Path = Path()
+
+    def with_config(self, **update: object) -> ResolvedRun:
+        """The same run with other values for some keys of its configuration."""
+        return ResolvedRun(self.config.model_copy(update=update), self.dataset, self.base)
+
+    def unperturbed(self) -> ResolvedRun:
+        """The same run with its fakes in the exemplars' own scenes."""
+        return self.with_config(scenes=ScenesConfig())
+
+
+def resolve_run(config: TrainConfig, base: Path = Path()) -> ResolvedRun:
+    """Opens the configuration's data set and decides what the configuration leaves open.
+
+    Args:
+        base: the folder that paths of the configuration are relative to.
+
+    Raises:
+        AssetError: the data set is missing, or of another version.
+        ConfigError: this machine or this data set cannot do what the configuration asks.
+    """
+    require_device(config.device)
+    dataset = Dataset.open((base / config.dataset).resolve())
+    _require_linear(config, dataset.config)
+    return ResolvedRun(resolved(config, dataset.config.spp), dataset, base)
+
+
+def make_fabric(device: str, *, devices: int = 1, precision: str = "auto") -> Fabric:
+    """Lightning Fabric for a configuration's `device`, `devices` and `precision`.
+
+    Raises:
+        ConfigError: `device` is "cuda", and torch finds no GPU.
+    """
+    require_device(device)
+    strategy = "ddp_spawn" if devices > 1 else "auto"
+    if precision == "auto":
+        cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
+        precision = "bf16-mixed" if cuda else "32-true"
+    return Fabric(accelerator=device, devices=devices, strategy=strategy, precision=precision)  # type: ignore[arg-type]  # one of its literals
+
+
+def require_device(device: str) -> None:
+    """Checks that torch can compute on the device.
+
+    Raises:
+        ConfigError: `device` is "cuda", and torch finds no GPU.
+    """
+    if device == "cuda" and not torch.cuda.is_available():
+        raise ConfigError("device: torch sees no CUDA GPU here; use auto or cpu, or install torch's build for CUDA.")
+
+
+def _require_linear(config: TrainConfig, dataset: DatasetConfig) -> None:
+    """Stored light transport is linear in base_color alone."""
+    if dataset.maps and config.rendering == "transport":
+        raise ConfigError(
+            "rendering: transport is for base_color alone, and the data set's layers paint "
+            f"{', '.join(dataset.maps)} too: set rendering: fresh, and a renderer whose capabilities name these maps."
+        )

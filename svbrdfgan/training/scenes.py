@@ -1,0 +1,49 @@
+"""Batches of scenes that fakes are rendered in: what cached and online rendering have in common."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.protocols import Renderer
+
+Layers = Float[Tensor, "batch rows cols channels"]
+Images = Float[Tensor, "batch height width 3"]
+Coverage = Float[Tensor, "batch height width"]
+
+
+class SceneBatch(Protocol):
+    """A batch of scenes, one for each layer of a batch."""
+
+    @property
+    def gbuffer(self) -> Float[Tensor, "batch height width 6"] | None:
+        """Position and normal that each pixel shows, premultiplied; None where the renderer does not say."""
+        ...
+
+    def render(self, layers: Layers) -> tuple[Images, Coverage]:
+        """The pictures of these layers on the learnable parts, differentiable in the layers; and their coverage."""
+        ...
+
+
+def prepared_surface(exemplars: Exemplars, index: int, renderer: Renderer[Any], prepared: dict[int, Any]) -> Any:
+    """An exemplar's surface as its renderer prepared it; `prepared` keeps it, by subject, for the next call."""
+    number = int(exemplars.subject_of[index])
+    if number not in prepared:
+        prepared[number] = renderer.prepare(exemplars.subjects[number].surface)
+    return prepared[number]
+
+
+def of_outermost_parts(
+    exemplars: Exemplars, index: int, values: Float[Tensor, "parts rows cols"]
+) -> Float[Tensor, "rows cols"]:
+    """From values for each learnable part, at each texel the value of the part that is outermost there; 0 elsewhere."""
+    subject = exemplars.subject(index)
+    picked = torch.zeros_like(values[0])
+    for slot, part in enumerate(subject.learnable):
+        mine = subject.buffer.part == part
+        picked[mine] = values[slot][mine]
+    return picked
