@@ -97,9 +97,8 @@ class LeakageReport(StrictModel):
         if found:
             return found
         if self.together.share and self.together.share.leaks:
-            return [
-                f"All together tell {self.together.share.value:.0%} of pairs, though no confounder alone leaks: match more."
-            ]
+            share = f"{self.together.share.value:.0%}"
+            return [f"All together tell {share} of pairs, though none leaks alone: match more of them."]
         bound = f" that tells more than {self.together.share.high:.0%} of pairs" if self.together.share else ""
         return [f"No shortcut was found{bound}."]
 
