@@ -126,7 +126,7 @@ def test_the_density_of_all_half_vectors_is_1() -> None:
     tan2, one = np.sqrt(edges[1:] * edges[:-1]), np.ones(4000)
     half = 1.0 / np.sqrt(1.0 + tan2)
     solid_angle = 2.0 * np.pi * (1.0 / np.sqrt(1.0 + edges[:-1]) - 1.0 / np.sqrt(1.0 + edges[1:]))
-    density = 4.0 * glossy.pdf(Cosines(outgoing=one, incoming=one, half=half, bend=one))
+    density = 4.0 * glossy.pdf(Cosines(outgoing=one, incoming=one, half=half, difference=one))
     assert (density * solid_angle).sum() == pytest.approx(1.0, abs=1e-4)
 
 
