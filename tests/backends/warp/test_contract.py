@@ -1,4 +1,4 @@
-"""Options, refusals, chance, threads, and what must not be disturbed."""
+"""Options, validation, randomness, threads, and freedom from side effects."""
 
 from collections.abc import Iterator
 
