@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 import torch
 from svbrdfgan_mitsuba import MitsubaRenderer
-from svbrdfgan_mitsuba.jit import dr
+from svbrdfgan_mitsuba.interop import dr
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, Material, Materials, View
 
 KERNELS = {1: 24, 3: 48}
-"""The most kernels that ever so many scenes may need, by bounces: with gloss and without, one-texel maps and so on."""
+"""Most kernels that any number of scenes may need, by bounces: with gloss and without, one-texel maps and so on."""
 
 
 def scene(number: int) -> tuple[object, Materials, View, int]:

@@ -4,8 +4,9 @@ import math
 
 import pytest
 import torch
-from svbrdfgan_mitsuba import MitsubaRenderer, film, render_pass
-from svbrdfgan_mitsuba.paths import Paths
+from svbrdfgan_mitsuba import MitsubaRenderer, render_pass, scene
+from svbrdfgan_mitsuba.integrator import PathIntegrator
+from svbrdfgan_mitsuba.scene import FilmChunk
 from torch import Tensor
 
 from svbrdfgan.testing import scenes
@@ -62,17 +63,17 @@ def test_what_is_kept_is_not_traced_again(
     kept: int,
     traced_again: int,
 ) -> None:
-    """Seven runs of a row each."""
-    renderer, traced = MitsubaRenderer("cpu"), list[film.Run]()
-    direct = Paths.direct
+    """Seven film chunks of a row each."""
+    renderer, traced = MitsubaRenderer("cpu"), list[FilmChunk]()
+    trace = PathIntegrator.trace_direct
 
-    def counted(paths: Paths, run: film.Run) -> object:
-        traced.append(run)
-        return direct(paths, run)
+    def counted(integrator: PathIntegrator, chunk: FilmChunk) -> object:
+        traced.append(chunk)
+        return trace(integrator, chunk)
 
-    monkeypatch.setitem(film.VERTICES, "cpu", 8 * WIDTH)
+    monkeypatch.setitem(scene.VERTICES, "cpu", 8 * WIDTH)
     monkeypatch.setitem(render_pass.KEPT, "cpu", kept)
-    monkeypatch.setattr(Paths, "direct", counted)
+    monkeypatch.setattr(PathIntegrator, "trace_direct", counted)
     prepared = renderer.prepare(scenes.corner_box())
     _, pullback = renderer.render_pullback(prepared, materials, view, wrt=BASE, spp=8, seed=5)
     traced.clear()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from svbrdfgan_mitsuba import MitsubaRenderer, variant
-from svbrdfgan_mitsuba.jit import dr
+from svbrdfgan_mitsuba.interop import dr
 from svbrdfgan_mitsuba.reflection import Dielectric
 
 from svbrdfgan.testing import scenes
