@@ -73,7 +73,7 @@ def test_materials_must_be_as_many_as_parts(renderer: MitsubaRenderer, prepared:
 
 def test_maps_that_are_not_read_are_refused(renderer: MitsubaRenderer, prepared: PreparedSurface) -> None:
     metal = Materials((Material({"base_color": torch.ones(3), "metallic": torch.ones(1)}),))
-    with pytest.raises(UnsupportedError, match=r"part0.*metallic; read are only base_color, roughness"):
+    with pytest.raises(UnsupportedError, match=r"part0.*metallic, but the renderer reads only base_color, roughness"):
         renderer.render(prepared, metal, VIEW, spp=1, seed=0)
 
 
