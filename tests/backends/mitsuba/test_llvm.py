@@ -1,4 +1,4 @@
-"""A bad LLVM is refused in one sentence, in time; a good one is found."""
+"""A bad LLVM is rejected by one sentence before it is loaded; a good one is found."""
 
 import os
 import shutil

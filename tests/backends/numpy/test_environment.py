@@ -1,4 +1,4 @@
-"""Directions are drawn where the light is, with the density that is claimed."""
+"""Directions are drawn where the light is, with the density that `pdf` returns."""
 
 import numpy as np
 import pytest

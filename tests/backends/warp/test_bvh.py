@@ -31,7 +31,7 @@ def shoot(
 
 
 def soup(rng: np.random.Generator) -> ndarray:
-    """Triangles of all sizes anywhere."""
+    """Triangles of all sizes, anywhere."""
     return rng.normal(size=(300, 1, 3)) + rng.normal(size=(300, 3, 3)) * rng.uniform(0.1, 1.0, (300, 1, 1)) ** 3
 
 
@@ -72,19 +72,19 @@ def test_rays_meet_what_they_meet_without_a_tree(mesh: Callable[[np.random.Gener
     t = _distances(points.astype(np.float64).reshape(-1, 3, 3), starts, directions)
     nearest = t.min(axis=1)
     wanted = np.isfinite(nearest)
-    clear = t > nearest[:, None] + 1e-4 * radius  # equally near ones may take turns
-    assert (wanted == (face >= 0)).mean() > 0.995  # edges may be met or missed
+    clear = t > nearest[:, None] + 1e-4 * radius  # either of two equally near faces is right
+    assert (wanted == (face >= 0)).mean() > 0.995  # rays at edges may hit or miss
     assert (blocked == (face >= 0)).all()
     both = wanted & (face >= 0)
     assert not clear[both, face[both]].any()
 
 
 def test_points_of_no_face_change_nothing(device: str) -> None:
-    """Bounds are widened by what rounding at the farthest corner needs, not at a stray point."""
+    """Bounds are widened for the rounding at the farthest corner, not at an unused point."""
     where, points = choose_device(device), torch.from_numpy(soup(np.random.default_rng(5)).reshape(-1, 3)).float()
     corners = torch.arange(len(points), dtype=torch.int32, device=where)
     stray = torch.cat([points, torch.full((1, 3), 1e6)])
-    # As sets: on CUDA nodes are numbered in the order in which threads come.
+    # As sets: on CUDA the nodes' numbers depend on the order of the threads.
     trees = [build_bvh(each.to(where), corners) for each in (points, stray)]
     bounds = [sorted(map(tuple, wp.to_torch(nodes).view(-1, 20)[:, :3].tolist())) for nodes, _ in trees]
     assert bounds[0] == bounds[1]

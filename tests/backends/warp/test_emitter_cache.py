@@ -42,7 +42,7 @@ def lights(count: int) -> list[Tensor]:
 
 def test_a_dozen_in_turn_are_made_once(render: Render, made: list[Tensor]) -> None:
     for _ in range(2):
-        for radiance in lights(12):  # equal ones, not the same
+        for radiance in lights(12):  # equal tensors, not the same ones
             render(radiance)
     assert len(made) == 12
 
@@ -62,7 +62,7 @@ def test_of_large_ones_fewer_are_kept(render: Render, made: list[Tensor], monkey
     for radiance in (one, two, three, two, one):
         render(radiance)
     assert len(made) == 4
-    monkeypatch.setattr(environment, "_PIXELS", 1)  # the last one always is
+    monkeypatch.setattr(environment, "_PIXELS", 1)  # the last environment is always kept
     for _ in range(2):
         render(three)
     assert len(made) == 5

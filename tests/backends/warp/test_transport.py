@@ -1,4 +1,4 @@
-"""The transport is the picture before materials, and its transpose is the gradient."""
+"""The transport is the picture without materials, and its transpose is the gradient."""
 
 import pytest
 import torch
