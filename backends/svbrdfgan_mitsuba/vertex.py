@@ -14,9 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from svbrdfgan_mitsuba.bsdf import Bsdf, Dielectric, Lambertian
 from svbrdfgan_mitsuba.environment import EnvironmentEmitter
 from svbrdfgan_mitsuba.interop import dr
-from svbrdfgan_mitsuba.reflection import Dielectric, Lambertian, Reflection
 from svbrdfgan_mitsuba.scene import CameraSamples, PreparedCamera, PreparedSurface
 from svbrdfgan_mitsuba.textures import MaterialMaps, Taps
 
@@ -111,11 +111,11 @@ class PathTracer:
 
         frame = mi.Frame3f(dr.select(found, _facing(point, hits.ray.d), -hits.ray.d))
         viewer = frame.to_local(-hits.ray.d)
-        reflection = self._reflection(base_color, roughness, glossy, viewer)
+        bsdf = self._bsdf(base_color, roughness, glossy, viewer)
         rng = samples.rng(depth)
         random, (number, choice, _, _) = rng.next_float32x4(), rng.next_uint32x4()
         to_light = self.emitter.sample(number, mi.Point2f(random.x, random.y))
-        away = reflection.sample(mi.Float(choice) * 2.0**-32, mi.Point2f(random.z, random.w))
+        away = bsdf.sample(mi.Float(choice) * 2.0**-32, mi.Point2f(random.z, random.w))
         local, world = (frame.to_local(to_light), away), (to_light, frame.to_world(away))
 
         rays = [_leaving(mi, point, direction) for direction in world]
@@ -126,7 +126,7 @@ class PathTracer:
             onward.found if onward else scene.ray_test(rays[1], above[1]),
         )
         lookups = [self.emitter.evaluate(direction, up) for direction, up in zip(world, above, strict=True)]
-        densities = [reflection.density(direction) for direction in local]
+        densities = [bsdf.density(direction) for direction in local]
         weight = [
             dr.select(up & ~hidden, 1.0 / (density + lookup[2]), 0.0)
             for up, hidden, density, lookup in zip(above, blocked, densities, lookups, strict=True)
@@ -149,12 +149,12 @@ class PathTracer:
 
     def shade(self, vertex: Vertex, values: VertexValues) -> tuple[Any, Any]:
         """The light gathered and reflected to the viewer, and the factor of light along the path; differentiable."""
-        reflection = self._reflection(values.base_color, values.roughness, vertex.glossy, vertex.viewer)
-        value = [reflection.value(direction) for direction in vertex.directions]
+        bsdf = self._bsdf(values.base_color, values.roughness, vertex.glossy, vertex.viewer)
+        value = [bsdf.value(direction) for direction in vertex.directions]
         gathered = value[0] * values.radiance[0] * vertex.weight[0] + value[1] * values.radiance[1] * vertex.weight[1]
         return gathered, value[1] * vertex.onward
 
-    def _reflection(self, base_color: Any, roughness: Any, glossy: Any, viewer: Any) -> Reflection:
+    def _bsdf(self, base_color: Any, roughness: Any, glossy: Any, viewer: Any) -> Bsdf:
         if roughness is None:
             return Lambertian(self.mi, base_color)
         return Dielectric(self.mi, base_color, roughness, glossy, viewer)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 from svbrdfgan_mitsuba import MitsubaRenderer, variant
+from svbrdfgan_mitsuba.bsdf import Dielectric
 from svbrdfgan_mitsuba.interop import dr
-from svbrdfgan_mitsuba.reflection import Dielectric
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, Material, Materials, View

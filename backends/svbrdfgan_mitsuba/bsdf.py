@@ -17,7 +17,7 @@ GLOSS = 0.25
 """Share of the directions at glossy points that are drawn from the gloss. It reflects little: F0 is 0.04."""
 
 
-class Reflection(Protocol):
+class Bsdf(Protocol):
     """How a point reflects light."""
 
     def sample(self, choice: Any, random: Any) -> Any:
