@@ -1,9 +1,11 @@
-"""The two interfaces that plugins implement. `docs/conventions.md` fixes the meanings, and `svbrdfgan.testing` judges.
+"""The two interfaces that plugins implement: renderers and UV embeddings.
 
-A renderer is a class whose constructor takes typed keyword options, all with defaults, and checks them. It is
-registered under the entry-point group `svbrdfgan.renderers`; an embedding under `svbrdfgan.uv_embeddings`.
-Rendering is a pure function of its arguments: no global state is read or left changed, and chance enters as `seed`.
-What a capability record declares works; anything else raises `UnsupportedError`.
+`docs/conventions.md` defines axes, units and materials; the kits in `svbrdfgan.testing` check an implementation.
+
+A plugin is a class whose constructor takes typed keyword options, all with defaults, and checks them. Renderers are
+registered under the entry-point group `svbrdfgan.renderers`, embeddings under `svbrdfgan.uv_embeddings`.
+Rendering is a pure function of its arguments. It neither reads nor changes global state, and `seed` alone determines
+its random numbers. What a capability record declares must work; anything else raises `UnsupportedError`.
 """
 
 from __future__ import annotations
@@ -23,15 +25,15 @@ Prepared = TypeVar("Prepared")
 
 @dataclass(frozen=True)
 class RendererCapabilities:
-    """What a renderer, as constructed, can do.
+    """What a renderer supports, with the options that it was constructed with.
 
     Attributes:
-        maps: material maps it reads; others in a material raise.
-        differentiable: names accepted in `wrt`: maps, and "environment".
-        max_bounces: scattering events on a path. 1 is direct light alone.
+        maps: names of the material maps that it reads; a material with others raises.
+        differentiable: names that `wrt` accepts: maps, and "environment".
+        max_bounces: most scattering events on a path. 1 is direct light only.
         transport: whether it is a `TransportRenderer`.
         pullback: whether it is a `PullbackRenderer`.
-        stochastic: whether `seed` matters. A deterministic renderer ignores it.
+        stochastic: whether results depend on `seed`.
     """
 
     maps: frozenset[str] = frozenset({"base_color"})
@@ -44,27 +46,29 @@ class RendererCapabilities:
 
 @runtime_checkable
 class Renderer(Protocol[Prepared]):
-    """Turns a surface, its materials and a view into a picture, and a picture's gradient into theirs."""
+    """Renders pictures of a surface, and gradients of pictures with respect to materials and light."""
 
     @property
     def capabilities(self) -> RendererCapabilities: ...
 
     @property
     def device(self) -> torch.device:
-        """Where its results live; "cuda" stands for any of its devices. Inputs may live anywhere."""
+        """The device of its results; "cuda" stands for any CUDA device. Inputs may be on any device."""
         ...
 
     def prepare(self, surface: Surface) -> Prepared:
-        """Everything that depends on geometry alone, such as a BVH. Costly; made once for many views."""
+        """The data that depends only on geometry, such as a BVH. Costly; callers prepare once for many views."""
         ...
 
     def render(self, prepared: Prepared, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
-        """The picture, from `spp` camera samples in each pixel. Unbiased for any `spp` and `seed`.
+        """The picture, from `spp` camera samples per pixel. Unbiased for any `spp` and `seed`.
+
+        The functions of `svbrdfgan.rendering.validation` raise all of these errors.
 
         Raises:
-            UnsupportedError: a material has a map that `capabilities.maps` does not name.
-            SvbrdfganError: not one material for each part, `spp` below 1, or radiance that is no light;
-                `svbrdfgan.rendering.validation` raises all that a renderer is to raise.
+            UnsupportedError: a material has a map that is not in `capabilities.maps`.
+            SvbrdfganError: the number of materials is not that of the parts, `spp` is below 1, or radiance is negative
+                or not finite.
         """
         ...
 
@@ -79,55 +83,56 @@ class Renderer(Protocol[Prepared]):
         spp: int,
         seed: int,
     ) -> Gradients:
-        """The gradient of sum(image * grad_image): unbiased for any `spp` and `seed`.
+        """The gradient of sum(image * grad_image), unbiased for any `spp` and `seed`.
 
-        For base_color, given the `spp` and `seed` of a `render`, it is exactly that picture's. Other inputs may decide
-        where samples are drawn, as the environment does; there it takes the drawn samples as given.
+        For base_color it is the exact derivative of the picture that `render` gives for the same `spp` and `seed`.
+        Inputs that determine where samples are drawn, such as the environment, are different: their gradient treats
+        the drawn samples as constants.
 
         Raises:
-            UnsupportedError: `wrt` names something that `capabilities.differentiable` does not.
-            SvbrdfganError: as `render`, or `grad_image` is not of the view's film.
+            UnsupportedError: a name in `wrt` is not in `capabilities.differentiable`.
+            SvbrdfganError: as for `render`, or `grad_image` does not have the film's shape.
         """
         ...
 
 
 @runtime_checkable
 class TransportRenderer(Renderer[Prepared], Protocol[Prepared]):
-    """A renderer that can also say how the picture depends on the textures: an optional power, for direct light."""
+    """A renderer that can also return how a picture depends on the textures. Optional, and for direct light only."""
 
     def transport(self, prepared: Prepared, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
-        """The samples of the picture that `render` makes with the same view, `spp` and `seed`, in chunks.
+        """The samples of `render`'s picture for the same view, `spp` and `seed`, in chunks.
 
-        What is refused is refused by the call, not by the first chunk.
+        Errors are raised by the call itself, not by the first chunk.
         """
         ...
 
 
 Pullback = Callable[[Float[Tensor, "height width 3"]], Gradients]
-"""From the gradient of a picture to that of what it was made of; may be called any number of times."""
+"""Maps the gradient of a picture to those of its inputs; may be called any number of times."""
 
 
 @runtime_checkable
 class PullbackRenderer(Renderer[Prepared], Protocol[Prepared]):
-    """A renderer that can keep what it traced, so that picture and gradient take one tracing: an optional power."""
+    """A renderer that can keep its samples, so that picture and gradient need only one trace. Optional."""
 
     def render_pullback(
         self, prepared: Prepared, materials: Materials, view: View, *, wrt: frozenset[str], spp: int, seed: int
     ) -> tuple[Rendering, Pullback]:
-        """What `render` gives, and `render_vjp` with the same arguments, as a function of `grad_image` alone.
+        """The result of `render`, and `render_vjp` with the same arguments as a function of `grad_image`.
 
-        The function does not depend on what is written into materials and light afterwards.
+        Later writes into the tensors of materials and light do not affect the function.
         """
         ...
 
 
 @dataclass(frozen=True)
 class UVCapabilities:
-    """What an embedding promises of the surfaces it makes.
+    """What an embedding guarantees of its surfaces.
 
     Attributes:
-        injective: no two points share a UV coordinate; otherwise inner layers will be found and hidden.
-        subdivides: faces may be cut, so that the surface has more of them than the mesh.
+        injective: no two points share a UV coordinate. If false, the caller finds and hides inner layers.
+        subdivides: whether faces may be cut, so that the surface has more of them than the mesh.
     """
 
     injective: bool
@@ -136,7 +141,7 @@ class UVCapabilities:
 
 @runtime_checkable
 class UVEmbedding(Protocol):
-    """Spreads a mesh over the unit UV square."""
+    """Maps a mesh onto the unit UV square."""
 
     @property
     def capabilities(self) -> UVCapabilities: ...
@@ -145,6 +150,6 @@ class UVEmbedding(Protocol):
         """The mesh's surface with UVs; a pure function of the mesh.
 
         Raises:
-            EmbeddingError: the mesh cannot be given this embedding, and why.
+            EmbeddingError: this mesh has no such embedding; the message says why.
         """
         ...

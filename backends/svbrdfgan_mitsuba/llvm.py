@@ -1,7 +1,7 @@
 """The LLVM that compiles Dr.Jit's kernels for the CPU.
 
-Dr.Jit loads one when it is first imported, and a bad one ends the process while it compiles. So it is chosen, and its
-version read, before that.
+Dr.Jit loads LLVM when it is first imported, and a bad one aborts the process at the first compilation, which cannot be
+caught. So the library is chosen, and its version read, before that import. This module must not import drjit itself.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from typing import Any
 from svbrdfgan.errors import PluginError
 
 LEAST = 19
-"""On a CPU with AVX-512, 15 and 16 end the process ("Cannot select: fminimum"); 23 works, and 19 is said to. Those in
-between were not tried."""
+"""Least major version. On a CPU with AVX-512, 15 and 16 abort the process ("Cannot select: fminimum"); 23 works, and 19
+is reported to. The versions in between were not tried."""
 
 VARIABLE = "DRJIT_LIBLLVM_PATH"
-_ADVICE = "pip install 'svbrdfgan[mitsuba]' brings one, which is found by itself"
+_ADVICE = "pip install 'svbrdfgan[mitsuba]' brings one, which is found automatically"
 _PLACES = ("/usr/lib", "/usr/lib64", "/usr/local/lib", "/usr/local/opt/llvm/lib", "/opt/homebrew/opt/llvm/lib")
 _ASK = """import ctypes, sys
 numbers = [ctypes.c_uint() for _ in range(3)]
@@ -34,34 +34,34 @@ Version = Callable[[Path], int | None]
 
 
 def import_drjit() -> Any:
-    """Dr.Jit; if this is its first import, with the library that `choose` finds, or else with none."""
+    """Dr.Jit; if this is its first import, with the library that `choose_library` finds, or with none."""
     if "drjit" in sys.modules:
         return importlib.import_module("drjit")
     try:
-        path = choose(os.environ.get(VARIABLE))
+        path = choose_library(os.environ.get(VARIABLE))
     except PluginError:
-        path = Path(os.devnull)  # `require` will say why
+        path = Path(os.devnull)  # `require` raises with the reason
     with _variable(path):
         return importlib.import_module("drjit")
 
 
 def require() -> None:
-    """Refuse to work with the LLVM that Dr.Jit has loaded if it is none or too old.
+    """Checks the LLVM that Dr.Jit has loaded.
 
     Raises:
-        PluginError: and what to do.
+        PluginError: it loaded none, or one that is too old.
     """
     version = loaded_version()
     if version is None or version < LEAST:
-        choose(os.environ.get(VARIABLE))
-        raise PluginError(_came_late(version))
+        choose_library(os.environ.get(VARIABLE))  # raises if the library itself is the reason
+        raise PluginError(_late_message(version))
 
 
-def choose(wanted: str | None, version: Version | None = None) -> Path:
-    """The library that the user wants, else that of `karellen-llvm-core`, else the machine's newest.
+def choose_library(wanted: str | None, version: Version | None = None) -> Path:
+    """The library that the user names, else that of `karellen-llvm-core`, else the system's newest.
 
     Raises:
-        PluginError: what the user wants is not good enough, or nothing is.
+        PluginError: the named library is unusable or too old, or none was found.
     """
     version = version or library_version
     if wanted:
@@ -73,7 +73,7 @@ def choose(wanted: str | None, version: Version | None = None) -> Path:
 
 
 def loaded_version() -> int | None:
-    """The major version of the LLVM that Dr.Jit has loaded; None if it could load none."""
+    """The major version of the LLVM that Dr.Jit has loaded; None if it has loaded none."""
     dr = importlib.import_module("drjit")
     if not dr.has_backend(dr.JitBackend.LLVM):
         return None
@@ -81,14 +81,14 @@ def loaded_version() -> int | None:
 
 
 def library_version(path: Path) -> int | None:
-    """The major version of an LLVM library; None if it is none. Read in another process, where it can do no harm."""
+    """The major version of an LLVM library; None if it is none. Read in another process, which it cannot harm."""
     command = [sys.executable, "-I", "-S", "-c", _ASK, str(path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
     return int(done.stdout) if done.returncode == 0 else None
 
 
 def installed_libraries() -> Iterator[Path]:
-    """Those of the package that svbrdfgan[mitsuba] requires."""
+    """The LLVM libraries of the package that svbrdfgan[mitsuba] requires."""
     try:
         files = importlib.metadata.files("karellen-llvm-core") or []
     except importlib.metadata.PackageNotFoundError:
@@ -100,16 +100,16 @@ def installed_libraries() -> Iterator[Path]:
 
 
 def machine_libraries(places: Iterable[str] = _PLACES) -> Iterator[Path]:
-    """Those of the operating system, each once."""
+    """The LLVM libraries of the operating system, each once."""
     patterns = ("libLLVM*.so*", "*/libLLVM*.so*", "llvm*/lib*/libLLVM*.so*", "libLLVM*.dylib")
     yield from dict.fromkeys(p.resolve() for place in places for pattern in patterns for p in Path(place).glob(pattern))
 
 
-def _came_late(version: int | None) -> str:
-    holds = "no LLVM" if version is None else f"LLVM {version}"
+def _late_message(version: int | None) -> str:
+    loaded = "no LLVM" if version is None else f"LLVM {version}"
     return (
-        f"mitsuba renderer: drjit was imported before and loaded {holds}; wanted {LEAST} or later, since older ones "
-        f"can end the process: import svbrdfgan_mitsuba before drjit, or set {VARIABLE} before Python starts."
+        f"mitsuba renderer: drjit was imported before and loaded {loaded}; wanted {LEAST} or later, since older ones "
+        f"can abort the process: import svbrdfgan_mitsuba before drjit, or set {VARIABLE} before Python starts."
     )
 
 
@@ -127,7 +127,7 @@ def _checked(path: Path, version: int | None) -> Path:
     if version < LEAST:
         raise PluginError(
             f"mitsuba renderer: {VARIABLE} is {str(path)!r}, which is LLVM {version}; wanted {LEAST} or later, since "
-            f"older ones can end the process: unset it ({_ADVICE})."
+            f"older ones can abort the process: unset it ({_ADVICE})."
         )
     return path
 

@@ -1,4 +1,4 @@
-"""One picture, from its samples to its pixels, and from the pixels' gradient back to what they depend on."""
+"""One picture, forward from samples to pixels, and backward from the pixels' gradient to maps and light."""
 
 from __future__ import annotations
 
@@ -10,71 +10,72 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.types import Gradients, Rendering, View
-from svbrdfgan_mitsuba.film import Run
-from svbrdfgan_mitsuba.gradient_accumulation import Sums
+from svbrdfgan_mitsuba.integrator import DirectSamples, PathIntegrator
 from svbrdfgan_mitsuba.interop import wait_for_torch
-from svbrdfgan_mitsuba.paths import Direct, Paths
+from svbrdfgan_mitsuba.scene import FilmChunk
+from svbrdfgan_mitsuba.textures import GradientAccumulator
 
 KEPT = {"cpu": 2**22, "cuda": 2**26}
-"""Camera samples kept for a gradient, at most, 25 bytes each; what is beyond is traced again."""
+"""Most camera samples kept for a gradient, 25 bytes each; the backward pass traces the others again."""
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
-    """What a picture is made of.
+class RenderPass:
+    """The inputs of one picture, and the samples kept for its gradient.
 
     Attributes:
-        wrt: what it is to be differentiated by.
-        kept: samples that need not be traced again.
+        chunks: of the film, which together cover it.
+        wrt: inputs that the picture will be differentiated by.
+        kept: samples that the backward pass need not trace again.
     """
 
-    paths: Paths
+    integrator: PathIntegrator
     view: View
-    runs: list[Run]
+    chunks: list[FilmChunk]
     device: torch.device
     wrt: frozenset[str] = frozenset()
-    kept: dict[Run, Direct] = field(default_factory=dict)
+    kept: dict[FilmChunk, DirectSamples] = field(default_factory=dict)
 
-    def develop(self, *, keep: bool = False) -> Rendering:
-        """The picture. It needs no more memory than itself, its inputs and one run, and what is kept of it.
+    def forward(self, *, keep: bool = False) -> Rendering:
+        """The picture. Beyond it, its inputs and the kept samples, memory holds one chunk.
 
         Args:
-            keep: what the gradient may be found by without tracing: of pictures linear in the base colour, where that
-                alone is wanted. Others keep nothing.
+            keep: whether to keep samples for the gradient. Only those of linear pictures can be used again, and only
+                for the gradient of the base colour alone.
         """
         room = KEPT[self.device.type] if keep and self._direct else 0
         pieces = []
-        for run in self.runs:
-            room -= run.pixels * run.spp
+        for chunk in self.chunks:
+            room -= chunk.pixels * chunk.spp
             if room >= 0:
-                self.kept[run] = self.paths.direct(run)
-                pieces.append(self.paths.develop_direct(run, self.kept[run]))
+                self.kept[chunk] = self.integrator.trace_direct(chunk)
+                pieces.append(self.integrator.forward_direct(chunk, self.kept[chunk]))
             else:
-                pieces.append(self.paths.develop(run))
+                pieces.append(self.integrator.forward(chunk))
         image, coverage = (_joined(part) for part in zip(*pieces, strict=True))
         return Rendering(
             image.view(self.view.height, self.view.width, 3), coverage.view(self.view.height, self.view.width)
         )
 
-    def backpropagate(self, grad_image: Float[Tensor, "height width 3"]) -> Gradients:
-        """The gradient of sum(image * grad_image), of the same samples."""
-        maps, light = self.paths.tracer.maps, self.view.environment
+    def backward(self, grad_image: Float[Tensor, "height width 3"]) -> Gradients:
+        """The gradient of sum(image * grad_image), from the same samples."""
+        maps, environment = self.integrator.tracer.maps, self.view.environment
         if not self.wrt:
-            return Gradients(tuple({} for _ in maps.color.shapes))
+            return Gradients(tuple({} for _ in maps.base_color.shapes))
         given = grad_image.detach().to(self.device, torch.float32).reshape(-1, 3)
         wait_for_torch(self.device)
-        sums = Sums.of(self.paths.tracer.mi, maps, light, self.wrt)
-        for run in self.runs:
+        accumulator = GradientAccumulator.of(self.integrator.tracer.mi, maps, environment, self.wrt)
+        for chunk in self.chunks:
             if self._direct:
-                direct = self.kept.get(run) or self.paths.direct(run)
-                self.paths.backpropagate_direct(run, direct, given[run.film], sums)
+                direct = self.kept.get(chunk) or self.integrator.trace_direct(chunk)
+                self.integrator.backward_direct(chunk, direct, given[chunk.span], accumulator)
             else:
-                self.paths.backpropagate(run, given[run.film], sums)
-        return sums.gradients(maps, light.radiance.shape)
+                self.integrator.backward(chunk, given[chunk.span], accumulator)
+        return accumulator.gradients(maps, environment.radiance.shape)
 
     @property
     def _direct(self) -> bool:
-        return self.paths.linear and self.wrt == {"base_color"}
+        return self.integrator.linear and self.wrt == {"base_color"}
 
 
 def _joined(pieces: Sequence[Tensor]) -> Tensor:

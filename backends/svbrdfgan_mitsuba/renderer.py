@@ -1,4 +1,4 @@
-"""The renderer: pictures, gradients and transport, on Mitsuba's search tree and Dr.Jit's kernels."""
+"""The renderer: pictures, gradients and transport, by Mitsuba's ray tracing and Dr.Jit's kernels."""
 
 from __future__ import annotations
 
@@ -14,21 +14,20 @@ from svbrdfgan.protocols import Pullback, RendererCapabilities
 from svbrdfgan.rendering.validation import check_cotangent, check_device, check_radiance, check_render, check_transport
 from svbrdfgan.types import Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan_mitsuba import scene, variant
-from svbrdfgan_mitsuba.film import Run, runs
+from svbrdfgan_mitsuba.environment import EnvironmentEmitter
+from svbrdfgan_mitsuba.integrator import PathIntegrator
 from svbrdfgan_mitsuba.interop import wait_for_torch
-from svbrdfgan_mitsuba.light import Light
-from svbrdfgan_mitsuba.paths import Paths
-from svbrdfgan_mitsuba.render_pass import Shot
-from svbrdfgan_mitsuba.scene import Lens, PreparedSurface
-from svbrdfgan_mitsuba.textures import Maps, own
-from svbrdfgan_mitsuba.vertex import Tracer
+from svbrdfgan_mitsuba.render_pass import RenderPass
+from svbrdfgan_mitsuba.scene import FilmChunk, PreparedCamera, PreparedSurface, film_chunks
+from svbrdfgan_mitsuba.textures import MaterialMaps, snapshot
+from svbrdfgan_mitsuba.vertex import PathTracer
 
 
 @dataclass(frozen=True, init=False)
 class MitsubaRenderer:
-    """A path tracer on Mitsuba 3; `mitsuba.variant()` is neither read nor set.
+    """A path tracer on Mitsuba 3 that neither reads nor sets `mitsuba.variant()`.
 
-    Pictures depend on the seed alone. Gradients are summed by atomics, and may differ between runs in the last bits.
+    Pictures depend only on the seed. Atomics sum the gradients in varying order, so their last bits may differ.
     """
 
     device: torch.device
@@ -38,16 +37,16 @@ class MitsubaRenderer:
         """A renderer on `device`: "auto" (CUDA where it works), "cpu", "cuda" or "cuda:0".
 
         Args:
-            max_bounces: scattering events on a path, 1 to 64. 1 is direct light, and only then is there `transport`.
+            max_bounces: scattering events on a path, 1 to 64. Only 1, direct light, has `transport`.
 
         Raises:
-            ConfigError: another device, one that is not there, or bounces out of range.
-            PluginError: there is no LLVM for the CPU that can be relied on, or Dr.Jit cannot use the GPU asked for.
+            ConfigError: an unknown device, one that does not exist, or bounces out of range.
+            PluginError: no usable LLVM for the CPU, or a GPU that Dr.Jit cannot use.
         """
         if not 1 <= max_bounces <= 64:
             raise ConfigError(f"mitsuba renderer: max_bounces is {max_bounces}; wanted 1 to 64.")
         object.__setattr__(self, "max_bounces", max_bounces)
-        object.__setattr__(self, "device", variant.choose(device))
+        object.__setattr__(self, "device", variant.choose_device(device))
 
     @property
     def capabilities(self) -> RendererCapabilities:
@@ -65,8 +64,8 @@ class MitsubaRenderer:
         return scene.prepare(surface, self.device)
 
     def render(self, prepared: PreparedSurface, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
-        """The picture; see `Renderer.render`. It needs no more memory than itself, its inputs and one run."""
-        return self._shot(prepared, materials, view, frozenset(), spp, seed).develop()
+        """The picture; see `Renderer.render`. Beyond it and its inputs, memory holds one chunk of the film."""
+        return self._render_pass(prepared, materials, view, frozenset(), spp, seed).forward()
 
     def render_vjp(
         self,
@@ -79,51 +78,52 @@ class MitsubaRenderer:
         spp: int,
         seed: int,
     ) -> Gradients:
-        """The gradient; see `Renderer.render_vjp`. Those of roughness and light take the drawn directions as given."""
+        """The gradient; see `Renderer.render_vjp`. Roughness's and light's treat the drawn directions as constants."""
         check_cotangent("mitsuba", view, grad_image)
-        return self._shot(prepared, materials, view, wrt, spp, seed).backpropagate(grad_image)
+        return self._render_pass(prepared, materials, view, wrt, spp, seed).backward(grad_image)
 
     def render_pullback(
         self, prepared: PreparedSurface, materials: Materials, view: View, *, wrt: frozenset[str], spp: int, seed: int
     ) -> tuple[Rendering, Pullback]:
         """The picture, and `render_vjp`; see `PullbackRenderer`.
 
-        Nothing is traced twice where light is direct, no material is rough, and `wrt` is the base colour alone; but for
-        samples beyond `svbrdfgan_mitsuba.render_pass.KEPT`.
+        With direct light, no roughness and `wrt` of the base colour alone, paths are traced only once, up to
+        `svbrdfgan_mitsuba.render_pass.KEPT` samples. Otherwise the pullback traces them again.
         """
-        shot = self._shot(prepared, own(materials), view, wrt, spp, seed)
+        render_pass = self._render_pass(prepared, snapshot(materials), view, wrt, spp, seed)
 
         def pullback(grad_image: Float[Tensor, "height width 3"]) -> Gradients:
             check_cotangent("mitsuba", view, grad_image)
-            return shot.backpropagate(grad_image)
+            return render_pass.backward(grad_image)
 
-        return shot.develop(keep=True), pullback
+        return render_pass.forward(keep=True), pullback
 
     def transport(self, prepared: PreparedSurface, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
-        """The samples that `render` makes, before materials; sorted by pixel.
+        """The samples that `render` draws, without materials, sorted by pixel.
 
         Raises:
-            UnsupportedError: paths have more than one bounce, so that pictures are not linear in the base colour.
+            UnsupportedError: `max_bounces` is above 1, where pictures are not linear in the base colour.
         """
         check_transport("mitsuba", self.capabilities, spp=spp)
         white = Materials(tuple(Material.lambertian((1.0, 1.0, 1.0)) for _ in prepared.parts))
-        paths = self._paths(prepared, white, view)
-        return (paths.record(run) for run in self._runs(view, spp, seed))
+        integrator = self._integrator(prepared, white, view)
+        return (integrator.transport(chunk) for chunk in self._chunks(view, spp, seed))
 
-    def _shot(
+    def _render_pass(
         self, prepared: PreparedSurface, materials: Materials, view: View, wrt: frozenset[str], spp: int, seed: int
-    ) -> Shot:
+    ) -> RenderPass:
         check_render("mitsuba", self.capabilities, prepared.parts, materials, spp=spp, wrt=wrt)
-        return Shot(self._paths(prepared, materials, view), view, self._runs(view, spp, seed), self.device, wrt)
+        integrator, chunks = self._integrator(prepared, materials, view), self._chunks(view, spp, seed)
+        return RenderPass(integrator, view, chunks, self.device, wrt)
 
-    def _runs(self, view: View, spp: int, seed: int) -> list[Run]:
-        return runs(view.height * view.width, spp, seed, self.max_bounces, self.device)
+    def _chunks(self, view: View, spp: int, seed: int) -> list[FilmChunk]:
+        return film_chunks(view.height * view.width, spp, seed, self.max_bounces, self.device)
 
-    def _paths(self, prepared: PreparedSurface, materials: Materials, view: View) -> Paths:
+    def _integrator(self, prepared: PreparedSurface, materials: Materials, view: View) -> PathIntegrator:
         check_device("mitsuba", prepared.device, self.device)
         check_radiance(view.environment.radiance)
-        maps = Maps.of(prepared.mi, materials, prepared.repeat, self.device)
-        light = Light.of(prepared.mi, view.environment, self.device)
-        paths = Paths(Tracer(prepared, Lens.of(prepared, view), light, maps), self.max_bounces)
+        maps = MaterialMaps.of(prepared.mi, materials, prepared.repeat, self.device)
+        emitter = EnvironmentEmitter.of(prepared.mi, view.environment, self.device)
+        tracer = PathTracer(prepared, PreparedCamera.of(prepared, view), emitter, maps)
         wait_for_torch(self.device)
-        return paths
+        return PathIntegrator(tracer, self.max_bounces)

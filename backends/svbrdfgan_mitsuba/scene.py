@@ -1,4 +1,4 @@
-"""A surface in Mitsuba, and where rays meet it."""
+"""What is rendered: a surface in Mitsuba, its camera, and the film in chunks with their camera samples."""
 
 from __future__ import annotations
 
@@ -9,20 +9,24 @@ import numpy as np
 import torch
 from jaxtyping import Float
 from numpy import ndarray
+from torch import Tensor
 
 from svbrdfgan.types import Surface, View
-from svbrdfgan_mitsuba.interop import floats, unsigned
-from svbrdfgan_mitsuba.jit import dr
+from svbrdfgan_mitsuba.interop import dr, floats, tensor, unsigned
 from svbrdfgan_mitsuba.variant import assign, instantiate, load
+
+VERTICES = {"cpu": 2**20, "cuda": 2**23}
+"""Path vertices held in memory at a time, at most 100 bytes each."""
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedSurface:
-    """A surface on one device, moved and scaled into the unit sphere: Mitsuba's offsets are made for such sizes.
+    """A surface on one device, moved and scaled into the unit sphere, so that one ray offset suits every surface.
 
     Attributes:
         scene: the triangles and their search tree.
-        mesh: the triangles alone; asked directly, so that kernels do not depend on what other shapes there are.
+        mesh: the triangles alone. It is queried directly: a call through the scene would compile in every shape that
+            is alive in the process.
         face_part: the part of each face.
         centre, radius: of the sphere, in the surface's own coordinates.
         parts: the parts' names.
@@ -61,7 +65,7 @@ def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
 
 
 @dataclass(frozen=True, eq=False)
-class Lens:
+class PreparedCamera:
     """A camera in the prepared surface's coordinates; its axes are scaled to half the film's width and height."""
 
     mi: Any
@@ -73,8 +77,8 @@ class Lens:
     height: Any
 
     @classmethod
-    def of(cls, prepared: PreparedSurface, view: View) -> Lens:
-        """The view's camera."""
+    def of(cls, prepared: PreparedSurface, view: View) -> PreparedCamera:
+        """The view's camera. Its numbers are opaque to Dr.Jit: literals would be compiled into the kernels."""
         mi, camera = prepared.mi, view.camera
         right, top, backward = camera.basis()
         half = np.tan(camera.vertical_fov / 2)
@@ -93,14 +97,75 @@ class Lens:
             height=dr.opaque(mi.UInt32, view.height),
         )
 
-    def ray(self, pixel: Any, random: Any) -> Any:
-        """Rays through pixels (row * width + column), `random` saying where in each."""
+    def rays(self, pixel: Any, random: Any) -> Any:
+        """Rays through pixels (row * width + column), placed within each by `random`."""
         mi = self.mi
         row = pixel // self.width
         col = pixel - row * self.width
         x = (mi.Float(col) + random.x) * (2.0 / mi.Float(self.width)) - 1.0
         y = 1.0 - (mi.Float(row) + random.y) * (2.0 / mi.Float(self.height))
         return mi.Ray3f(mi.Point3f(self.origin), dr.normalize(self.right * x + self.top * y + self.forward))
+
+
+@dataclass(frozen=True)
+class FilmChunk:
+    """Consecutive pixels of the film, and how they are sampled.
+
+    Attributes:
+        first: the first pixel, row * width + column.
+    """
+
+    first: int
+    pixels: int
+    spp: int
+    seed: int
+
+    @property
+    def span(self) -> slice:
+        """The chunk's pixels in the film."""
+        return slice(self.first, self.first + self.pixels)
+
+    def mean(self, mi: Any, values: Any) -> Tensor:
+        """The mean of each pixel's samples, flat, with the channels of a pixel together."""
+        dr.eval(values)
+        return tensor(dr.ravel(dr.block_sum(values, self.spp) / dr.opaque(mi.Float, self.spp)))
+
+    def mean_vjp(self, mi: Any, grad_image: Float[Tensor, "pixels 3"]) -> Any:
+        """The transpose of `mean`: the gradient at each sample."""
+        pixel = dr.arange(mi.UInt32, self.pixels * self.spp) // dr.opaque(mi.UInt32, self.spp)
+        given = dr.gather(mi.Color3f, floats(mi, grad_image, grad_image.device), pixel)
+        return given / dr.opaque(mi.Float, self.spp)
+
+
+def film_chunks(pixels: int, spp: int, seed: int, bounces: int, device: torch.device) -> list[FilmChunk]:
+    """A film of this many pixels, cut into chunks of at most `VERTICES` path vertices, or of one pixel."""
+    size = max(1, VERTICES[device.type] // (spp * bounces))
+    return [FilmChunk(first, min(size, pixels - first), spp, seed) for first in range(0, pixels, size)]
+
+
+@dataclass(frozen=True, eq=False)
+class CameraSamples:
+    """The camera samples of a film chunk, pixel by pixel, and their random numbers.
+
+    The numbers are a function of seed, pixel, sample and depth (Philox, Salmon et al. 2011), so a picture does not
+    depend on how its film is cut.
+    """
+
+    mi: Any
+    seed: Any
+    pixel: Any
+    sample: Any
+
+    @classmethod
+    def of(cls, mi: Any, chunk: FilmChunk) -> CameraSamples:
+        """All samples of the chunk."""
+        index, spp = dr.arange(mi.UInt32, chunk.pixels * chunk.spp), dr.opaque(mi.UInt32, chunk.spp)
+        pixel, seed = index // spp, dr.opaque(mi.UInt64, chunk.seed % 2**64)
+        return cls(mi, seed, pixel + dr.opaque(mi.UInt32, chunk.first), index - pixel * spp)
+
+    def rng(self, depth: int) -> Any:
+        """A random number generator for each sample at a depth of its path."""
+        return self.mi.Philox4x32(self.seed, self.pixel, self.sample, dr.opaque(self.mi.UInt32, depth))
 
 
 def _mesh(mi: Any, surface: Surface, positions: Float[ndarray, "vertices 3"], device: torch.device) -> Any:
@@ -117,5 +182,5 @@ def _mesh(mi: Any, surface: Surface, positions: Float[ndarray, "vertices 3"], de
     }
     assign(mi, mesh, arrays)
     mesh.recompute_bbox()
-    mesh.initialize()  # and not `parameters_changed`, which makes normals by another rule than ours
+    mesh.initialize()  # not `parameters_changed`, which would replace the normals by Mitsuba's own
     return mesh

@@ -1,8 +1,11 @@
-"""One map of all the parts of a surface as one list of texels, so that one kernel serves every surface."""
+"""Textures as flat lists of texels, bilinear lookups, and the accumulation of gradients at the texels.
+
+One list holds a map of all parts, so that one kernel serves every surface.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,19 +13,18 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.types import Material, Materials
-from svbrdfgan_mitsuba.interop import floats, tensor, unsigned
-from svbrdfgan_mitsuba.jit import dr
+from svbrdfgan.types import Environment, Gradients, Material, Materials
+from svbrdfgan_mitsuba.interop import dr, floats, tensor, unsigned
 
 
 @dataclass(frozen=True, eq=False)
 class Taps:
-    """For each point, the four texels of a bilinear lookup and how much of each: a linear map and its transpose.
+    """The four texels that each point reads, and their weights: a linear map, and its transpose.
 
     Attributes:
-        index: which texels.
+        index: of the texels.
         weight: of each of them.
-        active: points that do not count read zero.
+        active: inactive points read zero.
     """
 
     index: tuple[Any, ...]
@@ -30,13 +32,13 @@ class Taps:
     active: Any
 
     def read(self, kind: type[Any], texels: Any) -> Any:
-        """The weighted sum at each point, of `kind` with as many components as a texel has."""
+        """The weighted sum at each point, of type `kind`, with as many components as a texel has."""
         values = [dr.gather(kind, texels, i, self.active) * w for i, w in zip(self.index, self.weight, strict=True)]
         return (values[0] + values[1]) + (values[2] + values[3])
 
-    def add(self, sums: Any, values: Sequence[Any]) -> None:
-        """Add to `sums`, float64, what values at the points, one for each channel, amount to at the texels."""
-        number, mode = type(sums), dr.ReduceMode.Local  # others compile the size of `sums` into the kernel
+    def scatter(self, sums: Any, values: Sequence[Any]) -> None:
+        """Adds values at the points, one array per channel, to the float64 sums at their texels: the transpose."""
+        number, mode = type(sums), dr.ReduceMode.Local  # other modes compile the length of `sums` into the kernel
         add = dr.ReduceOp.Add
         for index, weight in zip(self.index, self.weight, strict=True):
             for channel, value in enumerate(values):
@@ -44,11 +46,11 @@ class Taps:
                 dr.scatter_reduce(add, sums, number(weight * value), place, self.active, mode)
 
 
-def taps(uv: Any, first: Any, cols: Any, rows: Any, repeat: tuple[Any, Any], active: Any) -> Taps:
-    """The lookup at `uv` in an image of rows x cols texels of which `first` is the first.
+def bilinear_taps(uv: Any, first: Any, cols: Any, rows: Any, repeat: tuple[Any, Any], active: Any) -> Taps:
+    """The lookup at `uv` in an image of rows x cols texels that begins at texel `first`.
 
-    Texel (row, col) is centred at u = (col + 0.5) / cols, v = (row + 0.5) / rows; beyond the border it is clamped, or
-    repeated, along u and along v, as `repeat` says.
+    Texel (row, col) is centred at u = (col + 0.5) / cols, v = (row + 0.5) / rows. Beyond the border the image is
+    clamped, or repeated along the axes (u, v) that `repeat` selects.
     """
     left, right, x = _neighbours(uv.x, cols, repeat[0])
     lower, upper, y = _neighbours(uv.y, rows, repeat[1])
@@ -59,13 +61,13 @@ def taps(uv: Any, first: Any, cols: Any, rows: Any, repeat: tuple[Any, Any], act
 
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """The texels of every part, one part after the other, row by row; a constant is one texel.
+    """The texels of one map of every part, part by part and row by row; a constant is one texel.
 
     Attributes:
         texels: their values, the channels of each together.
-        layout: four numbers for each part: its first texel, its columns, its rows, and whether it has the map.
+        layout: four numbers per part: its first texel, its columns, its rows, and whether it has the map.
         repeat: whether to repeat along u and along v, instead of clamping.
-        shapes: of the parts' maps; None for a part that lacks it.
+        shapes: of the parts' maps; None for a part without it.
     """
 
     texels: Any
@@ -83,7 +85,7 @@ class Atlas:
         repeat: tuple[bool, bool],
         device: torch.device,
     ) -> Atlas:
-        """The parts' maps; `missing` is read from a part that has none."""
+        """The atlas of the parts' maps, with the value `missing` for a part without one."""
         values = [missing if value is None else value for value in maps]
         layout, first = [], 0
         for value, given in zip(values, maps, strict=True):
@@ -100,16 +102,16 @@ class Atlas:
         )
 
     def taps(self, mi: Any, part: Any, uv: Any, active: Any) -> tuple[Taps, Any]:
-        """What each point of a part reads, and whether the part has the map."""
+        """The lookup at each point of a part, and whether the part has the map."""
         place = dr.gather(mi.Vector4u, self.layout, part, active)
-        return taps(uv, place.x, place.y, place.z, self.repeat, active), place.w != 0
+        return bilinear_taps(uv, place.x, place.y, place.z, self.repeat, active), place.w != 0
 
     def zeros(self, mi: Any) -> Any:
-        """Sums for `Taps.add`: float64, since in float32 a constant's stands still after 2^24 equal additions."""
+        """Sums for `Taps.scatter`."""
         return dr.zeros(mi.Float64, dr.width(self.texels))
 
     def split(self, sums: Any) -> list[Tensor | None]:
-        """The sums of each part, float32 and shaped as its map; None for a part that lacks it."""
+        """The sums of each part, float32 and shaped like its map; None for a part without it."""
         sizes = [self.channels if shape is None else shape.numel() for shape in self.shapes]
         pieces = tensor(type(self.texels)(sums)).split(sizes)
         return [
@@ -118,19 +120,19 @@ class Atlas:
 
 
 @dataclass(frozen=True, eq=False)
-class Maps:
+class MaterialMaps:
     """The maps of all parts.
 
     Attributes:
-        rough: None if no part has a roughness.
+        roughness: None if no part has one.
     """
 
-    color: Atlas
-    rough: Atlas | None
+    base_color: Atlas
+    roughness: Atlas | None
 
     @classmethod
-    def of(cls, mi: Any, materials: Materials, repeat: tuple[bool, bool], device: torch.device) -> Maps:
-        """Those of the materials."""
+    def of(cls, mi: Any, materials: Materials, repeat: tuple[bool, bool], device: torch.device) -> MaterialMaps:
+        """The maps of these materials."""
         color = [material.base_color for material in materials.parts]
         rough = [material.maps.get("roughness") for material in materials.parts]
         none, (white, smooth) = all(value is None for value in rough), torch.ones(4, device=device).split([3, 1])
@@ -139,8 +141,47 @@ class Maps:
         )
 
 
-def own(materials: Materials) -> Materials:
-    """Materials that stay as they are when the caller writes into these. Those of several parts `Atlas` copies."""
+@dataclass(frozen=True, eq=False)
+class GradientAccumulator:
+    """Sums of gradients, float64, for each number of the inputs that are differentiated; None for the others.
+
+    In float32 the sum for a constant map would stop growing after 2^24 equal additions.
+    """
+
+    mi: Any
+    base_color: Any
+    roughness: Any
+    environment: Any
+
+    @classmethod
+    def of(cls, mi: Any, maps: MaterialMaps, environment: Environment, wrt: Set[str]) -> GradientAccumulator:
+        """Sums of zero."""
+        return cls(
+            mi,
+            maps.base_color.zeros(mi) if "base_color" in wrt else None,
+            maps.roughness.zeros(mi) if maps.roughness and "roughness" in wrt else None,
+            dr.zeros(mi.Float64, environment.radiance.numel()) if "environment" in wrt else None,
+        )
+
+    def gradients(self, maps: MaterialMaps, environment: torch.Size) -> Gradients:
+        """The sums, shaped like the maps and the environment's image."""
+        parts: list[dict[str, Tensor]] = [{} for _ in maps.base_color.shapes]
+        for name, atlas, sums in (
+            ("base_color", maps.base_color, self.base_color),
+            ("roughness", maps.roughness, self.roughness),
+        ):
+            for part, gradient in enumerate(atlas.split(sums) if atlas and sums is not None else ()):
+                if gradient is not None:
+                    parts[part][name] = gradient
+        light = None if self.environment is None else tensor(self.mi.Float(self.environment)).view(environment)
+        return Gradients(tuple(parts), light)
+
+
+def snapshot(materials: Materials) -> Materials:
+    """Materials that do not change when the caller writes into these.
+
+    Only those of a single part are copied: `Atlas` shares the memory of one map, and concatenates several.
+    """
     if len(materials) > 1:
         return materials
     return Materials(tuple(Material({n: m.detach().clone() for n, m in part.maps.items()}) for part in materials.parts))

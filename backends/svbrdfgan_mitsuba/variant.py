@@ -1,10 +1,10 @@
 """Mitsuba's classes for one device, with no variant set.
 
-Mitsuba's manual has one variant set for the whole process. Changing it costs 55 ms each way, because Mitsuba's Python
-integrators are reloaded, which also replaces the caller's; and once set, it cannot be unset. But every variant is a
-module of its own that can be imported as it is. So `mitsuba.variant()` stays what the caller made it, None included,
-and nothing is switched. What Mitsuba writes in Python looks at the variant that is set, and is not used; `load_dict`
-and `traverse` have their like here.
+Mitsuba's manual sets one variant for the whole process. Changing it takes 55 ms each way, because Mitsuba reloads its
+Python integrators, which also replaces the caller's classes; and once set, it cannot be unset. But each variant is also
+a module that can be imported by itself. So `mitsuba.variant()` stays as the caller left it, None included. The parts of
+Mitsuba that are written in Python read the variant that is set, and are not used here; `instantiate` and `assign`
+stand in for `load_dict` and `traverse`.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ import torch
 
 from svbrdfgan.errors import ConfigError, PluginError
 from svbrdfgan_mitsuba import llvm
-from svbrdfgan_mitsuba.jit import dr, mitsuba
+from svbrdfgan_mitsuba.interop import dr, mitsuba
 
 _NAMES = {"cpu": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 
 
-def choose(name: str) -> torch.device:
-    """The torch device that `name` means: "auto", "cpu", "cuda" or "cuda:0"; "auto" prefers CUDA.
+def choose_device(name: str) -> torch.device:
+    """The torch device that `name` ("auto", "cpu", "cuda" or "cuda:0") means.
 
-    Dr.Jit works on the first GPU, where torch and Dr.Jit both can.
+    "auto" prefers CUDA where both torch and Dr.Jit can use it. Dr.Jit works on the first GPU only.
 
     Raises:
-        ConfigError: another name, or torch finds no such device.
-        PluginError: there is no LLVM for the CPU, or Dr.Jit cannot use the GPU that was asked for.
+        ConfigError: another name, or a device that torch does not find.
+        PluginError: no usable LLVM for the CPU, or a GPU that Dr.Jit cannot use.
     """
     if not re.fullmatch(r"auto|cpu|cuda(:0)?", name):
         raise ConfigError(f"mitsuba renderer: device is {name!r}; wanted 'auto', 'cpu', 'cuda' or 'cuda:0'.")
@@ -50,12 +50,12 @@ def choose(name: str) -> torch.device:
 
 
 def load(device: torch.device) -> Any:
-    """The module with Mitsuba's classes for the device. Takes no time but the first."""
+    """The module with Mitsuba's classes for the device; only the first call takes time."""
     return importlib.import_module(f"mitsuba.{_NAMES[device.type]}")
 
 
 def instantiate(device: torch.device, description: dict[str, Any]) -> Any:
-    """The object that a dictionary describes, as `mitsuba.load_dict` does for the variant that is set."""
+    """The object that a dictionary describes: `mitsuba.load_dict`, for this device's variant."""
     parser = mitsuba.parser
     config = parser.ParserConfig(_NAMES[device.type])
     state = parser.parse_dict(config, description)
@@ -65,17 +65,17 @@ def instantiate(device: torch.device, description: dict[str, Any]) -> Any:
 
 
 def assign(mi: Any, thing: Any, values: Mapping[str, Any]) -> None:
-    """Sets parameters of one of Mitsuba's objects, which is not told: see that it notices."""
+    """Sets parameters of a Mitsuba object. The object is not notified: the caller must update what depends on them."""
     found: dict[str, Any] = {}
 
-    class Places(mi.TraversalCallback):
-        """Notes where the object keeps its parameters."""
+    class Locations(mi.TraversalCallback):
+        """Collects where the object stores its parameters."""
 
         def put(self, name: str, value: Any, flags: int, kind: Any = None) -> None:
             found[name] = (value, kind)
 
         put_value = put_object = put
 
-    thing.traverse(Places())
+    thing.traverse(Locations())
     for name, value in values.items():
         mi.set_property(*found[name], value)

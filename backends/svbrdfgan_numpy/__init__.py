@@ -1,4 +1,4 @@
-"""The reference renderer: a path tracer in NumPy, float64, written to be read."""
+"""The reference renderer: a path tracer in NumPy, in float64, written to be read."""
 
 from svbrdfgan_numpy.renderer import NumpyRenderer
 

@@ -1,4 +1,4 @@
-"""Light from infinitely far away: its radiance, and directions drawn where it is bright."""
+"""The environment emitter: its radiance in any direction, and directions drawn where it is bright."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from numpy import ndarray
 
 from svbrdfgan.rendering.validation import check_radiance
 from svbrdfgan.types import Environment
-from svbrdfgan_numpy.taps import Taps, bilinear_taps
+from svbrdfgan_numpy.textures import Taps, bilinear_taps
 
 
 @dataclass(frozen=True, eq=False)
-class Light:
-    """An environment made ready for lookups and sampling; `taps` index the list that `pixels_of` gives.
+class EnvironmentEmitter:
+    """An environment prepared for lookups and sampling. `taps` index the list that `pixels_of` returns.
 
     Attributes:
         rows, cols: of the image.
         to_world: rotates the image's directions to the world's.
-        share: the probability of each pixel to be drawn.
+        share: the probability with which each pixel is drawn.
     """
 
     rows: int
@@ -29,14 +29,14 @@ class Light:
     share: Float[ndarray, " pixels"]
 
     def taps(self, direction: Float[ndarray, "points 3"]) -> Taps:
-        """The pixels whose weighted sum is the radiance that arrives from each unit direction."""
+        """The pixels whose weighted sum is the radiance from each unit direction."""
         return bilinear_taps(self._coordinates(direction), self.rows, self.cols, repeat=(True, False))
 
     def sample(self, random: Float[ndarray, "points 2"]) -> Float[ndarray, "points 3"]:
-        """Unit directions: a pixel is drawn by its share, then a point around its centre by the tent of the lookup.
+        """Unit directions: a pixel is drawn by its share, then a point around its centre by the lookup's tent.
 
-        The first number chooses the pixel, and what remains of it the height. Beyond a pole the tent is folded back,
-        which is what clamping does to the lookup.
+        The first number chooses the pixel, and its remainder the height within the tent. A tent that reaches beyond a
+        pole is folded back, because the lookup clamps there.
         """
         cumulative = np.concatenate([[0.0], np.cumsum(self.share)])
         chosen = np.minimum(random[:, 0] * cumulative[-1], np.nextafter(cumulative[-1], 0.0))
@@ -49,7 +49,7 @@ class Light:
         return np.stack([sine * np.sin(azimuth), np.cos(theta), -sine * np.cos(azimuth)], axis=-1) @ self.to_world.T
 
     def pdf(self, direction: Float[ndarray, "points 3"]) -> Float[ndarray, " points"]:
-        """The density of `sample`, per steradian: the lookup of the shares; du dv covers 2 pi^2 sin(theta) of them."""
+        """The density of `sample`, per steradian: the shares looked up, over 2 pi^2 sin(theta) steradians per du dv."""
         share = self.taps(direction).apply(self.share[:, None])[:, 0]
         sine = np.hypot(direction[:, 0], direction[:, 2])
         return share * self.rows * self.cols / (2.0 * np.pi**2 * np.maximum(sine, 1e-12))
@@ -66,8 +66,8 @@ def pixels_of(environment: Environment) -> Float[ndarray, "pixels 3"]:
     return environment.radiance.detach().cpu().double().numpy().reshape(-1, 3)
 
 
-def prepare_light(environment: Environment) -> Light:
-    """An environment, ready; directions will be drawn by the mean of its channels.
+def prepare_emitter(environment: Environment) -> EnvironmentEmitter:
+    """The emitter, which draws directions by the mean of the channels times the solid angle.
 
     Raises:
         AssetError: radiance that is negative or not finite.
@@ -76,12 +76,12 @@ def prepare_light(environment: Environment) -> Light:
     pixels, (rows, cols, _) = pixels_of(environment), environment.radiance.shape
     area = np.repeat(np.sin(np.pi * (np.arange(rows) + 0.5) / rows), cols)
     power = pixels.mean(axis=-1) * area
-    power = power if power.any() else area
-    return Light(rows, cols, _turn_about_y(environment.rotation), power / power.sum())
+    power = power if power.any() else area  # black: its gradient still needs samples
+    return EnvironmentEmitter(rows, cols, _turn_about_y(environment.rotation), power / power.sum())
 
 
 def _tent(random: Float[ndarray, " points"]) -> Float[ndarray, " points"]:
-    """Offsets in (-1, 1) distributed as 1 - |x|."""
+    """Offsets in (-1, 1) with density 1 - |x|."""
     low, high = np.sqrt(2.0 * random) - 1.0, 1.0 - np.sqrt(2.0 * np.maximum(1.0 - random, 0.0))
     return np.where(random < 0.5, low, high)
 

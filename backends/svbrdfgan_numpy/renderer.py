@@ -15,25 +15,22 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import RendererCapabilities
 from svbrdfgan.rendering.validation import check_cotangent, check_render, check_transport
 from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
-from svbrdfgan_numpy.bounce import Bounce
-from svbrdfgan_numpy.environment import pixels_of, prepare_light
-from svbrdfgan_numpy.integrator import Scene, trace_paths
-from svbrdfgan_numpy.radiance import radiance, radiance_vjp
-from svbrdfgan_numpy.shading import shade, shade_vjp
+from svbrdfgan_numpy.environment import pixels_of, prepare_emitter
+from svbrdfgan_numpy.integrator import PathTracer
+from svbrdfgan_numpy.shading import Bounce, radiance, radiance_vjp, shade, shade_vjp
 from svbrdfgan_numpy.surface import PreparedSurface, prepare
-from svbrdfgan_numpy.taps import Taps
-from svbrdfgan_numpy.texture import Texture, texture_of
+from svbrdfgan_numpy.textures import Taps, Texture
 
 MAPS = ("base_color", "roughness")
 
 
 @dataclass(frozen=True)
 class NumpyRenderer:
-    """A path tracer in NumPy, float64 inside: slow, exact, and written to be read.
+    """A path tracer in NumPy, in float64: slow, exact, and written to be read.
 
     Args:
-        max_bounces: scattering events on a path, 1 to 64. 1 is direct light alone, and only then is there `transport`.
-        chunk_vertices: path vertices held in memory at a time; changes nothing in the picture.
+        max_bounces: scattering events on a path, 1 to 64. Only 1, direct light, has `transport`.
+        chunk_vertices: path vertices held in memory at a time; the picture does not depend on it.
 
     Raises:
         ConfigError: an option is out of range.
@@ -71,7 +68,7 @@ class NumpyRenderer:
         self._check(prepared, materials, spp)
         maps, environment = _textures(materials, prepared.surface), pixels_of(view.environment)
         image, coverage = np.zeros((view.height * view.width, 3)), np.zeros(view.height * view.width)
-        for pixels, bounces in self._trace(_scene(prepared, view, materials), spp, seed):
+        for pixels, bounces in self._trace(_tracer(prepared, view, materials), spp, seed):
             shadings = [shade(bounce, maps, environment) for bounce in bounces]
             image[pixels] = radiance(len(pixels) * spp, bounces, shadings).reshape(-1, spp, 3).mean(axis=1)
             coverage[pixels] = np.bincount(bounces[0].path // spp, minlength=len(pixels)) / spp
@@ -89,14 +86,14 @@ class NumpyRenderer:
         spp: int,
         seed: int,
     ) -> Gradients:
-        """The gradient; see `Renderer.render_vjp`. That of the environment takes the drawn directions as given."""
+        """The gradient; see `Renderer.render_vjp`. The environment's treats the drawn directions as constants."""
         self._check(prepared, materials, spp, wrt)
         check_cotangent("numpy", view, grad_image)
         maps, environment = _textures(materials, prepared.surface), pixels_of(view.environment)
         grad_pixels = grad_image.detach().cpu().double().numpy().reshape(-1, 3) / spp
         grad_maps = {name: np.zeros_like(texture.texels) for name, texture in maps.items() if name in wrt}
         grad_environment = np.zeros_like(environment)
-        for pixels, bounces in self._trace(_scene(prepared, view, materials), spp, seed):
+        for pixels, bounces in self._trace(_tracer(prepared, view, materials), spp, seed):
             shadings = [shade(bounce, maps, environment) for bounce in bounces]
             grads = radiance_vjp(bounces, shadings, np.repeat(grad_pixels[pixels], spp, axis=0))
             for bounce, grad_values, grad_lights in zip(bounces, *grads, strict=True):
@@ -109,13 +106,13 @@ class NumpyRenderer:
         return Gradients(tuple(parts), light if "environment" in wrt else None)
 
     def transport(self, prepared: PreparedSurface, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
-        """The samples of `render`'s picture before materials; see `TransportRenderer.transport`.
+        """The samples of `render`'s picture without materials; see `TransportRenderer.transport`.
 
         Raises:
-            UnsupportedError: paths have more than one bounce, so that pictures are not linear in the base colour.
+            UnsupportedError: `max_bounces` is above 1, where pictures are not linear in the base colour.
         """
         check_transport("numpy", self.capabilities, spp=spp)
-        return _samples(self._trace(_scene(prepared, view), spp, seed), pixels_of(view.environment), spp)
+        return _samples(self._trace(_tracer(prepared, view), spp, seed), pixels_of(view.environment), spp)
 
     def _check(
         self, prepared: PreparedSurface, materials: Materials, spp: int, wrt: frozenset[str] = frozenset()
@@ -123,31 +120,31 @@ class NumpyRenderer:
         parts = [part.name for part in prepared.surface.parts]
         check_render("numpy", self.capabilities, parts, materials, spp=spp, wrt=wrt)
 
-    def _trace(self, scene: Scene, spp: int, seed: int) -> Iterator[tuple[Int[ndarray, " pixels"], list[Bounce]]]:
-        """All the paths of a picture, some pixels at a time."""
+    def _trace(self, tracer: PathTracer, spp: int, seed: int) -> Iterator[tuple[Int[ndarray, " pixels"], list[Bounce]]]:
+        """All the paths of a picture, one chunk of pixels at a time."""
         step = max(1, self.chunk_vertices // (spp * self.max_bounces))
-        return _chunks(scene, step, spp, seed, self.max_bounces)
+        return _chunks(tracer, step, spp, seed, self.max_bounces)
 
 
-def _scene(prepared: PreparedSurface, view: View, materials: Materials | None = None) -> Scene:
-    """What paths depend on; without materials all is Lambertian."""
+def _tracer(prepared: PreparedSurface, view: View, materials: Materials | None = None) -> PathTracer:
+    """The tracer; without materials every part is Lambertian."""
     glossy = np.zeros(len(prepared.surface.parts), dtype=bool)
     if materials is not None:
         glossy |= np.array(["roughness" in material.maps for material in materials.parts])
-    return Scene(prepared, prepare_light(view.environment), view, glossy)
+    return PathTracer(prepared, prepare_emitter(view.environment), view, glossy)
 
 
 def _textures(materials: Materials, surface: Surface) -> dict[str, Texture]:
-    return {name: texture_of(materials, name, surface.repeat) for name in MAPS}
+    return {name: Texture.of(materials, name, surface.repeat) for name in MAPS}
 
 
 def _chunks(
-    scene: Scene, step: int, spp: int, seed: int, max_bounces: int
+    tracer: PathTracer, step: int, spp: int, seed: int, max_bounces: int
 ) -> Iterator[tuple[Int[ndarray, " pixels"], list[Bounce]]]:
-    count = scene.view.width * scene.view.height
+    count = tracer.view.width * tracer.view.height
     for start in range(0, count, step):
         stop = min(start + step, count)
-        bounces = trace_paths(scene, range(start * spp, stop * spp), spp=spp, seed=seed, max_bounces=max_bounces)
+        bounces = tracer.trace(range(start * spp, stop * spp), spp=spp, seed=seed, max_bounces=max_bounces)
         yield np.arange(start, stop), list(bounces)
 
 

@@ -1,4 +1,4 @@
-"""What the path tracer knows about geometry."""
+"""The prepared surface, and the points where rays meet it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from svbrdfgan.types import Surface
-from svbrdfgan_numpy.bvh import Bvh, build
-from svbrdfgan_numpy.triangles import Hits
+from svbrdfgan_numpy.bvh import Bvh, Hits, build
 from svbrdfgan_numpy.vectors import cross, dot, normalize
 
 OFFSET = 1e-9
-"""How far rays start from the surface that they leave, in sizes of the scene."""
+"""How far from the surface a leaving ray starts, as a share of the scene's diagonal: above float64's rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +21,7 @@ class PreparedSurface:
     """A surface with its search tree.
 
     Attributes:
-        offset: how far rays start from the surface that they leave, metres.
+        offset: how far from the surface a leaving ray starts, metres.
     """
 
     surface: Surface
@@ -32,13 +31,13 @@ class PreparedSurface:
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Points where rays met the surface.
+    """Points where rays meet the surface.
 
     Attributes:
         position: in metres.
         outgoing: unit direction back along the ray.
-        normal: unit shading normal, turned to the side that the ray came from.
-        geometric: unit normal of the face, on either side.
+        normal: unit shading normal, turned to the ray's side.
+        geometric: unit normal of the face, on either side of it.
         part: index into the surface's parts.
         uv: texture coordinates.
     """
@@ -51,7 +50,7 @@ class Points:
     uv: Float[ndarray, "points 2"]
 
     def leave(self, direction: Float[ndarray, "points 3"], offset: float) -> Float[ndarray, "points 3"]:
-        """Origins of rays that leave the points, moved along the geometric normal to the side they go to."""
+        """Origins of rays from the points, moved along the geometric normal to the side that the ray goes to."""
         side = np.where(dot(self.geometric, direction) < 0.0, -offset, offset)
         return self.position + side[:, None] * self.geometric
 
@@ -64,7 +63,7 @@ def prepare(surface: Surface) -> PreparedSurface:
 
 
 def points_at(prepared: PreparedSurface, hits: Hits, direction: Float[ndarray, "rays 3"]) -> Points:
-    """Where those rays that met the surface did so."""
+    """The points of those rays that hit the surface."""
     surface, found = prepared.surface, hits.found
     vertices, direction = surface.faces[hits.face[found]], direction[found]
     second, third = hits.barycentric[found].T

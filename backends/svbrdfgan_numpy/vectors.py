@@ -21,7 +21,7 @@ def cross(a: Vectors, b: Vectors) -> Vectors:
 
 
 def normalize(a: Vectors, fallback: Vectors) -> Vectors:
-    """Each vector at unit length; `fallback` where there is no direction to keep."""
+    """Each vector scaled to unit length; `fallback` for zero vectors."""
     length = np.sqrt(dot(a, a))[..., None]
     return np.where(length > 0.0, a / np.where(length > 0.0, length, 1.0), fallback)
 

@@ -1,4 +1,4 @@
-"""A renderer of direct light on CPU and GPU, written in NVIDIA Warp: traces rays, and writes its adjoint by hand."""
+"""A renderer of direct light on CPU and GPU in NVIDIA Warp, with its own ray tracing and hand-written adjoints."""
 
 from svbrdfgan_warp.renderer import WarpRenderer
 

@@ -1,4 +1,4 @@
-"""Which device to work on, and how to work there without disturbing the caller's Warp or torch."""
+"""The choice of a device, and launches on it that leave the caller's Warp and torch as they are."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import warp as wp
 from svbrdfgan.errors import ConfigError
 
 _BLOCK = 128
-"""Threads in a block; with 256 and more, tracing took a tenth longer on an H200."""
+"""Threads in a block. With 256 or more, tracing took a tenth longer on an H200."""
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -22,7 +22,7 @@ Result = TypeVar("Result")
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keeps Warp's banner and compiler messages off the terminal; warnings still show."""
+    """Suppresses Warp's banner and compiler messages; warnings are still shown."""
     level = wp.config.log_level
     wp.config.log_level = max(level, wp.LOG_WARNING)
     try:
@@ -31,11 +31,11 @@ def quiet() -> Iterator[None]:
         wp.config.log_level = level
 
 
-def choose(name: str) -> torch.device:
-    """The torch device that `name` means: "auto", "cpu", "cuda" or "cuda:N"; "auto" prefers CUDA.
+def choose_device(name: str) -> torch.device:
+    """The torch device that `name` ("auto", "cpu", "cuda" or "cuda:N") means; "auto" prefers CUDA.
 
     Raises:
-        ConfigError: another name, or a CUDA device that this machine, this torch or this Warp does not have.
+        ConfigError: another name, or a CUDA device that torch or Warp does not find.
     """
     if not re.fullmatch(r"auto|cpu|cuda(:\d+)?", name):
         raise ConfigError(f"warp renderer: device is {name!r}; wanted 'auto', 'cpu', 'cuda' or 'cuda:N'.")
@@ -53,12 +53,12 @@ def choose(name: str) -> torch.device:
 
 
 def stream(device: torch.device) -> wp.Stream | None:
-    """The CUDA stream on which torch works at this moment; None on the CPU."""
+    """The current CUDA stream of torch; None on the CPU."""
     return wp.stream_from_torch(torch.cuda.current_stream(device)) if device.type == "cuda" else None
 
 
 def launch(kernel: wp.Kernel, threads: int, arguments: Sequence[Any], device: torch.device) -> None:
-    """Runs a kernel in torch's own stream, unseen by any tape that the caller may be recording."""
+    """Runs a kernel in torch's current stream, unrecorded by any tape of the caller's."""
     where = wp.device_from_torch(device)
     wp.launch(
         kernel, threads, list(arguments), device=where, stream=stream(device), record_tape=False, block_dim=_BLOCK
@@ -68,7 +68,8 @@ def launch(kernel: wp.Kernel, threads: int, arguments: Sequence[Any], device: to
 def in_order(job: Callable[[Item], Result], items: Sequence[Item], device: torch.device) -> Iterator[Result]:
     """The results of `job`, in the order of `items`.
 
-    A CPU launch occupies one thread, so there several run at once, as many as torch uses, a few ahead of the caller.
+    A Warp launch on the CPU runs on one thread. So there as many jobs run at once as torch has threads, and results are
+    prepared a few items ahead of the caller, which bounds the memory.
     """
     workers = min(torch.get_num_threads(), len(items)) if device.type == "cpu" else 1
     if workers <= 1:

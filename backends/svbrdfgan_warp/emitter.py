@@ -1,6 +1,6 @@
-"""Warp functions: the environment's radiance, and directions drawn by its light.
+"""Warp functions: the environment emitter, its radiance in any direction, and directions drawn where it is bright.
 
-A place in the environment is (x, y) in pixels: pixel (row, col) is centred at (col + 0.5, row + 0.5).
+A position in the environment is (x, y) in pixels: pixel (row, col) is centred at (col + 0.5, row + 0.5).
 """
 
 # mypy: ignore-errors
@@ -11,32 +11,35 @@ from svbrdfgan_warp import rng
 
 
 @wp.struct
-class Light:
-    texels: wp.array2d(dtype=wp.vec4)  # radiance, and density of being drawn per solid angle, times sin(polar)
+class EnvironmentEmitter:
+    texels: wp.array2d(dtype=wp.vec4)  # radiance, and density of `sample` per solid angle, times sin(polar)
     row_first: wp.array2d(dtype=wp.uint32)  # (1, rows): row i is drawn by the numbers from [0, i] to before [0, i + 1]
     col_first: wp.array2d(dtype=wp.uint32)  # (rows, cols): likewise the columns within each row
     rotation: wp.float32
 
 
 @wp.func
-def direction(light: Light, at: wp.vec2):
-    """The world's direction to a place in the environment."""
-    azimuth = (at[0] / float(light.texels.shape[1]) - 0.5) * wp.tau - light.rotation
-    polar = at[1] / float(light.texels.shape[0]) * wp.pi
+def direction(emitter: EnvironmentEmitter, at: wp.vec2):
+    """The world direction to a position in the environment."""
+    azimuth = (at[0] / float(emitter.texels.shape[1]) - 0.5) * wp.tau - emitter.rotation
+    polar = at[1] / float(emitter.texels.shape[0]) * wp.pi
     return wp.vec3(wp.sin(polar) * wp.sin(azimuth), wp.cos(polar), -wp.sin(polar) * wp.cos(azimuth))
 
 
 @wp.func
-def place(light: Light, d: wp.vec3):
-    """The inverse of `direction`, with columns in [0, cols) and rows in [0, rows]."""
-    turn = (wp.atan2(d[0], -d[2]) + light.rotation) / wp.tau + 0.5
+def position(emitter: EnvironmentEmitter, d: wp.vec3):
+    """The inverse of `direction`, with x in [0, cols) and y in [0, rows]."""
+    turn = (wp.atan2(d[0], -d[2]) + emitter.rotation) / wp.tau + 0.5
     polar = wp.atan2(wp.sqrt(d[0] * d[0] + d[2] * d[2]), d[1]) / wp.pi
-    return wp.vec2((turn - wp.floor(turn)) * float(light.texels.shape[1]), polar * float(light.texels.shape[0]))
+    return wp.vec2((turn - wp.floor(turn)) * float(emitter.texels.shape[1]), polar * float(emitter.texels.shape[0]))
 
 
 @wp.func
 def taps(rows: int, cols: int, at: wp.vec2):
-    """Rows and columns of the four pixels around a place (clamped at the poles, around the seam), and their weights."""
+    """Rows and columns of the four pixels around a position, and their bilinear weights.
+
+    Columns wrap around the seam; rows are clamped at the poles.
+    """
     col = int(wp.floor(at[0] - 0.5))
     row = int(wp.floor(at[1] - 0.5))
     a = at[0] - 0.5 - float(col)
@@ -50,25 +53,25 @@ def taps(rows: int, cols: int, at: wp.vec2):
 
 
 @wp.func
-def radiance(light: Light, at: wp.vec2):
-    """Bilinear between pixel centres."""
-    row, col, w = taps(light.texels.shape[0], light.texels.shape[1], at)
-    mixed = light.texels[row[0], col[0]] * w[0] + light.texels[row[1], col[1]] * w[1]
-    mixed += light.texels[row[2], col[2]] * w[2] + light.texels[row[3], col[3]] * w[3]
+def radiance(emitter: EnvironmentEmitter, at: wp.vec2):
+    """The radiance from a position, bilinear between pixel centres."""
+    row, col, w = taps(emitter.texels.shape[0], emitter.texels.shape[1], at)
+    mixed = emitter.texels[row[0], col[0]] * w[0] + emitter.texels[row[1], col[1]] * w[1]
+    mixed += emitter.texels[row[2], col[2]] * w[2] + emitter.texels[row[3], col[3]] * w[3]
     return wp.vec3(mixed[0], mixed[1], mixed[2])
 
 
 @wp.func
-def density(light: Light, at: wp.vec2, d: wp.vec3):
-    """How densely `sampled` draws the direction `d` to a place, per steradian."""
-    row = wp.clamp(int(at[1]), 0, light.texels.shape[0] - 1)
+def density(emitter: EnvironmentEmitter, at: wp.vec2, d: wp.vec3):
+    """The density with which `sample` draws the direction `d` to a position, per steradian."""
+    row = wp.clamp(int(at[1]), 0, emitter.texels.shape[0] - 1)
     sine = wp.max(wp.sqrt(d[0] * d[0] + d[2] * d[2]), 1.0e-7)
-    return light.texels[row, int(at[0]) % light.texels.shape[1]][3] / sine
+    return emitter.texels[row, int(at[0]) % emitter.texels.shape[1]][3] / sine
 
 
 @wp.func
-def drawn(first: wp.array2d(dtype=wp.uint32), row: int, number: wp.uint32):
-    """The column that a random number draws in a row: the last whose numbers begin at or before it."""
+def drawn_column(first: wp.array2d(dtype=wp.uint32), row: int, number: wp.uint32):
+    """The column that a random number draws in a row: the last one whose numbers begin at or before it."""
     low = int(0)  # noqa: UP018, RUF046 - Warp's way to declare a variable
     high = first.shape[1] - 1
     while low < high:
@@ -81,8 +84,8 @@ def drawn(first: wp.array2d(dtype=wp.uint32), row: int, number: wp.uint32):
 
 
 @wp.func
-def sampled(light: Light, row_number: wp.uint32, col_number: wp.uint32, a: wp.uint32, b: wp.uint32):
-    """A place drawn by four random numbers: the pixel in proportion to its light, then evenly within it."""
-    row = drawn(light.row_first, 0, row_number)
-    col = drawn(light.col_first, row, col_number)
+def sample(emitter: EnvironmentEmitter, row_number: wp.uint32, col_number: wp.uint32, a: wp.uint32, b: wp.uint32):
+    """A position drawn by four random numbers: the pixel in proportion to its light, then uniform within the pixel."""
+    row = drawn_column(emitter.row_first, 0, row_number)
+    col = drawn_column(emitter.col_first, row, col_number)
     return wp.vec2(float(col) + rng.unit(a), float(row) + rng.unit(b))

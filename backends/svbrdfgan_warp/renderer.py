@@ -13,11 +13,10 @@ from svbrdfgan.protocols import Pullback, RendererCapabilities
 from svbrdfgan.rendering.validation import check_cotangent, check_device, check_render, check_transport
 from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan_warp import scene
-from svbrdfgan_warp.device import choose, in_order
-from svbrdfgan_warp.light import Lights
-from svbrdfgan_warp.records import Tracer, runs
-from svbrdfgan_warp.render_pass import Shot
-from svbrdfgan_warp.scene import PreparedSurface
+from svbrdfgan_warp.device import choose_device, in_order
+from svbrdfgan_warp.environment import EmitterCache
+from svbrdfgan_warp.render_pass import RenderPass
+from svbrdfgan_warp.scene import PreparedSurface, Tracer, film_chunks, prepare_camera
 
 CAPABILITIES = RendererCapabilities(
     maps=frozenset({"base_color"}),
@@ -29,23 +28,23 @@ CAPABILITIES = RendererCapabilities(
 
 @dataclass(frozen=True, init=False)
 class WarpRenderer:
-    """Direct light from the environment, by multiple importance sampling; on CUDA, or on all of torch's CPU threads.
+    """Direct light from the environment by multiple importance sampling, on CUDA or on all of torch's CPU threads.
 
-    Pictures depend on the seed alone, not on the number of threads. Gradients do so too on the CPU; on CUDA they are
-    summed by atomics, and may differ between runs in the last bits.
+    Pictures depend only on the seed, not on the number of threads; on the CPU, so do gradients. On CUDA, atomics sum
+    the gradients in varying order, so their last bits may differ between runs.
     """
 
     device: torch.device
-    _lights: Lights = field(compare=False, repr=False)
+    _emitters: EmitterCache = field(compare=False, repr=False)
 
     def __init__(self, device: str = "auto") -> None:
         """A renderer on `device`: "auto" (CUDA where there is one), "cpu", "cuda" or "cuda:N".
 
         Raises:
-            ConfigError: another name, or a device that is not there.
+            ConfigError: another name, or a device that does not exist.
         """
-        object.__setattr__(self, "device", choose(device))
-        object.__setattr__(self, "_lights", Lights(self.device))
+        object.__setattr__(self, "device", choose_device(device))
+        object.__setattr__(self, "_emitters", EmitterCache(self.device))
 
     def __reduce__(self) -> tuple[type[WarpRenderer], tuple[str]]:
         return WarpRenderer, (str(self.device),)
@@ -55,12 +54,12 @@ class WarpRenderer:
         return CAPABILITIES
 
     def prepare(self, surface: Surface) -> PreparedSurface:
-        """The surface and a tree over its faces. The first call in a process loads or compiles kernels."""
+        """The surface and its BVH. The first call in a process loads or compiles the kernels."""
         return scene.prepare(surface, self.device)
 
     def render(self, prepared: PreparedSurface, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
-        """The picture; unbiased. A film of any size needs no more memory than itself, the inputs and one chunk."""
-        return self._shot(prepared, materials, view, frozenset(), spp, seed).develop()
+        """The picture; unbiased. Beyond the picture and the inputs, memory holds only a few chunks of the film."""
+        return self._render_pass(prepared, materials, view, frozenset(), spp, seed).forward()
 
     def render_vjp(
         self,
@@ -75,42 +74,43 @@ class WarpRenderer:
     ) -> Gradients:
         """The gradient of sum(image * grad_image): the transpose of `render` on the same samples.
 
-        That of the environment takes the drawn directions as given.
+        The environment's gradient treats the drawn directions as constants.
         """
-        shot = self._shot(prepared, materials, view, wrt, spp, seed)
-        return _pullback(shot, wrt)(grad_image)
+        return _pullback(self._render_pass(prepared, materials, view, wrt, spp, seed), wrt)(grad_image)
 
     def render_pullback(
         self, prepared: PreparedSurface, materials: Materials, view: View, *, wrt: frozenset[str], spp: int, seed: int
     ) -> tuple[Rendering, Pullback]:
-        """The picture, and `render_vjp` of what was traced for it, which takes 24 bytes a sample, or 48 with light's.
+        """The picture, and `render_vjp` from its records, which take 24 bytes a sample, or 48 for light's gradient.
 
-        Of samples beyond `svbrdfgan_warp.render_pass.KEPT` nothing is kept; they are traced again.
+        At most `svbrdfgan_warp.render_pass.KEPT` samples are kept; the others are traced again.
         """
-        shot = self._shot(prepared, materials, view, wrt, spp, seed)
-        return shot.develop(keep=bool(wrt)), _pullback(shot, wrt)
+        render_pass = self._render_pass(prepared, materials, view, wrt, spp, seed)
+        return render_pass.forward(keep=bool(wrt)), _pullback(render_pass, wrt)
 
     def transport(self, prepared: PreparedSurface, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
-        """The samples that `render` makes, before materials; sorted by pixel."""
+        """The samples that `render` draws, without materials, sorted by pixel."""
         check_transport("warp", CAPABILITIES, spp=spp)
         tracer = self._tracer(prepared, view)
-        return in_order(lambda run: tracer(run).transport(), runs(view, spp, seed, self.device), self.device)
+        chunks = film_chunks(view, spp, seed, self.device)
+        return in_order(lambda chunk: tracer(chunk).transport(), chunks, self.device)
 
-    def _shot(
+    def _render_pass(
         self, prepared: PreparedSurface, materials: Materials, view: View, wrt: frozenset[str], spp: int, seed: int
-    ) -> Shot:
+    ) -> RenderPass:
         check_render("warp", CAPABILITIES, prepared.parts, materials, spp=spp, wrt=wrt)
-        tracer = self._tracer(prepared, view, arrivals="environment" in wrt)
-        return Shot.of(tracer, view, runs(view, spp, seed, self.device), materials)
+        tracer = self._tracer(prepared, view, light_samples="environment" in wrt)
+        return RenderPass.of(tracer, view, film_chunks(view, spp, seed, self.device), materials)
 
-    def _tracer(self, prepared: PreparedSurface, view: View, *, arrivals: bool = False) -> Tracer:
+    def _tracer(self, prepared: PreparedSurface, view: View, *, light_samples: bool = False) -> Tracer:
         check_device("warp", prepared.device, self.device)
-        return Tracer.of(prepared, view, self._lights.of(view.environment), arrivals=arrivals)
+        camera, emitter = prepare_camera(view, prepared.centre), self._emitters.emitter(view.environment)
+        return Tracer(prepared, camera, emitter, light_samples)
 
 
-def _pullback(shot: Shot, wrt: frozenset[str]) -> Pullback:
+def _pullback(render_pass: RenderPass, wrt: frozenset[str]) -> Pullback:
     def pullback(grad_image: Float[Tensor, "height width 3"]) -> Gradients:
-        check_cotangent("warp", shot.view, grad_image)
-        return shot.backpropagate(grad_image, wrt)
+        check_cotangent("warp", render_pass.view, grad_image)
+        return render_pass.backward(grad_image, wrt)
 
     return pullback

@@ -1,4 +1,4 @@
-"""Warp functions: random numbers that depend on pixel, sample and seed alone, and directions made of them."""
+"""Warp functions: random numbers that depend only on pixel, sample and seed, and directions made from them."""
 
 # mypy: ignore-errors
 
@@ -50,9 +50,9 @@ def unit(bits: wp.uint32):
 
 @wp.func
 def numbers(pixel: int, sample: int, low: wp.uint32, high: wp.uint32):
-    """Eight random numbers: a lattice shifted at random in each pixel (Cranley and Patterson, 1976).
+    """Eight random numbers: a lattice, randomly shifted in each pixel (Cranley and Patterson, 1976).
 
-    Every sample by itself is uniform; together the samples of a pixel are more even than chance.
+    Each sample is uniform; together the samples of a pixel are spread more evenly than independent ones.
     """
     i = reversed_bits(wp.uint32(sample))
     u = hashed(wp.uint32(pixel), low, high, wp.uint32(0)) + LATTICE_U * i
@@ -62,7 +62,7 @@ def numbers(pixel: int, sample: int, low: wp.uint32, high: wp.uint32):
 
 @wp.func
 def cosine_direction(n: wp.vec3, a: float, b: float):
-    """A direction about `n` with density cosine / pi; the frame is that of Duff et al., JCGT 2017."""
+    """A direction about `n` with density cosine / pi, in the frame of Duff et al., JCGT 2017."""
     sign = wp.where(n[2] >= 0.0, 1.0, -1.0)
     c = -1.0 / (sign + n[2])
     e = n[0] * n[1] * c

@@ -1,4 +1,4 @@
-"""A surface on the device: its faces, a tree over them, and their attributes."""
+"""What is traced: a surface on the device, the camera, and the film in chunks; and the records that tracing gives."""
 
 from __future__ import annotations
 
@@ -8,14 +8,17 @@ from typing import Any
 import numpy as np
 import torch
 import warp as wp
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
-from svbrdfgan.types import Surface, View
-from svbrdfgan_warp import device as devices
-from svbrdfgan_warp import kernels, lookup
-from svbrdfgan_warp.tree import plant
+from svbrdfgan.types import Surface, TransportSamples, View
+from svbrdfgan_warp import emitter, texture_kernels, trace_kernels
+from svbrdfgan_warp.bvh import build_bvh
+from svbrdfgan_warp.device import launch, quiet
+
+CHUNK = {"cpu": 2**15, "cuda": 2**24}
+"""Camera samples traced at a time. A record takes 24 bytes, and 24 more with its light samples."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +27,12 @@ class PreparedSurface:
 
     Attributes:
         geometry: what the kernels read.
-        centre: middle of the bounding box in the surface's own coordinates.
+        centre: middle of the bounding box, in the surface's own coordinates.
         parts: the parts' names.
         repeat: `Surface.repeat`.
     """
 
-    geometry: kernels.Geometry
+    geometry: trace_kernels.Geometry
     centre: Float[ndarray, 3]
     parts: tuple[str, ...]
     repeat: tuple[bool, bool]
@@ -37,7 +40,7 @@ class PreparedSurface:
 
 
 def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
-    """The surface on `device`, ready in any stream."""
+    """The surface on `device`, ready for use in any CUDA stream."""
     used = np.zeros(len(surface.positions), dtype=bool)
     used[surface.faces] = True
     low, high = (bound(surface.positions[used], axis=0) for bound in (np.min, np.max))
@@ -50,30 +53,122 @@ def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
         return torch.from_numpy(np.ascontiguousarray(values.reshape(-1), dtype=np.int32)).to(device)
 
     points, corners = floats(surface.positions - centre), integers(surface.faces)
-    geometry: Any = kernels.Geometry()
-    with devices.quiet():
-        for module in (kernels, lookup):
+    geometry: Any = trace_kernels.Geometry()
+    with quiet():
+        for module in (trace_kernels, texture_kernels):
             wp.load_module(module, device=wp.device_from_torch(device))
-        geometry.nodes, geometry.triangles = plant(points, corners)
+        geometry.nodes, geometry.triangles = build_bvh(points, corners)
     geometry.radius = float(np.linalg.norm(high - low)) / 2
     geometry.points, geometry.corners = wp.from_torch(points, wp.vec3), wp.from_torch(corners)
     geometry.normals = wp.from_torch(floats(surface.normals), wp.vec3)
     geometry.uv = wp.from_torch(floats(surface.uv), wp.vec2)
     geometry.face_part = wp.from_torch(integers(surface.face_part))
     if device.type == "cuda":
-        torch.cuda.synchronize(device)
+        torch.cuda.synchronize(device)  # the caller may render in another stream than this one
     return PreparedSurface(geometry, centre, tuple(part.name for part in surface.parts), surface.repeat, device)
 
 
-def lens(view: View, centre: Float[ndarray, 3]) -> kernels.Lens:
+def prepare_camera(view: View, centre: Float[ndarray, 3]) -> trace_kernels.PreparedCamera:
     """The camera in the prepared surface's coordinates; its axes are scaled to half the film's width and height."""
     camera = view.camera
     right, top, backward = camera.basis()
     half = np.tan(camera.vertical_fov / 2)
-    result: Any = kernels.Lens()
+    result: Any = trace_kernels.PreparedCamera()
+    # Subtracted in float64: a vehicle far from the world's origin would lose digits in float32.
     result.origin = wp.vec3(*(np.asarray(camera.origin, dtype=np.float64) - centre))
     result.right = wp.vec3(*(right * half * view.width / view.height))
     result.top = wp.vec3(*(top * half))
     result.forward = wp.vec3(*-backward)
     result.width, result.height = view.width, view.height
     return result
+
+
+@dataclass(frozen=True)
+class FilmChunk:
+    """Consecutive pixels of the film, and how they are sampled.
+
+    Attributes:
+        first: the first pixel, row * width + column.
+        pixels: their number.
+        spp: camera samples in each.
+        seed: any integer; its low 64 bits are used.
+    """
+
+    first: int
+    pixels: int
+    spp: int
+    seed: int
+
+    def __len__(self) -> int:
+        """The number of camera samples."""
+        return self.pixels * self.spp
+
+    def argument(self) -> trace_kernels.SampleRange:
+        """The chunk as kernels take it."""
+        result: Any = trace_kernels.SampleRange()
+        result.first, result.spp = self.first, self.spp
+        result.seed_low, result.seed_high = self.seed & 0xFFFFFFFF, (self.seed >> 32) & 0xFFFFFFFF
+        return result
+
+
+def film_chunks(view: View, spp: int, seed: int, device: torch.device) -> list[FilmChunk]:
+    """The film, cut into chunks of at most `CHUNK` samples, or of one pixel."""
+    film, size = view.width * view.height, max(1, CHUNK[device.type] // spp)
+    return [FilmChunk(first, min(size, film - first), spp, seed) for first in range(0, film, size)]
+
+
+@dataclass(frozen=True, eq=False)
+class SampleRecords:
+    """What the camera samples of a chunk hit, pixel by pixel, and the light there.
+
+    Attributes:
+        chunk: which samples.
+        part: the part hit; -1 for a miss, where uv and weight are undefined.
+        uv: texture coordinates of the hit.
+        weight: irradiance / pi / spp.
+        light_samples: for each of the sample's two light directions the environment's pixel coordinates (x, y), and the
+            factor of the radiance there in `weight`; undefined for a miss. Empty unless asked for.
+    """
+
+    chunk: FilmChunk
+    part: Int[Tensor, " records"]
+    uv: Float[Tensor, "records 2"]
+    weight: Float[Tensor, "records 3"]
+    light_samples: Float[Tensor, "kept 2 3"]
+
+    def arguments(self) -> tuple[Any, ...]:
+        """The records without light samples, as kernels take them."""
+        return *self.hits(), wp.from_torch(self.weight, dtype=wp.vec3)
+
+    def hits(self) -> tuple[Any, ...]:
+        """Samples, part and uv, as kernels take them."""
+        return self.chunk.argument(), wp.from_torch(self.part), wp.from_torch(self.uv, dtype=wp.vec2)
+
+    def transport(self) -> TransportSamples:
+        """The records of the samples that hit the surface."""
+        index = (self.part >= 0).nonzero().squeeze(1)
+        pixel = index // self.chunk.spp + self.chunk.first
+        return TransportSamples(pixel, self.part[index].long(), self.uv[index], self.weight[index])
+
+
+@dataclass(frozen=True, eq=False)
+class Tracer:
+    """Traces chunks of a view's film, with light samples if asked to. Several threads may call it at once."""
+
+    surface: PreparedSurface
+    camera: trace_kernels.PreparedCamera
+    emitter: emitter.EnvironmentEmitter
+    light_samples: bool
+
+    def __call__(self, chunk: FilmChunk) -> SampleRecords:
+        device = self.surface.device
+        part = torch.empty(len(chunk), dtype=torch.int32, device=device)
+        uv, weight = (torch.empty(len(chunk), n, dtype=torch.float32, device=device) for n in (2, 3))
+        kept = torch.empty(len(chunk) if self.light_samples else 0, 2, 3, dtype=torch.float32, device=device)
+        records = SampleRecords(chunk, part, uv, weight, kept)
+        scene = (self.surface.geometry, self.camera)
+        launch(trace_kernels.find_hits, len(chunk), (*scene, *records.hits()), device)
+        light_samples = wp.from_torch(kept, dtype=wp.vec3)
+        given = (*scene, self.emitter, *records.arguments(), light_samples)
+        launch(trace_kernels.illuminate_hits, len(chunk), given, device)
+        return records

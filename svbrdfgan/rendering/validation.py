@@ -1,6 +1,6 @@
-"""What every renderer refuses, for renderers to call before they begin. Messages name the renderer by its entry point.
+"""Checks of arguments, for renderers to call before they render. Messages name the renderer by its entry point.
 
-With `Environment`, `Material` and `View`, which check themselves, that is all that the conformance kit asks for.
+With the checks in `Environment`, `Material` and `View` themselves, these are all that the conformance kit demands.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ def check_render(
     spp: int,
     wrt: Set[str] = frozenset(),
 ) -> None:
-    """Refuses what `render`, `render_vjp` and `render_pullback` cannot be asked for.
+    """Checks the arguments of `render`, `render_vjp` and `render_pullback`.
 
     Args:
         parts: the names of the surface's parts.
 
     Raises:
-        ConfigError: `spp` is below 1, or there is not one material for each part.
-        UnsupportedError: a map is not in `capabilities.maps`, or `wrt` not in `capabilities.differentiable`.
+        ConfigError: `spp` is below 1, or the number of materials is not that of the parts.
+        UnsupportedError: a map is not in `capabilities.maps`, or a name in `wrt` not in `capabilities.differentiable`.
     """
     _check_samples(renderer, spp)
     if len(materials) != len(parts):
@@ -43,22 +43,22 @@ def check_render(
     for part, material in zip(parts, materials.parts, strict=True):
         if unread := sorted(material.maps.keys() - capabilities.maps):
             raise UnsupportedError(
-                f"{renderer} renderer: the material of part {part!r} has {', '.join(unread)}; read are only "
-                f"{', '.join(sorted(capabilities.maps))}: drop the map or choose another renderer."
+                f"{renderer} renderer: the material of part {part!r} has {', '.join(unread)}, but the renderer reads "
+                f"only {', '.join(sorted(capabilities.maps))}; drop the map or choose another renderer."
             )
     if unknown := sorted(wrt - capabilities.differentiable):
         raise UnsupportedError(
-            f"{renderer} renderer: there is no gradient for {', '.join(unknown)}; "
+            f"{renderer} renderer: it has no gradient for {', '.join(unknown)}; "
             f"wrt may name {', '.join(sorted(capabilities.differentiable)) or 'nothing'}."
         )
 
 
 def check_transport(renderer: str, capabilities: RendererCapabilities, *, spp: int) -> None:
-    """Refuses what `transport` cannot be asked for. Call it before the first sample is: not within a generator.
+    """Checks the arguments of `transport`. Call it outside a generator, whose body would run at the first sample only.
 
     Raises:
         ConfigError: `spp` is below 1.
-        UnsupportedError: `capabilities.transport` is not declared.
+        UnsupportedError: `capabilities.transport` is false.
     """
     if not capabilities.transport:
         raise UnsupportedError(
@@ -69,10 +69,10 @@ def check_transport(renderer: str, capabilities: RendererCapabilities, *, spp: i
 
 
 def check_cotangent(renderer: str, view: View, grad_image: Tensor) -> None:
-    """Refuses the gradient of another film.
+    """Checks that `grad_image` has the shape of the view's film.
 
     Raises:
-        ConfigError: `grad_image` is not (height, width, 3).
+        ConfigError: its shape is not (height, width, 3).
     """
     film = (view.height, view.width, 3)
     if grad_image.shape != film:
@@ -80,21 +80,21 @@ def check_cotangent(renderer: str, view: View, grad_image: Tensor) -> None:
 
 
 def check_radiance(radiance: Float[Tensor, "rows cols 3"]) -> None:
-    """Refuses what is no light. It reads all of the image, and on a GPU waits for it.
+    """Checks that the image is light. This reads every pixel, and on a GPU waits for the result.
 
     Raises:
-        AssetError: radiance is negative or not finite.
+        AssetError: a value is negative or not finite.
     """
     low, high = torch.aminmax(radiance.detach())
-    if not ((low >= 0.0) & (high < torch.inf)):  # either is NaN if any value is
+    if not ((low >= 0.0) & (high < torch.inf)):  # both are NaN if any value is
         raise AssetError("environment holds radiance that is negative or not finite; wanted light: clean the image.")
 
 
 def check_device(renderer: str, prepared: torch.device, device: torch.device) -> None:
-    """Refuses a surface that was prepared on another device.
+    """Checks that the surface was prepared on the renderer's device.
 
     Raises:
-        ConfigError: it was.
+        ConfigError: it was prepared on another.
     """
     if prepared != device:
         raise ConfigError(

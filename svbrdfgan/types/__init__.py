@@ -1,4 +1,4 @@
-"""The records that every part of the project speaks in. They hold data and check it; they do nothing else."""
+"""The records that all parts of the project exchange. They hold data and check it, and do nothing else."""
 
 from svbrdfgan.types.geometry import Mesh, Part, Surface
 from svbrdfgan.types.material import DIELECTRIC_REFLECTANCE, LEAST_ROUGHNESS, Material, Materials

@@ -1,4 +1,4 @@
-"""Meshes as users bring them, and surfaces as embeddings return them. NumPy, float64 and int64."""
+"""Meshes as read from files, and surfaces as embeddings return them. NumPy, float64 and int64."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Part:
         name: the material's name in the file, unique within its mesh.
         base_color: linear RGB reflectance in [0, 1]; multiplies `texture` where there is one.
         texture: linear RGB reflectance (rows, cols, 3) over the mesh's own `uv`, row 0 at v = 0; None if constant.
-        hidden: the faces lie beneath others at the same UV; they keep their base material and are never learned.
+        hidden: whether the faces lie below others at the same UV; they keep their base material and get no layer.
     """
 
     name: str
@@ -30,14 +30,14 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles in metres, right-handed, Y up, with welded vertices; closed or not, manifold or not.
+    """Triangles in metres, right-handed, Y up, with welded vertices. They need be neither closed nor manifold.
 
     Attributes:
         positions: vertex positions.
         faces: vertex indices, counter-clockwise seen from outside.
         face_part: index into `parts` of each face.
         parts: at least one.
-        uv: the mesh's own texture coordinates per face corner, origin lower left; None where the file has none.
+        uv: the mesh's own texture coordinates per face corner, origin lower left; None if the file has none.
 
     Raises:
         AssetError: no faces, indices out of range, positions not finite, or shapes that do not fit together.
@@ -56,27 +56,27 @@ class Mesh:
 
     @property
     def bounds(self) -> Float[ndarray, "2 3"]:
-        """Lower and upper corner of the axis-aligned box around the faces (unused vertices do not count)."""
+        """Lower and upper corner of the axis-aligned box around the faces; unused vertices are ignored."""
         used = self.positions[np.unique(self.faces)]
         return np.stack([used.min(axis=0), used.max(axis=0)])
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A mesh spread over the unit UV square: what an embedding returns and a renderer prepares.
+    """A mesh mapped onto the unit UV square: an embedding returns it, and a renderer prepares it.
 
-    Vertices are already split wherever uv, normal or part differ, so every attribute is per vertex, as in a GPU buffer.
-    An embedding may have cut and subdivided faces; `source_face` and `source_barycentric` lead back to the user's mesh.
+    Vertices are split wherever uv, normal or part differ, so every attribute is per vertex, as in a GPU buffer. An
+    embedding may have cut and subdivided faces; `source_face` and `source_barycentric` refer to the original mesh.
 
     Attributes:
         positions: vertex positions in metres, the mesh's own coordinates.
-        normals: unit shading normals, made by `svbrdfgan.geometry.normals` and by nobody else.
+        normals: unit shading normals, always made by `svbrdfgan.geometry.normals`, so that all renderers shade alike.
         uv: texture coordinates in [0, 1], origin lower left.
         faces: vertex indices, wound as in the mesh.
         face_part: index into `parts` of each face.
         parts: the mesh's parts, followed by the hidden halves of those that have hidden faces.
-        elevation: any measure of "further out" along the embedding's projection; where several points share a texel,
-            the greatest is outermost. All zero for an embedding that is one-to-one.
+        elevation: any measure that grows outward along the embedding's projection. Of several points at one texel, the
+            one with the greatest elevation is outermost. All zero for an injective embedding.
         source_face: face of the mesh that each face lies in.
         source_barycentric: barycentric coordinates, in that face, of each of the three corners.
         repeat: whether textures repeat beyond the unit square in u and in v, instead of clamping.

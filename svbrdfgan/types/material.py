@@ -1,4 +1,4 @@
-"""What surfaces are made of. Torch, float32, linear."""
+"""Materials of surfaces: named maps. Torch, float32, linear."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from torch import Tensor
 from svbrdfgan.errors import AssetError
 
 CHANNELS: Mapping[str, int] = MappingProxyType({"base_color": 3, "roughness": 1, "metallic": 1, "normal": 3})
-"""The names of the maps a material may have, and the channels of each (`docs/conventions.md` gives their meaning)."""
+"""The channels of each map that a material may have (`docs/conventions.md` defines the maps)."""
 
 DIELECTRIC_REFLECTANCE = 0.04
 """Fresnel reflectance at normal incidence, F0, of a material with `roughness`."""
 
 LEAST_ROUGHNESS = 0.05
-"""Smoother materials are rendered as if they were as rough as this: a mirror has no density to sample."""
+"""Lower roughness is rendered as this: a perfect mirror has no density to sample."""
 
 
 @dataclass(frozen=True, eq=False)

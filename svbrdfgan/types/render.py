@@ -1,4 +1,4 @@
-"""What renderers give back. Torch, float32, on the renderer's device."""
+"""What renderers return. Torch, float32, on the renderer's device."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from torch import Tensor
 
 @dataclass(frozen=True, eq=False)
 class Rendering:
-    """A picture of the surface alone, to lay over any background.
+    """A picture of the surface alone, premultiplied by coverage, for compositing over any background.
 
     Attributes:
-        image: linear radiance leaving the surface, zero where it is not seen: already multiplied by coverage.
-            The environment lights it but is not in it; `image + (1 - coverage) * background` puts one behind.
+        image: linear radiance of the surface times coverage, so zero where the surface is not seen. The environment
+            lights the surface but is not in the image; `image + (1 - coverage) * background` adds a background.
         coverage: share of each pixel that shows the surface, in [0, 1].
     """
 
@@ -25,11 +25,11 @@ class Rendering:
 
 @dataclass(frozen=True, eq=False)
 class Gradients:
-    """The gradient of sum(image * grad_image), for the inputs named in `wrt`.
+    """The gradient of sum(image * grad_image) for the inputs named in `wrt`.
 
     Attributes:
-        materials: per part, the gradient of each differentiated map, shaped as that map.
-        environment: gradient of the environment's radiance (rows, cols, 3), where "environment" was named.
+        materials: per part, the gradient of each differentiated map, shaped like that map.
+        environment: gradient of the environment's radiance, (rows, cols, 3); None if "environment" was not named.
     """
 
     materials: tuple[Mapping[str, Tensor], ...]
@@ -38,16 +38,16 @@ class Gradients:
 
 @dataclass(frozen=True, eq=False)
 class TransportSamples:
-    """Camera samples that met the surface: `image[pixel] += weight * base_color(part, uv)`, summed over all samples.
+    """Camera samples that hit the surface: `image[pixel]` is the sum of `weight * base_color(part, uv)` over them.
 
-    Exactly one record for each camera sample that met the surface, of zero weight where no light arrives,
-    so that records per pixel over samples per pixel is the coverage.
+    There is exactly one record for each camera sample that hit the surface, with zero weight where no light arrives.
+    So a pixel's records divided by its samples are its coverage.
 
     Attributes:
         pixel: row * width + column.
         part: index into `Surface.parts`.
-        uv: where the surface was met, in [0, 1].
-        weight: linear RGB, the division by the sample count included.
+        uv: texture coordinates of the hit, in [0, 1].
+        weight: linear RGB, already divided by the samples per pixel.
     """
 
     pixel: Int[Tensor, " samples"]

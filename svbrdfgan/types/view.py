@@ -1,4 +1,4 @@
-"""Where a picture is taken from, and under which light."""
+"""The camera, the light and the film of a picture."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class Camera:
 
     Attributes:
         origin, target: points in metres.
-        up: any direction that is not along the line of sight.
+        up: any direction that is not parallel to the line of sight.
         vertical_fov: full angle between the bottom and the top of the image, radians in (0, pi).
 
     Raises:
-        ConfigError: the line of sight has no length, lies along `up`, or the angle is out of range.
+        ConfigError: the line of sight has no length or is parallel to `up`, or the angle is out of range.
     """
 
     origin: Vector
@@ -70,7 +70,7 @@ class Environment:
     """Light from infinitely far away, as an equirectangular image.
 
     Attributes:
-        radiance: linear, not negative; row 0 is the zenith (+Y), the middle column is at -Z, +X a quarter to its right.
+        radiance: linear, not negative. Row 0 is at the zenith (+Y), the middle column at -Z, +X a quarter to its right.
         rotation: turns the light about +Y, counter-clockwise seen from above, radians.
 
     Raises:
@@ -87,7 +87,7 @@ class Environment:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One picture to take: camera, light and film size in pixels."""
+    """What a picture shows: camera, light, and film size in pixels."""
 
     camera: Camera
     environment: Environment

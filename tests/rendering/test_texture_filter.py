@@ -69,9 +69,9 @@ def test_repeats_along_the_named_axis_alone() -> None:
 @pytest.mark.parametrize("repeat", [(False, False), (True, False), (False, True), (True, True)])
 @pytest.mark.parametrize("size", [(ROWS, COLS), (1, 1), (1, 4)])
 def test_agrees_with_the_reference_renderer(size: tuple[int, int], repeat: tuple[bool, bool]) -> None:
-    taps = pytest.importorskip("svbrdfgan_numpy.taps")
+    textures = pytest.importorskip("svbrdfgan_numpy.textures")
     texture, uv = a_texture(*size), points(low=-1.5, high=2.5)
-    theirs = taps.bilinear_taps(uv.double().numpy(), *size, repeat).apply(texture.reshape(-1, 3).double().numpy())
+    theirs = textures.bilinear_taps(uv.double().numpy(), *size, repeat).apply(texture.reshape(-1, 3).double().numpy())
     np.testing.assert_allclose(sample_texture(texture, uv, repeat).numpy(), theirs, atol=1e-5)
 
 

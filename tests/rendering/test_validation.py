@@ -1,4 +1,4 @@
-"""What every renderer refuses, and in what words."""
+"""The arguments that every renderer rejects, and the messages."""
 
 import re
 
@@ -15,7 +15,7 @@ DIRECT = RendererCapabilities(transport=True)
 WHITE = scenes.lambertian((1.0, 1.0, 1.0))
 
 
-def test_what_fits_is_not_refused() -> None:
+def test_valid_arguments_pass() -> None:
     validation.check_render("mine", DIRECT, ["body"], WHITE, spp=1, wrt={"base_color"})
     validation.check_transport("mine", DIRECT, spp=1)
     validation.check_cotangent(
@@ -34,7 +34,7 @@ def test_a_picture_needs_samples_and_a_material_for_each_part() -> None:
 
 def test_what_is_not_declared_is_unsupported() -> None:
     rough = Materials((Material({"base_color": torch.ones(3), "roughness": torch.ones(1)}),))
-    with pytest.raises(UnsupportedError, match="part 'body' has roughness; read are only base_color"):
+    with pytest.raises(UnsupportedError, match="part 'body' has roughness, but the renderer reads only base_color"):
         validation.check_render("mine", DIRECT, ["body"], rough, spp=1)
     with pytest.raises(UnsupportedError, match="no gradient for environment; wrt may name base_color"):
         validation.check_render("mine", DIRECT, ["body"], WHITE, spp=1, wrt={"environment"})

@@ -1,4 +1,5 @@
-// The walk of a ray from `start` along `d`: with ON_HIT done at each triangle that is nearer than `nearest`, and RESULT at the end.
+// Traces a ray from `start` along `d` through the tree of bvh.py: ON_HIT is done at each triangle nearer than `nearest`,
+// and RESULT at the end. bvh_kernels.py replaces both words by code.
 #ifdef __CUDA_ARCH__
 #define HIGHEST(x) (31 - __clz(x))
 #define BITS(x) __popc(x)
@@ -37,7 +38,7 @@ float found_u = 0.0f, found_v = 0.0f;
 
 unsigned int stack[2 * 64];
 int top = 0;
-unsigned int group_base = 0, group = 0x80000000u;  // children yet to be visited: 8 bits, and which of all are inner
+unsigned int group_base = 0, group = 0x80000000u;  // 8 bits: children yet to visit; low 8 bits: slots with inner children
 while (true) {
     unsigned int triangle_base = 0, triangle_group = 0;
     if (group > 0x00FFFFFFu) {

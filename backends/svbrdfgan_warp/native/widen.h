@@ -1,11 +1,11 @@
-// Node `wide` of the wide tree, from the node `sources[wide]` of the binary tree: up to eight children, in their octants.
-const int LEAF = 3;  // triangles in a leaf, at most
+// Makes node `wide` of the wide tree from node `sources[wide]` of the binary tree, with up to eight children.
+const int LEAF = 3;  // most triangles in a leaf
 auto triangles = [&](int node) { return binary.counts.data[node]; };
 auto area = [&](int node) {
     const wp::vec3 d = binary.upper.data[node] - binary.lower.data[node];
     return d[0] * d[1] + d[1] * d[2] + d[2] * d[0];
 };
-// Open the largest child until there are eight, or all are leaves.
+// Replace the largest child by its two until there are eight, or all are leaves.
 const int root = grown.sources.data[wide];
 int child[8];
 int count = 1;
@@ -24,7 +24,7 @@ while (count < 8) {
     child[largest] = pair[0];
     child[count++] = pair[1];
 }
-// Each child takes the slot whose octant it lies in, as far as it is free: so slots are in order along any ray.
+// Each child takes the free slot that fits its octant best, so that any ray can visit the slots roughly front to back.
 const wp::vec3 low = binary.lower.data[root];
 const wp::vec3 high = binary.upper.data[root];
 int slots[8] = {-1, -1, -1, -1, -1, -1, -1, -1};
@@ -78,7 +78,7 @@ const int child_base = grown.counters.data[0], triangle_base = grown.counters.da
 grown.counters.data[0] += inner_children;
 grown.counters.data[1] += leaf_triangles;
 #endif
-unsigned char bytes[56];  // what is of each child: meta, then lower x y z and upper x y z
+unsigned char bytes[56];  // per child: meta, then lower x y z and upper x y z
 for (int k = 0; k < 56; ++k)
     bytes[k] = 0;
 unsigned int inner_mask = 0;

@@ -4,7 +4,7 @@ import importlib.util
 
 import pytest
 
-if importlib.util.find_spec("mitsuba") is None:  # not imported here: drjit must find a good LLVM, which ours sees to
+if importlib.util.find_spec("mitsuba") is None:  # not imported here: the backend must choose LLVM first
     pytest.skip("the mitsuba renderer needs mitsuba", allow_module_level=True)
 
 from svbrdfgan_mitsuba import MitsubaRenderer

@@ -1,13 +1,12 @@
-"""Options, refusals, chance, runs, and what must not be disturbed."""
+"""Options, validation, randomness, film chunks, and freedom from side effects."""
 
 import math
 from typing import Any
 
 import pytest
 import torch
-from svbrdfgan_mitsuba import MitsubaRenderer, film, variant
-from svbrdfgan_mitsuba.interop import floats, tensor
-from svbrdfgan_mitsuba.jit import dr
+from svbrdfgan_mitsuba import MitsubaRenderer, scene, variant
+from svbrdfgan_mitsuba.interop import dr, floats, tensor
 from svbrdfgan_mitsuba.scene import PreparedSurface
 
 from svbrdfgan.errors import AssetError, ConfigError, PluginError, UnsupportedError
@@ -56,9 +55,9 @@ def test_a_gpu_that_torch_alone_can_use_is_passed_over_unless_asked_for(monkeypa
 
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     monkeypatch.setattr(variant.dr, "has_backend", without_cuda)
-    assert variant.choose("auto") == torch.device("cpu")
+    assert variant.choose_device("auto") == torch.device("cpu")
     with pytest.raises(PluginError, match="drjit cannot use CUDA here"):
-        variant.choose("cuda")
+        variant.choose_device("cuda")
 
 
 @pytest.mark.parametrize("bounces", [0, -1, 65])
@@ -74,7 +73,7 @@ def test_materials_must_be_as_many_as_parts(renderer: MitsubaRenderer, prepared:
 
 def test_maps_that_are_not_read_are_refused(renderer: MitsubaRenderer, prepared: PreparedSurface) -> None:
     metal = Materials((Material({"base_color": torch.ones(3), "metallic": torch.ones(1)}),))
-    with pytest.raises(UnsupportedError, match=r"part0.*metallic; read are only base_color, roughness"):
+    with pytest.raises(UnsupportedError, match=r"part0.*metallic, but the renderer reads only base_color, roughness"):
         renderer.render(prepared, metal, VIEW, spp=1, seed=0)
 
 
@@ -135,14 +134,13 @@ def test_the_error_falls_as_the_root_of_the_samples(renderer: MitsubaRenderer) -
     assert torch.allclose(few / many, torch.full((3,), 4.0), rtol=0.15)  # 1024 pixels: standard deviation 3 %
 
 
-def test_the_size_of_a_run_changes_nothing(renderer: MitsubaRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of direct light; more bounces take Mitsuba's sampler, seeded for each run."""
+def test_the_size_of_a_chunk_changes_nothing(renderer: MitsubaRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
     prepared = renderer.prepare(scenes.corner_box())
     materials = scenes.lambertian(scenes.random_texture(3, 5), scenes.RED, scenes.GREEN)
     view, wrt = scenes.corner_view(scenes.random_light()), BASE | {"environment"}
     results = []
     for size in (2**20, 77):
-        monkeypatch.setitem(film.VERTICES, "cpu", size)
+        monkeypatch.setitem(scene.VERTICES, "cpu", size)
         rendering = renderer.render(prepared, materials, view, spp=5, seed=1)
         grad = renderer.render_vjp(prepared, materials, view, torch.ones(12, 12, 3), wrt=wrt, spp=5, seed=1)
         results.append((rendering, grad))
@@ -154,7 +152,7 @@ def test_the_size_of_a_run_changes_nothing(renderer: MitsubaRenderer, monkeypatc
     assert torch.allclose(a, b, rtol=1e-5)
 
 
-def test_arrays_are_exchanged_without_copies() -> None:
+def test_arrays_are_shared_without_copies() -> None:
     import mitsuba.llvm_ad_rgb as mi
 
     values = torch.rand(1001)[1:]

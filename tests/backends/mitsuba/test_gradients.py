@@ -1,11 +1,12 @@
-"""Gradients against finite differences: the very picture's for base colour, the expectation's for what steers rays."""
+"""Gradients against finite differences: of the same picture for base colour, of its expectation for others."""
 
 import math
 
 import pytest
 import torch
-from svbrdfgan_mitsuba import MitsubaRenderer, film, render_pass
-from svbrdfgan_mitsuba.paths import Paths
+from svbrdfgan_mitsuba import MitsubaRenderer, render_pass, scene
+from svbrdfgan_mitsuba.integrator import PathIntegrator
+from svbrdfgan_mitsuba.scene import FilmChunk
 from torch import Tensor
 
 from svbrdfgan.testing import scenes
@@ -62,17 +63,17 @@ def test_what_is_kept_is_not_traced_again(
     kept: int,
     traced_again: int,
 ) -> None:
-    """Seven runs of a row each."""
-    renderer, traced = MitsubaRenderer("cpu"), list[film.Run]()
-    direct = Paths.direct
+    """Seven film chunks of a row each."""
+    renderer, traced = MitsubaRenderer("cpu"), list[FilmChunk]()
+    trace = PathIntegrator.trace_direct
 
-    def counted(paths: Paths, run: film.Run) -> object:
-        traced.append(run)
-        return direct(paths, run)
+    def counted(integrator: PathIntegrator, chunk: FilmChunk) -> object:
+        traced.append(chunk)
+        return trace(integrator, chunk)
 
-    monkeypatch.setitem(film.VERTICES, "cpu", 8 * WIDTH)
+    monkeypatch.setitem(scene.VERTICES, "cpu", 8 * WIDTH)
     monkeypatch.setitem(render_pass.KEPT, "cpu", kept)
-    monkeypatch.setattr(Paths, "direct", counted)
+    monkeypatch.setattr(PathIntegrator, "trace_direct", counted)
     prepared = renderer.prepare(scenes.corner_box())
     _, pullback = renderer.render_pullback(prepared, materials, view, wrt=BASE, spp=8, seed=5)
     traced.clear()
@@ -104,7 +105,7 @@ def test_base_colour_s_gradient_is_that_of_the_very_picture(
 
 
 def test_black_walls_have_gradients_of_what_they_would_reflect(view: View, grad_image: Tensor) -> None:
-    """Where path replay divides by what was reflected, there would be nothing to divide by."""
+    """Path replay would divide by the reflected light here, which is zero."""
     renderer = MitsubaRenderer("cpu", max_bounces=3)
     prepared = renderer.prepare(scenes.corner_box())
     black, white = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
@@ -133,7 +134,7 @@ def agrees(samples: list[tuple[float, float]]) -> None:
 
 @pytest.mark.parametrize("max_bounces", [1, 3])
 def test_light_s_gradient_is_that_of_finite_differences(view: View, materials: Materials, max_bounces: int) -> None:
-    """Along a direction in which the brightness of every pixel stays, so that the same directions are drawn."""
+    """Along a step that keeps the brightness of every pixel, so that the same directions are drawn."""
     renderer = MitsubaRenderer("cpu", max_bounces)
     prepared = renderer.prepare(scenes.corner_box())
     cotangent = torch.tensor([1.0, -0.2, 0.1]).expand(HEIGHT, WIDTH, 3)
@@ -154,7 +155,7 @@ def test_light_s_gradient_is_that_of_finite_differences(view: View, materials: M
 
 
 def test_every_pixel_of_the_light_has_its_gradient(renderer: MitsubaRenderer) -> None:
-    """A plane sees the half of a sky that it faces, first and last column alike; of the other half it sees nothing."""
+    """A plane sees the half of the sky that it faces, the first and the last column alike, and nothing of the other."""
     prepared = renderer.prepare(scenes.plane(40.0))
     view = scenes.front_view(scenes.constant_light(1.0, 8, 16), width=8, height=8)
     args = (prepared, scenes.lambertian((1.0, 1.0, 1.0)), view, torch.ones(8, 8, 3) / 64.0)
@@ -228,7 +229,7 @@ def test_texels_that_no_sample_touches_have_no_gradient(renderer: MitsubaRendere
 
 
 def test_a_constant_s_gradient_does_not_stand_still(renderer: MitsubaRenderer) -> None:
-    """A sum of many equal numbers, which float32 would round away."""
+    """It is a sum of many equal numbers, which a float32 sum would lose."""
     view = scenes.front_view(scenes.constant_light(), width=64, height=64, vertical_fov=0.2)
     args = (renderer.prepare(scenes.plane()), scenes.lambertian((1.0, 1.0, 1.0)), view, torch.ones(64, 64, 3))
     gradient = renderer.render_vjp(*args, wrt=BASE, spp=256, seed=0).materials[0]["base_color"]

@@ -1,4 +1,4 @@
-"""A bad LLVM is refused in one sentence, in time; a good one is found."""
+"""A bad LLVM is rejected by one sentence before it is loaded; a good one is found."""
 
 import os
 import shutil
@@ -40,7 +40,7 @@ def test_the_one_that_pip_brings_is_found() -> None:
     version = llvm.library_version(library)
     assert version is not None
     assert version >= llvm.LEAST
-    assert llvm.choose(None) in set(llvm.installed_libraries())
+    assert llvm.choose_library(None) in set(llvm.installed_libraries())
 
 
 def test_dr_jit_works_with_it_and_the_variable_is_not_left_set() -> None:
@@ -80,9 +80,9 @@ def test_one_that_dr_jit_loaded_before_is_refused_if_it_is_too_old(monkeypatch: 
 
 
 def test_what_the_user_wants_comes_first_and_is_checked() -> None:
-    assert llvm.choose("/some/libLLVM.so", lambda _: 20) == Path("/some/libLLVM.so")
+    assert llvm.choose_library("/some/libLLVM.so", lambda _: 20) == Path("/some/libLLVM.so")
     with pytest.raises(PluginError, match="is LLVM 18; wanted 19 or later"):
-        llvm.choose("/some/libLLVM.so", lambda _: 18)
+        llvm.choose_library("/some/libLLVM.so", lambda _: 18)
 
 
 def test_without_pip_s_the_machine_s_newest_is_taken(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -92,6 +92,6 @@ def test_without_pip_s_the_machine_s_newest_is_taken(monkeypatch: pytest.MonkeyP
         path.touch()
     assert set(llvm.machine_libraries([str(tmp_path)])) == set(versions)
     monkeypatch.setattr(llvm, "machine_libraries", lambda: llvm.Path(tmp_path).glob("*"))
-    assert llvm.choose(None, versions.get) == tmp_path / "libLLVM-20.so.1"
+    assert llvm.choose_library(None, versions.get) == tmp_path / "libLLVM-20.so.1"
     with pytest.raises(PluginError, match="no LLVM of version 19 or later was found; pip install"):
-        llvm.choose(None, lambda _: 16)
+        llvm.choose_library(None, lambda _: 16)

@@ -1,8 +1,8 @@
-"""The transport is the picture before materials, and its transpose is the gradient."""
+"""The transport is the picture without materials, and its transpose is the gradient."""
 
 import pytest
 import torch
-from svbrdfgan_mitsuba import MitsubaRenderer, film
+from svbrdfgan_mitsuba import MitsubaRenderer, scene
 from svbrdfgan_mitsuba.scene import PreparedSurface
 
 from svbrdfgan.errors import UnsupportedError
@@ -15,9 +15,9 @@ VIEW = View(Camera((-1.5, 1.2, 2.0)), scenes.random_light(rotation=0.3), 11, 7)
 MATERIALS = scenes.lambertian(scenes.random_texture(5, 9), scenes.random_texture(4, 4, seed=1))
 
 
-@pytest.fixture(params=[2**20, 100], ids=["in one run", "in many runs"])
-def run_size(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(film.VERTICES, "cpu", request.param)
+@pytest.fixture(params=[2**20, 100], ids=["in one chunk", "in many chunks"])
+def chunk_size(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(scene.VERTICES, "cpu", request.param)
 
 
 def shifted(surface: Surface, repeat: tuple[bool, bool]) -> Surface:
@@ -38,7 +38,7 @@ def albedo(samples: TransportSamples, materials: Materials, repeat: tuple[bool, 
     return torch.stack(colours)[samples.part, torch.arange(len(samples.part))]
 
 
-@pytest.mark.usefixtures("run_size")
+@pytest.mark.usefixtures("chunk_size")
 @pytest.mark.parametrize("repeat", [(False, False), (True, False), (False, True)])
 def test_transport_times_texture_is_the_picture(renderer: MitsubaRenderer, repeat: tuple[bool, bool]) -> None:
     prepared = renderer.prepare(shifted(scenes.occluder(), repeat))

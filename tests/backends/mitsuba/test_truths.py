@@ -1,11 +1,11 @@
-"""Pictures whose answer is known beforehand."""
+"""Pictures with known answers."""
 
 import numpy as np
 import pytest
 import torch
 from svbrdfgan_mitsuba import MitsubaRenderer, variant
-from svbrdfgan_mitsuba.jit import dr
-from svbrdfgan_mitsuba.reflection import Dielectric
+from svbrdfgan_mitsuba.bsdf import Dielectric
+from svbrdfgan_mitsuba.interop import dr
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, Material, Materials, View
@@ -69,7 +69,7 @@ def test_the_density_at_grazing_view_is_its_limit(renderer: MitsubaRenderer, rou
 
 
 def reflected_from_the_front(color: float, roughness: float) -> float:
-    """What a dielectric in uniform light sends along its normal: docs/conventions.md, by the midpoint rule."""
+    """The radiance of a dielectric along its normal in uniform light, by docs/conventions.md and the midpoint rule."""
     alpha, steps = max(roughness, 0.05) ** 2, 200_000
     incoming = (np.arange(steps) + 0.5) / steps * np.pi / 2
     half = incoming / 2

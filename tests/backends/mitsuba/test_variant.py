@@ -1,4 +1,4 @@
-"""Mitsuba's variant is the caller's. Each case is a process of its own, as a variant once set cannot be unset."""
+"""The caller's Mitsuba variant stays set. Each case runs in its own process: a variant cannot be unset."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Lets the tests of this backend say `import dielectric`."""
+"""Makes `import dielectric` work in this folder's tests."""
 
 import sys
 from pathlib import Path

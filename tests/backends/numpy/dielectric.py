@@ -1,4 +1,4 @@
-"""The dielectric of glTF 2.0, appendix B, written out once more, and its directional albedo by quadrature."""
+"""An independent implementation of glTF 2.0's dielectric (appendix B), and its directional albedo by quadrature."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def bsdf(view: Vectors, light: Vectors, base_color: float, roughness: float) -> 
 
 
 def albedo(cosine: float, base_color: float, roughness: float, nodes: int = 400) -> float:
-    """What is reflected of uniform light of radiance 1, seen at an angle to the normal.
+    """The radiance reflected in uniform light of radiance 1, seen at an angle to the normal.
 
     The diffuse share by a grid of directions of equal n.l, the gloss by one of half vectors of equal D n.h.
     """

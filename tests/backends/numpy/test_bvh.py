@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from svbrdfgan_numpy.bvh import build, search
-from svbrdfgan_numpy.triangles import Hits, intersect
+from svbrdfgan_numpy.bvh import Hits, build, intersect, search
 
 
 def _soup(faces: int) -> np.ndarray:

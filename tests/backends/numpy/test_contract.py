@@ -1,4 +1,4 @@
-"""What the protocol promises, and what is refused."""
+"""Capabilities, and validation of options and arguments."""
 
 import pytest
 import torch
@@ -43,7 +43,8 @@ def test_no_samples_are_refused() -> None:
 
 def test_a_map_it_does_not_read_is_refused() -> None:
     metal = Materials((Material({"base_color": torch.ones(3), "metallic": torch.ones(1)}),))
-    with pytest.raises(UnsupportedError, match="'part0' has metallic; read are only base_color, roughness"):
+    message = "'part0' has metallic, but the renderer reads only base_color, roughness"
+    with pytest.raises(UnsupportedError, match=message):
         RENDERER.render(PREPARED, metal, VIEW, spp=1, seed=0)
 
 

@@ -1,9 +1,9 @@
-"""Directions are drawn where the light is, with the density that is claimed."""
+"""Directions are drawn where the light is, with the density that `pdf` returns."""
 
 import numpy as np
 import pytest
 import torch
-from svbrdfgan_numpy.environment import Light, pixels_of, prepare_light
+from svbrdfgan_numpy.environment import EnvironmentEmitter, pixels_of, prepare_emitter
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.testing import scenes
@@ -22,13 +22,13 @@ def _uniform_directions(count: int) -> np.ndarray:
     return direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
 
-def _luminance(light: Light, environment: Environment, direction: np.ndarray) -> np.ndarray:
+def _luminance(light: EnvironmentEmitter, environment: Environment, direction: np.ndarray) -> np.ndarray:
     return light.taps(direction).apply(pixels_of(environment)).mean(axis=1)
 
 
 @pytest.mark.parametrize("rotation", [0.0, 1.0])
 def test_the_density_is_that_of_the_samples(rotation: float) -> None:
-    light = prepare_light(_spots(rotation))
+    light = prepare_emitter(_spots(rotation))
     drawn = light.sample(np.random.default_rng(2).random((200_000, 2)))
     uniform = _uniform_directions(200_000)
     assert np.allclose(np.linalg.norm(drawn, axis=1), 1.0)
@@ -42,7 +42,7 @@ def test_the_density_is_that_of_the_samples(rotation: float) -> None:
 
 def test_the_light_of_all_directions_is_estimated_well() -> None:
     environment = _spots(0.3)
-    light = prepare_light(environment)
+    light = prepare_emitter(environment)
     drawn = light.sample(np.random.default_rng(3).random((50_000, 2)))
     uniform = _uniform_directions(200_000)
     ratio = _luminance(light, environment, drawn) / light.pdf(drawn)
@@ -53,19 +53,19 @@ def test_the_light_of_all_directions_is_estimated_well() -> None:
 
 def test_no_light_is_missed() -> None:
     environment = scenes.sun(0, 0, rows=4, cols=8)
-    light, direction = prepare_light(environment), _uniform_directions(20_000)
+    light, direction = prepare_emitter(environment), _uniform_directions(20_000)
     lit = _luminance(light, environment, direction) > 0.0
     assert lit.any()
     assert np.array_equal(light.pdf(direction) > 0.0, lit)
 
 
 def test_a_black_sky_is_drawn_uniformly() -> None:
-    light = prepare_light(scenes.constant_light(0.0, rows=64, cols=128))
+    light = prepare_emitter(scenes.constant_light(0.0, rows=64, cols=128))
     assert np.allclose(light.pdf(_uniform_directions(100)), 1.0 / (4.0 * np.pi), rtol=0.02)
 
 
 def test_a_single_pixel_and_extreme_random_numbers() -> None:
-    light = prepare_light(scenes.constant_light(2.0, rows=1, cols=1))
+    light = prepare_emitter(scenes.constant_light(2.0, rows=1, cols=1))
     ends = np.array([[0.0, 0.0], [1.0 - 2**-53, 1.0 - 2**-53]])
     assert np.isfinite(light.sample(ends)).all()
     assert (light.pdf(light.sample(ends)) > 0.0).all()
@@ -76,4 +76,4 @@ def test_impossible_light_is_refused(value: float) -> None:
     radiance = torch.ones(4, 8, 3)
     radiance[1, 2, 0] = value
     with pytest.raises(AssetError, match="negative or not finite"):
-        prepare_light(Environment(radiance))
+        prepare_emitter(Environment(radiance))

@@ -39,7 +39,7 @@ def _reflected(outgoing: ndarray, incoming: ndarray, base_color: float, roughnes
 
 @pytest.mark.parametrize("roughness", ROUGHNESSES)
 def test_it_is_the_formula_of_the_specification_and_reciprocal(roughness: float) -> None:
-    """For pairs at random, and for light about the mirror direction."""
+    """For random pairs of directions, and for light about the mirror direction."""
     view = _upward(1000, 0)
     light = np.concatenate([_upward(500, 1), _upward(500, 2) * 0.02 + view[500:] * [-1.0, -1.0, 1.0]])
     light /= np.linalg.norm(light, axis=1, keepdims=True)
@@ -60,7 +60,7 @@ def test_light_from_behind_counts_for_nothing() -> None:
 @pytest.mark.parametrize("cosine", [1.0, 0.6, 0.1])
 @pytest.mark.parametrize("roughness", ROUGHNESSES)
 def test_drawn_directions_give_the_albedo_of_the_quadrature(cosine: float, roughness: float) -> None:
-    """And it is at most 1 for white, but at grazing angles, where glTF's mix of gloss and diffuse gains energy."""
+    """It is at most 1 for white, except at grazing angles, where glTF's mix of gloss and diffuse gains energy."""
     count = 100_000
     view = np.repeat(dielectric.direction(cosine), count, axis=0)
     drawn = scattering.sample(_points(view), np.arange(count), np.random.default_rng(1).random((count, 2)))
@@ -70,13 +70,13 @@ def test_drawn_directions_give_the_albedo_of_the_quadrature(cosine: float, rough
         ratio = np.where(front, _reflected(view, drawn, base_color, roughness) / np.where(front, density, 1.0), 0.0)
         truth = dielectric.albedo(cosine, base_color, roughness)
         assert abs(ratio.mean() - truth) < 4.5 * ratio.std() / np.sqrt(count)
-        assert ratio.std() < 4.0 * truth  # any roughness is drawn well, though none is looked at
+        assert ratio.std() < 4.0 * truth  # the directions suit any roughness, though they do not depend on it
     assert cosine < 0.8 or truth <= 1.0
 
 
 @pytest.mark.parametrize("cosine", [1.0, 0.5, 0.05])
 def test_the_density_is_that_of_the_samples(cosine: float) -> None:
-    """By chi square over rings about the mirror direction, cut in sectors, and what lies behind the surface."""
+    """By chi square over sectors of rings about the mirror direction, and the directions behind the surface."""
     count, view = 100_000, dielectric.direction(cosine)
     views = np.repeat(view, count, axis=0)
     drawn = scattering.sample(_points(views), np.arange(count), np.random.default_rng(1).random((count, 2)))
@@ -126,7 +126,7 @@ def test_the_density_of_all_half_vectors_is_1() -> None:
     tan2, one = np.sqrt(edges[1:] * edges[:-1]), np.ones(4000)
     half = 1.0 / np.sqrt(1.0 + tan2)
     solid_angle = 2.0 * np.pi * (1.0 / np.sqrt(1.0 + edges[:-1]) - 1.0 / np.sqrt(1.0 + edges[1:]))
-    density = 4.0 * glossy.pdf(Cosines(outgoing=one, incoming=one, half=half, bend=one))
+    density = 4.0 * glossy.pdf(Cosines(outgoing=one, incoming=one, half=half, difference=one))
     assert (density * solid_angle).sum() == pytest.approx(1.0, abs=1e-4)
 
 
@@ -139,7 +139,7 @@ def test_extreme_random_numbers_give_directions() -> None:
         assert np.isfinite(_reflected(view, drawn, 1.0, 0.05)).all()
 
 
-def test_lambertian_points_draw_and_scatter_as_ever_beside_glossy_ones() -> None:
+def test_lambertian_points_draw_and_scatter_the_same_beside_glossy_ones() -> None:
     points, random = _points(_upward(200, 0)), np.random.default_rng(1).random((200, 2))
     none, shiny, dull = np.arange(0), np.arange(0, 200, 2), np.arange(1, 200, 2)
     mixed, plain = scattering.sample(points, shiny, random), scattering.sample(points, none, random)

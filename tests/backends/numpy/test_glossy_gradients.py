@@ -1,4 +1,4 @@
-"""With gloss too the adjoint is the derivative of the very picture that `render` makes."""
+"""With gloss too, the adjoint is the exact derivative of `render`'s picture."""
 
 from collections.abc import Callable
 
@@ -18,7 +18,7 @@ SPP, SEED = 4, 3
 
 @pytest.fixture(autouse=True)
 def _pictures_in_double(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Finite differences would drown in the rounding of the border."""
+    """Rounding results to float32 would be larger than the finite differences."""
     monkeypatch.setattr(renderer, "_tensor", torch.from_numpy)
 
 
@@ -71,7 +71,7 @@ def test_maps_against_finite_differences(part: int, name: str, max_bounces: int)
 
 @pytest.mark.parametrize("max_bounces", [1, 3])
 def test_environment_against_finite_differences(max_bounces: int) -> None:
-    """Where the light's sampling stays as it is: it looks at the mean of the channels, so move light between them."""
+    """Light is moved between channels: sampling depends on their mean, so the samples stay the same."""
     tracer, prepared, view, maps = _corner(max_bounces)
     cotangent, radiance = _random(view.height, view.width, 3), view.environment.radiance.double() + 0.5
     along = _random(*radiance.shape, seed=5)

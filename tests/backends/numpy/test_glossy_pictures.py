@@ -1,4 +1,4 @@
-"""Pictures with gloss whose answer is known beforehand."""
+"""Pictures with gloss that have known answers."""
 
 import math
 
@@ -26,7 +26,7 @@ def _plane_seen_at(direction: np.ndarray, environment: Environment) -> View:
 
 
 def _mean_and_error(image: Tensor) -> tuple[float, float]:
-    """Of a grey picture all of whose pixels have the same expectation."""
+    """The mean, and its standard error, of a grey picture whose pixels all have the same expectation."""
     pixels = image[..., 0].double()
     return float(pixels.mean()), float(pixels.std()) / math.sqrt(pixels.numel())
 

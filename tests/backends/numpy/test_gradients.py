@@ -1,4 +1,4 @@
-"""The adjoint is the derivative of the very picture that `render` makes."""
+"""The adjoint is the exact derivative of `render`'s picture."""
 
 import pytest
 import torch
@@ -47,7 +47,7 @@ def test_base_color_against_finite_differences(max_bounces: int) -> None:
 
 @pytest.mark.parametrize("max_bounces", [1, 3])
 def test_environment_against_finite_differences(max_bounces: int) -> None:
-    """Where the light's sampling stays as it is: it looks at the mean of the channels, so move light between them."""
+    """Light is moved between channels: sampling depends on their mean, so the samples stay the same."""
     renderer, prepared, view, colors = _corner(max_bounces)
     cotangent, radiance = _random(view.height, view.width, 3), view.environment.radiance.double() + 0.5
     step = 0.1 * _random(*radiance.shape, seed=5).double()

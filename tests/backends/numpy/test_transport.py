@@ -1,4 +1,4 @@
-"""Transport samples are the picture before materials."""
+"""The transport is the picture without materials, and its transpose is the gradient."""
 
 import pytest
 import torch

@@ -1,4 +1,4 @@
-"""Pictures whose answer is known beforehand."""
+"""Pictures with known answers."""
 
 import pytest
 import torch

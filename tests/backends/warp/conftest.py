@@ -1,4 +1,4 @@
-"""The renderer under test, on the CPU and, where there is CUDA, there too; its kernels are compiled once."""
+"""The renderer under test, on the CPU and, where available, on CUDA. Its kernels are compiled once."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,7 +17,7 @@ DEVICES = ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",)
 
 
 class ComparedOnCpu(WarpRenderer):
-    """The renderer, its results brought to the CPU, where the tests keep what they expect."""
+    """The renderer, with its results moved to the CPU, where the expected values are."""
 
     def render(self, *args: Any, **kwargs: Any) -> Rendering:
         rendering = super().render(*args, **kwargs)

@@ -1,4 +1,4 @@
-"""Options, refusals, chance, threads, and what must not be disturbed."""
+"""Options, validation, randomness, threads, and freedom from side effects."""
 
 from collections.abc import Iterator
 
@@ -74,9 +74,9 @@ def test_materials_must_be_as_many_as_parts(renderer: WarpRenderer, prepared: Pr
 def test_maps_that_are_not_read_are_refused(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
     rough = Materials((Material({"base_color": torch.ones(3), "roughness": torch.ones(1)}),))
     wrt = frozenset({"base_color"})
-    with pytest.raises(UnsupportedError, match=r"part0.*roughness; read are only base_color"):
+    with pytest.raises(UnsupportedError, match=r"part0.*roughness, but the renderer reads only base_color"):
         renderer.render(prepared, rough, VIEW, spp=1, seed=0)
-    with pytest.raises(UnsupportedError, match=r"part0.*roughness; read are only base_color"):
+    with pytest.raises(UnsupportedError, match=r"part0.*roughness, but the renderer reads only base_color"):
         renderer.render_vjp(prepared, rough, VIEW, ONES, wrt=wrt, spp=1, seed=0)
 
 

@@ -29,7 +29,7 @@ class Case:
 
     @property
     def grad_image(self) -> Tensor:
-        """Of two signs, but with a mean that statistics can find."""
+        """A gradient of both signs, with a mean that is significant."""
         shape = (self.view.height, self.view.width, 3)
         return 1.0 + torch.randn(shape, generator=torch.Generator().manual_seed(1))
 
@@ -52,7 +52,7 @@ class Case:
 
 
 def shadowed(environment: Environment) -> Case:
-    """The lid and its shadow, one part textured."""
+    """The lid and its shadow, with one part textured."""
     materials = scenes.lambertian(scenes.random_texture(5, 7), scenes.GREEN)
     return Case(scenes.occluder(), materials, View(Camera((1.5, 1.2, 3.0)), environment, 12, 9))
 
@@ -69,7 +69,7 @@ def blocks(gradients: list[Tensor]) -> tuple[Tensor, Tensor]:
 
 
 def share_of_irradiance(normal: np.ndarray, rows: int, cols: int, rotation: float, fine: int = 32) -> np.ndarray:
-    """Each pixel's part in irradiance / pi on a surface that nothing shadows, by the midpoint rule."""
+    """Each pixel's share of irradiance / pi on an unshadowed surface, by the midpoint rule."""
     y, x = ((np.arange(n * fine) + 0.5) / fine for n in (rows, cols))
     polar, azimuth = np.pi * y[:, None] / rows, 2.0 * np.pi * (x / cols - 0.5) - rotation
     direction = [np.sin(polar) * np.sin(azimuth), np.cos(polar) + 0.0 * azimuth, -np.sin(polar) * np.cos(azimuth)]
@@ -91,7 +91,7 @@ def test_the_picture_is_the_product_of_light_and_gradient(renderer: WarpRenderer
 
 
 def test_the_gradient_is_that_of_finite_differences_on_the_same_directions(renderer: WarpRenderer) -> None:
-    """Directions are drawn by the mean of the channels, which sums of whole numbers over 256 keep exactly."""
+    """Directions are drawn by the mean of the channels, which steps of multiples of 1/256 leave exactly as it is."""
     generator = torch.Generator().manual_seed(2)
     radiance = torch.randint(64, 192, (6, 12, 3), generator=generator) / 256
     step = torch.randint(0, 64, (6, 12), generator=generator) / 256
@@ -104,7 +104,7 @@ def test_the_gradient_is_that_of_finite_differences_on_the_same_directions(rende
 
 
 def test_on_average_the_gradient_is_that_of_finite_differences(renderer: WarpRenderer) -> None:
-    """A long step moves the samples, too, which the mean does not feel: it is linear."""
+    """A long step moves the samples too. The expectation is linear, so it does not show there."""
     case = shadowed(scenes.random_light(rotation=ROTATION))
     radiance = case.view.environment.radiance
     step = radiance * torch.linspace(0.0, 1.0, 16)[:, None]
@@ -131,7 +131,7 @@ def test_on_average_the_gradient_is_that_of_finite_differences(renderer: WarpRen
     ids=["random", "black", "sun", "odd"],
 )
 def test_each_pixel_of_the_environment_has_its_known_gradient(renderer: WarpRenderer, environment: Environment) -> None:
-    """On a lone plane it is the pixel's solid angle, weighted by the cosine: whatever shines from it."""
+    """On a single plane it is the pixel's solid angle times the cosine, independent of the radiance."""
     rows, cols, _ = environment.radiance.shape
     albedo = torch.tensor([0.2, 0.5, 0.9])
     view = View(Camera((0.0, 0.3, 3.0), vertical_fov=0.3), environment, 8, 8)
@@ -150,7 +150,7 @@ def test_each_pixel_of_the_environment_has_its_known_gradient(renderer: WarpRend
 
 
 def test_light_from_below_the_horizon_has_exactly_no_gradient(renderer: WarpRenderer) -> None:
-    """Row 4 of 8 begins at the horizon, and bilinear lookup carries it half a row above."""
+    """Row 4 of 8 begins at the horizon; by bilinear lookup it also counts half a row above."""
     view = View(Camera((0.0, 2.0, 1.0)), scenes.random_light(8, 16), 8, 8)
     prepared, materials = renderer.prepare(scenes.floor()), scenes.lambertian((0.5, 0.5, 0.5))
     gradient = renderer.render_vjp(
@@ -162,7 +162,7 @@ def test_light_from_below_the_horizon_has_exactly_no_gradient(renderer: WarpRend
 
 
 def test_light_that_a_lid_keeps_off_has_exactly_no_gradient(renderer: WarpRenderer) -> None:
-    """The middle of the floor sees no more of the sky than the lid leaves: from 66 degrees down, row 5.8 of 16."""
+    """The lid hides the sky from the middle of the floor down to 66 degrees from the zenith, row 5.8 of 16."""
     lid = scenes.quad((-1.0, 0.4, 1.0), (2.0, 0.0, 0.0), (0.0, 0.0, -2.0))
     view = View(Camera((0.0, 0.3, 0.3), vertical_fov=0.3), scenes.random_light(16, 16), 8, 8)
     prepared = renderer.prepare(scenes.joined(scenes.floor(), lid))
@@ -202,7 +202,7 @@ def test_only_what_is_asked_for_is_given_and_both_are_one_trace(renderer: WarpRe
 
 
 def test_light_of_any_kind_of_tensor_is_only_read(renderer: WarpRenderer) -> None:
-    """Such as one that is float64, not contiguous, and wants its own gradient."""
+    """For example a tensor that is float64, not contiguous, and requires a gradient."""
     plain = scenes.random_light(8, 16).radiance
     given = plain.double().transpose(0, 1).contiguous().transpose(0, 1).requires_grad_()
     case = shadowed(Environment(plain, ROTATION))

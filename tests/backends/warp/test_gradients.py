@@ -1,4 +1,4 @@
-"""The gradient is that of the very picture that the same seed renders."""
+"""The gradient is the exact derivative of the picture with the same seed."""
 
 import pytest
 import torch
@@ -90,7 +90,7 @@ def test_a_gradient_needs_no_contiguous_float32(renderer: WarpRenderer, view: Vi
 
 
 def test_sums_of_very_many_samples_stay_exact(renderer: WarpRenderer) -> None:
-    """A constant colour and a constant light gather a million and two million small parts in one number each."""
+    """A constant colour and a constant light each sum a million terms or more in one number."""
     prepared, colour = renderer.prepare(scenes.plane(2.0)), torch.tensor([0.5, 0.25, 1.0])
     view = scenes.front_view(scenes.constant_light((3.0, 2.0, 1.0), 1, 1), distance=1.0)
     args = (prepared, scenes.lambertian(colour), view)

@@ -1,10 +1,9 @@
-"""The transport is the picture before materials, and its transpose is the gradient."""
+"""The transport is the picture without materials, and its transpose is the gradient."""
 
 import pytest
 import torch
 from svbrdfgan_warp import WarpRenderer
-from svbrdfgan_warp.records import runs
-from svbrdfgan_warp.scene import PreparedSurface
+from svbrdfgan_warp.scene import PreparedSurface, film_chunks
 
 from svbrdfgan.rendering.texture_filter import bilinear_taps, sample_texture
 from svbrdfgan.testing import scenes
@@ -81,9 +80,9 @@ def test_samples_in_the_dark_are_there_with_no_weight(renderer: WarpRenderer) ->
     assert (samples.weight == 0).all()
 
 
-def test_runs_are_whole_pixels_that_tile_the_film(view: View) -> None:
+def test_chunks_are_whole_pixels_that_tile_the_film(view: View) -> None:
     for spp in (1, 1000, 10**6):
-        pieces = runs(view, spp, 0, torch.device("cpu"))
+        pieces = film_chunks(view, spp, 0, torch.device("cpu"))
         assert [p.first for p in pieces] == [0, *torch.tensor([p.pixels for p in pieces]).cumsum(0).tolist()[:-1]]
         assert sum(p.pixels for p in pieces) == 77
         assert all(len(p) <= 2**15 or p.pixels == 1 for p in pieces)

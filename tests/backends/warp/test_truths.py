@@ -1,4 +1,4 @@
-"""Pictures whose answer is known without a renderer."""
+"""Pictures with known answers."""
 
 import pytest
 from svbrdfgan_warp import WarpRenderer
@@ -11,7 +11,7 @@ WHITE = (1.0, 1.0, 1.0)
 
 @pytest.mark.parametrize(("scale", "away"), [(1e-3, 0.0), (1.0, 1e4), (1e3, 0.0)])
 def test_size_and_place_do_not_matter(renderer: WarpRenderer, scale: float, away: float) -> None:
-    """The rays' offsets follow the scene: a sphere does not shadow itself at any size, or far from the origin."""
+    """Ray offsets scale with the scene: a sphere does not shadow itself at any size, nor far from the origin."""
     unit = scenes.sphere(1.0, 32, 64)
     moved = scenes.surface_of(unit.positions * scale + away, unit.normals, unit.uv, unit.faces)
     camera = Camera((away, away, away + 3.0 * scale), (away, away, away), vertical_fov=0.8)

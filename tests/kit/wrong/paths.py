@@ -65,7 +65,7 @@ class WithoutShadows(OnNumpy):
 def without_shadows() -> Iterator[None]:
     """The NumPy renderer finds nothing where it asks only whether there is something."""
     from svbrdfgan_numpy import integrator
-    from svbrdfgan_numpy.triangles import Hits
+    from svbrdfgan_numpy.bvh import Hits
 
     def search(bvh: Any, origin: np.ndarray, direction: np.ndarray, *, any_hit: bool = False) -> Any:
         return Hits.none(len(origin)) if any_hit else right(bvh, origin, direction)

@@ -1,4 +1,4 @@
-"""Environments that were rendered before are known again, and only by what they hold."""
+"""The emitter cache finds environments that were rendered before, and only by their contents."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 import torch
-from svbrdfgan_warp import WarpRenderer, light
+from svbrdfgan_warp import WarpRenderer, environment
 from torch import Tensor
 
 from svbrdfgan.testing import scenes
@@ -17,10 +17,10 @@ Render = Callable[[Tensor], Tensor]
 
 @pytest.fixture
 def made(monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
-    """The images that tables were made for."""
+    """The images for which tables were made."""
     calls: list[Tensor] = []
-    make = light._tables
-    monkeypatch.setattr(light, "_tables", lambda radiance: (calls.append(radiance), make(radiance))[1])
+    make = environment._tables
+    monkeypatch.setattr(environment, "_tables", lambda radiance: (calls.append(radiance), make(radiance))[1])
     return calls
 
 
@@ -42,13 +42,13 @@ def lights(count: int) -> list[Tensor]:
 
 def test_a_dozen_in_turn_are_made_once(render: Render, made: list[Tensor]) -> None:
     for _ in range(2):
-        for radiance in lights(12):  # equal ones, not the same
+        for radiance in lights(12):  # equal tensors, not the same ones
             render(radiance)
     assert len(made) == 12
 
 
-def test_one_that_was_written_into_is_another(render: Render, made: list[Tensor]) -> None:
-    """Also where torch does not see it."""
+def test_one_that_was_written_into_is_new(render: Render, made: list[Tensor]) -> None:
+    """Even where torch does not see the write."""
     radiance = lights(1)[0]
     before = render(radiance)
     radiance.numpy()[...] *= 2.0
@@ -58,11 +58,11 @@ def test_one_that_was_written_into_is_another(render: Render, made: list[Tensor]
 
 def test_of_large_ones_fewer_are_kept(render: Render, made: list[Tensor], monkeypatch: pytest.MonkeyPatch) -> None:
     one, two, three = lights(3)
-    monkeypatch.setattr(light, "_PIXELS", 2 * one.numel() // 3)
+    monkeypatch.setattr(environment, "_PIXELS", 2 * one.numel() // 3)
     for radiance in (one, two, three, two, one):
         render(radiance)
     assert len(made) == 4
-    monkeypatch.setattr(light, "_PIXELS", 1)  # the last one always is
+    monkeypatch.setattr(environment, "_PIXELS", 1)  # the last environment is always kept
     for _ in range(2):
         render(three)
     assert len(made) == 5

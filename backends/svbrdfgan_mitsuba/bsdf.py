@@ -1,7 +1,8 @@
-"""How light is reflected at many points at once: Lambert's law, and glTF's dielectric (`docs/conventions.md`).
+"""The BSDFs at many points at once: Lambertian, and glTF's dielectric (`docs/conventions.md`).
 
 Directions are unit vectors away from the surface, in the frame of the shading normal turned to the viewer. `value` is
-the BSDF times the cosine; it may be differentiated. `sample` and `density` may not: samples are taken as drawn.
+the BSDF times the cosine, and differentiable. `sample` and `density` are detached: gradients treat drawn directions as
+constants, and a density that followed the roughness would bias them.
 """
 
 from __future__ import annotations
@@ -10,21 +11,21 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from svbrdfgan.types import DIELECTRIC_REFLECTANCE, LEAST_ROUGHNESS
-from svbrdfgan_mitsuba.jit import dr, mitsuba
+from svbrdfgan_mitsuba.interop import dr, mitsuba
 
 GLOSS = 0.25
-"""Share of the samples of glossy parts that are drawn from the mirror lobe. It reflects little: F0 is 0.04."""
+"""Share of the directions at glossy points that are drawn from the gloss. It reflects little: F0 is 0.04."""
 
 
-class Reflection(Protocol):
-    """What a point does with light."""
+class Bsdf(Protocol):
+    """How a point reflects light."""
 
     def sample(self, choice: Any, random: Any) -> Any:
-        """A direction, from a number and a pair of numbers in [0, 1)."""
+        """A direction, drawn by a number and a pair of numbers in [0, 1)."""
         ...
 
     def density(self, incoming: Any) -> Any:
-        """Of `sample`, per steradian."""
+        """The density of `sample`, per steradian."""
         ...
 
     def value(self, incoming: Any) -> Any:
@@ -51,12 +52,12 @@ class Lambertian:
 
 @dataclass(frozen=True, eq=False)
 class Dielectric:
-    """f = (1 - F) base_color / pi + F D G / (4 |n.w_o| |n.w_i|), or Lambertian where `glossy` does not hold.
+    """f = (1 - F) base_color / pi + F D G / (4 |n.w_o| |n.w_i|), or Lambertian where not `glossy`.
 
     Attributes:
-        roughness: as read from the map, not yet bounded.
-        glossy: which points have a roughness.
-        viewer: towards the viewer; its z is not negative.
+        roughness: as read from the map, not yet bounded below.
+        glossy: whether the point's part has a roughness.
+        viewer: direction to the viewer; its z is not negative.
     """
 
     mi: Any
@@ -74,7 +75,7 @@ class Dielectric:
     def density(self, incoming: Any) -> Any:
         half, facing = self._half(incoming)
         facets = self._facets(dr.detach(self.roughness))
-        viewer = self.mi.Vector3f(self.viewer.x, self.viewer.y, dr.maximum(self.viewer.z, 1e-7))  # pdf divides by z
+        viewer = self.mi.Vector3f(self.viewer.x, self.viewer.y, dr.maximum(self.viewer.z, 1e-7))  # `pdf` divides by z
         mirrored = facets.pdf(viewer, half) / (4.0 * dr.maximum(facing, 1e-12))
         diffuse = dr.maximum(incoming.z, 0.0) * dr.inv_pi
         mixed = dr.lerp(diffuse, dr.select(facing > 0.0, mirrored, 0.0), GLOSS)
@@ -94,7 +95,7 @@ class Dielectric:
         return diffuse + dr.select(lit & self.glossy, mirrored, 0.0)
 
     def _half(self, incoming: Any) -> tuple[Any, Any]:
-        """The vector halfway to the viewer, and its cosine to either."""
+        """The half vector, and its cosine with either direction."""
         half = dr.normalize(self.viewer + incoming)
         return half, dr.dot(half, self.viewer)
 

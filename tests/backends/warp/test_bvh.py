@@ -1,4 +1,4 @@
-"""The tree gives what brute force gives, on meshes that are hard on trees."""
+"""The BVH gives what brute force gives, on meshes that are hard for trees."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 import torch
 import warp as wp
 from numpy import ndarray
-from svbrdfgan_warp import build, traverse, tree
-from svbrdfgan_warp.device import choose, launch
-from svbrdfgan_warp.tree import plant
+from svbrdfgan_warp import bvh, bvh_kernels
+from svbrdfgan_warp.bvh import build_bvh
+from svbrdfgan_warp.device import choose_device, launch
 
 RAYS = 2000
 
@@ -26,12 +26,12 @@ def shoot(
     blocked: wp.array(dtype=wp.int32),
 ):
     i = wp.tid()
-    face[i] = traverse.nearest(nodes, triangles, starts[i], directions[i])[0]
-    blocked[i] = wp.where(traverse.blocked(nodes, triangles, starts[i], directions[i]), 1, 0)
+    face[i] = bvh_kernels.nearest(nodes, triangles, starts[i], directions[i])[0]
+    blocked[i] = wp.where(bvh_kernels.blocked(nodes, triangles, starts[i], directions[i]), 1, 0)
 
 
 def soup(rng: np.random.Generator) -> ndarray:
-    """Triangles of all sizes anywhere."""
+    """Triangles of all sizes, anywhere."""
     return rng.normal(size=(300, 1, 3)) + rng.normal(size=(300, 3, 3)) * rng.uniform(0.1, 1.0, (300, 1, 1)) ** 3
 
 
@@ -51,7 +51,7 @@ def alone(rng: np.random.Generator) -> ndarray:
 
 
 def strung_out(rng: np.random.Generator) -> ndarray:
-    """Each half as large and half as far out as the one before, so that the tree is as deep as can be."""
+    """Each half as large and half as far out as the one before, which makes the tree as deep as possible."""
     return rng.normal(size=(16, 3, 3)) * 0.5 ** np.arange(16)[:, None, None]
 
 
@@ -68,43 +68,43 @@ def test_rays_meet_what_they_meet_without_a_tree(mesh: Callable[[np.random.Gener
     directions = targets - starts
     directions[::7] = np.eye(3)[rng.integers(3, size=len(directions[::7]))] * rng.choice([-1, 1])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    face, blocked = _shot(points, starts, directions, device)
+    face, blocked = _shoot(points, starts, directions, device)
     t = _distances(points.astype(np.float64).reshape(-1, 3, 3), starts, directions)
     nearest = t.min(axis=1)
     wanted = np.isfinite(nearest)
-    clear = t > nearest[:, None] + 1e-4 * radius  # equally near ones may take turns
-    assert (wanted == (face >= 0)).mean() > 0.995  # edges may be met or missed
+    clear = t > nearest[:, None] + 1e-4 * radius  # either of two equally near faces is right
+    assert (wanted == (face >= 0)).mean() > 0.995  # rays at edges may hit or miss
     assert (blocked == (face >= 0)).all()
     both = wanted & (face >= 0)
     assert not clear[both, face[both]].any()
 
 
 def test_points_of_no_face_change_nothing(device: str) -> None:
-    """Bounds are widened by what rounding at the farthest corner needs, not at a stray point."""
-    where, points = choose(device), torch.from_numpy(soup(np.random.default_rng(5)).reshape(-1, 3)).float()
+    """Bounds are widened for the rounding at the farthest corner, not at an unused point."""
+    where, points = choose_device(device), torch.from_numpy(soup(np.random.default_rng(5)).reshape(-1, 3)).float()
     corners = torch.arange(len(points), dtype=torch.int32, device=where)
     stray = torch.cat([points, torch.full((1, 3), 1e6)])
-    # As sets: on CUDA nodes are numbered in the order in which threads come.
-    trees = [plant(each.to(where), corners) for each in (points, stray)]
+    # As sets: on CUDA the nodes' numbers depend on the order of the threads.
+    trees = [build_bvh(each.to(where), corners) for each in (points, stray)]
     bounds = [sorted(map(tuple, wp.to_torch(nodes).view(-1, 20)[:, :3].tolist())) for nodes, _ in trees]
     assert bounds[0] == bounds[1]
 
 
 @pytest.mark.parametrize("apart", [0.0, 1.0])
 def test_boxes_that_tie_pair_off_at_once(apart: float, device: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whether coincident or evenly spaced, 1024 of them take about as many rounds as halvings, not one each."""
+    """Coincident or evenly spaced, 1024 of them take about as many rounds as halvings, not one round each."""
     rounds = []
-    monkeypatch.setattr(tree, "launch", lambda kernel, *rest: (rounds.append(kernel), launch(kernel, *rest)))
+    monkeypatch.setattr(bvh, "launch", lambda kernel, *rest: (rounds.append(kernel), launch(kernel, *rest)))
     triangle = np.random.default_rng(5).uniform(size=(3, 3)).astype(np.float32)
     points = triangle + apart * np.arange(1024, dtype=np.float32)[:, None, None] * np.eye(3, dtype=np.float32)[0]
-    where = choose(device)
-    plant(torch.from_numpy(points.reshape(-1, 3)).to(where), torch.arange(3072, dtype=torch.int32, device=where))
-    assert rounds.count(build.choose) <= 20
+    where = choose_device(device)
+    build_bvh(torch.from_numpy(points.reshape(-1, 3)).to(where), torch.arange(3072, dtype=torch.int32, device=where))
+    assert rounds.count(bvh_kernels.find_partners) <= 20
 
 
-def _shot(points: ndarray, starts: ndarray, directions: ndarray, device: str) -> tuple[ndarray, ndarray]:
-    where = choose(device)
-    tree = plant(torch.from_numpy(points).to(where), torch.arange(len(points), dtype=torch.int32, device=where))
+def _shoot(points: ndarray, starts: ndarray, directions: ndarray, device: str) -> tuple[ndarray, ndarray]:
+    where = choose_device(device)
+    tree = build_bvh(torch.from_numpy(points).to(where), torch.arange(len(points), dtype=torch.int32, device=where))
     rays = [wp.from_torch(torch.tensor(x, dtype=torch.float32, device=where), wp.vec3) for x in (starts, directions)]
     face, blocked = (torch.empty(RAYS, dtype=torch.int32, device=where) for _ in range(2))
     launch(shoot, RAYS, (*tree, *rays, wp.from_torch(face), wp.from_torch(blocked)), where)
@@ -112,7 +112,7 @@ def _shot(points: ndarray, starts: ndarray, directions: ndarray, device: str) ->
 
 
 def _distances(triangles: ndarray, starts: ndarray, directions: ndarray) -> ndarray:
-    """Of each ray to each triangle, infinite where they do not meet (Möller and Trumbore 1997)."""
+    """The distance of each ray to each triangle, infinite where they do not meet (Möller and Trumbore 1997)."""
     a, b, c = triangles.transpose(1, 0, 2)
     o = starts.astype(np.float32).astype(np.float64)[:, None] - a
     d = np.broadcast_to(directions.astype(np.float32).astype(np.float64)[:, None], o.shape)

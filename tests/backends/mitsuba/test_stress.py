@@ -5,17 +5,17 @@ from pathlib import Path
 import pytest
 import torch
 from svbrdfgan_mitsuba import MitsubaRenderer
-from svbrdfgan_mitsuba.jit import dr
+from svbrdfgan_mitsuba.interop import dr
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, Material, Materials, View
 
 KERNELS = {1: 24, 3: 48}
-"""The most kernels that ever so many scenes may need, by bounces: with gloss and without, one-texel maps and so on."""
+"""Most kernels that any number of scenes may need, by bounces: with gloss and without, one-texel maps and so on."""
 
 
 def scene(number: int) -> tuple[object, Materials, View, int]:
-    """Other geometry, parts, textures, lights, cameras and films with every number."""
+    """A scene with other geometry, parts, textures, lights, camera and film for every number."""
     random = torch.Generator().manual_seed(number)
 
     def between(low: int, high: int) -> int:
@@ -54,7 +54,7 @@ def resident_mebibytes() -> float:
     return pages * 4096 / 2**20
 
 
-def endure(max_bounces: int, count: int, growth: float) -> None:
+def stress(max_bounces: int, count: int, growth: float) -> None:
     """The number of kernels is bounded, and the second half of the scenes needs no more memory than the first."""
     renderer, kernels, memory = MitsubaRenderer("cpu", max_bounces), set(), []
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
@@ -69,13 +69,13 @@ def endure(max_bounces: int, count: int, growth: float) -> None:
 
 @pytest.mark.parametrize("max_bounces", [1, 3])
 def test_changing_scenes_need_no_new_kernels(max_bounces: int) -> None:
-    endure(max_bounces, 30, growth=20.0)
+    stress(max_bounces, 30, growth=20.0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("max_bounces", [1, 3])
 def test_three_hundred_changing_scenes(max_bounces: int) -> None:
-    endure(max_bounces, 300, growth=20.0)
+    stress(max_bounces, 300, growth=20.0)
 
 
 def test_a_great_film_needs_little_memory(renderer: MitsubaRenderer) -> None:

@@ -1,8 +1,8 @@
-"""A surface's triangles in a tree of eight-wide nodes, built and walked on the device.
+"""A bounding volume hierarchy of eight-wide nodes over a surface's triangles, built on the device.
 
-A node takes 80 bytes: its lower corner, the exponents of a grid of 255 steps and which slots have inner children, the
-numbers of its first inner child and first triangle, and for each of eight slots a byte that says what is there, and its
-bounds on the grid.
+A node takes 80 bytes: its lower corner; the exponents of a grid of 255 steps per axis, and a mask of the slots with
+inner children; the indices of its first inner child and first triangle; and for each of eight slots a byte that says
+what it holds, and its bounds on the grid.
 """
 
 from __future__ import annotations
@@ -15,40 +15,41 @@ import warp as wp
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from svbrdfgan_warp import build
+from svbrdfgan_warp import bvh_kernels
 from svbrdfgan_warp.device import launch
 
 _SLACK = 2e-6
-"""By how much of the largest coordinate bounds are widened; rounding in the traversal stays below a quarter of it."""
+"""Share of the largest coordinate by which bounds are widened; the traversal rounds by less than a quarter of it."""
 _BITS = 21
+"""Of each coordinate in a Morton code; three times 21 fit into a signed 64-bit integer."""
 
 
-def plant(points: Float[Tensor, "vertices 3"], corners: Int[Tensor, " 3_faces"]) -> tuple[Any, Any]:
-    """The nodes, and the triangles in the order in which the nodes name them, as the traversal takes them.
+def build_bvh(points: Float[Tensor, "vertices 3"], corners: Int[Tensor, " 3_faces"]) -> tuple[Any, Any]:
+    """The nodes, and the triangles in the order of the nodes' references, as the traversal takes them.
 
-    A triangle is its corners; the fourth component of the first has the bits of its face's number. Points are to be
-    centred at the origin: bounds are widened by what single precision rounds off at that distance.
+    A triangle is its three corners; the fourth component of the first holds the bits of its face's number. The points
+    should be centred at the origin: bounds are widened in proportion to the largest coordinate, as float32 rounds.
     """
     faces = len(corners) // 3
-    twice = corners.repeat(2) if faces == 1 else corners  # a binary tree has two leaves at least
+    twice = corners.repeat(2) if faces == 1 else corners  # a binary tree has at least two leaves
     mesh = (wp.from_torch(points, wp.vec3), wp.from_torch(twice))
-    corner = points[twice.long()].view(-1, 3, 3)  # of faces alone: stray points may lie anywhere
-    tree = _merged(mesh, _curve(corner).argsort(), _SLACK * float(corner.abs().max()))
-    nodes, order = _wide(tree)
+    corner = points[twice.long()].view(-1, 3, 3)  # of faces only: unused points may lie anywhere
+    tree = _clustered(mesh, _morton_codes(corner).argsort(), _SLACK * float(corner.abs().max()))
+    nodes, order = _widened(tree)
     triangles = torch.empty(len(order), 3, 4, dtype=torch.float32, device=points.device)
-    kept = wp.from_torch(triangles, wp.vec4)
-    launch(build.place, len(order), (*mesh, wp.from_torch(order % faces), kept), points.device)
-    return wp.from_torch(nodes.view(-1), wp.uint32), kept
+    copies = wp.from_torch(triangles, wp.vec4)
+    launch(bvh_kernels.copy_triangles, len(order), (*mesh, wp.from_torch(order % faces), copies), points.device)
+    return wp.from_torch(nodes.view(-1), wp.uint32), copies
 
 
 @dataclass(frozen=True, eq=False)
-class _Binary:
-    """A binary tree: triangles, by the numbers of their faces, and after them inner nodes; the last is the root.
+class _BinaryTree:
+    """A binary tree. Its nodes are the triangles, numbered by their faces, then the inner nodes; the last is the root.
 
     Attributes:
         children: of the inner nodes.
         counts: triangles under each node.
-        lower, upper: bounds of each.
+        lower, upper: bounds of each node.
     """
 
     children: Int[Tensor, "inner 2"]
@@ -57,22 +58,22 @@ class _Binary:
     upper: Float[Tensor, "nodes 3"]
 
     @classmethod
-    def empty(cls, n: int, device: torch.device) -> _Binary:
+    def empty(cls, n: int, device: torch.device) -> _BinaryTree:
         nodes = 2 * n - 1
         children = torch.empty(n - 1, 2, dtype=torch.int32, device=device)
         counts = torch.ones(nodes, dtype=torch.int32, device=device)
         lower, upper = (torch.empty(nodes, 3, dtype=torch.float32, device=device) for _ in range(2))
         return cls(children, counts, lower, upper)
 
-    def argument(self) -> build.Binary:
+    def argument(self) -> bvh_kernels.BinaryTree:
         """The tree as kernels take it."""
-        result: Any = build.Binary()
+        result: Any = bvh_kernels.BinaryTree()
         result.children, result.counts = wp.from_torch(self.children, wp.vec2i), wp.from_torch(self.counts)
         result.lower, result.upper = wp.from_torch(self.lower, wp.vec3), wp.from_torch(self.upper, wp.vec3)
         return result
 
     def merge(self, node: int, first: Int[Tensor, " pairs"], second: Int[Tensor, " pairs"]) -> Int[Tensor, " pairs"]:
-        """New nodes, numbered from `node`, each with these two children."""
+        """The numbers of new nodes, from `node` on, each the parent of a first and a second child."""
         new = torch.arange(node, node + len(first), device=first.device)
         self.children[new - (len(self.children) + 1)] = torch.stack([first, second], dim=1)
         self.counts[new] = self.counts[first] + self.counts[second]
@@ -81,17 +82,18 @@ class _Binary:
         return new.int()
 
 
-def _merged(mesh: tuple[Any, Any], order: Int[Tensor, " triangles"], slack: float) -> _Binary:
-    """Neighbours on the curve merged, wherever two choose each other, until one is left.
+def _clustered(mesh: tuple[Any, Any], order: Int[Tensor, " triangles"], slack: float) -> _BinaryTree:
+    """The tree that comes from merging, round by round, those neighbours on the curve that choose each other.
 
     Meister and Bittner, "Parallel Locally-Ordered Clustering for Bounding Volume Hierarchy Construction", TVCG 2018.
     """
     device, node = order.device, len(order)
-    tree, clusters = _Binary.empty(node, device), order.int()
-    launch(build.bound, node, (*mesh, slack, tree.argument()), device)
+    tree, clusters = _BinaryTree.empty(node, device), order.int()
+    launch(bvh_kernels.bound_triangles, node, (*mesh, slack, tree.argument()), device)
     while len(clusters) > 1:
         partner = torch.empty(len(clusters), dtype=torch.int64, device=device)
-        launch(build.choose, len(clusters), (wp.from_torch(clusters), tree.argument(), wp.from_torch(partner)), device)
+        given = (wp.from_torch(clusters), tree.argument(), wp.from_torch(partner))
+        launch(bvh_kernels.find_partners, len(clusters), given, device)
         index = torch.arange(len(clusters), device=device)
         mutual = partner[partner] == index
         first = (mutual & (index < partner)).nonzero().squeeze(1)
@@ -101,25 +103,25 @@ def _merged(mesh: tuple[Any, Any], order: Int[Tensor, " triangles"], slack: floa
     return tree
 
 
-def _wide(tree: _Binary) -> tuple[Int[Tensor, "nodes 20"], Int[Tensor, " triangles"]]:
-    """The wide nodes, level by level, and the faces in the order in which they name them."""
+def _widened(tree: _BinaryTree) -> tuple[Int[Tensor, "nodes 20"], Int[Tensor, " triangles"]]:
+    """The wide nodes, made level by level, and the faces in the order of the nodes' references."""
     device, n = tree.counts.device, len(tree.children) + 1
     integers: dict[str, Any] = {"dtype": torch.int32, "device": device}
     nodes, order = torch.empty(n, 20, **integers), torch.empty(n, **integers)
-    sources = torch.full((n,), 2 * n - 2, **integers)  # for each wide node, the binary one
+    sources = torch.full((n,), 2 * n - 2, **integers)  # the binary node that each wide node is made from
     counters = torch.tensor([1, 0], **integers)  # nodes and triangles so far
-    grown: Any = build.Wide()
-    grown.nodes, grown.sources = wp.from_torch(nodes.view(-1), wp.uint32), wp.from_torch(sources)
-    grown.order, grown.counters = wp.from_torch(order), wp.from_torch(counters)
+    wide: Any = bvh_kernels.WideTree()
+    wide.nodes, wide.sources = wp.from_torch(nodes.view(-1), wp.uint32), wp.from_torch(sources)
+    wide.order, wide.counters = wp.from_torch(order), wp.from_torch(counters)
     begin, end = 0, 1
     while begin < end:
-        launch(build.widen, end - begin, (begin, n, tree.argument(), grown), device)
+        launch(bvh_kernels.widen, end - begin, (begin, n, tree.argument(), wide), device)
         begin, end = end, int(counters[0])
     return nodes[:end].clone(), order
 
 
-def _curve(corner: Float[Tensor, "triangles 3 3"]) -> Int[Tensor, " triangles"]:
-    """The place of each triangle's middle on a Morton curve of 2^63 places."""
+def _morton_codes(corner: Float[Tensor, "triangles 3 3"]) -> Int[Tensor, " triangles"]:
+    """The position of each triangle's middle along a Morton curve of 2^63 cells."""
     middle = (corner.amin(dim=1) + corner.amax(dim=1)) / 2
     low, size = middle.amin(dim=0), (middle.amax(dim=0) - middle.amin(dim=0)).amax().clamp_min(1e-30)
     cell = ((middle - low) / size * (2**_BITS - 1)).long().clamp(0, 2**_BITS - 1)
@@ -127,7 +129,7 @@ def _curve(corner: Float[Tensor, "triangles 3 3"]) -> Int[Tensor, " triangles"]:
 
 
 def _spread(x: Int[Tensor, " triangles"]) -> Int[Tensor, " triangles"]:
-    """The 21 lowest bits, with two zeros between neighbours."""
+    """The 21 lowest bits, with two zero bits between neighbours."""
     for shift, mask in (
         (32, 0x1F00000000FFFF),
         (16, 0x1F0000FF0000FF),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from svbrdfgan_numpy.taps import Taps, bilinear_taps
+from svbrdfgan_numpy.textures import Taps, bilinear_taps
 
 RNG = np.random.default_rng(0)
 UV = RNG.uniform(0.0, 1.0, (500, 2))

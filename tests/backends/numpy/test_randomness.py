@@ -1,4 +1,4 @@
-"""Seeds, samples and chunks."""
+"""Random numbers, and their independence of seeds, pixels and chunks."""
 
 import torch
 from svbrdfgan_numpy import NumpyRenderer
