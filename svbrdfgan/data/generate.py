@@ -24,7 +24,7 @@ from svbrdfgan.protocols import Renderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.types import Rendering
-from svbrdfgan.utils.display import Display, Silent
+from svbrdfgan.utils.display import Display, SilentDisplay
 from svbrdfgan.weathering import recipe_from_options
 
 BRIGHTEST = 60000.0
@@ -64,7 +64,7 @@ def generate(
     if devices > 1:
         fabric.launch(partial(_render_on_device, job=job))
     else:
-        _render_share(fabric, job, renderer, display or Silent())
+        _render_share(fabric, job, renderer, display or SilentDisplay())
     return dataset.index
 
 
@@ -138,7 +138,7 @@ def _missing_by_mesh(dataset: Dataset) -> list[list[tuple[Split, int]]]:
 def _render_on_device(fabric: Fabric, job: _Job) -> None:
     """A spawned process opens the renderer on its own device."""
     renderer, _ = resolve_renderer(job.renderer, fabric.device, job.dataset.config.maps)
-    _render_share(fabric, job, renderer, Silent())
+    _render_share(fabric, job, renderer, SilentDisplay())
 
 
 def _render_share(fabric: Fabric, job: _Job, renderer: Renderer[Any], display: Display) -> None:

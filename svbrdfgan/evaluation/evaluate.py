@@ -33,7 +33,7 @@ from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source, stack_geometry
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric
 from svbrdfgan.training.run import ORACLE, ORACLE_NOTES, RunConfig, load_generator, load_model, save_generator
-from svbrdfgan.utils.display import Display, Silent
+from svbrdfgan.utils.display import Display, SilentDisplay
 
 _ORACLE_TARGETS = 2048
 
@@ -79,7 +79,7 @@ def evaluate(
         AssetError: the folder is no run or has no model yet, or its data set or that split is missing.
         ConfigError: the data set is another one, or torch finds no such device.
     """
-    shown = display or Silent()
+    shown = display or SilentDisplay()
     fabric = make_fabric(device)
     model = load_model(run)
     config = _with_dataset(model.config, dataset)

@@ -19,7 +19,7 @@ from svbrdfgan.experiments.run_store import Shelf
 from svbrdfgan.experiments.schedule import Schedule
 from svbrdfgan.experiments.table import write_results
 from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask, Task
-from svbrdfgan.utils.display import Display, Silent
+from svbrdfgan.utils.display import Display, SilentDisplay
 from svbrdfgan.utils.processes import cores
 
 
@@ -69,7 +69,7 @@ def run_experiments(
     work = [each for each in _work(cells, root, runs, assets or Path(), jobs) if not each.run.done()]
     schedule = Schedule(_missing(work, jobs))
     results = [_report(design, root, runs) for design in designs]
-    shown = display or Silent()
+    shown = display or SilentDisplay()
     shown.begin("data sets, oracles and runs", len(schedule))
     with closing(execute(schedule, jobs, until, shown)) as ended:
         for task, reason in ended:

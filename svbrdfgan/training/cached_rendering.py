@@ -20,7 +20,7 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import Renderer, TransportRenderer
 from svbrdfgan.rendering.compositing import composite
 from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
-from svbrdfgan.rendering.transport.cache import Reader, Reading, TransportCache
+from svbrdfgan.rendering.transport.cache import PendingTransport, TransportCache, TransportReader
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.demodulation import Demodulator
@@ -96,7 +96,7 @@ class CachedRendering:
     seed: int = 0
     options: Mapping[str, object] = field(default_factory=dict)
     _cache: MutableMapping[_Key, LightTransport] = field(default_factory=TransportCache)
-    _pending: dict[_Key, Reading] = field(default_factory=dict)
+    _pending: dict[_Key, PendingTransport] = field(default_factory=dict)
     _paths: dict[_Key, Path] = field(default_factory=dict)
     _prepared: dict[int, Any] = field(default_factory=dict)
     _bases: dict[int, list[Tensor]] = field(default_factory=dict)
@@ -182,8 +182,8 @@ class CachedRendering:
         return self._paths[key]
 
     @cached_property
-    def _reader(self) -> Reader:
-        return Reader(self.device)
+    def _reader(self) -> TransportReader:
+        return TransportReader(self.device)
 
     def _key(self, scene: Scene) -> str:
         """A hash of everything that the transport depends on."""

@@ -28,7 +28,7 @@ from svbrdfgan.training.resolve import ResolvedRun, make_fabric, resolve_run
 from svbrdfgan.training.run import CONFIG, MODEL, ORACLE, ORACLE_NOTES, RunConfig, save_generator
 from svbrdfgan.training.state import State, checkpoint_path, checkpoints, step_of
 from svbrdfgan.training.step import Diagnostics, step_rng, training_step
-from svbrdfgan.utils.display import Display, Silent
+from svbrdfgan.utils.display import Display, SilentDisplay
 
 _REPORT_EVERY = 50
 """Steps between two lines of the metrics log."""
@@ -64,7 +64,7 @@ def train(
         state = State.fresh(config, torch.device("cpu"), layer_channels(record.dataset.maps))
         state.load(checkpoints(run)[-1])
         return state
-    return _train(fabric, resolved, record, run, display or Silent())
+    return _train(fabric, resolved, record, run, display or SilentDisplay())
 
 
 def batch_indices(seed: int, count: int, batch_size: int, number: int) -> list[int]:
@@ -134,7 +134,7 @@ def _train(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path, 
 
 def _train_in_process(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path) -> None:
     """Trains in a spawned process. It returns no state, since its tensors would end with the process."""
-    _train(fabric, resolved, record, run, Silent())
+    _train(fabric, resolved, record, run, SilentDisplay())
 
 
 def _open_session(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path, display: Display) -> _Session:

@@ -1,4 +1,4 @@
-"""How long jobs say how far they are. The core speaks to a `Display`; the command line brings one that draws."""
+"""The progress of long jobs. The core reports to a `Display`; the command line passes one that draws."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ from typing import Protocol
 
 
 class Display(Protocol):
-    """Shows the progress of one thing at a time."""
+    """Shows the progress of one phase at a time."""
 
     def begin(self, what: str, total: int | None = None) -> None:
-        """A new thing starts, of so many steps if that is known; the one before is over."""
+        """Ends the phase before, and starts one of `total` steps; None where their number is not known."""
         ...
 
     def advance(self, steps: int = 1, note: str = "") -> None:
-        """So many steps are done; the note replaces the one before, if there is one."""
+        """Counts steps as done. A note replaces the one before; an empty one leaves it."""
         ...
 
 
-class Silent:
+class SilentDisplay:
     """Shows nothing."""
 
     def begin(self, what: str, total: int | None = None) -> None:

@@ -13,7 +13,7 @@ from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.experiments import demo
 from svbrdfgan.experiments.demo.run import run_demo
 from svbrdfgan.training.config import train_config
-from svbrdfgan.utils.display import Silent
+from svbrdfgan.utils.display import SilentDisplay
 
 SHIPPED = Path(demo.__file__).parent
 
@@ -39,7 +39,7 @@ def test_the_demonstration_recovers_something(tmp_path: Path) -> None:
     }
     for name, overrides in smaller.items():
         (tmp_path / name).write_text(yaml.safe_dump(apply_overrides(load_yaml(SHIPPED / name), overrides)))
-    result = run_demo(tmp_path, Silent())
+    result = run_demo(tmp_path, SilentDisplay())
     assert 0 < result.evaluation.recovered < 1
     assert result.evaluation.oracle is not None
     assert result.evaluation.recovered < result.evaluation.oracle
@@ -47,6 +47,6 @@ def test_the_demonstration_recovers_something(tmp_path: Path) -> None:
     assert result.report.is_file()
     assert result.picture.is_file()
     assert len(trimesh.load(result.vehicle).geometry) > 1
-    again = run_demo(tmp_path, Silent())
+    again = run_demo(tmp_path, SilentDisplay())
     assert again.evaluation.recovered == pytest.approx(result.evaluation.recovered, abs=1e-4)
     assert again.evaluation.oracle == pytest.approx(result.evaluation.oracle, abs=1e-4)

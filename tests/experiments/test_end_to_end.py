@@ -14,7 +14,7 @@ from svbrdfgan.experiments.processes import execute
 from svbrdfgan.experiments.run_matrix import Design
 from svbrdfgan.experiments.runner import run_experiments
 from svbrdfgan.training.run import load_model
-from svbrdfgan.utils.display import Silent
+from svbrdfgan.utils.display import SilentDisplay
 
 SMALL = (
     *("dataset.image=[32, 32]", "dataset.texture=32", "dataset.spp=8", "dataset.environment_rows=16"),
@@ -71,7 +71,7 @@ def test_an_experiment_from_nothing_to_a_table(tmp_path: Path) -> None:
     done = []
 
     def watched(schedule, jobs, until, display):  # type: ignore[no-untyped-def]
-        for task, reason in execute(schedule, jobs, until, Silent()):
+        for task, reason in execute(schedule, jobs, until, SilentDisplay()):
             done.append(task.title)
             yield task, reason
 

@@ -16,7 +16,7 @@ from svbrdfgan.data.config import dataset_config
 from svbrdfgan.experiments.processes import OUTPUT, execute, gpus
 from svbrdfgan.experiments.schedule import Schedule
 from svbrdfgan.experiments.tasks import DatasetTask
-from svbrdfgan.utils.display import Silent
+from svbrdfgan.utils.display import SilentDisplay
 
 Stand_In = Callable[[str], None]
 
@@ -44,7 +44,9 @@ def test_a_failure_is_told_by_its_last_line(stand_in: Stand_In, tmp_path: Path) 
     stand_in('case "$told" in *\'"title":"bad"\'*) echo much; echo "car.glb has no faces." >&2; exit 1;; esac')
     ended = {
         made.title: reason
-        for made, reason in execute(Schedule([task(tmp_path, n) for n in ("bad", "good")]), 2, math.inf, Silent())
+        for made, reason in execute(
+            Schedule([task(tmp_path, n) for n in ("bad", "good")]), 2, math.inf, SilentDisplay()
+        )
     }
     assert ended == {"bad": "car.glb has no faces.", "good": None}
     assert (tmp_path / "bad" / OUTPUT).read_text() == "much\ncar.glb has no faces.\n"
@@ -52,17 +54,17 @@ def test_a_failure_is_told_by_its_last_line(stand_in: Stand_In, tmp_path: Path) 
 
 def test_a_process_that_aborts_is_a_failure(stand_in: Stand_In, tmp_path: Path) -> None:
     stand_in("kill -ABRT $$")
-    ((_, reason),) = execute(Schedule([task(tmp_path, "a")]), 1, math.inf, Silent())
+    ((_, reason),) = execute(Schedule([task(tmp_path, "a")]), 1, math.inf, SilentDisplay())
     assert reason == "it was ended by signal 6"
     stand_in("exit 3")
-    ((_, reason),) = execute(Schedule([task(tmp_path, "a")]), 1, math.inf, Silent())
+    ((_, reason),) = execute(Schedule([task(tmp_path, "a")]), 1, math.inf, SilentDisplay())
     assert reason == "it ended with exit code 3"
 
 
 def test_so_many_at_once(stand_in: Stand_In, tmp_path: Path) -> None:
     stand_in(f'touch {tmp_path}/in.$$; ls {tmp_path} | grep -c "^in" ; sleep 0.3; rm {tmp_path}/in.$$')
     tasks = [task(tmp_path, f"t{number}") for number in range(5)]
-    assert len(list(execute(Schedule(tasks), 2, math.inf, Silent()))) == 5
+    assert len(list(execute(Schedule(tasks), 2, math.inf, SilentDisplay()))) == 5
     assert max(int((made.path / OUTPUT).read_text()) for made in tasks) == 2
 
 
@@ -70,7 +72,7 @@ def test_who_stops_asking_ends_them(stand_in: Stand_In, tmp_path: Path) -> None:
     stand_in(f'case "$told" in *\'"title":"slow"\'*) sleep 30; touch {tmp_path}/survived;; esac')
     began, running = (
         time.monotonic(),
-        execute(Schedule([task(tmp_path, n) for n in ("quick", "slow")]), 2, math.inf, Silent()),
+        execute(Schedule([task(tmp_path, n) for n in ("quick", "slow")]), 2, math.inf, SilentDisplay()),
     )
     assert next(running)[0].title == "quick"
     running.close()
@@ -82,7 +84,7 @@ def test_what_has_ended_is_not_ended_again(stand_in: Stand_In, tmp_path: Path) -
     """Where several end at once and whoever asks stops asking after the first."""
     stand_in(f'case "$told" in *\'"title":"slow"\'*) sleep 30; touch {tmp_path}/survived;; *) exit 0;; esac')
     tasks = [task(tmp_path, name) for name in ("quick", "too", "slow")]
-    running = execute(Schedule(tasks), 3, math.inf, Silent())
+    running = execute(Schedule(tasks), 3, math.inf, SilentDisplay())
     next(running)
     running.close()
     assert not (tmp_path / "survived").exists()
@@ -93,7 +95,7 @@ def test_when_time_is_up_they_are_ended(stand_in: Stand_In, ended: Callable[[int
     stand_in(f"sleep 600 & echo $! > {tmp_path}/child; wait")
     began = time.monotonic()
     schedule = Schedule([task(tmp_path, name) for name in ("a", "b")])
-    assert list(execute(schedule, 1, began + 2, Silent())) == []
+    assert list(execute(schedule, 1, began + 2, SilentDisplay())) == []
     assert 2 <= time.monotonic() - began < 60
     assert len(schedule) == 2
     assert not (tmp_path / "b").exists()
@@ -105,7 +107,7 @@ def test_tasks_are_spread_over_the_gpus(stand_in: Stand_In, tmp_path: Path, monk
     assert gpus() == ["4", "GPU-b"]
     stand_in("echo $CUDA_VISIBLE_DEVICES; sleep 0.5")
     tasks = [task(tmp_path, f"t{number}") for number in range(4)]
-    assert len(list(execute(Schedule(tasks), 4, math.inf, Silent()))) == 4
+    assert len(list(execute(Schedule(tasks), 4, math.inf, SilentDisplay()))) == 4
     assert [(made.path / OUTPUT).read_text().strip() for made in tasks] == ["4", "GPU-b"] * 2
 
 
@@ -138,7 +140,9 @@ def test_a_task_ends_that_begins_when_who_started_it_is_gone() -> None:
 
 def test_a_real_task_and_what_it_refuses(tmp_path: Path) -> None:
     """The process reads the task, and its one sentence comes back."""
-    ((_, reason),) = execute(Schedule([task(tmp_path, "wrong", embedding="hemisferical")]), 1, math.inf, Silent())
+    ((_, reason),) = execute(
+        Schedule([task(tmp_path, "wrong", embedding="hemisferical")]), 1, math.inf, SilentDisplay()
+    )
     assert reason is not None
     assert "hemisferical" in reason
     assert "Traceback" not in (tmp_path / "wrong" / OUTPUT).read_text()

@@ -23,7 +23,7 @@ from svbrdfgan.training.all_reduce import GradientAllReduce
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.resolve import ResolvedRun, resolve_run
 from svbrdfgan.training.run import RunConfig
-from svbrdfgan.utils.display import Silent
+from svbrdfgan.utils.display import SilentDisplay
 
 PROCESSES, STEPS, SMALL = 2, 3, 600
 Gradients = list[Tensor | None]
@@ -115,7 +115,7 @@ def alone() -> list[Gradients]:
 def work(fabric: Fabric, folder: Path, resolved: ResolvedRun) -> None:
     """What each of the processes does and leaves: the game, and a training."""
     torch.save(together(fabric.global_rank), folder / f"game{fabric.global_rank}")
-    state = trainer._train(fabric, resolved, RunConfig.of(resolved), folder / "run", Silent())
+    state = trainer._train(fabric, resolved, RunConfig.of(resolved), folder / "run", SilentDisplay())
     learned = [p.detach() for network in (state.generator, state.discriminator) for p in network.parameters()]
     torch.save(learned, folder / f"training{fabric.global_rank}")
 

@@ -19,7 +19,7 @@ from svbrdfgan.data.photos.overlay import contact_sheet
 from svbrdfgan.data.sampler import EnvironmentAsset
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.plugins import load_embedding
-from svbrdfgan.utils.display import Display, Silent
+from svbrdfgan.utils.display import Display, SilentDisplay
 
 OVERLAYS, SHEET, RECORD = "overlay", "contact-sheet.png", "imported.json"
 
@@ -67,7 +67,7 @@ def import_pictures(
     """
     _require_free(folder)
     faults = Faults(source)
-    order = Order(manifest, base, faults, display or Silent())
+    order = Order(manifest, base, faults, display or SilentDisplay())
     with _stage(folder) as stage:
         meshes = check_meshes(order)
         check_environments(order)

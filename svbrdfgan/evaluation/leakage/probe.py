@@ -22,7 +22,7 @@ from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.resolve import make_fabric, resolve_run
-from svbrdfgan.utils.display import Display, Silent
+from svbrdfgan.utils.display import Display, SilentDisplay
 
 PAIRS = "pairs.png"
 _MOST = 1024
@@ -65,7 +65,7 @@ def probe_shortcuts(
             asked.
         AssetError: the data set is missing, not finished, or damaged.
     """
-    began, shown = time.monotonic(), display or Silent()
+    began, shown = time.monotonic(), display or SilentDisplay()
     pairs, how = _open(config, base, shown)
     roles = Roles.deal([int(pairs.exemplars.subject_of[index]) for index in pairs.chosen], config.seed)
     everything = frozenset(how)

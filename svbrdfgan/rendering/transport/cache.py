@@ -58,7 +58,7 @@ class TransportCache(MutableMapping[Key, LightTransport]):
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class PendingTransport:
     """A transport that is being read."""
 
     _future: Future[tuple[LightTransport, torch.cuda.Event | None]]
@@ -77,7 +77,7 @@ class Reading:
         return transport
 
 
-class Reader:
+class TransportReader:
     """Reads transports from files to a device, on threads and, on CUDA, a stream of its own: nothing else waits."""
 
     def __init__(self, device: torch.device) -> None:
@@ -85,9 +85,9 @@ class Reader:
         self._threads = ThreadPoolExecutor(_THREADS, thread_name_prefix="transports")
         self._stream = torch.cuda.Stream(device) if device.type == "cuda" else None
 
-    def read(self, path: Path) -> Reading:
+    def read(self, path: Path) -> PendingTransport:
         """Begins to read what `LightTransport.save` wrote."""
-        return Reading(self._threads.submit(self._read, path))
+        return PendingTransport(self._threads.submit(self._read, path))
 
     def _read(self, path: Path) -> tuple[LightTransport, torch.cuda.Event | None]:
         transport = LightTransport.load(path)

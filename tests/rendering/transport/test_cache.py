@@ -8,7 +8,7 @@ import torch
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.rendering.transport import LightTransport, TransportBatch
-from svbrdfgan.rendering.transport.cache import Reader, TransportCache
+from svbrdfgan.rendering.transport.cache import TransportCache, TransportReader
 
 Make = Callable[..., LightTransport]
 DEVICES = ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",)
@@ -57,15 +57,15 @@ def test_what_is_read_ahead_is_what_was_saved(make_transport: Make, tmp_path: Pa
     transports = [make_transport(n, parts=2).half() for n in range(24)]
     for n, transport in enumerate(transports):
         transport.save(tmp_path / f"{n}.safetensors")
-    reader, cache = Reader(torch.device(device)), TransportCache[int](2 * transports[0].nbytes)
+    reader, cache = TransportReader(torch.device(device)), TransportCache[int](2 * transports[0].nbytes)
     textures = torch.rand(2, 6, 8, 3, generator=torch.Generator().manual_seed(0))
     order = torch.randint(len(transports), (150,), generator=torch.Generator().manual_seed(1)).tolist()
-    coming, pictures = [], []
+    pending, pictures = [], []
     for n, following in zip([None, *order], [*order, None], strict=True):
         if following is not None:
-            coming.append(reader.read(tmp_path / f"{following}.safetensors"))
+            pending.append(reader.read(tmp_path / f"{following}.safetensors"))
         if n is not None:
-            cache[n] = coming.pop(0).result()
+            cache[n] = pending.pop(0).result()
             pictures.append(TransportBatch.stack([cache[n]]).render(textures.to(device))[0])
     for n, picture in zip(order, pictures, strict=True):
         expected = TransportBatch.stack([transports[n]]).render(textures)[0]
@@ -73,7 +73,7 @@ def test_what_is_read_ahead_is_what_was_saved(make_transport: Make, tmp_path: Pa
 
 
 def test_a_damaged_file_is_told_of_when_it_is_wanted(make_transport: Make, tmp_path: Path) -> None:
-    reader = Reader(torch.device("cpu"))
+    reader = TransportReader(torch.device("cpu"))
     (tmp_path / "broken.safetensors").write_bytes(b"x" * 100)
     broken, missing = reader.read(tmp_path / "broken.safetensors"), reader.read(tmp_path / "missing.safetensors")
     with pytest.raises(AssetError, match=r"broken\.safetensors"):
