@@ -2,7 +2,6 @@
 
 from svbrdfgan.networks.discriminator import Discriminator
 from svbrdfgan.networks.generator import GEOMETRY_CHANNELS, Generator, ResidualBlock, Upsampling
-from svbrdfgan.networks.norm import Norm
-from svbrdfgan.networks.weights import initialise
+from svbrdfgan.networks.layers import Norm, initialise
 
 __all__ = ["GEOMETRY_CHANNELS", "Discriminator", "Generator", "Norm", "ResidualBlock", "Upsampling", "initialise"]

@@ -1,4 +1,4 @@
-"""Johnson et al.'s ResNet (2016), with all that stands between two of its convolutions as one operation."""
+"""Johnson et al.'s ResNet (2016); norm, activation and padding between its convolutions are one fused operation."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from svbrdfgan.networks.fused.dispatch import prologue
-from svbrdfgan.networks.fused.reference import Features, Prologue
-from svbrdfgan.networks.norm import Norm, make_norm
+from svbrdfgan.networks.fused import Features, NormActPad, norm_act_pad
+from svbrdfgan.networks.layers import Norm, make_norm
 from svbrdfgan.rendering.compositing import RGBA
 
 GEOMETRY_CHANNELS = 6
@@ -20,17 +19,17 @@ Residual = Float[Tensor, "batch channels rows cols"] | None
 
 
 class Generator(nn.Module):
-    """Johnson et al.'s ResNet (2016): a geometry buffer in, a layer out, at the same size.
+    """Johnson et al.'s ResNet (2016), from a geometry buffer to a layer of the same size.
 
-    One 7x7 convolution, two strided ones, residual blocks, two upsampling convolutions, one 7x7.
+    It has one 7x7 convolution, two strided ones, residual blocks, two upsampling convolutions and one 7x7.
 
     Args:
-        width: channels after the first convolution; four times as many in the blocks. The thesis's is 64.
-        blocks: residual blocks; the thesis has six.
-        norm: "instance" is the thesis's.
-        upsampling: "strided" convolutions, fractionally, are the thesis's, and leave a pattern of four texels in what
-            they paint; "nearest" doubles the features and convolves (Odena et al. 2016), and does not.
-        channels: of the layer: RGBA, and those of further maps (`layer_channels`).
+        width: channels after the first convolution; the blocks have four times as many. The thesis uses 64.
+        blocks: residual blocks; the thesis uses six.
+        norm: the thesis uses "instance".
+        upsampling: "strided" is the thesis's transposed convolution, which leaves a checkerboard of period four in
+            the layer; "nearest" doubles the features and convolves (Odena et al. 2016), which does not.
+        channels: of the layer: RGBA, then those of further maps (`layer_channels`).
     """
 
     def __init__(
@@ -45,15 +44,15 @@ class Generator(nn.Module):
         self.channels = channels
         self.first = nn.Conv2d(GEOMETRY_CHANNELS, width, 7, bias=_biased(norm))
         self.down = nn.Sequential(
-            _convolution(width, 2 * width, 3, norm, stride=2), _convolution(2 * width, 4 * width, 3, norm, stride=2)
+            _conv(width, 2 * width, 3, norm, stride=2), _conv(2 * width, 4 * width, 3, norm, stride=2)
         )
         self.blocks = nn.ModuleList(ResidualBlock(4 * width, norm) for _ in range(blocks))
         self.up = nn.ModuleList([_up(4 * width, 2 * width, norm, upsampling), _up(2 * width, width, norm, upsampling)])
-        self.last = Convolution(nn.Conv2d(width, channels, 7), norm, pad=3)
+        self.last = PreActConv(nn.Conv2d(width, channels, 7), norm, pad=3)
 
     def forward(self, geometry: Float[Tensor, "batch 6 rows cols"]) -> Float[Tensor, "batch rows cols channels"]:
         """Straight-alpha linear values in (0, 1). Rows and columns must be multiples of four, and at least 16."""
-        x: Tensor = self.down(self.first(prologue(geometry, Prologue(pad=3)).padded))
+        x: Tensor = self.down(self.first(norm_act_pad(geometry, NormActPad(pad=3)).padded))
         residual: Residual = None
         for block in self.blocks:
             x, residual = block(x, residual)
@@ -61,12 +60,14 @@ class Generator(nn.Module):
         return torch.sigmoid(x.float()).permute(0, 2, 3, 1)
 
 
-class Convolution(nn.Module):
-    """A convolution of what another one gave, which it first normalises and so on, as `Prologue` says.
+class PreActConv(nn.Module):
+    """A convolution that first normalises, activates, upsamples and pads its input, as `NormActPad` says.
+
+    The norm belongs to the convolution that reads, not to the one that writes, so that it fuses with the padding.
 
     Args:
-        convolve: itself, without padding.
-        norm: of what it reads.
+        convolve: the convolution itself, without padding.
+        norm: of the input.
     """
 
     def __init__(self, convolve: nn.Conv2d | nn.ConvTranspose2d, norm: Norm, pad: int = 0, upsample: int = 1) -> None:
@@ -76,43 +77,42 @@ class Convolution(nn.Module):
         self.convolve = convolve
 
     def forward(self, x: Float[Tensor, "batch inputs rows cols"], residual: Residual = None) -> Tensor:
-        convolved: Tensor = self.convolve(self.read(x, residual).padded)
+        convolved: Tensor = self.convolve(self.activate(x, residual).padded)
         return convolved
 
-    def read(self, x: Float[Tensor, "batch inputs rows cols"], residual: Residual = None) -> Features:
-        """What is convolved. No ReLU follows a sum (He et al. 2016)."""
-        how = Prologue(norm=self.fused, relu=residual is None, upsample=self.upsample, pad=self.pad)
-        return prologue(self.norm(x), how, residual)
+    def activate(self, x: Float[Tensor, "batch inputs rows cols"], residual: Residual = None) -> Features:
+        """The convolution's input. A sum with a residual is not rectified (He et al. 2016)."""
+        spec = NormActPad(norm=self.fused, relu=residual is None, upsample=self.upsample, pad=self.pad)
+        return norm_act_pad(self.norm(x), spec, residual)
 
 
 class ResidualBlock(nn.Module):
-    """Two 3x3 convolutions beside the identity (He et al. 2016). Whoever reads it normalises, and adds the identity."""
+    """Two 3x3 convolutions (He et al. 2016). The consumer applies the norm and adds the skip connection."""
 
     def __init__(self, channels: int, norm: Norm) -> None:
         super().__init__()
-        self.first = _convolution(channels, channels, 3, norm)
-        self.second = _convolution(channels, channels, 3, norm)
+        self.first = _conv(channels, channels, 3, norm)
+        self.second = _conv(channels, channels, 3, norm)
 
     def forward(
         self, x: Float[Tensor, "batch channels h w"], residual: Residual
     ) -> tuple[Float[Tensor, "batch channels h w"], Residual]:
-        """Its second convolution, and what is to be added to the norm of that."""
-        padded, features = self.first.read(x, residual)
+        """The output of the second convolution, and the skip connection to add to its norm."""
+        padded, features = self.first.activate(x, residual)
         return self.second(self.first.convolve(padded)), features
 
 
-def _convolution(inputs: int, outputs: int, size: int, norm: Norm, stride: int = 1, upsample: int = 1) -> Convolution:
+def _conv(inputs: int, outputs: int, size: int, norm: Norm, stride: int = 1, upsample: int = 1) -> PreActConv:
     convolve = nn.Conv2d(inputs, outputs, size, stride, bias=_biased(norm))
-    return Convolution(convolve, norm, pad=size // 2, upsample=upsample)
+    return PreActConv(convolve, norm, pad=size // 2, upsample=upsample)
 
 
-def _up(inputs: int, outputs: int, norm: Norm, upsampling: Upsampling) -> Convolution:
+def _up(inputs: int, outputs: int, norm: Norm, upsampling: Upsampling) -> PreActConv:
     if upsampling == "nearest":
-        return _convolution(inputs, outputs, 3, norm, upsample=2)
+        return _conv(inputs, outputs, 3, norm, upsample=2)
     convolve = nn.ConvTranspose2d(inputs, outputs, 3, stride=2, padding=1, output_padding=1, bias=_biased(norm))
-    return Convolution(convolve, norm)
+    return PreActConv(convolve, norm)
 
 
 def _biased(norm: Norm) -> bool:
-    """Whether convolutions have a bias: an instance norm would take it out again."""
-    return norm != "instance"
+    return norm != "instance"  # an instance norm subtracts any bias again

@@ -1,4 +1,4 @@
-"""What stands between two convolutions: torch's modules one after another, and kernels against them."""
+"""Fused norm, activation, upsampling and padding: the reference is torch's modules, the kernels are the reference."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ import torch
 from torch import Tensor, nn
 
 from svbrdfgan.networks import Generator, initialise
-from svbrdfgan.networks.fused.dispatch import prologue
-from svbrdfgan.networks.fused.reference import Features, Prologue, plain
+from svbrdfgan.networks.fused import Features, NormActPad, norm_act_pad
+from svbrdfgan.networks.fused.reference import norm_act_pad_reference as reference
 
 CUDA = torch.cuda.is_available()
 INTERPRETED = os.environ.get("TRITON_INTERPRET") == "1"  # Triton's own interpreter runs kernels on the CPU
 KERNELS = (CUDA or INTERPRETED) and importlib.util.find_spec("triton") is not None
 DEVICE = "cuda" if CUDA and not INTERPRETED else "cpu"
-WAYS = [Prologue(bool(n), bool(r), u, p) for n, r, u, p in product((0, 1), (0, 1), (1, 2), (0, 1, 3))]
+SPECS = [NormActPad(bool(n), bool(r), u, p) for n, r, u, p in product((0, 1), (0, 1), (1, 2), (0, 1, 3))]
 needs_kernels = pytest.mark.skipif(not KERNELS, reason="there is no CUDA device with Triton")
 
-Way = Callable[[Tensor, Prologue, Tensor | None], Features]
+Implementation = Callable[[Tensor, NormActPad, Tensor | None], Features]
 
 
-def modules(x: Tensor, how: Prologue, residual: Tensor | None) -> Features:
+def modules(x: Tensor, spec: NormActPad, residual: Tensor | None) -> Features:
     """The composition of torch's own modules."""
-    norm = nn.InstanceNorm2d(x.shape[1]) if how.norm else nn.Identity()
-    values = nn.Sequential(norm, nn.ReLU() if how.relu else nn.Identity())(x)
+    norm = nn.InstanceNorm2d(x.shape[1]) if spec.norm else nn.Identity()
+    values = nn.Sequential(norm, nn.ReLU() if spec.relu else nn.Identity())(x)
     features = values if residual is None else residual + values
-    larger = nn.Sequential(nn.Upsample(scale_factor=how.upsample), nn.ReflectionPad2d(how.pad))
+    larger = nn.Sequential(nn.Upsample(scale_factor=spec.upsample), nn.ReflectionPad2d(spec.pad))
     return Features(larger(features), features)
 
 
-def kernels(x: Tensor, how: Prologue, residual: Tensor | None) -> Features:
-    from svbrdfgan.networks.fused.autograd import fused
+def kernels(x: Tensor, spec: NormActPad, residual: Tensor | None) -> Features:
+    from svbrdfgan.networks.fused.autograd import norm_act_pad_triton
 
-    return fused(x, how, residual)
+    return norm_act_pad_triton(x, spec, residual)
 
 
 def values(shape: tuple[int, ...], seed: int, mean: float = 0.0) -> Tensor:
@@ -48,11 +48,15 @@ def values(shape: tuple[int, ...], seed: int, mean: float = 0.0) -> Tensor:
 
 
 def differentiated(
-    way: Way, x: Tensor, how: Prologue, residual: Tensor | None, used: tuple[bool, bool] = (True, True)
+    implementation: Implementation,
+    x: Tensor,
+    spec: NormActPad,
+    residual: Tensor | None,
+    used: tuple[bool, bool] = (True, True),
 ) -> list[Tensor]:
     """Both results and the gradients of what goes in, for fixed gradients of those results that are used."""
     inputs = [t.detach().clone().requires_grad_() for t in (x, residual) if t is not None]
-    results = way(inputs[0], how, inputs[1] if residual is not None else None)
+    results = implementation(inputs[0], spec, inputs[1] if residual is not None else None)
     slopes = [values(tuple(result.shape), 7 + n).to(result) for n, result in enumerate(results)]
     pairs = [(r, s) for r, s, is_used in zip(results, slopes, used, strict=True) if is_used]
     gradients = torch.autograd.grad([r for r, _ in pairs], inputs, [s for _, s in pairs])
@@ -65,32 +69,34 @@ def assert_same(computed: list[Tensor], expected: list[Tensor], **tolerance: Any
 
 
 @pytest.mark.parametrize("added", [False, True])
-@pytest.mark.parametrize("how", WAYS, ids=str)
-def test_the_plain_way_is_the_composition_of_modules(how: Prologue, added: bool) -> None:
+@pytest.mark.parametrize("spec", SPECS, ids=str)
+def test_the_reference_is_the_composition_of_modules(spec: NormActPad, added: bool) -> None:
     x, residual = values((2, 5, 16, 19), 1, mean=3), values((2, 5, 16, 19), 2) if added else None
     kept = x.clone()
-    assert_same(differentiated(plain, x, how, residual), differentiated(modules, x, how, residual), rtol=0, atol=0)
-    prologue(x, how, residual)
+    assert_same(
+        differentiated(reference, x, spec, residual), differentiated(modules, x, spec, residual), rtol=0, atol=0
+    )
+    norm_act_pad(x, spec, residual)
     assert torch.equal(x, kept)
 
 
 @needs_kernels
 @pytest.mark.parametrize("shape", [(2, 5, 16, 19), (1, 24, 17, 9)])
 @pytest.mark.parametrize("added", [False, True])
-@pytest.mark.parametrize("how", WAYS, ids=str)
-def test_kernels_are_the_plain_way_in_double_precision(how: Prologue, added: bool, shape: tuple[int, ...]) -> None:
+@pytest.mark.parametrize("spec", SPECS, ids=str)
+def test_kernels_are_the_reference_in_double_precision(spec: NormActPad, added: bool, shape: tuple[int, ...]) -> None:
     x, residual = values(shape, 1, mean=3), values(shape, 2) if added else None
-    expected = differentiated(plain, x.double(), how, None if residual is None else residual.double())
-    computed = differentiated(kernels, x.to(DEVICE), how, None if residual is None else residual.to(DEVICE))
+    expected = differentiated(reference, x.double(), spec, None if residual is None else residual.double())
+    computed = differentiated(kernels, x.to(DEVICE), spec, None if residual is None else residual.to(DEVICE))
     assert_same(computed, expected, rtol=1e-4, atol=1e-5)
 
 
 @needs_kernels
 @pytest.mark.parametrize("used", [(True, False), (False, True)])
 def test_either_result_may_go_unused(used: tuple[bool, bool]) -> None:
-    x, residual, how = values((2, 8, 16, 16), 1), values((2, 8, 16, 16), 2), Prologue(True, False, 2, 1)
-    expected = differentiated(plain, x.double(), how, residual.double(), used)
-    assert_same(differentiated(kernels, x.to(DEVICE), how, residual.to(DEVICE), used), expected, rtol=1e-4, atol=1e-5)
+    x, residual, spec = values((2, 8, 16, 16), 1), values((2, 8, 16, 16), 2), NormActPad(True, False, 2, 1)
+    expected = differentiated(reference, x.double(), spec, residual.double(), used)
+    assert_same(differentiated(kernels, x.to(DEVICE), spec, residual.to(DEVICE), used), expected, rtol=1e-4, atol=1e-5)
 
 
 @needs_kernels
@@ -108,8 +114,8 @@ def test_kernels_take_any_layout(layout: str) -> None:
         return wide[..., 1:-1, 1:-1] if layout == "inside a padded one" else wide[..., ::2, ::2]
 
     x, residual = values((2, 8, 16, 16), 1).to(DEVICE), values((2, 8, 16, 16), 2).to(DEVICE)
-    for how in (Prologue(True, True, 1, 1), Prologue(False, True, 2, 3)):
-        given, expected = kernels(laid_out(x), how, laid_out(residual)), plain(x, how, residual)
+    for spec in (NormActPad(True, True, 1, 1), NormActPad(False, True, 2, 3)):
+        given, expected = kernels(laid_out(x), spec, laid_out(residual)), reference(x, spec, residual)
         assert_same(list(given), list(expected), rtol=1e-4, atol=1e-5)
 
 
@@ -117,19 +123,19 @@ def test_kernels_take_any_layout(layout: str) -> None:
 def test_moments_are_safe_far_from_zero() -> None:
     """Sums of squares would lose most digits of a variance of 1 beside a mean of 1,000."""
     x = values((1, 4, 64, 48), 1, mean=1e3)
-    expected = plain(x.double(), Prologue(norm=True), None).padded
+    expected = reference(x.double(), NormActPad(norm=True), None).padded
     torch.testing.assert_close(
-        kernels(x.to(DEVICE), Prologue(norm=True), None).padded.cpu().double(), expected, rtol=0, atol=1e-3
+        kernels(x.to(DEVICE), NormActPad(norm=True), None).padded.cpu().double(), expected, rtol=0, atol=1e-3
     )
 
 
 @needs_kernels
 def test_half_precision_is_rounded_once() -> None:
     x, residual = values((2, 8, 16, 16), 1).bfloat16(), values((2, 8, 16, 16), 2).bfloat16()
-    how = Prologue(True, False, 1, 1)
-    computed = differentiated(kernels, x.to(DEVICE), how, residual.to(DEVICE))
+    spec = NormActPad(True, False, 1, 1)
+    computed = differentiated(kernels, x.to(DEVICE), spec, residual.to(DEVICE))
     assert all(t.dtype == torch.bfloat16 for t in computed)
-    expected = plain(x.double(), how, residual.double()).padded
+    expected = reference(x.double(), spec, residual.double()).padded
     unit = 2**-7 if INTERPRETED else 2**-8  # the interpreter cuts off where a device rounds
     torch.testing.assert_close(computed[0].cpu().double(), expected, rtol=unit, atol=1e-6)
 
@@ -138,7 +144,7 @@ def test_half_precision_is_rounded_once() -> None:
 def test_autocast_decides_the_precision() -> None:
     x = values((1, 8, 16, 16), 1).to(DEVICE).requires_grad_()
     with torch.autocast(DEVICE, torch.bfloat16):
-        padded = kernels(x, Prologue(True, True, 1, 1), None).padded
+        padded = kernels(x, NormActPad(True, True, 1, 1), None).padded
     assert padded.dtype == torch.bfloat16
     assert padded.is_contiguous(memory_format=torch.channels_last)
     (gradient,) = torch.autograd.grad(padded.sum(), x)
@@ -150,21 +156,21 @@ def test_what_is_not_a_number_stays_visible() -> None:
     x = values((1, 4, 16, 16), 1)
     x[0, 1, 3, 3] = torch.nan
     for norm in (False, True):
-        assert kernels(x.to(DEVICE), Prologue(norm, True, 1, 1), None).padded[0, 1].isnan().any()
+        assert kernels(x.to(DEVICE), NormActPad(norm, True, 1, 1), None).padded[0, 1].isnan().any()
 
 
 @needs_kernels
 def test_kernels_do_not_differentiate_twice() -> None:
     x = values((1, 4, 16, 16), 1).to(DEVICE).requires_grad_()
-    (gradient,) = torch.autograd.grad((kernels(x, Prologue(True), None).padded ** 2).sum(), x, create_graph=True)
+    (gradient,) = torch.autograd.grad((kernels(x, NormActPad(True), None).padded ** 2).sum(), x, create_graph=True)
     with pytest.raises(RuntimeError, match="once_differentiable"):
         gradient.sum().backward()
 
 
 @needs_kernels
 def test_kernels_give_the_same_bits_again() -> None:
-    x, how = values((2, 8, 32, 32), 1).to(DEVICE), Prologue(True, True, 2, 1)
-    first, *others = [differentiated(kernels, x, how, None) for _ in range(3)]
+    x, spec = values((2, 8, 32, 32), 1).to(DEVICE), NormActPad(True, True, 2, 1)
+    first, *others = [differentiated(kernels, x, spec, None) for _ in range(3)]
     assert all(torch.equal(a, b) for other in others for a, b in zip(first, other, strict=True))
 
 
@@ -177,13 +183,13 @@ def test_a_generator_learns_the_same_by_either(norm: str, upsampling: str, monke
     monkeypatch.setattr(torch.backends.cudnn, "allow_tf32", False)
     geometry = values((2, 6, 16, 20), 1)
     found = []
-    for way, made in ((kernels, network.to(DEVICE)), (plain, copy.deepcopy(network).cpu().double())):
-        monkeypatch.setattr("svbrdfgan.networks.generator.prologue", way_of(way))
+    for implementation, made in ((kernels, network.to(DEVICE)), (reference, copy.deepcopy(network).cpu().double())):
+        monkeypatch.setattr("svbrdfgan.networks.generator.norm_act_pad", with_optional_residual(implementation))
         layer = made.to(memory_format=torch.channels_last)(geometry.to(next(made.parameters())))  # type: ignore[call-overload]
         slope = values(tuple(layer.shape), 2).to(layer)
         found.append([layer.detach(), *torch.autograd.grad(layer, list(made.parameters()), slope)])
     assert_same(*found, rtol=1e-3, atol=1e-4)
 
 
-def way_of(way: Way) -> Callable[..., Features]:
-    return lambda x, how, residual=None: way(x, how, residual)
+def with_optional_residual(implementation: Implementation) -> Callable[..., Features]:
+    return lambda x, spec, residual=None: implementation(x, spec, residual)

@@ -1,8 +1,9 @@
-"""A prologue by Triton kernels, and its derivative.
+"""`norm_act_pad` by Triton kernels, and its derivative.
 
-Forward, `x` is read for its moments, and read again while the padded result is written. Backward, the gradient and `x`
-are read for two sums per channel, and read again while the gradient of `x` is written. Where upsampling made the
-gradient larger than `x`, or a residual wants it, the first of these passes keeps it at the size of `x` for the second.
+The forward pass reads `x` twice: for its moments, and to write the padded result. The backward pass reads the gradient
+and `x` twice: for the two sums per channel that the norm's gradient needs, and to write the gradient of `x`. Where
+upsampling made the gradient larger than `x`, or a residual needs it too, the first of these passes stores it at the
+size of `x` for the second.
 """
 
 from __future__ import annotations
@@ -17,127 +18,135 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from svbrdfgan.networks.fused import kernels
-from svbrdfgan.networks.fused.reference import Features, Prologue
-from svbrdfgan.networks.norm import EPSILON
+from svbrdfgan.networks.fused.reference import Features, NormActPad
+from svbrdfgan.networks.layers import EPSILON
 
 
 @dataclass(frozen=True)
 class Tile:
-    """What a program takes: at most so many values at once, by so many warps."""
+    """The work of one Triton program: `values` values at most, by `warps` warps."""
 
     values: int
     warps: int
 
-    def block(self, channels: int) -> tuple[int, int]:
+    def shape(self, channels: int) -> tuple[int, int]:
         """Its texels and channels, both powers of two."""
-        beside = min(triton.next_power_of_2(channels), MOST_CHANNELS)
-        return min(self.values // beside, MOST_TEXELS), beside
+        cols = min(triton.next_power_of_2(channels), MOST_CHANNELS)
+        return min(self.values // cols, MOST_TEXELS), cols
 
 
-MOST_CHANNELS, MOST_TEXELS = 128, 128  # of a program; several hundred texels spill registers
+# `benchmarks/fused_norm.py` measures them. 128 channels of bf16 are 256 bytes in one piece, which a warp reads at once;
+# several hundred texels in one program spill registers.
+MOST_CHANNELS, MOST_TEXELS = 128, 128
+# The statistics read one tensor and hold less at a time than the others, which read up to three.
 STATISTICS = Tile(8192, 8)
 FORWARD = Tile(4096, 4)
 BACKWARD_SUMS = Tile(4096, 4)
 BACKWARD = Tile(4096, 4)
+# Adds up a few hundred partial results per sample; few channels per program give more programs.
 MOMENTS = {"TILES": 64, "CHANNELS": 16, "num_warps": 4}
 
 
-def fused(
+def norm_act_pad_triton(
     x: Float[Tensor, "batch channels rows cols"],
-    how: Prologue,
+    spec: NormActPad,
     residual: Float[Tensor, "batch channels rows cols"] | None = None,
 ) -> Features:
-    """The same as `plain`, in autocast's precision where that is on."""
+    """What `norm_act_pad_reference` gives, in autocast's precision where that is on; differentiable once."""
     kind = x.device.type
     dtype = torch.get_autocast_dtype(kind) if torch.is_autocast_enabled(kind) else x.dtype
-    return Features(*_Fused.apply(x, residual, how, dtype))
+    return Features(*_NormActPad.apply(x, residual, spec, dtype))
 
 
-class _Fused(torch.autograd.Function):
+class _NormActPad(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, x: Tensor, residual: Tensor | None, how: Prologue, dtype: torch.dtype) -> tuple[Tensor, ...]:
+    def forward(
+        ctx: Any, x: Tensor, residual: Tensor | None, spec: NormActPad, dtype: torch.dtype
+    ) -> tuple[Tensor, Tensor]:
         x = _channels_last(x)
-        found = _moments(x) if how.norm else x
-        ctx.save_for_backward(x, found)
-        ctx.how, ctx.added = how, residual is not None
-        ctx.set_materialize_grads(False)
-        padded = _forward(x, found, residual, how, dtype)
-        rows, cols = (slice(how.pad, size - how.pad, how.upsample) for size in padded.shape[-2:])
+        moments = _moments(x) if spec.norm else x  # kernels take some pointer, and do not read it without the norm
+        ctx.save_for_backward(x, moments)
+        ctx.spec, ctx.has_residual = spec, residual is not None
+        ctx.set_materialize_grads(False)  # usually one of the two results has no gradient: no zeros are made for it
+        padded = _forward(x, moments, residual, spec, dtype)
+        rows, cols = (slice(spec.pad, size - spec.pad, spec.upsample) for size in padded.shape[-2:])
         return padded, padded[..., rows, cols]
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: Any, grad: Tensor | None, carry: Tensor | None) -> tuple[Tensor | None, ...]:
-        x, found = ctx.saved_tensors
-        if grad is None:
-            assert carry is not None
-            grad = carry.new_zeros(_padded_shape(x, ctx.how))
-        return *_backward(_channels_last(grad), carry, x, found, ctx.how, ctx.added), None, None
+    def backward(ctx: Any, grad_padded: Tensor | None, grad_features: Tensor | None) -> tuple[Tensor | None, ...]:
+        x, moments = ctx.saved_tensors
+        if grad_padded is None:
+            assert grad_features is not None
+            grad_padded = grad_features.new_zeros(_padded_shape(x, ctx.spec))
+        grad_padded = _channels_last(grad_padded)
+        return *_backward(grad_padded, grad_features, x, moments, ctx.spec, ctx.has_residual), None, None
 
 
 def _moments(x: Tensor) -> Float[Tensor, "batch 2 channels"]:
     """Mean and reciprocal standard deviation."""
     texels, channels = x.shape[2] * x.shape[3], x.shape[1]
-    shares, found = _shares(x, STATISTICS), x.new_empty((len(x), 2, channels), dtype=torch.float32)
-    _launch(kernels.statistics, STATISTICS, x, texels, x, shares, texels, channels)
+    partials, moments = _partials(x, STATISTICS), x.new_empty((len(x), 2, channels), dtype=torch.float32)
+    _launch(kernels.statistics, STATISTICS, x, texels, x, partials, texels, channels)
     grid = (len(x), triton.cdiv(channels, MOMENTS["CHANNELS"]))
     with torch.cuda.device_of(x):
-        height = STATISTICS.block(channels)[0]
-        kernels.moments[grid](shares, found, shares.shape[1], texels, channels, EPSILON, height, **MOMENTS)
-    return found
+        tile_texels = STATISTICS.shape(channels)[0]
+        kernels.moments[grid](partials, moments, partials.shape[1], texels, channels, EPSILON, tile_texels, **MOMENTS)
+    return moments
 
 
-def _forward(x: Tensor, found: Tensor, residual: Tensor | None, how: Prologue, dtype: torch.dtype) -> Tensor:
-    shape, (_, channels, rows, cols) = _padded_shape(x, how), x.shape
+def _forward(x: Tensor, moments: Tensor, residual: Tensor | None, spec: NormActPad, dtype: torch.dtype) -> Tensor:
+    shape, (_, channels, rows, cols) = _padded_shape(x, spec), x.shape
     padded = torch.empty(shape, dtype=dtype, device=x.device, memory_format=torch.channels_last)
+    # a residual is often a view into a padded tensor: its rows may lie apart, its channels may not
     added = x if residual is None else residual if residual.stride(1) == 1 else _channels_last(residual)
     sample, _, row, col = added.stride()
-    arguments = (x, found, added, padded, rows, cols, channels, sample, row, col)
-    flags = {"RESIDUAL": residual is not None, **_flags(how)}
+    arguments = (x, moments, added, padded, rows, cols, channels, sample, row, col)
+    flags = {"RESIDUAL": residual is not None, **_flags(spec)}
     _launch(kernels.forward, FORWARD, x, shape[2] * shape[3], *arguments, **flags)
     return padded
 
 
 def _backward(
-    grad: Tensor, carry: Tensor | None, x: Tensor, found: Tensor, how: Prologue, added: bool
+    grad: Tensor, grad_features: Tensor | None, x: Tensor, moments: Tensor, spec: NormActPad, has_residual: bool
 ) -> tuple[Tensor, Tensor | None]:
     """The gradients of x and, if one was added, of the residual."""
     _, channels, rows, cols = x.shape
     grad_x = torch.empty_like(x)
-    unpadded = torch.empty_like(x, dtype=grad.dtype) if added else grad_x
-    kept = added or (how.norm and how.upsample > 1)
-    given = (grad, grad if carry is None else _channels_last(carry), x, found, unpadded)
+    grad_sum = torch.empty_like(x, dtype=grad.dtype) if has_residual else grad_x  # the residual's gradient is the sum's
+    stored = has_residual or (spec.norm and spec.upsample > 1)
+    tensors = (grad, grad if grad_features is None else _channels_last(grad_features), x, moments, grad_sum)
     sizes = (rows, cols, channels)
-    flags = {"CARRY": carry is not None, **_flags(how)}
-    sums = found
-    if kept or how.norm:
-        shares = _shares(x, BACKWARD_SUMS)
-        _launch(kernels.backward_sums, BACKWARD_SUMS, x, rows * cols, *given, shares, *sizes, KEEP=kept, **flags)
-        sums = shares.sum(dim=1)
-    _launch(kernels.backward, BACKWARD, x, rows * cols, *given, sums, grad_x, *sizes, KEPT=kept, **flags)
-    return grad_x, unpadded if added else None
+    flags = {"GRAD_FEATURES": grad_features is not None, **_flags(spec)}
+    sums = moments
+    if stored or spec.norm:
+        partials = _partials(x, BACKWARD_SUMS)
+        _launch(kernels.backward_sums, BACKWARD_SUMS, x, rows * cols, *tensors, partials, *sizes, STORE=stored, **flags)
+        sums = partials.sum(dim=1)
+    _launch(kernels.backward, BACKWARD, x, rows * cols, *tensors, sums, grad_x, *sizes, STORED=stored, **flags)
+    return grad_x, grad_sum if has_residual else None
 
 
 def _launch(kernel: Any, tile: Tile, x: Tensor, texels: int, *arguments: Any, **flags: int) -> None:
-    """Runs a kernel over so many texels of each sample of x, and all its channels."""
-    high, wide = tile.block(x.shape[1])
-    grid = (triton.cdiv(texels, high), len(x), triton.cdiv(x.shape[1], wide))
+    """Runs a kernel over this number of texels of each sample of x, and all its channels."""
+    rows, cols = tile.shape(x.shape[1])
+    grid = (triton.cdiv(texels, rows), len(x), triton.cdiv(x.shape[1], cols))
     with torch.cuda.device_of(x):
-        kernel[grid](*arguments, **flags, TEXELS=high, CHANNELS=wide, num_warps=tile.warps)
+        kernel[grid](*arguments, **flags, TEXELS=rows, CHANNELS=cols, num_warps=tile.warps)
 
 
-def _shares(x: Tensor, tile: Tile) -> Float[Tensor, "batch tiles 2 channels"]:
-    """Room for two numbers of each program and channel."""
-    tiles = triton.cdiv(x.shape[2] * x.shape[3], tile.block(x.shape[1])[0])
+def _partials(x: Tensor, tile: Tile) -> Float[Tensor, "batch tiles 2 channels"]:
+    """Memory for two numbers of each program and channel."""
+    tiles = triton.cdiv(x.shape[2] * x.shape[3], tile.shape(x.shape[1])[0])
     return x.new_empty((len(x), tiles, 2, x.shape[1]), dtype=torch.float32)
 
 
-def _flags(how: Prologue) -> dict[str, int]:
-    return {"NORM": how.norm, "RELU": how.relu, "UPSAMPLE": how.upsample, "PAD": how.pad}
+def _flags(spec: NormActPad) -> dict[str, int]:
+    return {"NORM": spec.norm, "RELU": spec.relu, "UPSAMPLE": spec.upsample, "PAD": spec.pad}
 
 
-def _padded_shape(x: Tensor, how: Prologue) -> tuple[int, int, int, int]:
-    rows, cols = (size * how.upsample + 2 * how.pad for size in x.shape[-2:])
+def _padded_shape(x: Tensor, spec: NormActPad) -> tuple[int, int, int, int]:
+    rows, cols = (size * spec.upsample + 2 * spec.pad for size in x.shape[-2:])
     return *x.shape[:2], rows, cols
 
 

@@ -1,4 +1,4 @@
-"""What stands between two convolutions, norm, ReLU or sum, upsampling, padding by reflection: by torch's operations."""
+"""The fused operation by torch's own: what runs without Triton, and what the kernels are tested against."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.networks.norm import instance_norm
+from svbrdfgan.networks.layers import instance_norm
 
 
 @dataclass(frozen=True)
-class Prologue:
-    """reflect_pad(upsample(relu(norm(x)) + residual)), of which any part may be left out.
+class NormActPad:
+    """reflect_pad(upsample(relu(norm(x)) + residual)); every part is optional.
 
     Attributes:
         norm: instance norm (Ulyanov et al. 2016), without affine parameters.
-        upsample: the factor, 1 or 2; the nearest value is repeated.
-        pad: rows and columns added on each side, fewer than there are.
+        upsample: nearest-neighbour factor, 1 or 2.
+        pad: rows and columns added on each side by reflection, fewer than there are.
     """
 
     norm: bool = False
@@ -29,25 +29,25 @@ class Prologue:
 
 
 class Features(NamedTuple):
-    """A prologue's result.
+    """The result of a `NormActPad`.
 
     Attributes:
-        padded: for the convolution.
-        features: the same before upsampling and padding, for a residual. It may be a view of the padded ones.
+        padded: the input of the next convolution.
+        features: the values before upsampling and padding, for a skip connection. It may be a view of `padded`.
     """
 
     padded: Float[Tensor, "batch channels padded_rows padded_cols"]
     features: Float[Tensor, "batch channels rows cols"]
 
 
-def plain(x: Tensor, how: Prologue, residual: Tensor | None = None) -> Features:
-    """By torch's own operations."""
-    features = instance_norm(x) if how.norm else x
-    if how.relu:
-        features = F.relu(features, inplace=how.norm)
+def norm_act_pad_reference(x: Tensor, spec: NormActPad, residual: Tensor | None = None) -> Features:
+    """What `norm_act_pad` gives, differentiable any number of times."""
+    features = instance_norm(x) if spec.norm else x
+    if spec.relu:
+        features = F.relu(features, inplace=spec.norm)  # without the norm it would overwrite the caller's x
     if residual is not None:
         features = residual + features
-    padded = F.interpolate(features, scale_factor=how.upsample) if how.upsample > 1 else features
-    if how.pad:
-        padded = F.pad(padded, (how.pad,) * 4, mode="reflect")
+    padded = F.interpolate(features, scale_factor=spec.upsample) if spec.upsample > 1 else features
+    if spec.pad:
+        padded = F.pad(padded, (spec.pad,) * 4, mode="reflect")
     return Features(padded, features)

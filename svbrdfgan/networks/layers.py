@@ -1,10 +1,11 @@
-"""Norms by the names that configurations give them."""
+"""What both networks are made of: norms by their configured names, and the initial weights."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Literal
 
+import torch
 import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
@@ -31,6 +32,15 @@ class InstanceNorm(nn.Module):
 
 
 def instance_norm(x: Float[Tensor, "batch channels rows cols"]) -> Float[Tensor, "batch channels rows cols"]:
-    """Flattened, since torch 2.13 gives a wrong gradient for one unflattened sample if that of the result is
-    channels-last (seen on the CPU)."""
+    # flattened, since torch 2.13 returns a wrong gradient for a batch of one whose incoming gradient is channels-last
+    # (seen on the CPU)
     return F.instance_norm(x.flatten(2), eps=EPSILON).view(x.shape)
+
+
+def initialise(network: nn.Module, generator: torch.Generator) -> None:
+    """Draws weights from N(0, 0.02) and zeroes biases, as the thesis's code base does where the thesis is silent."""
+    for module in network.modules():
+        if isinstance(module, nn.Conv2d | nn.ConvTranspose2d):
+            nn.init.normal_(module.weight, 0.0, 0.02, generator=generator)
+            if module.bias is not None:
+                nn.init.zeros_(module.bias)
