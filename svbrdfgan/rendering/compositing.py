@@ -1,4 +1,4 @@
-"""Laying things over each other: a layer over a base material, a picture over a background."""
+"""Alpha compositing: a layer over a base material, an image over a background."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ RGBA = 4
 
 
 def layer_channels(maps: Iterable[str]) -> int:
-    """The channels of a layer that paints these maps beside base_color: RGBA, then theirs, ordered as `CHANNELS`."""
+    """Channels of a layer that paints these maps beside base_color: RGBA, then theirs in the order of `CHANNELS`."""
     return RGBA + sum(CHANNELS[name] for name in maps)
 
 
 def composite(base: Float[Tensor, "*shape values"], layer: Float[Tensor, "*shape channels"]) -> Float[Tensor, ...]:
-    """`base` under a layer of straight alpha (thesis 3.1), shaped as both together. Shapes may broadcast.
+    """`base` under a layer of straight alpha (thesis 3.1), of the broadcast shape.
 
-    A base of three values is the reflectance alone; one of more has a value for each channel of the layer but alpha.
+    A base of three values is reflectance alone; a longer one has a value for each channel of the layer but alpha.
     """
     values, alpha = layer[..., :3], layer[..., 3:RGBA]
     if base.shape[-1] > 3:
@@ -32,10 +32,10 @@ def composite(base: Float[Tensor, "*shape values"], layer: Float[Tensor, "*shape
 
 
 def composite_maps(base: Mapping[str, Tensor], layer: Float[Tensor, "rows cols channels"]) -> dict[str, Tensor]:
-    """A material's maps under a layer that paints all of them.
+    """The maps of a material under a layer that paints all of them.
 
     Raises:
-        AssetError: the layer has channels for other maps.
+        AssetError: the layer does not have the channels of these maps.
     """
     names = [name for name in CHANNELS if name in base]
     wanted = layer_channels(names[1:])
@@ -48,7 +48,7 @@ def composite_maps(base: Mapping[str, Tensor], layer: Float[Tensor, "rows cols c
 def over(
     image: Float[Tensor, "*shape 3"], coverage: Float[Tensor, "*shape"], background: Float[Tensor, "*#shape 3"]
 ) -> Float[Tensor, "*shape 3"]:
-    """A premultiplied picture of a surface before any background."""
+    """A premultiplied image of a surface over a background."""
     return image + (1.0 - coverage).unsqueeze(-1) * background
 
 

@@ -1,4 +1,4 @@
-"""Any renderer as a differentiable torch function (thesis A.1)."""
+"""A renderer as a differentiable torch function (thesis A.1)."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from svbrdfgan.types import Environment, Gradients, Material, Materials, Renderi
 
 @dataclass(frozen=True)
 class RenderLayer(Generic[Prepared]):
-    """Renders with gradients for every map, and for the environment, that requires one.
+    """Renders with gradients for each map, and for the environment, that requires one.
 
     Attributes:
         renderer: any backend.
-        spp: samples per pixel of the picture.
-        spp_grad: samples per pixel of the gradient, drawn anew: unbiased, and as many or as few as wanted
-            (thesis 4.3.3). None uses the picture's own samples, so that the gradient is exactly that picture's.
+        spp: samples per pixel of the image.
+        spp_grad: samples per pixel of the gradient, which are independent of the image's, so that the gradient of a
+            loss is unbiased (thesis 4.3.3). None reuses the image's samples: the gradient is exactly that image's.
     """
 
     renderer: Renderer[Prepared]
@@ -31,10 +31,10 @@ class RenderLayer(Generic[Prepared]):
     spp_grad: int | None = None
 
     def __call__(self, prepared: Prepared, materials: Materials, view: View, *, seed: int) -> Rendering:
-        """The picture; its image carries gradients to the materials and the environment.
+        """The image and its coverage; the image carries gradients to the materials and the environment.
 
         Raises:
-            UnsupportedError: something that requires a gradient is not in the renderer's `differentiable`.
+            UnsupportedError: an input requires a gradient and is not in the renderer's `differentiable`.
         """
         names = [(part, name) for part, material in enumerate(materials.parts) for name in sorted(material.maps)]
         values = [materials[part].maps[name] for part, name in names]
@@ -42,14 +42,14 @@ class RenderLayer(Generic[Prepared]):
         wrt = {name for (_, name), value in zip(names, values, strict=True) if value.requires_grad}
         if radiance.requires_grad:
             wrt.add("environment")
-        wanted = frozenset(wrt if torch.is_grad_enabled() else ())
-        self._require_differentiable(wanted)
-        call = _Call(self, prepared, names, view, seed, wanted)
+        needed = frozenset(wrt if torch.is_grad_enabled() else ())
+        self._require_differentiable(needed)
+        call = _Call(self, prepared, names, view, seed, needed)
         image, coverage = _Render.apply(call, radiance, *values)
         return Rendering(image, coverage)
 
-    def _require_differentiable(self, wanted: frozenset[str]) -> None:
-        lacking = sorted(wanted - self.renderer.capabilities.differentiable)
+    def _require_differentiable(self, needed: frozenset[str]) -> None:
+        lacking = sorted(needed - self.renderer.capabilities.differentiable)
         if lacking:
             raise UnsupportedError(
                 f"{type(self.renderer).__name__} has no gradients for {', '.join(lacking)}: detach them, or choose a "
@@ -59,7 +59,7 @@ class RenderLayer(Generic[Prepared]):
 
 @dataclass(frozen=True, eq=False)
 class _Call:
-    """All of one call that is not differentiated, and the names of what is."""
+    """The inputs of one call that are not differentiated, and the names of those that are."""
 
     layer: RenderLayer[Any]
     prepared: Any
@@ -77,7 +77,7 @@ class _Call:
         return Materials(tuple(Material(m) for m in maps)), view
 
     def render(self, materials: Materials, view: View) -> tuple[Rendering, Pullback | None]:
-        """The picture, and the way back from it if it is the picture's own samples that lead there and are kept."""
+        """The image and, if the gradient reuses its samples and the renderer can keep them, its pullback."""
         renderer, spp = self.layer.renderer, self.layer.spp
         if self.wrt and self.layer.spp_grad is None and renderer.capabilities.pullback:
             assert isinstance(renderer, PullbackRenderer)
@@ -85,7 +85,7 @@ class _Call:
         return renderer.render(self.prepared, materials, view, spp=spp, seed=self.seed), None
 
     def gradients(self, materials: Materials, view: View, grad_image: Tensor) -> Gradients:
-        """By tracing anew."""
+        """The gradients by a second tracing."""
         layer, spp, seed = self.layer, self.layer.spp, self.seed
         if layer.spp_grad is not None:
             spp, seed = layer.spp_grad, _other_seed(self.seed)
@@ -125,5 +125,5 @@ def _like(gradient: Tensor | None, value: Tensor) -> Tensor | None:
 
 
 def _other_seed(seed: int) -> int:
-    """A seed for the backward pass that the forward pass of no nearby seed uses."""
+    """A seed for the backward pass, far from those that forward passes of nearby seeds use."""
     return (seed * 0x9E3779B1 + 0x7F4A7C15) % 2**31

@@ -1,4 +1,4 @@
-"""The one texture filter: bilinear between texel centres at (i + 0.5) / n, clamped, repeating only where asked."""
+"""The texture filter: bilinear between texel centres at (i + 0.5) / n, clamped or repeating along each axis."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Light transport: the picture of a Lambertian surface as an affine function of its textures, traced once and kept."""
+"""Light transport: the image of a Lambertian surface as an affine function of its textures, traced once and stored."""
 
 from svbrdfgan.rendering.transport.build import build_transport
 from svbrdfgan.rendering.transport.light_transport import LightTransport

@@ -1,4 +1,4 @@
-"""Stored transports in memory: as many as a budget allows, and those that will be wanted read ahead."""
+"""Stored transports in memory, within a budget, and their prefetching from files."""
 
 from __future__ import annotations
 
@@ -15,17 +15,19 @@ import torch
 from svbrdfgan.rendering.transport.light_transport import LightTransport
 
 _SHARE = 4
+"""The default budget is this fraction of the memory: the networks and their activations need the rest."""
 _UNKNOWN = 8 << 30
+"""Bytes of memory assumed where the system does not say."""
 _THREADS = 4
 
 Key = TypeVar("Key")
 
 
 class TransportCache(MutableMapping[Key, LightTransport]):
-    """CachedRendering by key, within a budget of bytes: those that were not looked up for longest go first."""
+    """Transports by key, within a budget of bytes. The least recently used are dropped first."""
 
     def __init__(self, budget: int | None = None) -> None:
-        """An empty cache for `budget` bytes; None: a quarter of the memory of the device where the first one lies."""
+        """An empty cache of `budget` bytes; None takes a quarter of the memory of the first transport's device."""
         self._budget = budget
         self._held: OrderedDict[Key, LightTransport] = OrderedDict()
         self.nbytes = 0
@@ -35,7 +37,7 @@ class TransportCache(MutableMapping[Key, LightTransport]):
         return self._held[key]
 
     def __setitem__(self, key: Key, transport: LightTransport) -> None:
-        """Keeps it. If it is larger than the budget, it stays alone."""
+        """Keeps the transport; one that is larger than the budget is kept alone."""
         self.pop(key, None)
         self._held[key] = transport
         self.nbytes += transport.nbytes
@@ -48,7 +50,7 @@ class TransportCache(MutableMapping[Key, LightTransport]):
         self.nbytes -= self._held.pop(key).nbytes
 
     def __iter__(self) -> Iterator[Key]:
-        return iter(list(self._held))  # since looking up reorders
+        return iter(list(self._held))  # a copy, since a look-up reorders the dictionary
 
     def __len__(self) -> int:
         return len(self._held)
@@ -59,12 +61,12 @@ class TransportCache(MutableMapping[Key, LightTransport]):
 
 @dataclass(frozen=True, eq=False)
 class PendingTransport:
-    """A transport that is being read."""
+    """A transport that is being read from its file."""
 
     _future: Future[tuple[LightTransport, torch.cuda.Event | None]]
 
     def result(self) -> LightTransport:
-        """The transport, to be used on the current stream. That stream waits for the copy; we wait for the file alone.
+        """The transport, for use on the current stream. The stream waits for the copy, the caller only for the file.
 
         Raises:
             AssetError: the file is missing, damaged, or not a light transport.
@@ -73,12 +75,12 @@ class PendingTransport:
         if copied is not None:
             stream = torch.cuda.current_stream(transport.texel.device)
             stream.wait_event(copied)
-            transport.record_stream(stream)
+            transport.record_stream(stream)  # its memory belongs to the reader's stream and could be reused too early
         return transport
 
 
 class TransportReader:
-    """Reads transports from files to a device, on threads and, on CUDA, a stream of its own: nothing else waits."""
+    """Reads transports from files to a device, on threads and, on CUDA, on a stream of its own."""
 
     def __init__(self, device: torch.device) -> None:
         self._device = device
@@ -86,7 +88,7 @@ class TransportReader:
         self._stream = torch.cuda.Stream(device) if device.type == "cuda" else None
 
     def read(self, path: Path) -> PendingTransport:
-        """Begins to read what `LightTransport.save` wrote."""
+        """Starts to read what `LightTransport.save` wrote, and returns at once."""
         return PendingTransport(self._threads.submit(self._read, path))
 
     def _read(self, path: Path) -> tuple[LightTransport, torch.cuda.Event | None]:
@@ -98,7 +100,7 @@ class TransportReader:
 
 
 def _memory(device: torch.device) -> int:
-    """Bytes."""
+    """The bytes of a device's memory."""
     if device.type == "cuda":
         return int(torch.cuda.get_device_properties(device).total_memory)
     try:

@@ -1,7 +1,7 @@
-"""The product of stored transports on CUDA: Triton kernels that read the entries of every view where they lie.
+"""The product of stored transports on CUDA, by Triton kernels that read the entries of every view in place.
 
-What moves is the entries, 10 bytes each with half weights, the texels that they name, and the pictures. Nothing is
-copied to make a batch but addresses.
+To make a batch, only addresses are copied. The kernels are bound by memory: an entry has 10 bytes with half-precision
+weights.
 """
 # mypy: disable-error-code="no-untyped-def"
 # ruff: noqa: N803
@@ -21,16 +21,16 @@ from torch import Tensor
 from svbrdfgan.rendering.transport.light_transport import LightTransport
 from svbrdfgan.utils.copy_async import copy_async
 
+# docs/performance.md has the times of both on an H200. One warp takes 8 pixels, and 16 entries of each at a time: a
+# tile runs until its pixel with most entries is done, so that more pixels would mean more idle lanes.
 PICTURE = {"ROWS": 8, "LANES": 16, "num_warps": 1}
-"""Pixels of a program, and entries of each of them at a time."""
-
+# A program takes the entries of 2^HALVINGS pixels, 256 at a time, whichever pixel they belong to.
 TRANSPOSED = {"HALVINGS": 4, "ENTRIES": 256, "num_warps": 2}
-"""A program has 2^HALVINGS pixels, and takes so many of their entries at a time."""
 
 
 @triton.jit
 def view_of(views, HALF: tl.constexpr):
-    """The addresses of the program's view, its scale and its first texel."""
+    """The addresses of the tensors of the program's view, its scale and its first texel."""
     view = views + tl.program_id(1) * 6
     start = tl.load(view).to(tl.pointer_type(tl.int32))
     texel = tl.load(view + 1).to(tl.pointer_type(tl.int32))
@@ -41,25 +41,19 @@ def view_of(views, HALF: tl.constexpr):
 
 
 @triton.jit
-def color_of(address, there):
-    """Three numbers in a row at each address."""
-    red = tl.load(address, mask=there, other=0).to(tl.float32)
-    green = tl.load(address + 1, mask=there, other=0).to(tl.float32)
-    return red, green, tl.load(address + 2, mask=there, other=0).to(tl.float32)
+def load_color(address, mask):
+    """The three consecutive numbers at each address, as float32."""
+    red = tl.load(address, mask=mask, other=0).to(tl.float32)
+    green = tl.load(address + 1, mask=mask, other=0).to(tl.float32)
+    return red, green, tl.load(address + 2, mask=mask, other=0).to(tl.float32)
 
 
 @triton.jit
 def picture(
-    views,
-    textures,
-    image,
-    pixels,
-    HALF: tl.constexpr,
-    BACKGROUND: tl.constexpr,
-    ROWS: tl.constexpr,
-    LANES: tl.constexpr,
-):
-    """image = T @ textures, before the background if there is to be one."""
+    views, textures, image, pixels,
+    HALF: tl.constexpr, BACKGROUND: tl.constexpr, ROWS: tl.constexpr, LANES: tl.constexpr,
+):  # fmt: skip
+    """image = T @ textures, plus the background if BACKGROUND."""
     start, texel, weight, scale, background, offset = view_of(views, HALF)
     pixel = tl.program_id(0) * ROWS + tl.arange(0, ROWS)
     inside = pixel < pixels
@@ -69,29 +63,29 @@ def picture(
     behind_green = tl.zeros([ROWS], tl.float32)
     behind_blue = tl.zeros([ROWS], tl.float32)
     if BACKGROUND:
-        behind_red, behind_green, behind_blue = color_of(background + pixel * 3, inside)
+        behind_red, behind_green, behind_blue = load_color(background + pixel * 3, inside)
     textures += offset * 3
     red = tl.zeros([ROWS, LANES], tl.float32)
     green = tl.zeros([ROWS, LANES], tl.float32)
     blue = tl.zeros([ROWS, LANES], tl.float32)
     for done in range(0, tl.max(last - first, axis=0), LANES):
         entry = first[:, None] + done + tl.arange(0, LANES)[None, :]
-        there = entry < last[:, None]
-        place = tl.load(texel + entry, mask=there, other=0).to(tl.int64)
-        share_red, share_green, share_blue = color_of(weight + entry.to(tl.int64) * 3, there)
-        color_red, color_green, color_blue = color_of(textures + place * 3, there)
-        red += share_red * color_red
-        green += share_green * color_green
-        blue += share_blue * color_blue
-    shown = image + (tl.program_id(1).to(tl.int64) * pixels + pixel) * 3
-    tl.store(shown, behind_red + scale * tl.sum(red, axis=1), mask=inside)
-    tl.store(shown + 1, behind_green + scale * tl.sum(green, axis=1), mask=inside)
-    tl.store(shown + 2, behind_blue + scale * tl.sum(blue, axis=1), mask=inside)
+        mask = entry < last[:, None]
+        index = tl.load(texel + entry, mask=mask, other=0).to(tl.int64)
+        weight_red, weight_green, weight_blue = load_color(weight + entry.to(tl.int64) * 3, mask)
+        color_red, color_green, color_blue = load_color(textures + index * 3, mask)
+        red += weight_red * color_red
+        green += weight_green * color_green
+        blue += weight_blue * color_blue
+    result = image + (tl.program_id(1).to(tl.int64) * pixels + pixel) * 3
+    tl.store(result, behind_red + scale * tl.sum(red, axis=1), mask=inside)
+    tl.store(result + 1, behind_green + scale * tl.sum(green, axis=1), mask=inside)
+    tl.store(result + 2, behind_blue + scale * tl.sum(blue, axis=1), mask=inside)
 
 
 @triton.jit
 def row_of(entry, start, rows, HALVINGS: tl.constexpr):
-    """The last of 2^HALVINGS rows to start at or before each entry, by bisection; only the first `rows` exist."""
+    """The row of each entry: the last of 2^HALVINGS that starts at or before it. Only the first `rows` exist."""
     row = tl.zeros_like(entry)
     for halving in tl.static_range(HALVINGS):
         middle = row + (1 << (HALVINGS - 1 - halving))
@@ -101,30 +95,26 @@ def row_of(entry, start, rows, HALVINGS: tl.constexpr):
 
 
 @triton.jit
-def add_color(color, red, green, blue, there, CHANNELS: tl.constexpr):
-    """Adds at each address: three numbers one by one, or those and a zero, aligned, which sm_90 adds at once."""
+def add_color(address, red, green, blue, mask, CHANNELS: tl.constexpr):
+    """Adds a colour at each address atomically."""
     if CHANNELS == 4:
+        # padded with a zero to 16 aligned bytes, which sm_90 adds by one instruction
         pairs = tl.join(tl.join(red, blue), tl.join(green, tl.zeros_like(red)))
-        channel = color[:, None] + tl.arange(0, 4)[None, :]
-        tl.atomic_add(channel, pairs.reshape(red.shape[0], 4), mask=there[:, None], sem="relaxed")
+        channel = address[:, None] + tl.arange(0, 4)[None, :]
+        tl.atomic_add(channel, pairs.reshape(red.shape[0], 4), mask=mask[:, None], sem="relaxed")
     else:
-        tl.atomic_add(color, red, mask=there, sem="relaxed")
-        tl.atomic_add(color + 1, green, mask=there, sem="relaxed")
-        tl.atomic_add(color + 2, blue, mask=there, sem="relaxed")
+        tl.atomic_add(address, red, mask=mask, sem="relaxed")
+        tl.atomic_add(address + 1, green, mask=mask, sem="relaxed")
+        tl.atomic_add(address + 2, blue, mask=mask, sem="relaxed")
 
 
 @triton.jit
 def transposed(
-    views,
-    grad_image,
-    grad_textures,
-    pixels,
-    HALF: tl.constexpr,
-    CHANNELS: tl.constexpr,
-    HALVINGS: tl.constexpr,
-    ENTRIES: tl.constexpr,
-):
-    """grad_textures += T^T @ grad_image. No lane is idle for a short row: entries are taken as they lie."""
+    views, grad_image, grad_textures, pixels,
+    HALF: tl.constexpr, CHANNELS: tl.constexpr, HALVINGS: tl.constexpr, ENTRIES: tl.constexpr,
+):  # fmt: skip
+    """grad_textures += T^T @ grad_image."""
+    # entries are taken in the order of memory, across rows, so that short rows leave no lane idle
     start, texel, weight, scale, _, offset = view_of(views, HALF)
     pixel = tl.program_id(0) << HALVINGS
     first = tl.load(start + pixel)
@@ -133,25 +123,24 @@ def transposed(
     grad_textures += offset * CHANNELS
     for done in range(first, last, ENTRIES):
         entry = done + tl.arange(0, ENTRIES)
-        there = entry < last
-        place = tl.load(texel + entry, mask=there, other=0).to(tl.int64)
-        share_red, share_green, share_blue = color_of(weight + entry.to(tl.int64) * 3, there)
+        mask = entry < last
+        index = tl.load(texel + entry, mask=mask, other=0).to(tl.int64)
+        weight_red, weight_green, weight_blue = load_color(weight + entry.to(tl.int64) * 3, mask)
         row = row_of(entry, start + pixel, pixels - pixel, HALVINGS)
-        red, green, blue = color_of(grad + row * 3, there)
-        color = grad_textures + place * CHANNELS
-        red, green, blue = scale * share_red * red, scale * share_green * green, scale * share_blue * blue
-        add_color(color, red, green, blue, there, CHANNELS)
+        red, green, blue = load_color(grad + row * 3, mask)
+        red, green, blue = scale * weight_red * red, scale * weight_green * green, scale * weight_blue * blue
+        add_color(grad_textures + index * CHANNELS, red, green, blue, mask, CHANNELS)
 
 
 @dataclass(frozen=True, eq=False)
-class KernelProduct:
+class TritonProduct:
     """The kernels over a batch.
 
     Attributes:
-        transports: what the addresses point into.
-        addresses: for each of them, those of start, texel, weight, scale and background, and its first texel.
-        half: whether weights are in half precision, rather than single.
-        channels: of the sums of gradients in memory: 4 where one instruction adds as many, or 3.
+        transports: kept so that the memory behind the addresses stays theirs.
+        addresses: for each transport those of start, texel, weight, scale and background, and its first texel.
+        half: whether weights are in half precision; else they are in single precision.
+        channels: of the gradient's sums in memory: 4 where one instruction adds four numbers, else 3.
     """
 
     transports: tuple[LightTransport, ...]
@@ -160,7 +149,7 @@ class KernelProduct:
     channels: int
 
     @classmethod
-    def of(cls, transports: tuple[LightTransport, ...]) -> KernelProduct:
+    def of(cls, transports: tuple[LightTransport, ...]) -> TritonProduct:
         half = all(t.weight.dtype == torch.float16 for t in transports)
         kept = transports if half else tuple(replace(t, weight=t.weight.float()) for t in transports)
         first = accumulate((t.texels for t in kept), initial=0)
@@ -172,18 +161,18 @@ class KernelProduct:
         return cls(kept, copy_async(torch.tensor(rows), device), half, 4 if _adds_vectors(device) else 3)
 
     def picture(self, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
-        return self._shown(texels, BACKGROUND=True)
+        return self._picture(texels, BACKGROUND=True)
 
     def linear(self, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
-        return self._shown(texels, BACKGROUND=False)
+        return self._picture(texels, BACKGROUND=False)
 
-    def _shown(self, texels: Float[Tensor, "texels 3"], **constants: bool) -> Float[Tensor, "pixels 3"]:
+    def _picture(self, texels: Float[Tensor, "texels 3"], **constants: bool) -> Float[Tensor, "pixels 3"]:
         image = texels.new_empty(len(self.transports) * self._pixels, 3)
         self._launch(picture, PICTURE["ROWS"], texels, image, **constants, **PICTURE)
         return image
 
     def transposed(self, grad: Float[Tensor, "pixels 3"]) -> Float[Tensor, "texels 3"]:
-        """T^T @ grad. Not contiguous if there are four channels."""
+        """T^T @ grad; not contiguous if there are four channels."""
         texels = grad.new_zeros(sum(t.texels for t in self.transports), self.channels)
         self._launch(transposed, 1 << TRANSPOSED["HALVINGS"], grad, texels, CHANNELS=self.channels, **TRANSPOSED)
         return texels[:, :3]
@@ -199,6 +188,6 @@ class KernelProduct:
 
 
 def _adds_vectors(device: torch.device) -> bool:
-    """NVIDIA's since sm_90. ROCm's devices have capabilities too, which mean others."""
-    nvidia = device.type == "cuda" and torch.version.cuda is not None
+    """Whether the device adds four floats by one atomic instruction: NVIDIA's do since sm_90."""
+    nvidia = device.type == "cuda" and torch.version.cuda is not None  # ROCm's numbers mean other instructions
     return nvidia and torch.cuda.get_device_capability(device) >= (9, 0)

@@ -1,4 +1,4 @@
-"""The stored transport of one view, and its file."""
+"""The light transport of one view, and its file."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from svbrdfgan.utils.deprecation import renamed_attribute
 
 _FORMAT = "svbrdfgan light transport 1"
 _HALF_LIMIT = 32768.0
+"""The greatest weight in half precision: about half of the greatest finite number, so that nothing overflows."""
 _STORED_NAMES = {"gbuffer": "guide"}
 """Tensors whose name in the file is not that of the attribute: files of earlier versions stay readable."""
 
 
 @dataclass(frozen=True, eq=False)
 class LightTransport:
-    """One view of one surface: `image = background + T @ textures`, with T sparse, in rows of pixels.
+    """One view of one surface: `image = background + T @ textures`, with T sparse (CSR), one row for each pixel.
 
     The textures are those of the learnable parts, in the order of `parts`, each (rows, cols, 3) linear reflectance;
-    everything else is folded into the background. Entry n of T says that texel `texel[n]` of the stacked textures, as
-    (part * rows + row) * cols + col, adds `weight[n] * scale` times its value to its pixel; the entries of pixel i are
+    everything else is folded into the background. Entry n of T adds `weight[n] * scale` times the value of texel
+    `texel[n]` of the stacked textures, (part * rows + row) * cols + col, to its pixel; the entries of pixel i are
     `start[i]` to `start[i + 1]`.
 
     Attributes:
@@ -34,9 +35,9 @@ class LightTransport:
         texel: ascending within a pixel; int32.
         weight: linear RGB, half or single precision; `half` states the error.
         scale: one factor for all weights, so that half precision holds any brightness.
-        background: the picture of all that is not learnable, premultiplied.
+        background: the image of all parts that are not learnable, premultiplied.
         coverage: share of each pixel that shows the surface.
-        gbuffer: mean network input (position, normal) over a pixel's learnable samples, times their share of it.
+        gbuffer: mean position and normal over a pixel's learnable samples, times their share of the pixel.
         parts: indices into `Surface.parts` of the textures.
         texture_shape: (rows, cols) of each texture.
     """
@@ -55,21 +56,21 @@ class LightTransport:
 
     @property
     def texels(self) -> int:
-        """Columns of T: texels of all its textures."""
+        """Columns of T: the texels of all its textures."""
         return len(self.parts) * self.texture_shape[0] * self.texture_shape[1]
 
     def seen_texels(self) -> Float[Tensor, "parts rows cols"]:
-        """Mean RGB weight with which each texel enters the picture; zero where it is not seen or not lit."""
+        """Each texel's mean RGB weight in the image; zero for one that is not seen or not lit."""
         seen = torch.zeros(self.texels, device=self.texel.device)
         seen.index_add_(0, self.texel.long(), self.weight.float().mean(dim=1) * self.scale)
         return seen.reshape(len(self.parts), *self.texture_shape)
 
     def half(self) -> LightTransport:
-        """The same with weights in half precision: half the bytes.
+        """The same with weights and G-buffer in half precision, which takes half the bytes.
 
-        A weight's error is at most 2^-11 of itself, or 2^-40 of the largest weight where that is more. So is the
-        relative error of a picture of reflectances that are not negative: all weights are positive. The G-buffer is
-        rounded likewise.
+        A weight's error is at most 2^-11 of itself, or 2^-40 of the largest weight where that is more. That also bounds
+        the relative error of an image of non-negative reflectances, since all weights are positive; 4e-4 at most was
+        measured (`docs/performance.md`).
         """
         largest = (self.weight.float().abs().max() if len(self.weight) else self.scale.new_ones(())) * self.scale
         scale = (largest / _HALF_LIMIT).clamp(min=torch.finfo(torch.float32).tiny)
@@ -83,12 +84,12 @@ class LightTransport:
         return sum(tensor.nbytes for tensor in self.tensors().values())
 
     def to(self, device: torch.device | str) -> LightTransport:
-        """The same on another device. Copies from the CPU to CUDA are queued there, and not waited for."""
+        """The same on another device. A copy from the CPU to CUDA is queued there; the caller goes on."""
         moved: dict[str, Any] = {name: copy_async(tensor, device) for name, tensor in self.tensors().items()}
         return replace(self, **moved)
 
     def record_stream(self, stream: torch.cuda.Stream) -> None:
-        """Tells torch that work on the stream uses it, so that its memory is not given away before that is done."""
+        """Keeps torch from reusing its memory before the work queued on this stream is done."""
         for tensor in self.tensors().values():
             tensor.record_stream(stream)
 
@@ -105,7 +106,7 @@ class LightTransport:
         Raises:
             AssetError: the file is missing, damaged, or not a light transport.
         """
-        with stored_tensors(path, _FORMAT, "delete it to have it traced anew") as (tensors, words):
+        with stored_tensors(path, _FORMAT, "delete it to have it traced again") as (tensors, words):
             rows, cols = (int(n) for n in words["texture_shape"].split(","))
             parts = tuple(int(n) for n in words["parts"].split(",") if n)
             named = {name: tensors.pop(stored) for name, stored in _STORED_NAMES.items()}
@@ -114,7 +115,7 @@ class LightTransport:
         return transport
 
     def _require_consistent(self) -> None:
-        """Products trust indices, so those of a file are checked; ValueError if one of them leads out of its array."""
+        """Raises ValueError if shapes, types or indices do not fit together: products do not check indices."""
         (height, width), entries, half_or_single = self.coverage.shape, len(self.texel), (torch.half, torch.float)
         wanted = {
             "start": ((height * width + 1,), (torch.int32,)),
@@ -134,6 +135,6 @@ class LightTransport:
             raise ValueError("texel names texels that the textures do not have")
 
     def tensors(self) -> dict[str, Tensor]:
-        """By attribute."""
+        """Its tensors by the name of the attribute."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if isinstance(value, Tensor)}

@@ -1,4 +1,4 @@
-"""Sums over equal keys, by sorting: the same to the last bit in every run, on CUDA too."""
+"""Sums over equal keys, by sorting, so that they are the same bit for bit in every run, on CUDA too."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from torch import Tensor
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """Rows of equal keys, brought together.
+    """Rows grouped by equal keys.
 
     Attributes:
         key: each key once, ascending.
-        length: how many rows have it.
-        order: all rows, those of the first key first; rows of the same key in their own order.
+        length: rows of each key.
+        order: all rows, by ascending key; rows of one key keep their order.
     """
 
     key: Int[Tensor, " runs"]
@@ -37,24 +37,24 @@ class Runs:
 
 @dataclass(frozen=True, eq=False)
 class Entries:
-    """Values by key. A key may occur several times, and then means the sum."""
+    """Values by key. A key may occur several times; its value is the sum."""
 
     key: Int[Tensor, " entries"]
     value: Float[Tensor, "entries channels"]
 
     @classmethod
     def joined(cls, several: Sequence[Entries]) -> Entries:
-        """All of these."""
+        """The entries of all of these, one after the other."""
         return cls(torch.cat([entries.key for entries in several]), torch.cat([entries.value for entries in several]))
 
     def merged(self) -> Entries:
-        """The same with each key once, ascending."""
+        """The same values with each key once, ascending."""
         runs = Runs.of(self.key)
         return Entries(runs.key, segment_sums(self.value[runs.order], runs.length))
 
 
 def segment_sums(values: Float[Tensor, "rows ..."], length: Int[Tensor, " segments"]) -> Float[Tensor, "segments ..."]:
-    """The sums of so many rows each, one segment after the other."""
+    """The sum of each segment: the first `length[0]` rows, the next `length[1]`, and so on."""
     if not len(values):
         return values.new_zeros(len(length), *values.shape[1:])
     return torch.segment_reduce(values, "sum", lengths=length, unsafe=True)

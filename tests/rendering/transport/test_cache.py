@@ -1,4 +1,4 @@
-"""CachedRendering in memory within a budget, and read ahead."""
+"""Transports in memory within a budget, and their prefetching."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +14,7 @@ Make = Callable[..., LightTransport]
 DEVICES = ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",)
 
 
-def test_what_was_not_looked_up_for_longest_goes_first(make_transport: Make) -> None:
+def test_the_least_recently_used_is_dropped_first(make_transport: Make) -> None:
     transport = make_transport(0)
     cache: TransportCache[str] = TransportCache(3 * transport.nbytes)
     for key in "abc":
@@ -26,7 +26,7 @@ def test_what_was_not_looked_up_for_longest_goes_first(make_transport: Make) -> 
     assert "b" not in cache
 
 
-def test_bytes_are_counted_whatever_happens(make_transport: Make) -> None:
+def test_bytes_are_counted_through_every_change(make_transport: Make) -> None:
     transports = [make_transport(n, parts=n) for n in range(5)]
     cache: TransportCache[int] = TransportCache(sum(t.nbytes for t in transports[1:4]))
     for n in (0, 1, 2, 0, 3, 4, 1, 1, 2, 0):
@@ -52,8 +52,8 @@ def test_without_a_budget_there_is_plenty(make_transport: Make) -> None:
 
 
 @pytest.mark.parametrize("device", DEVICES)
-def test_what_is_read_ahead_is_what_was_saved(make_transport: Make, tmp_path: Path, device: str) -> None:
-    """Many more than a cache holds, so that memory is taken back while products still run."""
+def test_what_is_prefetched_is_what_was_saved(make_transport: Make, tmp_path: Path, device: str) -> None:
+    """More than the cache holds, so that memory is reused while products still run."""
     transports = [make_transport(n, parts=2).half() for n in range(24)]
     for n, transport in enumerate(transports):
         transport.save(tmp_path / f"{n}.safetensors")
@@ -72,7 +72,7 @@ def test_what_is_read_ahead_is_what_was_saved(make_transport: Make, tmp_path: Pa
         torch.testing.assert_close(picture.cpu(), expected)
 
 
-def test_a_damaged_file_is_told_of_when_it_is_wanted(make_transport: Make, tmp_path: Path) -> None:
+def test_a_damaged_file_raises_when_its_result_is_asked_for(make_transport: Make, tmp_path: Path) -> None:
     reader = TransportReader(torch.device("cpu"))
     (tmp_path / "broken.safetensors").write_bytes(b"x" * 100)
     broken, missing = reader.read(tmp_path / "broken.safetensors"), reader.read(tmp_path / "missing.safetensors")

@@ -1,4 +1,4 @@
-"""Every way to compute the product against the dense matrix, in float64."""
+"""Every implementation of the product against the dense matrix, in float64."""
 
 from __future__ import annotations
 
@@ -12,25 +12,28 @@ import pytest
 import torch
 
 from svbrdfgan.rendering.transport import LightTransport, TransportBatch
-from svbrdfgan.rendering.transport.csr import HostProduct
+from svbrdfgan.rendering.transport.csr import CsrProduct
 from svbrdfgan.rendering.transport.product import Product
-from svbrdfgan.rendering.transport.reference import PlainProduct
+from svbrdfgan.rendering.transport.reference import ReferenceProduct
 
 CUDA = torch.cuda.is_available()
 INTERPRETED = os.environ.get("TRITON_INTERPRET") == "1"  # Triton's own interpreter runs kernels on the CPU
-WAYS: dict[str, tuple[str, Callable[..., Product]]] = {"host": ("cpu", HostProduct), "plain": ("cpu", PlainProduct)}
+PRODUCTS: dict[str, tuple[str, Callable[..., Product]]] = {
+    "csr": ("cpu", CsrProduct),
+    "reference": ("cpu", ReferenceProduct),
+}
 if CUDA:
-    WAYS["plain on CUDA"] = ("cuda", PlainProduct)
+    PRODUCTS["reference on CUDA"] = ("cuda", ReferenceProduct)
 if (CUDA or INTERPRETED) and importlib.util.find_spec("triton"):
     from svbrdfgan.rendering.transport import kernels as triton_kernels
 
     def kernels(transports: tuple[LightTransport, ...], channels: int) -> Product:
-        """With sums of so many channels. Four are added one by one where there is no instruction for them."""
-        return replace(triton_kernels.KernelProduct.of(transports), channels=channels)
+        """Gradients summed in three or four channels; the latter also where no instruction adds four at once."""
+        return replace(triton_kernels.TritonProduct.of(transports), channels=channels)
 
     for channels in (3, 4):
-        where = "cuda" if CUDA and not INTERPRETED else "cpu"
-        WAYS[f"kernels, {channels} channels"] = (where, partial(kernels, channels=channels))
+        place = "cuda" if CUDA and not INTERPRETED else "cpu"
+        PRODUCTS[f"kernels, {channels} channels"] = (place, partial(kernels, channels=channels))
 
 Make = Callable[..., LightTransport]
 
@@ -64,9 +67,9 @@ def several(make: Make, precision: str) -> list[LightTransport]:
 
 
 @pytest.mark.parametrize("precision", ["single", "half", "mixed"])
-@pytest.mark.parametrize("way", WAYS)
-def test_product_and_transpose_are_those_of_the_dense_matrix(make_transport: Make, way: str, precision: str) -> None:
-    device, make_product = WAYS[way]
+@pytest.mark.parametrize("name", PRODUCTS)
+def test_product_and_transpose_are_those_of_the_dense_matrix(make_transport: Make, name: str, precision: str) -> None:
+    device, make_product = PRODUCTS[name]
     transports = several(make_transport, precision)
     computed = make_product(tuple(t.to(device) for t in transports))
     rng = torch.Generator().manual_seed(5)
@@ -79,12 +82,12 @@ def test_product_and_transpose_are_those_of_the_dense_matrix(make_transport: Mak
     torch.testing.assert_close(gradient.cpu(), expected_transposed(transports, grad).float(), rtol=1e-5, atol=1e-5)
 
 
-@pytest.mark.parametrize("way", [way for way in WAYS if way.startswith("kernels")])
+@pytest.mark.parametrize("name", [name for name in PRODUCTS if name.startswith("kernels")])
 def test_a_program_takes_any_number_of_pixels_and_entries(
-    make_transport: Make, monkeypatch: pytest.MonkeyPatch, way: str
+    make_transport: Make, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     """Rows that end with a program's pixels or not, and fill its lanes many times."""
-    device, make_product = WAYS[way]
+    device, make_product = PRODUCTS[name]
     transports = [make_transport(n, parts=3, longest=140) for n in range(2)]
     rng = torch.Generator().manual_seed(6)
     texels, grad = torch.rand(288, 3, generator=rng), torch.randn(126, 3, generator=rng)
@@ -146,7 +149,7 @@ def test_a_batch_knows_what_its_views_show(make_transport: Make, device: str) ->
 def test_textures_of_another_shape_are_refused(make_transport: Make) -> None:
     _, batch = batch_of(make_transport, "cpu")
     for shape in ((3, 6, 8, 3), (4, 8, 6, 3), (4, 6, 8, 4)):
-        with pytest.raises(ValueError, match=r"the batch wants \(4, 6, 8, 3\)"):
+        with pytest.raises(ValueError, match=r"the batch needs \(4, 6, 8, 3\)"):
             batch.render(torch.zeros(shape))
 
 
@@ -163,7 +166,7 @@ def test_deterministic_algorithms_give_the_same_bits(make_transport: Make) -> No
     torch.use_deterministic_algorithms(True)
     try:
         _, batch = batch_of(make_transport, "cuda", 16)
-        assert isinstance(batch.product, PlainProduct)
+        assert isinstance(batch.product, ReferenceProduct)
         grad = torch.randn(16 * 63, 3, device="cuda")
         first, *others = [batch.product.transposed(grad) for _ in range(5)]
         assert all(torch.equal(first, other) for other in others)

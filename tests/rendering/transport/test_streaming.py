@@ -1,4 +1,4 @@
-"""Training's stages where memory holds few transports: what is read ahead, or read again, is the same."""
+"""Training where memory holds few transports: those prefetched or read again are the same."""
 
 import shutil
 from dataclasses import replace
@@ -58,12 +58,12 @@ def test_a_small_budget_changes_nothing(stored: CachedRendering, tiny_dataset: P
         assert torch.equal(pictures(small, step), pictures(stored, step))
 
 
-def test_what_is_expected_is_there_in_time(stored: CachedRendering, tiny_dataset: Path, monkeypatch: Any) -> None:
+def test_what_is_prefetched_is_there_in_time(stored: CachedRendering, tiny_dataset: Path, monkeypatch: Any) -> None:
     two_batches = 6 * max(t.nbytes for t in stored._cache.values())
     small = transports(stored.exemplars, tiny_dataset, _cache=TransportCache(two_batches))
     small.build(range(6))
     assert len(small._cache) < len(stored._cache)
-    monkeypatch.setattr(CachedRendering, "_file", None)  # nothing is read when it is wanted
+    monkeypatch.setattr(CachedRendering, "_file", None)  # a synchronous read would fail
     small.prefetch(BATCHES[0], rng(0))
     for step in range(4):
         if step < 3:
@@ -72,7 +72,7 @@ def test_what_is_expected_is_there_in_time(stored: CachedRendering, tiny_dataset
     assert small._pending == {}
 
 
-def test_expecting_the_same_twice_reads_it_once(stored: CachedRendering, tiny_dataset: Path) -> None:
+def test_prefetching_the_same_twice_reads_it_once(stored: CachedRendering, tiny_dataset: Path) -> None:
     small = transports(stored.exemplars, tiny_dataset, _cache=TransportCache(1))
     small.build(range(6))
     small.prefetch(BATCHES[0], rng(0))
@@ -81,7 +81,7 @@ def test_expecting_the_same_twice_reads_it_once(stored: CachedRendering, tiny_da
     assert small._pending == first
 
 
-def test_expecting_what_was_never_built_waits_for_the_stage(stored: CachedRendering, tiny_dataset: Path) -> None:
+def test_prefetching_what_was_never_built_leaves_it_to_the_stage(stored: CachedRendering, tiny_dataset: Path) -> None:
     later = transports(stored.exemplars, tiny_dataset)
     later.prefetch(BATCHES[0], rng(0))
     assert later._pending == {}

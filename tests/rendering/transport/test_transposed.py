@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from svbrdfgan.rendering.transport import LightTransport, TransportBatch
-from svbrdfgan.rendering.transport.reference import PlainProduct
+from svbrdfgan.rendering.transport.reference import ReferenceProduct
 
 ROWS, COLS, HEIGHT, WIDTH = 5, 4, 6, 7
 
@@ -33,10 +33,10 @@ def view(seed: int, parts: tuple[int, ...]) -> LightTransport:
     )
 
 
-@pytest.fixture(params=["host", "plain"])
+@pytest.fixture(params=["csr", "reference"])
 def batch(request: pytest.FixtureRequest) -> TransportBatch:
     made = TransportBatch.stack([view(0, (0, 2)), view(1, (1,))])
-    return made if request.param == "host" else replace(made, product=PlainProduct(made.transports))
+    return made if request.param == "csr" else replace(made, product=ReferenceProduct(made.transports))
 
 
 def random(*size: int, seed: int = 9) -> Tensor:
