@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from svbrdfgan.data.photos.build import Imported
+    from svbrdfgan.data.photos.build import ImportedPicture
 
 
 @click.command("import")
@@ -43,7 +43,7 @@ def command(manifest: Path, overrides: tuple[str, ...], out: Path, preview: bool
             click.echo(f"{split}: {count} exemplars of {len(meshes)} meshes")
 
 
-def _tell(one: Imported) -> None:
+def _tell(one: ImportedPicture) -> None:
     agreed = "no mask" if one.iou is None else f"IoU {one.iou:.2f}"
     exposed = "" if one.exposure is None else f", exposure x {one.exposure:.3g}"
     click.echo(f"{one.overlay}: {one.file}: {agreed}{exposed}")

@@ -65,7 +65,7 @@ def test_it_makes_a_data_set_and_says_what_to_look_at(manifest: Path, tmp_path: 
     assert load_exemplars(Dataset.open(tmp_path / "own"), "train").images.shape == (1, 24, 32, 3)
     again = invoke("dataset", "import", manifest, "-o", tmp_path / "own")
     assert again.exit_code == 1
-    assert "holds other things" in again.stderr
+    assert "holds more than overlays" in again.stderr
 
 
 def test_faults_are_lines_on_stderr(manifest: Path, tmp_path: Path) -> None:

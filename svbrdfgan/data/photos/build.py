@@ -1,4 +1,4 @@
-"""From a manifest to a data set's folder: whole, or not there at all."""
+"""From a manifest to the folder of a data set, which appears whole or not at all."""
 
 from __future__ import annotations
 
@@ -12,8 +12,15 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from svbrdfgan.data.gather import INDEX, gather_environments, match_files
-from svbrdfgan.data.photos.check import Faults, Order, Shot, check_environments, check_meshes, check_pictures
-from svbrdfgan.data.photos.convert import develop, places
+from svbrdfgan.data.photos.check import (
+    ErrorCollector,
+    ImportJob,
+    RectifiedPhoto,
+    check_environments,
+    check_meshes,
+    check_pictures,
+)
+from svbrdfgan.data.photos.convert import convert_photos, places
 from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.photos.overlay import contact_sheet
 from svbrdfgan.data.sampler import EnvironmentAsset
@@ -25,16 +32,16 @@ OVERLAYS, SHEET, RECORD = "overlay", "contact-sheet.png", "imported.json"
 
 
 @dataclass(frozen=True)
-class Imported:
-    """What became of one picture.
+class ImportedPicture:
+    """The record of one imported picture.
 
     Attributes:
         file: as the manifest names it.
-        overlay: its drawing, in the data set's folder.
+        overlay: path of its overlay in the data set's folder.
         exemplar: its place there, such as "train/000003".
-        iou: agreement of mask and silhouette; None without a mask.
-        exposure: what its linear values were multiplied by; None where only overlays were made.
-        doubts: what the user should look at.
+        iou: intersection over union of mask and silhouette; None without a mask.
+        exposure: the factor on its linear values; None where only overlays were made.
+        doubts: what the user should check.
     """
 
     file: str
@@ -53,78 +60,82 @@ def import_pictures(
     source: str = "manifest",
     preview: bool = False,
     display: Display | None = None,
-) -> tuple[Imported, ...]:
+) -> tuple[ImportedPicture, ...]:
     """Makes a data set of pictures, with an overlay of mesh and picture for each.
 
     Args:
-        base: the folder that files of the manifest are relative to.
-        source: opens every message.
-        preview: makes the overlays alone.
+        base: the folder that the manifest's files are relative to.
+        source: the name of the manifest, which opens every message.
+        preview: makes only the overlays.
 
     Raises:
-        ConfigError: a line for each fault of the manifest or of what it names; or the folder is not free.
-        AssetError: the disk cannot be written.
+        ConfigError: the manifest or files that it names have errors, one line each; or the folder is in use.
+        AssetError: the folder cannot be written.
     """
     _require_free(folder)
-    faults = Faults(source)
-    order = Order(manifest, base, faults, display or SilentDisplay())
+    errors = ErrorCollector(source)
+    job = ImportJob(manifest, base, errors, display or SilentDisplay())
     with _stage(folder) as stage:
-        meshes = check_meshes(order)
-        check_environments(order)
-        with faults.about("embedding"):
+        meshes = check_meshes(job)
+        check_environments(job)
+        with errors.context("embedding"):
             load_embedding(manifest.embedding.name, manifest.embedding.options)
         pool: tuple[EnvironmentAsset, ...] = ()
-        with faults.about("environments"):
+        with errors.context("environments"):
             files = match_files(manifest.environments.files, base)
             pool = gather_environments(manifest.environments, files, manifest.environment_rows, stage)
-        shots = check_pictures(order, meshes)
-        faults.tell()
-        exposures: Sequence[float | None] = [None] * len(shots)
+        photos = check_pictures(job, meshes)
+        errors.raise_if_any()
+        exposures: Sequence[float | None] = [None] * len(photos)
         if not preview:
-            exposures = develop(order, meshes, pool, shots, stage)
-            faults.tell()
-        told = _told(manifest, shots, exposures)
-        _draw(stage, shots, told)
+            exposures = convert_photos(job, meshes, pool, photos, stage)
+            errors.raise_if_any()
+        records = _records(manifest, photos, exposures)
+        _draw(stage, photos, records)
         kept = [OVERLAYS] if preview else [OVERLAYS, RECORD, "assets", "cache", *manifest.config().splits, INDEX]
-        (stage / RECORD).write_text(json.dumps([asdict(one) for one in told], indent=1) + "\n", encoding="utf-8")
+        (stage / RECORD).write_text(
+            json.dumps([asdict(record) for record in records], indent=1) + "\n", encoding="utf-8"
+        )
         _publish(stage, folder, kept)
-    return told
+    return records
 
 
-def _told(manifest: Manifest, shots: Sequence[Shot], exposures: Sequence[float | None]) -> tuple[Imported, ...]:
+def _records(
+    manifest: Manifest, photos: Sequence[RectifiedPhoto], exposures: Sequence[float | None]
+) -> tuple[ImportedPicture, ...]:
     return tuple(
-        Imported(
-            file=shot.entry.file,
+        ImportedPicture(
+            file=photo.entry.file,
             overlay=f"{OVERLAYS}/{number:04d}.png",
             exemplar=f"{split}/{index:06d}",
-            iou=shot.iou,
+            iou=photo.iou,
             exposure=exposures[number],
-            doubts=shot.doubts,
+            doubts=photo.doubts,
         )
-        for number, (shot, (split, index)) in enumerate(zip(shots, places(manifest), strict=True))
+        for number, (photo, (split, index)) in enumerate(zip(photos, places(manifest), strict=True))
     )
 
 
-def _draw(folder: Path, shots: Sequence[Shot], told: Sequence[Imported]) -> None:
-    """The overlays and the sheet of all of them."""
+def _draw(folder: Path, photos: Sequence[RectifiedPhoto], records: Sequence[ImportedPicture]) -> None:
+    """Writes the overlays and a contact sheet of all of them."""
     (folder / OVERLAYS).mkdir()
-    for shot, one in zip(shots, told, strict=True):
-        shot.drawing.save(folder / one.overlay)
-    captions = [f"{Path(one.file).name}{'' if one.iou is None else f'  IoU {one.iou:.2f}'}" for one in told]
-    contact_sheet([shot.drawing for shot in shots], captions).save(folder / OVERLAYS / SHEET)
+    for photo, record in zip(photos, records, strict=True):
+        photo.overlay.save(folder / record.overlay)
+    captions = [
+        f"{Path(record.file).name}{'' if record.iou is None else f'  IoU {record.iou:.2f}'}" for record in records
+    ]
+    contact_sheet([photo.overlay for photo in photos], captions).save(folder / OVERLAYS / SHEET)
 
 
 def _require_free(folder: Path) -> None:
-    """Nothing of the user's is overwritten: the folder may hold the overlays of a preview alone."""
+    # so that no file of the user's is overwritten; a preview leaves its overlays there
     if folder.is_file() or (folder.is_dir() and {path.name for path in folder.iterdir()} - {OVERLAYS}):
-        raise ConfigError(
-            f"{folder} is there already and holds other things than overlays; choose another or delete it."
-        )
+        raise ConfigError(f"{folder} already exists and holds more than overlays; choose another folder or delete it.")
 
 
 @contextmanager
 def _stage(folder: Path) -> Iterator[Path]:
-    """A folder beside the wanted one, for all that is not yet known to be good; gone when the block ends."""
+    """A temporary folder beside the final one, deleted when the block ends."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as stage:
@@ -134,7 +145,7 @@ def _stage(folder: Path) -> Iterator[Path]:
 
 
 def _publish(stage: Path, folder: Path, names: Sequence[str]) -> None:
-    """Moves what was made to where it is wanted, the plan last: it is what makes the folder a data set."""
+    """Moves these entries to the final folder, in order: the plan, which makes the folder a data set, must be last."""
     folder.mkdir(exist_ok=True)
     shutil.rmtree(folder / OVERLAYS, ignore_errors=True)
     for name in names:

@@ -1,4 +1,4 @@
-"""Everything that can be wrong with users' pictures, found before anything is written, one sentence each."""
+"""Checks users' pictures before anything is written, and collects one sentence for each error."""
 
 from __future__ import annotations
 
@@ -14,9 +14,16 @@ from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.data.photos.manifest import Manifest, PictureEntry
-from svbrdfgan.data.photos.overlay import NOTHING, agreement, drawing_size, overlay, shrunk, visible_parts
+from svbrdfgan.data.photos.overlay import (
+    NO_PART,
+    downsample,
+    drawing_size,
+    intersection_over_union,
+    overlay,
+    visible_parts,
+)
 from svbrdfgan.data.photos.photo import Photo, load_photo
-from svbrdfgan.data.photos.rectify import frame, resample, zoom
+from svbrdfgan.data.photos.rectify import minification, rectified_camera, rectify
 from svbrdfgan.errors import AssetError, ConfigError, SvbrdfganError
 from svbrdfgan.io import load_environment, load_mesh
 from svbrdfgan.scene.description import OrbitCamera
@@ -26,118 +33,119 @@ from svbrdfgan.utils.display import Display
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-LEAST_AGREEMENT = 0.8
-"""Of mask and silhouette, as intersection over union, below which the camera is doubted."""
+LEAST_IOU = 0.8
+"""Intersection over union of mask and silhouette below which the user should check the camera."""
 
 _LEAST_OVERLAP = 0.05
+"""The same, below which the picture is refused."""
 _MOST_ENLARGED = 10.0
+"""The greatest enlargement of a picture; more is refused."""
 
 
 @dataclass
-class Faults:
-    """What is wrong, gathered, so that all of it is told at once."""
+class ErrorCollector:
+    """Collects errors, so that users see all of them at once."""
 
     source: str
-    found: list[str] = field(default_factory=list)
+    messages: list[str] = field(default_factory=list)
 
     @contextmanager
-    def about(self, what: str) -> Iterator[None]:
-        """Notes an error of the block, and goes on behind it."""
+    def context(self, what: str) -> Iterator[None]:
+        """Collects an error of the block, and goes on after the block."""
         try:
             yield
         except SvbrdfganError as error:
-            self.found += [f"{self.source}: {what}: {line}" for line in str(error).splitlines()]
+            self.messages += [f"{self.source}: {what}: {line}" for line in str(error).splitlines()]
 
-    def tell(self) -> None:
-        """Raises ConfigError with a line for each fault, if there is any."""
-        if self.found:
-            raise ConfigError("\n".join(dict.fromkeys(self.found)))
+    def raise_if_any(self) -> None:
+        """Raises ConfigError with a line for each error collected."""
+        if self.messages:
+            raise ConfigError("\n".join(dict.fromkeys(self.messages)))
 
 
 @dataclass(frozen=True, eq=False)
-class Order:
-    """What is to be imported.
+class ImportJob:
+    """A manifest to import, and where to report errors and progress.
 
     Attributes:
-        base: the folder that files of the manifest are relative to.
+        base: the folder that the manifest's files are relative to.
     """
 
     manifest: Manifest
     base: Path
-    faults: Faults
+    errors: ErrorCollector
     display: Display
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
-    """A picture on the data set's film.
+class RectifiedPhoto:
+    """A picture warped and resampled to the data set's camera and resolution.
 
     Attributes:
-        camera: the one that sees it.
-        film: premultiplied linear RGB and coverage, both by the mask; where there is none, coverage says where there
-            is a picture at all.
+        camera: the data set's camera.
+        film: linear RGB and coverage, both multiplied by the mask; without one, coverage is 1 inside the picture.
         masked: whether there is a mask.
-        drawing: the picture and the mesh's outline.
-        iou: agreement of mask and silhouette.
-        doubts: what the user should look at.
+        overlay: the picture with the outlines of mesh and mask.
+        iou: intersection over union of mask and silhouette.
+        doubts: what the user should check.
     """
 
     entry: PictureEntry
     camera: OrbitCamera
     film: Float[Tensor, "4 height width"]
     masked: bool
-    drawing: Image
+    overlay: Image
     iou: float | None
     doubts: tuple[str, ...]
 
 
-def check_meshes(order: Order) -> dict[str, Mesh]:
-    """The meshes by file, those that can be used."""
+def check_meshes(job: ImportJob) -> dict[str, Mesh]:
+    """The usable meshes, by file."""
     meshes: dict[str, Mesh] = {}
-    for file in dict.fromkeys(entry.mesh for entry in order.manifest.pictures):
-        with order.faults.about("mesh"):
-            mesh = load_mesh(order.base / file)
-            if not any(order.manifest.learnable.selects(part) for part in mesh.parts):
+    for file in dict.fromkeys(entry.mesh for entry in job.manifest.pictures):
+        with job.errors.context("mesh"):
+            mesh = load_mesh(job.base / file)
+            if not any(job.manifest.learnable.selects(part) for part in mesh.parts):
                 names = ", ".join(part.name for part in mesh.parts)
-                raise AssetError(f"{file} has no learnable part, only {names}: change 'learnable' so that it has.")
+                raise AssetError(f"{file} has no learnable part, only {names}: change 'learnable' to select one.")
             meshes[file] = mesh
-    _require_names(meshes, "meshes", order.faults)
+    _require_names(meshes, "meshes", job.errors)
     return meshes
 
 
-def check_environments(order: Order) -> None:
-    """Reads the environments that pictures name."""
-    files = dict.fromkeys(entry.environment for entry in order.manifest.pictures if entry.environment)
+def check_environments(job: ImportJob) -> None:
+    """Collects the errors of the environments that pictures name."""
+    files = dict.fromkeys(entry.environment for entry in job.manifest.pictures if entry.environment)
     for file in files:
-        with order.faults.about("environment"):
-            load_environment(order.base / file)
-    _require_names(files, "environments", order.faults)
+        with job.errors.context("environment"):
+            load_environment(job.base / file)
+    _require_names(files, "environments", job.errors)
 
 
-def check_pictures(order: Order, meshes: Mapping[str, Mesh]) -> tuple[Shot, ...]:
-    """The pictures on film: all of them, in order, if there are no faults."""
-    pictures, film, faults = order.manifest.pictures, order.manifest.image, order.faults
-    order.display.begin("pictures checked", len(pictures))
-    shots = []
+def check_pictures(job: ImportJob, meshes: Mapping[str, Mesh]) -> tuple[RectifiedPhoto, ...]:
+    """The rectified pictures: all of them in order, unless errors were collected."""
+    pictures, film, errors = job.manifest.pictures, job.manifest.image, job.errors
+    job.display.begin("pictures checked", len(pictures))
+    photos = []
     for number, entry in enumerate(pictures):
-        with faults.about(f"pictures[{number}]"):
-            photo = load_photo(order.base / entry.file, None if entry.mask is None else order.base / entry.mask)
+        with errors.context(f"pictures[{number}]"):
+            photo = load_photo(job.base / entry.file, None if entry.mask is None else job.base / entry.mask)
             if entry.mesh in meshes:
-                with faults.about(f"pictures[{number}]: {entry.file}"):
-                    shots.append(_shot(entry, photo, meshes[entry.mesh], film))
-        order.display.advance()
-    return tuple(shots)
+                with errors.context(f"pictures[{number}]: {entry.file}"):
+                    photos.append(_rectified(entry, photo, meshes[entry.mesh], film))
+        job.display.advance()
+    return tuple(photos)
 
 
-def _shot(entry: PictureEntry, photo: Photo, mesh: Mesh, film: tuple[int, int]) -> Shot:
+def _rectified(entry: PictureEntry, photo: Photo, mesh: Mesh, film: tuple[int, int]) -> RectifiedPhoto:
     camera, size = entry.camera.camera(), drawing_size(*photo.size)
-    framed = frame(camera, photo.size, mesh, film)
+    target = rectified_camera(camera, photo.size, mesh, film)
     parts = visible_parts(mesh, camera, *size)
-    silhouette = parts != NOTHING
+    silhouette = parts != NO_PART
     if not silhouette.any():
         raise ConfigError("the camera sees no pixel of the mesh: correct it, or the scale of the mesh (metres).")
-    zoomed = zoom(photo.size[1], camera, framed.camera(), film)
-    if zoomed < 1 / _MOST_ENLARGED:
+    reduced = minification(photo.size[1], camera, target.camera(), film)
+    if reduced < 1 / _MOST_ENLARGED:
         raise ConfigError(
             f"the mesh fills {silhouette.mean():.2%} of the picture as this camera sees it: correct the distance, "
             "which is in the mesh's unit, or the field of view."
@@ -146,33 +154,33 @@ def _shot(entry: PictureEntry, photo: Photo, mesh: Mesh, film: tuple[int, int]) 
     weight = torch.ones(1, *color.shape[1:])
     if photo.mask is not None:
         weight = photo.mask[None]
-        mask = shrunk(weight, size)[0].numpy() > 0.5
-        iou = agreement(mask, silhouette)
+        mask = downsample(weight, size)[0].numpy() > 0.5
+        iou = intersection_over_union(mask, silhouette)
         if iou < _LEAST_OVERLAP:
             raise AssetError(f"the mask is not where the camera sees the mesh (IoU {iou:.2f}): correct one of them.")
-    return Shot(
+    return RectifiedPhoto(
         entry=entry,
-        camera=framed,
-        film=resample(torch.cat([color * weight, weight]), camera, framed.camera(), film),
+        camera=target,
+        film=rectify(torch.cat([color * weight, weight]), camera, target.camera(), film),
         masked=mask is not None,
-        drawing=overlay(shrunk(color, size), parts, mask),
+        overlay=overlay(downsample(color, size), parts, mask),
         iou=iou,
-        doubts=tuple(_doubts(iou, silhouette, zoomed)),
+        doubts=tuple(_doubts(iou, silhouette, reduced)),
     )
 
 
-def _doubts(iou: float | None, silhouette: Bool[ndarray, "rows cols"], zoomed: float) -> Iterator[str]:
-    if iou is not None and iou < LEAST_AGREEMENT:
-        yield f"mask and mesh agree by {iou:.2f} only (IoU, wanted {LEAST_AGREEMENT}): correct the camera or the mask"
+def _doubts(iou: float | None, silhouette: Bool[ndarray, "rows cols"], reduced: float) -> Iterator[str]:
+    if iou is not None and iou < LEAST_IOU:
+        yield f"mask and mesh agree by {iou:.2f} only (IoU, wanted {LEAST_IOU}): correct the camera or the mask"
     if silhouette[[0, -1]].any() or silhouette[:, [0, -1]].any():
         yield "the mesh reaches beyond the picture, which is cropped about its middle"
-    if zoomed < 0.95:
-        yield f"the mesh is small in it and is enlarged {1 / zoomed:.1f} times: take a larger one, or a smaller 'image'"
+    if reduced < 0.95:
+        yield f"the mesh is small in it and is enlarged {1 / reduced:.1f} times: use a larger one, or lower 'image'"
 
 
-def _require_names(files: Iterable[str], what: str, faults: Faults) -> None:
+def _require_names(files: Iterable[str], what: str, errors: ErrorCollector) -> None:
     stems = [Path(file).stem for file in files]
-    doubled = sorted({stem for stem in stems if stems.count(stem) > 1})
-    if doubled:
-        with faults.about(what):
-            raise ConfigError(f"files share the names {doubled}; rename them, since a data set keeps assets by name.")
+    repeated = sorted({stem for stem in stems if stems.count(stem) > 1})
+    if repeated:
+        with errors.context(what):
+            raise ConfigError(f"files share the names {repeated}; rename them, since a data set keeps assets by name.")

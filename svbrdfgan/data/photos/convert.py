@@ -1,4 +1,4 @@
-"""Pictures that were found good, as exemplars on disk: masked, exposed alike, like pictures of fakes, with scenes."""
+"""Converts checked pictures to exemplars: masked, exposed, made comparable to rendered images, each with its scene."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from svbrdfgan.data.config import Split
 from svbrdfgan.data.gather import environment_asset, mesh_asset
 from svbrdfgan.data.generate import exemplar_paths, save_exemplar
 from svbrdfgan.data.index import DatasetIndex
-from svbrdfgan.data.photos.check import Order, Shot
-from svbrdfgan.data.photos.exposure import exposure, mean_light
-from svbrdfgan.data.photos.light import GLOSS, estimate, film_size, light, look, white
+from svbrdfgan.data.photos.check import ImportJob, RectifiedPhoto
+from svbrdfgan.data.photos.exposure import exposure_factor, mean_light
+from svbrdfgan.data.photos.light import GLOSS, environment, estimate_weights, evidence_size, gather_evidence, white
 from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.sampler import EnvironmentAsset, MeshAsset
 from svbrdfgan.io import load_environment
@@ -35,12 +35,13 @@ Place = tuple[Split, int]
 
 _SPP, _SMOOTH_SPP, _LIGHT_SPP = 64, 1024, 16
 _WHOLE = 0.99
-_ERODED = 1 / 64
-"""Of the film's height: how far a silhouette shrinks where it stands in for a mask."""
+"""Coverage from which a pixel counts as filled."""
+_EROSION = 1 / 64
+"""How far a silhouette is eroded where it replaces a mask, as a share of the image's height."""
 
 
 def places(manifest: Manifest) -> list[Place]:
-    """The place of each picture: views of one mesh follow each other, as training wants them."""
+    """The place of each picture in the data set. Views of one mesh follow each other, as training requires."""
     found: dict[int, Place] = {}
     for split in manifest.config().splits:
         chosen = [n for mesh in manifest.meshes(split) for n, e in enumerate(manifest.pictures) if e.mesh == mesh]
@@ -48,23 +49,24 @@ def places(manifest: Manifest) -> list[Place]:
     return [found[number] for number in range(len(manifest.pictures))]
 
 
-def develop(
-    order: Order, meshes: Mapping[str, Mesh], pool: tuple[EnvironmentAsset, ...], shots: Sequence[Shot], folder: Path
+def convert_photos(
+    job: ImportJob,
+    meshes: Mapping[str, Mesh],
+    pool: tuple[EnvironmentAsset, ...],
+    photos: Sequence[RectifiedPhoto],
+    folder: Path,
 ) -> list[float]:
-    """Writes the data set of these pictures, and gives what each was multiplied by.
-
-    What cannot be developed is noted among the order's faults.
-    """
-    plan = _plan(order.manifest, meshes, pool, folder)
-    room = _Darkroom.open(order, plan, folder)
-    order.display.begin("exemplars", len(shots))
-    exposures = [0.0] * len(shots)
-    at = places(order.manifest)
-    for number in sorted(range(len(shots)), key=at.__getitem__):  # a mesh is prepared once
-        with order.faults.about(f"pictures[{number}]: {shots[number].entry.file}"):
-            exposures[number] = room.develop(shots[number], number, exemplar_paths(folder, *at[number]))
-        order.display.advance()
-    plan.save(folder)
+    """Writes the data set, and returns the exposure factor of each picture. Errors are collected in the job."""
+    index = _plan(job.manifest, meshes, pool, folder)
+    converter = _Converter.open(job, index, folder)
+    job.display.begin("exemplars", len(photos))
+    exposures = [0.0] * len(photos)
+    at = places(job.manifest)
+    for number in sorted(range(len(photos)), key=at.__getitem__):  # a mesh is prepared once
+        with job.errors.context(f"pictures[{number}]: {photos[number].entry.file}"):
+            exposures[number] = converter.convert(photos[number], number, exemplar_paths(folder, *at[number]))
+        job.display.advance()
+    index.save(folder)
     return exposures
 
 
@@ -83,15 +85,15 @@ def _plan(
 
 
 @dataclass
-class _Darkroom:
-    """What all pictures need.
+class _Converter:
+    """Converts pictures one by one.
 
     Attributes:
         chosen: the renderer's name and options.
-        meshes: the data set's, by the manifest's file.
-        lights: those that pictures name, by file; the mean by None.
-        mean: the mean light of the pool, which stands for the unknown.
-        prepared: the surface of the last picture, which is likely that of the next.
+        meshes: the data set's meshes, by their file in the manifest.
+        lights: the environments that pictures name, by file; the mean light by None.
+        mean: the mean light of the pool, which replaces unknown light.
+        prepared: the last picture's mesh and prepared surface: the next picture usually shows the same mesh.
     """
 
     manifest: Manifest
@@ -104,12 +106,12 @@ class _Darkroom:
     prepared: tuple[str, Any] | None = None
 
     @classmethod
-    def open(cls, order: Order, plan: DatasetIndex, folder: Path) -> _Darkroom:
-        manifest, base = order.manifest, order.base
-        config, rows = plan.config, plan.config.environment_rows
+    def open(cls, job: ImportJob, index: DatasetIndex, folder: Path) -> _Converter:
+        manifest, base = job.manifest, job.base
+        config, rows = index.config, index.config.environment_rows
         files = [file for split in config.splits for file in manifest.meshes(split)]
-        assets = [mesh for split in config.splits for mesh in plan.meshes[split]]
-        unknown = mean_light(plan.sampler("train"), folder)
+        assets = [mesh for split in config.splits for mesh in index.meshes[split]]
+        unknown = mean_light(index.sampler("train"), folder)
         asset = environment_asset("mean of the pool", unknown, rows, folder).asset
         lights: dict[str | None, SceneEnvironment] = {None: SceneEnvironment(asset=asset)}
         for file in {entry.environment for entry in manifest.pictures if entry.environment}:
@@ -121,43 +123,45 @@ class _Darkroom:
             manifest, SceneLoader(folder), renderer, chosen, dict(zip(files, assets, strict=True)), lights, unknown
         )
 
-    def develop(self, shot: Shot, number: int, paths: tuple[Path, Path]) -> float:
-        """Writes one exemplar, and gives what the picture was multiplied by."""
-        scene = self._scene(shot, number)
-        clean = self._clean(scene)
-        masked = _masked(shot, clean)
-        factor = exposure(masked, clean)
+    def convert(self, photo: RectifiedPhoto, number: int, paths: tuple[Path, Path]) -> float:
+        """Writes one exemplar and its scene, and returns the exposure factor."""
+        scene = self._scene(photo, number)
+        clean = self._render_clean(scene)
+        masked = _masked(photo, clean)
+        factor = exposure_factor(masked, clean)
         exposed = Rendering(masked.image * factor, masked.coverage)
-        if shot.entry.environment is None and self.manifest.light == "estimated":
+        if photo.entry.environment is None and self.manifest.light == "estimated":
             scene = scene.model_copy(update={"environment": self._light(scene, exposed)})
-        bare = _completed(exposed, clean.coverage, self._veil(scene))
-        save_exemplar(paths[0], Rendering(bare.image * self._noise(scene), bare.coverage))
+        matt = _fill_silhouette(exposed, clean.coverage, self._gloss(scene))
+        save_exemplar(paths[0], Rendering(matt.image * self._noise(scene), matt.coverage))
         scene.save(paths[1])
         return factor
 
     def _light(self, scene: Scene, exposed: Rendering) -> SceneEnvironment:
-        """The scene's own light, as its picture tells it."""
-        subject, (width, height) = self.loader.subject(scene), film_size(scene.width, scene.height)
+        """The scene's light, estimated from its picture."""
+        subject, (width, height) = self.loader.subject(scene), evidence_size(scene.width, scene.height)
         prepared, seed = self._prepared(scene), scene.seed
 
-        def shoot(materials: Materials, radiance: Float[Tensor, "rows cols 3"]) -> Rendering:
+        def render(materials: Materials, radiance: Float[Tensor, "rows cols 3"]) -> Rendering:
             view = View(scene.camera.camera(), Environment(radiance), width, height)
             return _on_cpu(self.renderer.render(prepared, materials, view, spp=_LIGHT_SPP, seed=seed))
 
-        evidence = look(exposed, shoot, subject.materials(scene.materials, None), subject.learnable, self.mean)
-        found = light(self.mean, estimate(evidence, self.manifest.weathering_color))
+        evidence = gather_evidence(
+            exposed, render, subject.materials(scene.materials, None), subject.learnable, self.mean
+        )
+        radiance = environment(self.mean, estimate_weights(evidence, self.manifest.weathering_color))
         rows, folder = self.manifest.environment_rows, self.loader.folder
-        return SceneEnvironment(asset=environment_asset(f"light of picture {scene.seed}", found, rows, folder).asset)
+        return SceneEnvironment(asset=environment_asset(f"light of picture {scene.seed}", radiance, rows, folder).asset)
 
-    def _scene(self, shot: Shot, number: int) -> Scene:
-        manifest, entry = self.manifest, shot.entry
+    def _scene(self, photo: RectifiedPhoto, number: int) -> Scene:
+        manifest, entry = self.manifest, photo.entry
         width, height = manifest.image
         mesh, paint = self.meshes[entry.mesh], manifest.base_paint(entry)
         turn = {"rotation_degrees": entry.environment_rotation_degrees}
         return Scene(
             mesh=mesh.asset,
             environment=self.lights[entry.environment].model_copy(update=turn),
-            camera=shot.camera,
+            camera=photo.camera,
             width=width,
             height=height,
             spp=_SPP,
@@ -170,57 +174,56 @@ class _Darkroom:
             weathering="unknown",
         )
 
-    def _clean(self, scene: Scene) -> Rendering:
+    def _render_clean(self, scene: Scene) -> Rendering:
         """The scene without weathering."""
-        return self._picture(scene, self.loader.subject(scene).materials(scene.materials, None), _SPP)
+        return self._render(scene, self.loader.subject(scene).materials(scene.materials, None), _SPP)
 
-    def _veil(self, scene: Scene) -> Float[Tensor, "height width 3"]:
-        """What the learnable parts' gloss adds to the picture, roughly."""
+    def _gloss(self, scene: Scene) -> Float[Tensor, "height width 3"]:
+        """The radiance that gloss of the learnable parts adds to the picture, approximately."""
         subject = self.loader.subject(scene)
-        return GLOSS * self._picture(scene, white(subject.learnable, len(subject.surface.parts)), _SMOOTH_SPP).image
+        return GLOSS * self._render(scene, white(subject.learnable, len(subject.surface.parts)), _SMOOTH_SPP).image
 
     def _noise(self, scene: Scene) -> Float[Tensor, "height width 3"]:
-        """A factor of one on average: what `_SPP` samples in each pixel make of a white mesh."""
+        """The relative noise of `_SPP` samples per pixel, of mean one, measured on a white mesh."""
         count = len(self.loader.subject(scene).surface.parts)
-        some, many = (self._picture(scene, white(range(count), count), spp).image for spp in (_SPP, _SMOOTH_SPP))
-        return torch.where(many > 0, some / many, 1.0)
+        noisy, smooth = (self._render(scene, white(range(count), count), spp).image for spp in (_SPP, _SMOOTH_SPP))
+        return torch.where(smooth > 0, noisy / smooth, 1.0)
 
-    def _picture(self, scene: Scene, materials: Materials, spp: int) -> Rendering:
+    def _render(self, scene: Scene, materials: Materials, spp: int) -> Rendering:
         view = self.loader.view(scene)
         return _on_cpu(self.renderer.render(self._prepared(scene), materials, view, spp=spp, seed=scene.seed))
 
     def _prepared(self, scene: Scene) -> Any:
-        """The scene's surface, as the renderer wants it."""
+        """The scene's surface, prepared by the renderer."""
         if self.prepared is None or self.prepared[0] != scene.mesh.path:
             self.prepared = scene.mesh.path, self.renderer.prepare(self.loader.subject(scene).surface)
         return self.prepared[1]
 
 
-def _on_cpu(made: Rendering) -> Rendering:
-    return Rendering(made.image.cpu(), made.coverage.cpu())
+def _on_cpu(rendering: Rendering) -> Rendering:
+    return Rendering(rendering.image.cpu(), rendering.coverage.cpu())
 
 
-def _masked(shot: Shot, clean: Rendering) -> Rendering:
-    """The picture by its mask; without one, by the mesh's silhouette, shrunk.
-
-    So much of the camera's error does no harm then: what lies beside the mesh's edge is another thing.
-    """
-    image, coverage = shot.film[:3].permute(1, 2, 0), shot.film[3]
-    if shot.masked:
+def _masked(photo: RectifiedPhoto, clean: Rendering) -> Rendering:
+    """The picture inside its mask or, without one, inside the mesh's eroded silhouette."""
+    image, coverage = photo.film[:3].permute(1, 2, 0), photo.film[3]
+    if photo.masked:
         return Rendering(image, coverage)
-    reach = 1 + 2 * max(1, round(_ERODED * len(coverage)))
+    # eroded, since a small error of the camera would otherwise let in what lies beside the mesh's edge
+    reach = 1 + 2 * max(1, round(_EROSION * len(coverage)))
     silhouette = torch.from_numpy(grey_erosion(clean.coverage.numpy(), size=(reach, reach))) * (coverage > 0.999)
     return Rendering(image * silhouette.unsqueeze(-1), silhouette)
 
 
-def _completed(
-    taken: Rendering, coverage: Float[Tensor, "height width"], veil: Float[Tensor, "height width 3"]
+def _fill_silhouette(
+    photo: Rendering, coverage: Float[Tensor, "height width"], gloss: Float[Tensor, "height width 3"]
 ) -> Rendering:
-    """The picture without the veil, in the mesh's own silhouette, lest outlines tell it from the pictures of fakes.
+    """The picture less the gloss, inside the mesh's rendered silhouette.
 
-    What mask and silhouette do not have in common takes the colour of the nearest pixel that they have.
+    Pixels outside of the mask take the colour of the nearest pixel inside mask and silhouette.
     """
-    known = torch.minimum(taken.coverage, coverage) > _WHOLE
+    # the silhouette and not the mask, since the discriminator could tell exemplars by their outlines
+    known = torch.minimum(photo.coverage, coverage) > _WHOLE
     _, (row, col) = distance_transform_edt(~known.numpy(), return_indices=True)
-    bare = (taken.image - veil).clamp(min=0) / taken.coverage.clamp(min=_WHOLE).unsqueeze(-1)
-    return Rendering(bare[row, col] * coverage.unsqueeze(-1), coverage)
+    matt = (photo.image - gloss).clamp(min=0) / photo.coverage.clamp(min=_WHOLE).unsqueeze(-1)
+    return Rendering(matt[row, col] * coverage.unsqueeze(-1), coverage)

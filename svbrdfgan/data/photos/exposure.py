@@ -1,10 +1,10 @@
-"""The brightness of pictures whose light and exposure nobody knows, brought to that of the lights they train with.
+"""Exposes pictures of unknown light and exposure to the brightness of the lights that they train with.
 
-Exposure cannot be told from light, nor light from reflectance, without something known: here the mesh's base material.
-Each picture is multiplied so that the median, over the pixels that the object fills, of its luminance divided by that
-of the unweathered mesh under the mean of the pool's lights becomes one. The median, since weathering may make paint
-many times brighter: it is right, but for the light, where more than half of what is seen is nearly clean. The mean is
-dragged along by the rest (`docs/own-pictures.md` has the numbers). Colour is left alone.
+A picture alone does not separate exposure, light and reflectance; the mesh's base material is taken as known. Each
+picture is multiplied by one factor, which makes the median of its luminance relative to the unweathered mesh, rendered
+under the mean of the pool's lights, equal to one. It is the median, since weathering may make paint many times
+brighter: where more than half of the visible surface is nearly clean, the median is right and the mean is too high
+(`docs/own-pictures.md` has the numbers). Colour is kept.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ from svbrdfgan.types import Rendering
 
 _ROWS, _DRAWS = 32, 512
 _FULL = 0.99
+"""Coverage from which a pixel counts as filled."""
 
 
 def mean_light(sampler: ConfigSampler, folder: Path) -> Float[Tensor, "rows cols 3"]:
-    """The mean of the lights that training draws from a data set's pool: maps, turns and brightness."""
+    """The mean of the lights that training draws from a data set's pool: maps, rotations and brightness."""
     rng = np.random.default_rng(0)
     small = {light.asset.path: _small(folder / light.asset.path) for light in sampler.environments}
     total = torch.zeros(_ROWS, 2 * _ROWS, 3)
@@ -38,22 +39,22 @@ def mean_light(sampler: ConfigSampler, folder: Path) -> Float[Tensor, "rows cols
     return total / _DRAWS
 
 
-def exposure(taken: Rendering, clean: Rendering) -> float:
-    """What to multiply a picture by.
+def exposure_factor(photo: Rendering, clean: Rendering) -> float:
+    """The factor that exposes a picture.
 
     Args:
-        taken: the picture, premultiplied by its mask.
-        clean: the unweathered mesh, from the same camera.
+        photo: the picture, premultiplied by its mask.
+        clean: the rendered unweathered mesh, from the same camera.
 
     Raises:
-        AssetError: they have no full pixel in common, or the picture is black there.
+        AssetError: no pixel is filled in both, or the picture is black there.
     """
-    both = (taken.coverage > _FULL) & (clean.coverage > _FULL)
-    wanted, found = (luminance(rendering.image) for rendering in (clean, taken))
-    both &= wanted > 0
+    both = (photo.coverage > _FULL) & (clean.coverage > _FULL)
+    target, given = (luminance(rendering.image) for rendering in (clean, photo))
+    both &= target > 0
     if not both.any():
         raise AssetError("mask and mesh have no pixel in common: correct the camera or the mask.")
-    ratio = float((found[both] / wanted[both]).median())
+    ratio = float((given[both] / target[both]).median())
     if not ratio > 0:
         raise AssetError("the picture is black where it should show the mesh.")
     return 1.0 / ratio

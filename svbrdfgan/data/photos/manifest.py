@@ -1,4 +1,4 @@
-"""The file that says which picture shows which mesh from where. `docs/own-pictures.md` explains every key."""
+"""The manifest of pictures to import: their meshes and cameras. `docs/own-pictures.md` explains every key."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Reflectance = tuple[Share, Share, Share]
 
 
 class LookAtCamera(StrictModel):
-    """A level camera by where it stands and the point in the middle of its picture, in the mesh's metres."""
+    """A level camera by its position and the point in the middle of its picture, in metres of the mesh."""
 
     position: tuple[float, float, float]
     look_at: tuple[float, float, float]
@@ -31,7 +31,7 @@ class LookAtCamera(StrictModel):
 
 
 def _kind(value: Any) -> str:
-    """Which camera is meant, so that a fault is told of that one alone."""
+    """The tag of the intended camera, so that errors are reported for that one alone."""
     by_position = {"position", "look_at"} & set(value) if isinstance(value, dict) else isinstance(value, LookAtCamera)
     return "look-at" if by_position else "orbit"
 
@@ -60,7 +60,7 @@ class PictureEntry(StrictModel):
 
 
 class Manifest(StrictModel):
-    """The pictures, and the data set that they become. Keys that `DatasetConfig` has too mean the same."""
+    """The pictures, and the data set made of them. Keys that `DatasetConfig` has too have the same meaning."""
 
     pictures: tuple[PictureEntry, ...]
     test: tuple[str, ...] = Field(default=(), description="meshes whose pictures are kept from training")
@@ -99,11 +99,11 @@ class Manifest(StrictModel):
         return "test" if mesh in self.test else "train"
 
     def base_paint(self, entry: PictureEntry) -> Reflectance | None:
-        """Of the learnable parts in this picture; None where they keep the mesh's own material."""
+        """The paint of the learnable parts in this picture; None if they keep the mesh's own material."""
         return entry.paint or self.paint.get(entry.mesh)
 
     def config(self) -> DatasetConfig:
-        """As `dataset.json` keeps it: with no weathering recipe, since nobody knows how the pictures came about."""
+        """The configuration that `dataset.json` stores; it has no weathering recipe, which is unknown."""
         splits: tuple[Split, ...] = ("train", "test")
         shared = {name: getattr(self, name) for name in Manifest.model_fields if name in DatasetConfig.model_fields}
         shared |= {"paint": None, "weathering": None}
@@ -112,9 +112,9 @@ class Manifest(StrictModel):
 
 
 def read_manifest(data: dict[str, Any], source: str) -> Manifest:
-    """The manifest that the data describe; `source` opens every message.
+    """The validated manifest; `source` opens every error message.
 
     Raises:
-        ConfigError: one line for each fault.
+        ConfigError: one line for each error.
     """
     return validate(Manifest, data, source)

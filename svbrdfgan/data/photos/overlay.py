@@ -1,4 +1,4 @@
-"""What a camera sees of a mesh, drawn over the picture that it is said to have taken."""
+"""Draws the outlines of a mesh, as a given camera sees it, over the picture."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from svbrdfgan.types import Camera, Mesh, Surface
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-NOTHING = -1
+NO_PART = -1
 _SIDE = 640
 _MESH, _PARTS, _MASK = (255, 220, 0), (255, 120, 0), (0, 220, 255)
 _CELL, _CAPTION, _COLUMNS, _PAPER, _INK = (240, 180), 16, 5, (255, 255, 255), (40, 40, 40)
 
 
 def visible_parts(mesh: Mesh, camera: Camera, width: int, height: int) -> Int[ndarray, "height width"]:
-    """The part that each pixel's centre shows, `NOTHING` beside the mesh; row 0 on top.
+    """The part that the centre of each pixel shows, `NO_PART` beside the mesh; row 0 on top.
 
     Raises:
-        ConfigError: the mesh is not all in front of the camera.
+        ConfigError: a part of the mesh is not in front of the camera.
     """
     at, depth = film_coordinates(camera, width / height, mesh.positions)
     count = len(mesh.faces)
@@ -42,27 +42,28 @@ def visible_parts(mesh: Mesh, camera: Camera, width: int, height: int) -> Int[nd
         faces=mesh.faces,
         face_part=mesh.face_part,
         parts=mesh.parts,
-        elevation=1 / depth,  # nearest is outermost; and it is 1 / depth that is linear over a picture
+        elevation=1 / depth,  # the nearest face wins; and 1 / depth is linear over a perspective picture
         source_face=np.arange(count),
         source_barycentric=np.broadcast_to(np.eye(3), (count, 3, 3)),
     )
     raster = rasterize(seen, height, width)
-    return np.where(raster.mask, mesh.face_part[raster.face], NOTHING)[::-1]
+    return np.where(raster.mask, mesh.face_part[raster.face], NO_PART)[::-1]
 
 
 def drawing_size(width: int, height: int) -> tuple[int, int]:
-    """Width and height of a picture's overlay: as large, but no side beyond 640 pixels."""
+    """Width and height of a picture's overlay: the picture's, reduced to at most 640 pixels a side."""
     shrink = min(1.0, _SIDE / max(width, height))
     return max(1, round(width * shrink)), max(1, round(height * shrink))
 
 
-def shrunk(plane: Float[Tensor, "channels height width"], size: tuple[int, int]) -> Float[Tensor, "channels rows cols"]:
-    """A picture's planes at the size (width, height) of its overlay."""
+def downsample(
+    plane: Float[Tensor, "channels height width"], size: tuple[int, int]
+) -> Float[Tensor, "channels rows cols"]:
+    """A picture's planes at this width and height."""
     return F.adaptive_avg_pool2d(plane, (size[1], size[0]))
 
 
-def agreement(mask: Bool[ndarray, "rows cols"], silhouette: Bool[ndarray, "rows cols"]) -> float:
-    """Intersection over union."""
+def intersection_over_union(mask: Bool[ndarray, "rows cols"], silhouette: Bool[ndarray, "rows cols"]) -> float:
     return float((mask & silhouette).sum() / max(int((mask | silhouette).sum()), 1))
 
 
@@ -73,16 +74,16 @@ def overlay(
     from PIL import Image as PillowImage
 
     pixels = np.array(picture(_exposed(shown).permute(1, 2, 0)))
-    outlines = [(_borders(parts), _PARTS), (_wide(_borders(parts != NOTHING)), _MESH)]
+    outlines = [(_borders(parts), _PARTS), (_thickened(_borders(parts != NO_PART)), _MESH)]
     if mask is not None:
-        outlines.insert(1, (_wide(_borders(mask)), _MASK))
+        outlines.insert(1, (_thickened(_borders(mask)), _MASK))
     for line, color in outlines:
         pixels[line] = color
     return PillowImage.fromarray(pixels)
 
 
 def contact_sheet(overlays: Sequence[Image], captions: Sequence[str]) -> Image:
-    """All overlays, small, each above its caption."""
+    """Thumbnails of all overlays, each above its caption."""
     from PIL import Image as PillowImage
     from PIL import ImageDraw, ImageOps
 
@@ -99,21 +100,21 @@ def contact_sheet(overlays: Sequence[Image], captions: Sequence[str]) -> Image:
 
 
 def _exposed(shown: Float[Tensor, "3 rows cols"]) -> Float[Tensor, "3 rows cols"]:
-    """Any brightness made fit to look at: EXR files have any scale."""
+    # EXR files may have any scale, so that a fixed exposure could show them black or white
     bright = torch.quantile(shown.amax(dim=0), 0.98)
     return shown / bright.clamp(min=1e-6)
 
 
 def _borders(values: ndarray) -> Bool[ndarray, "rows cols"]:
-    """Pixels that differ from the one to their right or below."""
+    """The pixels that differ from the one to their right or below."""
     found = np.zeros(values.shape, dtype=bool)
     found[:, :-1] |= values[:, :-1] != values[:, 1:]
     found[:-1] |= values[:-1] != values[1:]
     return found
 
 
-def _wide(line: Bool[ndarray, "rows cols"]) -> Bool[ndarray, "rows cols"]:
-    """Two pixels wide instead of one."""
+def _thickened(line: Bool[ndarray, "rows cols"]) -> Bool[ndarray, "rows cols"]:
+    """The lines, two pixels wide instead of one."""
     wide = line.copy()
     wide[1:] |= line[:-1]
     wide[:, 1:] |= line[:, :-1]

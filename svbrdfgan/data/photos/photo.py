@@ -1,4 +1,4 @@
-"""Users' pictures and masks as linear values, decoded by what kind of file they are."""
+"""Loads users' pictures and masks as linear values."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Photo:
 
     Attributes:
         image: linear RGB, not premultiplied.
-        mask: share of each pixel that shows the object; None where nobody said.
+        mask: share of each pixel that shows the object; None if there is no mask.
     """
 
     image: Float[Tensor, "height width 3"]
@@ -36,12 +36,12 @@ class Photo:
 
 
 def load_photo(path: Path, mask: Path | None) -> Photo:
-    """A PNG or JPEG (sRGB) or an EXR (linear), turned upright as its EXIF says.
+    """The picture from a PNG or JPEG (sRGB) or an EXR (linear), turned upright by its EXIF orientation.
 
-    The mask is the file given, white where the object is; else the picture's own transparency, if it has any.
+    The mask is the given file, white where the object is; without one, the picture's alpha channel if it has any.
 
     Raises:
-        AssetError: a file cannot be read, holds values that are not finite, is too small, or the mask does not fit.
+        AssetError: a file cannot be read, is too small or has values that are not finite, or the mask does not fit.
     """
     image = _load(path)
     if not torch.isfinite(image).all():
@@ -55,7 +55,7 @@ def load_photo(path: Path, mask: Path | None) -> Photo:
     if mask is not None:
         return Photo(color, _load_mask(mask, path, (width, height)))
     own = alpha[..., 0] if alpha.numel() and bool((alpha < 1).any()) else None
-    return Photo(color, _holding(own, path))
+    return Photo(color, _require_object(own, path))
 
 
 def _load_mask(path: Path, picture: Path, size: tuple[int, int]) -> Float[Tensor, "height width"]:
@@ -68,14 +68,14 @@ def _load_mask(path: Path, picture: Path, size: tuple[int, int]) -> Float[Tensor
         )
     if values.shape[2] == 4:
         shown = values[..., 3]
-    else:  # plain numbers, which reading took for sRGB
+    else:  # 8-bit masks hold shares, not sRGB: what decoding did is undone
         shown = values.mean(dim=-1) if path.suffix.lower() == ".exr" else srgb_from_linear(values).mean(dim=-1)
-    mask = _holding(shown.clamp(0, 1), path)
+    mask = _require_object(shown.clamp(0, 1), path)
     assert mask is not None
     return mask
 
 
-def _holding(mask: Float[Tensor, "height width"] | None, path: Path) -> Float[Tensor, "height width"] | None:
+def _require_object(mask: Float[Tensor, "height width"] | None, path: Path) -> Float[Tensor, "height width"] | None:
     if mask is not None and not bool((mask > 0.5).any()):
         raise AssetError(f"{path} masks everything away: no pixel is white (or opaque), so that no object is left.")
     return mask
@@ -92,5 +92,5 @@ def _load(path: Path) -> Float[Tensor, "height width channels"]:
             return linear_from_picture(ImageOps.exif_transpose(image))
     except Image.DecompressionBombError as error:
         raise AssetError(f"{path} has more pixels than can be read safely: make it smaller.") from error
-    except Exception as error:  # Pillow's decoders raise many kinds, and every one means that the file is broken
+    except Exception as error:  # Pillow's decoders raise many types, and each means that the file is broken
         raise AssetError(f"{path} cannot be read as a picture: {error}.") from error

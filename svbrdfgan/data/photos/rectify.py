@@ -1,7 +1,7 @@
-"""From the picture that was taken to the one that a data set wants: same place, camera turned and zoomed, few pixels.
+"""Warps a picture to the data set's camera, which stands at the same place, turned and zoomed towards the mesh.
 
-What a pinhole camera sees from one place in another direction is the same picture warped by a homography. So framing
-is exact whatever the depth; nothing is lost but what lies beyond the picture's border.
+Two pinhole cameras at one place see pictures that differ by a homography, whatever the depth of the scene. So the warp
+is exact; only what lies beyond the picture's border is missing.
 """
 
 from __future__ import annotations
@@ -20,13 +20,15 @@ from svbrdfgan.scene.description import OrbitCamera
 from svbrdfgan.types import Camera, Mesh
 
 _MARGIN = 1.08
+"""Half the picture's size relative to the mesh's greatest extent from its middle."""
 _MOST_TAPS = 16
+"""Samples along each side of a pixel, at most."""
 
 
 def film_coordinates(
     camera: Camera, aspect: float, points: Float[ndarray, "points 3"]
 ) -> tuple[Float[ndarray, "points 2"], Float[ndarray, " points"]]:
-    """Where a camera sees points, x to the right and y to the top, [-1, 1] in the picture; and their depth in metres.
+    """Points in film coordinates, x to the right, y up, [-1, 1] inside the picture; and their depths in metres.
 
     Raises:
         ConfigError: a point is not in front of the camera.
@@ -41,15 +43,15 @@ def film_coordinates(
     return seen[:, :2] / depth[:, None] / (tangent * aspect, tangent), depth
 
 
-def frame(camera: Camera, size: tuple[int, int], mesh: Mesh, film: tuple[int, int]) -> OrbitCamera:
-    """The camera of the data set's picture, at the same place.
+def rectified_camera(camera: Camera, size: tuple[int, int], mesh: Mesh, film: tuple[int, int]) -> OrbitCamera:
+    """The data set's camera, at the same place as the picture's.
 
-    Where the picture shows the whole mesh, it looks at the middle of its box, from as near as shows it all with a
-    margin. Where the mesh reaches beyond the picture, it is the greatest crop about the picture's middle.
+    If the picture shows the whole mesh, the camera looks at the middle of its bounding box and shows all of it with a
+    margin. Else its image is the largest crop about the picture's middle.
 
     Args:
         size: width and height of the picture.
-        film: those of the data set's pictures.
+        film: width and height of the data set's images.
 
     Raises:
         ConfigError: the camera does not see the mesh.
@@ -60,8 +62,8 @@ def frame(camera: Camera, size: tuple[int, int], mesh: Mesh, film: tuple[int, in
         raise ConfigError("the camera does not see the mesh: no corner of it lies in the picture.")
     middle = mesh.bounds.mean(axis=0)
     if (np.abs(at) <= 1).all():
-        turned = Camera(camera.origin, _vector(middle), camera.up, math.pi / 2)
-        tangent = _MARGIN * float(np.abs(film_coordinates(turned, aspect, points)[0]).max())
+        centred = Camera(camera.origin, _vector(middle), camera.up, math.pi / 2)
+        tangent = _MARGIN * float(np.abs(film_coordinates(centred, aspect, points)[0]).max())
         return _orbit(camera.origin, middle, tangent)
     forward = -camera.basis()[2]
     distance = max(float((middle - camera.origin) @ forward), 1e-3)
@@ -69,35 +71,36 @@ def frame(camera: Camera, size: tuple[int, int], mesh: Mesh, film: tuple[int, in
     return _orbit(camera.origin, np.asarray(camera.origin) + distance * forward, tangent)
 
 
-def resample(
-    planes: Float[Tensor, "channels height width"], taken: Camera, framed: Camera, film: tuple[int, int]
+def rectify(
+    planes: Float[Tensor, "channels height width"], source: Camera, target: Camera, film: tuple[int, int]
 ) -> Float[Tensor, "channels rows cols"]:
-    """Planes of the picture `taken`, as means over the pixels of the one `framed`; zero beyond the picture's border."""
+    """The planes as camera `target` sees them: means over its pixels, zero beyond the border of `source`."""
     width, height = film
-    taps = min(_MOST_TAPS, math.ceil(zoom(planes.shape[1], taken, framed, film)))
-    across, up = math.tan(framed.vertical_fov / 2) * width / height, math.tan(framed.vertical_fov / 2)
+    taps = min(_MOST_TAPS, math.ceil(minification(planes.shape[1], source, target, film)))
+    across, up = math.tan(target.vertical_fov / 2) * width / height, math.tan(target.vertical_fov / 2)
     x = torch.from_numpy(((np.arange(width * taps) + 0.5) / (width * taps) * 2 - 1) * across)
     y = torch.from_numpy((1 - (np.arange(height * taps) + 0.5) / (height * taps) * 2) * up)
-    turn = torch.from_numpy(taken.basis() @ framed.basis().T)
-    half_height = math.tan(taken.vertical_fov / 2)
+    turn = torch.from_numpy(source.basis() @ target.basis().T)
+    half_height = math.tan(source.vertical_fov / 2)
     half = torch.tensor([half_height * planes.shape[2] / planes.shape[1], -half_height], dtype=torch.float64)
     rows = []
     for row in y.split(taps):
-        sight = torch.stack([*torch.meshgrid(x, row, indexing="xy"), -torch.ones(len(row), len(x)).double()], dim=-1)
-        seen = sight @ turn.T
+        rays = torch.stack([*torch.meshgrid(x, row, indexing="xy"), -torch.ones(len(row), len(x)).double()], dim=-1)
+        seen = rays @ turn.T
+        # 2 lies outside of the picture, which is where directions behind the source camera belong
         place = torch.where(seen[..., 2:] < 0, seen[..., :2] / -seen[..., 2:] / half, 2.0)
         found = F.grid_sample(planes[None], place[None].float(), align_corners=False)
         rows.append(F.avg_pool2d(found, taps)[0])
     return torch.cat(rows, dim=1)
 
 
-def zoom(height: int, taken: Camera, framed: Camera, film: tuple[int, int]) -> float:
-    """Pixels of the picture taken, of so many rows, along one of the picture framed; below 1 it is enlarged."""
-    return math.tan(framed.vertical_fov / 2) / math.tan(taken.vertical_fov / 2) * height / film[1]
+def minification(height: int, source: Camera, target: Camera, film: tuple[int, int]) -> float:
+    """Pixels of the source, which has `height` rows, along one pixel of the target; below 1 the source is enlarged."""
+    return math.tan(target.vertical_fov / 2) / math.tan(source.vertical_fov / 2) * height / film[1]
 
 
 def _orbit(origin: tuple[float, float, float], target: Float[ndarray, " 3"], tangent: float) -> OrbitCamera:
-    """The camera of that place and sight; `tangent` is that of half its vertical angle."""
+    """The camera at `origin` that looks at `target`; `tangent` is that of half its vertical angle."""
     x, y, z = np.asarray(origin) - target
     distance = math.sqrt(x * x + y * y + z * z)
     elevation = math.degrees(math.asin(y / distance))

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 @pytest.fixture(scope="session")
 def photographs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[StandIn]]:
     """A folder with four pictures of two vehicles and their `manifest.yaml`, and the truth. Not to be changed."""
-    from stand_ins import Studio, make_stand_ins
+    from stand_ins import Photographer, make_stand_ins
 
     from svbrdfgan.plugins import load_renderer
     from svbrdfgan.procedural import build_sky, sample_sky
 
     folder = tmp_path_factory.mktemp("photographs")
     skies = tuple(build_sky(sample_sky(seed)) for seed in (91, 92))
-    studio = Studio(load_renderer("mitsuba", {"device": "cpu", "max_bounces": 3}), skies, (240, 160), 32)
-    return folder, make_stand_ins(folder, studio, vehicles=2, views=2)
+    photographer = Photographer(load_renderer("mitsuba", {"device": "cpu", "max_bounces": 3}), skies, (240, 160), 32)
+    return folder, make_stand_ins(folder, photographer, vehicles=2, views=2)

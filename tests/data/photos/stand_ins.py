@@ -1,6 +1,6 @@
-"""Stand-ins for users' photographs, made as nothing in training is: several bounces, gloss, a tone curve, a sky behind.
+"""Stand-ins for users' photographs, unlike images in training: several bounces, gloss, a tone curve, a sky behind.
 
-python tests/data/stand_ins.py OUT --vehicles 15 --views 4 --skies some/*.hdr
+python tests/data/photos/stand_ins.py OUT --vehicles 15 --views 4 --skies some/*.hdr
 """
 
 from __future__ import annotations
@@ -39,23 +39,23 @@ SHOULDER = 0.7
 
 @dataclass(frozen=True, eq=False)
 class StandIn:
-    """A picture and all that is true of it.
+    """A picture and the truth about it.
 
     Attributes:
-        again: the linear picture from any camera, of any size and samples per pixel.
-        gain: what the camera multiplied radiance by.
-        camera: the true one.
-        told: the camera that the manifest names.
-        sky, turn: the light, by its place among the studio's, and its rotation in radians.
+        render: the linear picture from any camera, of any size and samples per pixel.
+        gain: the camera's factor on radiance.
+        camera: the true camera.
+        claimed: the camera in the manifest, with errors.
+        sky, turn: the light, by its index among the photographer's skies, and its rotation in radians.
         amount: of the recipe.
     """
 
     file: str
     mesh: str
-    again: Callable[[Camera, tuple[int, int], int], Rendering]
+    render: Callable[[Camera, tuple[int, int], int], Rendering]
     gain: float
     camera: OrbitCamera
-    told: OrbitCamera
+    claimed: OrbitCamera
     paint: tuple[float, float, float]
     sky: int
     turn: float
@@ -63,8 +63,8 @@ class StandIn:
 
 
 @dataclass(frozen=True)
-class Studio:
-    """How stand-ins are made."""
+class Photographer:
+    """Makes stand-ins."""
 
     renderer: Renderer[Any]
     skies: tuple[Tensor, ...]
@@ -73,7 +73,9 @@ class Studio:
     camera_error: float = 1.0
     recipe: str = "road-dirt"
 
-    def shoot(self, folder: Path, subject: Subject, mesh: str, views: int, rng: np.random.Generator) -> list[StandIn]:
+    def photograph(
+        self, folder: Path, subject: Subject, mesh: str, views: int, rng: np.random.Generator
+    ) -> list[StandIn]:
         """Photographs of a vehicle, weathered once, with masks beside them."""
         amount = float(rng.uniform(0.8, 1.0))
         recipe = recipe_from_options(self.recipe, {"amount": amount})
@@ -86,8 +88,8 @@ class Studio:
             camera, sky = _camera(rng), int(rng.integers(len(self.skies)))
             light = Environment(self.skies[sky] / self.skies[sky].mean(), rng.uniform(0, 2 * math.pi))
             seed = int(rng.integers(2**31))
-            again = partial(self._picture, prepared, materials, light, seed)
-            made = again(camera.camera(), self.size, self.spp)
+            render = partial(self._picture, prepared, materials, light, seed)
+            made = render(camera.camera(), self.size, self.spp)
             image, coverage = made.image.cpu(), made.coverage.cpu()
             gain = 0.6 / float(torch.quantile(image[coverage > 0.5], 0.9)) * math.exp(rng.normal(0, 0.3))
             file = f"photos/{Path(mesh).stem}_{number}.jpg"
@@ -95,8 +97,8 @@ class Studio:
                 folder / file, _toned(over(image, coverage, _behind(View(camera.camera(), light, *self.size))) * gain)
             )
             save_image((folder / file).with_suffix(".mask.png"), (coverage > 0.5).float().unsqueeze(-1))
-            told = _mistaken(camera, self.camera_error, rng)
-            taken.append(StandIn(file, mesh, again, gain, camera, told, paint, sky, light.rotation, amount))
+            claimed = _mistaken(camera, self.camera_error, rng)
+            taken.append(StandIn(file, mesh, render, gain, camera, claimed, paint, sky, light.rotation, amount))
         return taken
 
     def _picture(
@@ -113,13 +115,13 @@ class Studio:
 
 
 def make_stand_ins(
-    folder: Path, studio: Studio, vehicles: int, views: int, seed: int = 0, meshes: Sequence[Path] = ()
+    folder: Path, photographer: Photographer, vehicles: int, views: int, seed: int = 0, meshes: Sequence[Path] = ()
 ) -> list[StandIn]:
     """Photographs, masks and meshes in a folder, and a `manifest.yaml` of them: half with masks, half by look-at.
 
     Args:
-        vehicles: how many procedural ones.
-        meshes: those to take instead, of length 1, on the ground, with the nose at +Z.
+        vehicles: the number of procedural vehicles.
+        meshes: files to take instead, of length 1, on the ground, with the nose at +Z.
     """
     rng = np.random.default_rng(seed)
     embedding = load_embedding("hemispherical", {"resolution": 64})
@@ -132,7 +134,7 @@ def make_stand_ins(
             file = f"meshes/car_{number}.glb"
         save_mesh_glb(folder / file, mesh)
         subject = make_subject(mesh, embedding, 128, PartSelection())
-        made += studio.shoot(folder, subject, file, views, rng)
+        made += photographer.photograph(folder, subject, file, views, rng)
     manifest = {"pictures": [_entry(one, number) for number, one in enumerate(made)]}
     manifest["paint"] = {one.mesh: list(one.paint) for one in made}
     (folder / "manifest.yaml").write_text(yaml.safe_dump(manifest), encoding="utf-8")
@@ -143,11 +145,11 @@ def make_stand_ins(
 
 
 def _entry(one: StandIn, number: int) -> dict[str, Any]:
-    camera: dict[str, Any] = json.loads(one.told.model_dump_json())
+    camera: dict[str, Any] = json.loads(one.claimed.model_dump_json())
     if number % 4 > 1:
-        seen = one.told.camera()
+        seen = one.claimed.camera()
         camera = {"position": list(seen.origin), "look_at": list(seen.target)}
-        camera["vertical_fov_degrees"] = one.told.vertical_fov_degrees
+        camera["vertical_fov_degrees"] = one.claimed.vertical_fov_degrees
     mask = {"mask": str(Path(one.file).with_suffix(".mask.png"))} if number % 2 == 0 else {}
     return {"file": one.file, "mesh": one.mesh, "camera": camera, **mask}
 
@@ -164,7 +166,7 @@ def _camera(rng: np.random.Generator) -> OrbitCamera:
 
 
 def _mistaken(camera: OrbitCamera, error: float, rng: np.random.Generator) -> OrbitCamera:
-    """As a person might have measured it: off by `error` degrees, hundredths of a metre and percent."""
+    """The camera as a person might have measured it: off by `error` degrees, hundredths of a metre and percent."""
     off = rng.normal(size=7) * error
     x, y, z = (value + 0.01 * step for value, step in zip(camera.target, off[:3], strict=True))
     return OrbitCamera(
@@ -217,8 +219,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     skies = [load_environment(path) for path in given.skies] or [build_sky(sample_sky(seed)) for seed in range(50, 56)]
     renderer = load_renderer(given.renderer, {"max_bounces": given.bounces})
-    studio = Studio(renderer, tuple(skies), tuple(given.size), given.spp, given.error)
-    make_stand_ins(given.out, studio, given.vehicles, given.views, meshes=given.meshes)
+    photographer = Photographer(renderer, tuple(skies), tuple(given.size), given.spp, given.error)
+    make_stand_ins(given.out, photographer, given.vehicles, given.views, meshes=given.meshes)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset, DatasetIndex
-from svbrdfgan.data.photos.build import Imported, import_pictures
+from svbrdfgan.data.photos.build import ImportedPicture, import_pictures
 from svbrdfgan.data.photos.light import GLOSS, white
 from svbrdfgan.data.photos.manifest import Manifest, read_manifest
 from svbrdfgan.errors import AssetError, ConfigError
@@ -53,14 +53,16 @@ def with_true_cameras(photographs: Photographs, **changes: Any) -> Manifest:
 
 
 @pytest.fixture(scope="module")
-def imported(photographs: Photographs, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, tuple[Imported, ...]]:
+def imported(
+    photographs: Photographs, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, tuple[ImportedPicture, ...]]:
     """The stand-ins as a data set, by the cameras that their manifest tells, light estimated. Not to be changed."""
     folder = tmp_path_factory.mktemp("imported") / "own"
     return folder, import_pictures(declared(photographs, light="estimated"), folder, base=photographs[0])
 
 
 @pytest.fixture(scope="module")
-def exemplars(imported: tuple[Path, tuple[Imported, ...]]) -> Exemplars:
+def exemplars(imported: tuple[Path, tuple[ImportedPicture, ...]]) -> Exemplars:
     return load_exemplars(Dataset.open(imported[0]), "train")
 
 
@@ -80,7 +82,7 @@ def test_an_exemplar_is_the_linear_picture_up_to_exposure_and_gloss(photographs:
     import_pictures(with_true_cameras(photographs), tmp_path / "own", base=photographs[0])
     found = load_exemplars(Dataset.open(tmp_path / "own"), "train")
     for number, one in enumerate(photographs[1]):
-        true = one.again(found.scenes[number].camera.camera(), (48, 48), 256)
+        true = one.render(found.scenes[number].camera.camera(), (48, 48), 256)
         image, coverage = found.images[number].float(), found.coverage[number].float()
         veil = GLOSS * rendered(found, number, lambda s: white(s.learnable, len(s.surface.parts))).image
         below = (true.image * one.gain < SHOULDER).all(dim=-1)
@@ -106,14 +108,14 @@ def test_outlines_are_the_mesh_s_with_a_mask_and_without(exemplars: Exemplars) -
 
 
 def test_every_picture_is_an_exemplar(photographs: Photographs, imported: Any, exemplars: Exemplars) -> None:
-    folder, told = imported
-    assert [one.exemplar for one in told] == [f"train/{n:06d}" for n in range(4)]
-    assert [one.file for one in told] == [one.file for one in photographs[1]]
+    folder, records = imported
+    assert [one.exemplar for one in records] == [f"train/{n:06d}" for n in range(4)]
+    assert [one.file for one in records] == [one.file for one in photographs[1]]
     assert exemplars.subject_of.tolist() == [0, 0, 1, 1]
     assert exemplars.images.isfinite().all()
     assert all(0.15 < float(share) < 0.8 for share in exemplars.coverage.float().mean(dim=(1, 2)))
     assert (exemplars.images[exemplars.coverage == 0] == 0).all()
-    assert json.loads((folder / "imported.json").read_text())[2]["exposure"] == told[2].exposure
+    assert json.loads((folder / "imported.json").read_text())[2]["exposure"] == records[2].exposure
     assert sorted(path.name for path in (folder / "overlay").iterdir()) == [
         *(f"{n:04d}.png" for n in range(4)),
         "contact-sheet.png",
@@ -125,7 +127,7 @@ def test_scenes_keep_paint_camera_and_that_the_truth_is_unknown(photographs: Pho
         assert scene.weathering == "unknown"
         assert scene.materials == {"body": one.paint}
         # From where the manifest says, within what turning the camera leaves alone: its place.
-        assert scene.camera.camera().origin == pytest.approx(one.told.camera().origin, abs=1e-6)
+        assert scene.camera.camera().origin == pytest.approx(one.claimed.camera().origin, abs=1e-6)
     lights = [scene.environment for scene in exemplars.scenes]
     assert [one.asset.path for one in lights] == [f"assets/environments/light of picture {n}.exr" for n in range(4)]
     assert {(one.scale, one.rotation_degrees) for one in lights} == {(1.0, 0.0)}
@@ -134,18 +136,18 @@ def test_scenes_keep_paint_camera_and_that_the_truth_is_unknown(photographs: Pho
 
 
 def test_masks_agree_with_good_cameras_and_not_with_bad_ones(photographs: Photographs, imported: Any) -> None:
-    _, told = imported
-    assert [one.iou is None for one in told] == [False, True, False, True]
-    assert all(one.iou > 0.8 for one in told if one.iou is not None)
-    assert [one.doubts for one in told] == [()] * 4
+    _, records = imported
+    assert [one.iou is None for one in records] == [False, True, False, True]
+    assert all(one.iou > 0.8 for one in records if one.iou is not None)
+    assert [one.doubts for one in records] == [()] * 4
     pictures = load_yaml(photographs[0] / "manifest.yaml")["pictures"]
     camera = photographs[1][0].camera.model_dump(mode="json")
     pictures[0]["camera"] = {**camera, "azimuth_degrees": camera["azimuth_degrees"] + 60}
     wrong = declared(photographs, pictures=pictures)
-    told = import_pictures(wrong, imported[0].parent / "wrong", base=photographs[0], preview=True)
-    assert told[0].iou is not None
-    assert told[0].iou < 0.8
-    assert "correct the camera or the mask" in told[0].doubts[0]
+    records = import_pictures(wrong, imported[0].parent / "wrong", base=photographs[0], preview=True)
+    assert records[0].iou is not None
+    assert records[0].iou < 0.8
+    assert "correct the camera or the mask" in records[0].doubts[0]
 
 
 def test_exposure_of_the_photograph_does_not_matter(photographs: Photographs, tmp_path: Path) -> None:
@@ -213,11 +215,11 @@ def test_views_may_differ_from_mesh_to_mesh(photographs: Photographs, tmp_path: 
     """And pictures of one mesh follow each other, in whatever order the manifest names them."""
     entries = load_yaml(photographs[0] / "manifest.yaml")["pictures"]
     mixed = [entries[2], entries[0], entries[3]]
-    told = import_pictures(declared(photographs, pictures=mixed), tmp_path / "own", base=photographs[0])
-    assert [one.exemplar for one in told] == ["train/000000", "train/000002", "train/000001"]
+    records = import_pictures(declared(photographs, pictures=mixed), tmp_path / "own", base=photographs[0])
+    assert [one.exemplar for one in records] == ["train/000000", "train/000002", "train/000001"]
     sampler = DatasetIndex.load(tmp_path / "own").sampler("train")
     assert [sampler.mesh(n).name for n in range(len(sampler))] == ["car_1", "car_1", "car_0"]
-    stored = [Scene.load(tmp_path / "own" / f"{one.exemplar}.json").mesh.path for one in told]
+    stored = [Scene.load(tmp_path / "own" / f"{one.exemplar}.json").mesh.path for one in records]
     assert [Path(path).stem for path in stored] == ["car_1", "car_0", "car_1"]
 
 

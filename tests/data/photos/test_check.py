@@ -40,13 +40,13 @@ def pictures(*changes: Data) -> Data:
     return {"image": [16, 16], "texture": 16, "pictures": [{**entry, **change} for change in changes]}
 
 
-def faults(data: Data, base: Path, folder: Path) -> list[str]:
+def errors(data: Data, base: Path, folder: Path) -> list[str]:
     with pytest.raises(ConfigError) as caught:
         import_pictures(read_manifest(data, "m.yaml"), folder, base=base, source="m.yaml")
     return str(caught.value).splitlines()
 
 
-def test_all_faults_are_told_at_once_and_nothing_is_written(base: Path, tmp_path: Path) -> None:
+def test_all_errors_are_reported_at_once_and_nothing_is_written(base: Path, tmp_path: Path) -> None:
     away = {"position": [0, 0.2, 3], "look_at": [0, 0.2, 6]}
     data = pictures(
         {"file": "none.jpg"},
@@ -57,7 +57,7 @@ def test_all_faults_are_told_at_once_and_nothing_is_written(base: Path, tmp_path
         {"environment": "none.hdr"},
     )
     data |= {"environments": {"files": ["*.hdr"]}, "embedding": "hemispheric"}
-    told = faults(data, base, tmp_path / "own")
+    told = errors(data, base, tmp_path / "own")
     wanted = (
         "mesh: .*none.glb does not exist",
         "environment: .*none.hdr does not exist",
@@ -87,7 +87,7 @@ def test_all_faults_are_told_at_once_and_nothing_is_written(base: Path, tmp_path
     ],
 )
 def test_a_fault_of_the_files_is_one_line(data: Data, said: str, base: Path, tmp_path: Path) -> None:
-    (line,) = faults(data, base, tmp_path / "own")
+    (line,) = errors(data, base, tmp_path / "own")
     assert re.match(f"m.yaml: {said}", line), line
 
 
@@ -146,12 +146,12 @@ def test_the_overlay_is_the_picture_under_the_mesh_s_outline(base: Path, tmp_pat
 def test_a_folder_that_holds_other_things_is_left_alone(base: Path, tmp_path: Path) -> None:
     (tmp_path / "own").mkdir()
     (tmp_path / "own" / "thesis.txt").write_text("mine")
-    (line,) = faults(pictures({}), base, tmp_path / "own")
-    assert "holds other things" in line
+    (line,) = errors(pictures({}), base, tmp_path / "own")
+    assert "holds more than overlays" in line
     assert (tmp_path / "own" / "thesis.txt").read_text() == "mine"
 
 
-def test_what_is_doubtful_is_told(base: Path, tmp_path: Path) -> None:
+def test_doubts_are_reported(base: Path, tmp_path: Path) -> None:
     near = {**CAMERA, "distance": 1.0}
     manifest = read_manifest(pictures({"camera": near}, {"camera": {**CAMERA, "distance": 14}}), "m.yaml")
     told = import_pictures(manifest, tmp_path / "own", base=base, preview=True)
@@ -161,7 +161,7 @@ def test_what_is_doubtful_is_told(base: Path, tmp_path: Path) -> None:
 
 def test_a_distance_in_another_unit_is_refused(base: Path, tmp_path: Path) -> None:
     data = {**pictures({"camera": {**CAMERA, "distance": 40.0}}), "image": [384, 256]}
-    (line,) = faults(data, base, tmp_path / "own")
+    (line,) = errors(data, base, tmp_path / "own")
     assert "% of the picture" in line
     assert "distance" in line
     assert not (tmp_path / "own").exists()

@@ -1,4 +1,4 @@
-"""The light that a picture tells: what was put in comes out, weathered or not, and is light."""
+"""The estimated light of a picture: known light is recovered, weathered or not, and is never negative."""
 
 from __future__ import annotations
 
@@ -12,7 +12,15 @@ from numpy import ndarray
 from scipy.optimize import nnls
 from torch import Tensor
 
-from svbrdfgan.data.photos.light import LOBES, Evidence, estimate, film_size, light, lobes, look
+from svbrdfgan.data.photos.light import (
+    LOBES,
+    Evidence,
+    environment,
+    estimate_weights,
+    evidence_size,
+    gather_evidence,
+    lobes,
+)
 from svbrdfgan.errors import AssetError
 from svbrdfgan.plugins import load_embedding, load_renderer
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
@@ -50,14 +58,14 @@ def white(normals: ndarray) -> ndarray:
 
 @pytest.fixture(scope="module")
 def weights() -> ndarray:
-    """One lobe of them all is a sun; there is less light from the left, and it is yellow."""
+    """One lobe is a sun; there is less light from the left, and it is yellow."""
     around = 1 + 0.6 * np.sin(np.linspace(0, 12, LOBES))
     around[LOBES // 4] = 12.0
     return np.array([1.2, 1.0, 0.7])[:, None] * around
 
 
-def taken(white: ndarray, weights: ndarray, color: ndarray) -> ndarray:
-    """The picture, with the veil of paint that is not matt."""
+def shown(white: ndarray, weights: ndarray, color: ndarray) -> ndarray:
+    """The picture, with the gloss of paint that is not matt."""
     return np.einsum("pcl,cl->pc", white, weights) * (color + 0.02)
 
 
@@ -84,89 +92,89 @@ def test_lobes_share_the_sphere_among_them() -> None:
 
 
 def test_light_of_the_lobes_is_recovered(white: ndarray, weights: ndarray) -> None:
-    evidence = Evidence(taken(white, weights, PAINT), np.broadcast_to(PAINT, white.shape[:2]), white)
-    found = estimate(evidence, GREY)
+    evidence = Evidence(shown(white, weights, PAINT), np.broadcast_to(PAINT, white.shape[:2]), white)
+    found = estimate_weights(evidence, GREY)
     assert error(white, found, weights) < 0.02
-    assert error(white, np.ones_like(weights), weights) > 0.2  # what the mean light errs
+    assert error(white, np.ones_like(weights), weights) > 0.2  # the error of the mean light
 
 
 def test_weathering_of_a_third_is_not_taken_for_light(white: ndarray, weights: ndarray, normals: ndarray) -> None:
-    """The sides' lowest, as of road dirt, in a colour that it was not told; plain least squares takes it for light."""
+    """The sides' lowest, as of road dirt, in another colour than assumed; plain least squares takes it for light."""
     paint = np.array([0.03, 0.06, 0.30])
     third = normals[:, 1] < np.quantile(normals[:, 1], 1 / 3)
     share = third * np.random.default_rng(1).uniform(0.3, 1.0, len(normals))
     color = paint + share[:, None] * (np.array([0.26, 0.17, 0.10]) - paint)
-    evidence = Evidence(taken(white, weights, color), np.broadcast_to(paint, white.shape[:2]), white)
-    plain = np.stack([nnls(white[:, c] * (paint[c] + 0.02), evidence.taken[:, c])[0] for c in range(3)])
+    evidence = Evidence(shown(white, weights, color), np.broadcast_to(paint, white.shape[:2]), white)
+    plain = np.stack([nnls(white[:, c] * (paint[c] + 0.02), evidence.radiance[:, c])[0] for c in range(3)])
     assert error(white[third], plain, weights) > 0.5
-    assert error(white[third], estimate(evidence, GREY), weights) < 0.2
-    assert error(white, estimate(evidence, GREY), weights) < 0.15
+    assert error(white[third], estimate_weights(evidence, GREY), weights) < 0.2
+    assert error(white, estimate_weights(evidence, GREY), weights) < 0.15
 
 
 def test_light_is_never_negative_and_the_same_every_time(white: ndarray) -> None:
-    """Whatever the picture: here, noise."""
+    """For any picture; here, noise."""
     noise = np.random.default_rng(2).exponential(size=white.shape[:2])
     evidence = Evidence(noise, np.broadcast_to(PAINT, white.shape[:2]), white)
-    found = estimate(evidence, GREY)
+    found = estimate_weights(evidence, GREY)
     assert np.isfinite(found).all()
     assert found.min() >= 0
-    assert np.array_equal(found, estimate(evidence, GREY))
-    assert float(light(gradient(), found).min()) >= 0
+    assert np.array_equal(found, estimate_weights(evidence, GREY))
+    assert float(environment(gradient(), found).min()) >= 0
 
 
-def test_what_a_picture_does_not_show_stays_the_mean(white: ndarray) -> None:
-    evidence = Evidence(taken(white, 2 * np.ones((3, LOBES)), PAINT), np.broadcast_to(PAINT, white.shape[:2]), white)
-    found = light(gradient(), estimate(evidence, GREY)) / gradient()
+def test_light_that_a_picture_does_not_show_stays_the_mean(white: ndarray) -> None:
+    evidence = Evidence(shown(white, 2 * np.ones((3, LOBES)), PAINT), np.broadcast_to(PAINT, white.shape[:2]), white)
+    found = environment(gradient(), estimate_weights(evidence, GREY)) / gradient()
     assert float(found[ROWS // 2, 0].mean()) == pytest.approx(2, abs=0.1)  # +Z, at the seam
     assert float(found[ROWS // 2, ROWS].mean()) < 1.6  # -Z, behind
 
 
-Shooting = tuple[Callable[[Materials, Tensor], Rendering], Materials, tuple[int, ...]]
+Scene = tuple[Callable[[Materials, Tensor], Rendering], Materials, tuple[int, ...]]
 
 
 @pytest.fixture(scope="module")
-def shooting() -> Shooting:
-    """A car of two colours, seen without noise to speak of."""
+def scene() -> Scene:
+    """A car of two colours, seen with little noise."""
     surface = load_embedding("hemispherical", {"resolution": 32}).embed(build_vehicle(sample_vehicle("van", 5)))
     renderer = load_renderer("mitsuba", {"device": "cpu"})
     prepared, camera = renderer.prepare(surface), Camera.orbit(0.7, 0.3, 1.9, (0.0, 0.2, 0.0), math.radians(36))
 
-    def shoot(materials: Materials, radiance: Tensor) -> Rendering:
+    def render(materials: Materials, radiance: Tensor) -> Rendering:
         return renderer.render(prepared, materials, View(camera, Environment(radiance), 32, 32), spp=64, seed=1)
 
     body = [part.name.startswith("body") for part in surface.parts]
     colors = [tuple(PAINT.tolist()) if one else (0.04, 0.04, 0.05) for one in body]
     materials = Materials(tuple(Material.lambertian(color) for color in colors))
-    return shoot, materials, tuple(part for part, one in enumerate(body) if one)
+    return render, materials, tuple(part for part, one in enumerate(body) if one)
 
 
-def test_a_picture_of_a_mesh_tells_its_light(shooting: Shooting) -> None:
-    """Through the renderer: what is learned of base and light explains the picture, and the base is the paint's."""
-    shoot, clean, learnable = shooting
+def test_the_light_of_a_picture_of_a_mesh_is_estimated(scene: Scene) -> None:
+    """Through the renderer: base and light explain the picture, and the base is the paint's."""
+    render, clean, learnable = scene
     sun = gradient() * (1 + 14 * lobes(ROWS, 2 * ROWS)[[20, 21, 33]].sum(dim=0)).unsqueeze(-1)
     matt = Materials(tuple(Material.lambertian(part.base_color + 0.02) for part in clean.parts))
-    evidence = look(shoot(matt, sun), shoot, clean, learnable, gradient())
-    assert len(evidence.taken) > 100
+    evidence = gather_evidence(render(matt, sun), render, clean, learnable, gradient())
+    assert len(evidence.radiance) > 100
     assert np.abs(evidence.base / PAINT - 1).mean() < 0.05
-    found = light(gradient(), estimate(evidence, GREY))
-    made, true, mean = (shoot(clean, one).image for one in (found, sun, gradient()))
+    found = environment(gradient(), estimate_weights(evidence, GREY))
+    made, true, mean = (render(clean, one).image for one in (found, sun, gradient()))
     seen = true.sum(dim=-1) > 0.05
     assert float((made[seen] / true[seen] - 1).abs().median()) < 0.1
     assert float((mean[seen] / true[seen] - 1).abs().median()) > 0.3
 
 
-def test_a_larger_picture_is_shrunk_first(shooting: Shooting) -> None:
-    shoot, clean, learnable = shooting
-    taken = shoot(clean, gradient())
-    larger = Rendering(taken.image.repeat_interleave(2, 0), taken.coverage.repeat_interleave(2, 0))
+def test_a_larger_picture_is_downsampled_first(scene: Scene) -> None:
+    render, clean, learnable = scene
+    picture = render(clean, gradient())
+    larger = Rendering(picture.image.repeat_interleave(2, 0), picture.coverage.repeat_interleave(2, 0))
     larger = Rendering(larger.image.repeat_interleave(2, 1), larger.coverage.repeat_interleave(2, 1))
-    one, other = (look(picture, shoot, clean, learnable, gradient()) for picture in (taken, larger))
-    assert np.allclose(one.taken, other.taken, rtol=1e-5)
-    assert (film_size(640, 480), film_size(40, 64), film_size(9, 2000)) == ((64, 48), (40, 64), (1, 64))
+    one, other = (gather_evidence(one, render, clean, learnable, gradient()) for one in (picture, larger))
+    assert np.allclose(one.radiance, other.radiance, rtol=1e-5)
+    assert (evidence_size(640, 480), evidence_size(40, 64), evidence_size(9, 2000)) == ((64, 48), (40, 64), (1, 64))
 
 
-def test_too_little_to_tell_is_told(shooting: Shooting) -> None:
-    shoot, clean, learnable = shooting
+def test_too_little_evidence_is_refused(scene: Scene) -> None:
+    render, clean, learnable = scene
     nothing = Rendering(torch.zeros(32, 32, 3), torch.zeros(32, 32))
     with pytest.raises(AssetError, match="light: mean"):
-        look(nothing, shoot, clean, learnable, gradient())
+        gather_evidence(nothing, render, clean, learnable, gradient())

@@ -15,10 +15,10 @@ from torch import Tensor
 
 from svbrdfgan.config.distributions import Fixed
 from svbrdfgan.data.index import DatasetIndex
-from svbrdfgan.data.photos.exposure import exposure, mean_light
-from svbrdfgan.data.photos.overlay import NOTHING, agreement, visible_parts
+from svbrdfgan.data.photos.exposure import exposure_factor, mean_light
+from svbrdfgan.data.photos.overlay import NO_PART, intersection_over_union, visible_parts
 from svbrdfgan.data.photos.photo import load_photo
-from svbrdfgan.data.photos.rectify import film_coordinates, frame, resample, zoom
+from svbrdfgan.data.photos.rectify import film_coordinates, minification, rectified_camera, rectify
 from svbrdfgan.data.sampler import ConfigSampler
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io import linear_from_srgb, load_environment, save_exr
@@ -49,59 +49,59 @@ def seen_all_round(camera: Camera, width: int, height: int) -> Tensor:
     return torch.from_numpy(np.sin(5 * sight + [0, 1, 2])).float().permute(2, 0, 1)
 
 
-def test_framing_is_the_picture_taken_in_another_direction() -> None:
-    taken = orbit(fov=60)
-    framed = Camera(taken.origin, (0.3, 0.4, 0.2), vertical_fov=math.radians(20))
-    found = resample(seen_all_round(taken, 480, 320), taken, framed, (48, 32))
-    assert (found - seen_all_round(framed, 48, 32)).abs().max() < 0.004
+def test_rectifying_gives_the_picture_of_another_direction() -> None:
+    source = orbit(fov=60)
+    target = Camera(source.origin, (0.3, 0.4, 0.2), vertical_fov=math.radians(20))
+    found = rectify(seen_all_round(source, 480, 320), source, target, (48, 32))
+    assert (found - seen_all_round(target, 48, 32)).abs().max() < 0.004
 
 
 def test_beyond_the_border_there_is_nothing() -> None:
-    taken = orbit(fov=30)
-    away = Camera(taken.origin, tuple(2 * np.asarray(taken.origin)), vertical_fov=math.radians(20))  # type: ignore[arg-type]
-    assert not resample(torch.ones(1, 32, 48), taken, away, (8, 8)).any()
-    wider = Camera(taken.origin, taken.target, vertical_fov=2 * math.atan(2 * math.tan(math.radians(15))))
-    seen = resample(torch.ones(1, 64, 64), taken, wider, (16, 16))[0]
+    source = orbit(fov=30)
+    away = Camera(source.origin, tuple(2 * np.asarray(source.origin)), vertical_fov=math.radians(20))  # type: ignore[arg-type]
+    assert not rectify(torch.ones(1, 32, 48), source, away, (8, 8)).any()
+    wider = Camera(source.origin, source.target, vertical_fov=2 * math.atan(2 * math.tan(math.radians(15))))
+    seen = rectify(torch.ones(1, 64, 64), source, wider, (16, 16))[0]
     assert seen[4:12, 4:12].min() > 0.99
     assert float(seen.mean()) == pytest.approx(0.25, abs=0.01)
 
 
 @pytest.mark.parametrize("film", [(64, 64), (96, 48)])
-def test_a_frame_shows_the_whole_mesh_from_the_same_place(car: Mesh, film: tuple[int, int]) -> None:
+def test_the_rectified_camera_shows_the_whole_mesh_from_the_same_place(car: Mesh, film: tuple[int, int]) -> None:
     for azimuth in range(0, 360, 45):
-        taken = orbit(azimuth)
-        framed = frame(taken, (150, 100), car, film)
-        assert framed.camera().origin == pytest.approx(taken.origin)
-        assert framed.target == pytest.approx(tuple(car.bounds.mean(axis=0)))
-        at, _ = film_coordinates(framed.camera(), film[0] / film[1], car.positions)
+        source = orbit(azimuth)
+        target = rectified_camera(source, (150, 100), car, film)
+        assert target.camera().origin == pytest.approx(source.origin)
+        assert target.target == pytest.approx(tuple(car.bounds.mean(axis=0)))
+        at, _ = film_coordinates(target.camera(), film[0] / film[1], car.positions)
         assert np.abs(at).max() == pytest.approx(1 / 1.08)
 
 
 def test_a_mesh_that_reaches_beyond_the_picture_is_cropped_about_its_middle(car: Mesh) -> None:
-    taken = orbit(distance=1.0, fov=30)
-    framed = frame(taken, (150, 100), car, (64, 64)).camera()
-    assert framed.origin == pytest.approx(taken.origin)
-    assert framed.basis() == pytest.approx(taken.basis())
-    assert framed.vertical_fov == pytest.approx(taken.vertical_fov)  # a square of the picture's height
-    upright = frame(taken, (100, 150), car, (64, 64)).camera()
-    assert math.tan(upright.vertical_fov / 2) == pytest.approx(math.tan(taken.vertical_fov / 2) / 1.5)
+    source = orbit(distance=1.0, fov=30)
+    target = rectified_camera(source, (150, 100), car, (64, 64)).camera()
+    assert target.origin == pytest.approx(source.origin)
+    assert target.basis() == pytest.approx(source.basis())
+    assert target.vertical_fov == pytest.approx(source.vertical_fov)  # a square of the picture's height
+    upright = rectified_camera(source, (100, 150), car, (64, 64)).camera()
+    assert math.tan(upright.vertical_fov / 2) == pytest.approx(math.tan(source.vertical_fov / 2) / 1.5)
 
 
 @pytest.mark.parametrize(
-    ("camera", "said"),
+    ("camera", "message"),
     [
         (Camera((0.0, 0.2, 3.0), (0.0, 0.2, 6.0)), "does not have all of the mesh in front"),
         (Camera((0.0, 0.2, 0.0), (0.0, 0.2, 6.0)), "does not have all of the mesh in front"),
         (Camera((0.0, 0.2, 3.0), (4.0, 0.2, 0.0), vertical_fov=0.3), "does not see the mesh"),
     ],
 )
-def test_cameras_that_cannot_be_are_told(camera: Camera, said: str, car: Mesh) -> None:
-    with pytest.raises(ConfigError, match=said):
-        frame(camera, (150, 100), car, (64, 64))
+def test_impossible_cameras_are_refused(camera: Camera, message: str, car: Mesh) -> None:
+    with pytest.raises(ConfigError, match=message):
+        rectified_camera(camera, (150, 100), car, (64, 64))
 
 
-def test_zoom_is_pixels_for_a_pixel() -> None:
-    assert zoom(300, orbit(fov=40), orbit(fov=40), (64, 100)) == pytest.approx(3)
+def test_minification_is_source_pixels_along_a_target_pixel() -> None:
+    assert minification(300, orbit(fov=40), orbit(fov=40), (64, 100)) == pytest.approx(3)
 
 
 def test_the_silhouette_is_the_renderer_s(car: Mesh) -> None:
@@ -112,9 +112,9 @@ def test_the_silhouette_is_the_renderer_s(car: Mesh) -> None:
     view = View(camera, Environment(torch.ones(4, 8, 3)), 48, 32)
     coverage = renderer.render(renderer.prepare(surface), materials, view, spp=16, seed=1).coverage
     parts = visible_parts(car, camera, 48 * 8, 32 * 8)
-    mine = torch.from_numpy((parts != NOTHING).reshape(32, 8, 48, 8).mean(axis=(1, 3)))
-    assert (mine - coverage).abs().mean() < 0.01
-    assert float((mine - coverage).mean()) == pytest.approx(0, abs=0.002)
+    silhouette = torch.from_numpy((parts != NO_PART).reshape(32, 8, 48, 8).mean(axis=(1, 3)))
+    assert (silhouette - coverage).abs().mean() < 0.01
+    assert float((silhouette - coverage).mean()) == pytest.approx(0, abs=0.002)
 
 
 def test_the_nearer_part_is_seen() -> None:
@@ -126,15 +126,15 @@ def test_the_nearer_part_is_seen() -> None:
     parts = visible_parts(mesh, Camera((0.0, 0.0, 4.0), vertical_fov=math.radians(40)), 64, 64)
     assert set(parts[20:44, 36:44].ravel()) == {0}
     assert set(parts[20:44, 20:28].ravel()) == {1}
-    assert parts[0, 0] == NOTHING
+    assert parts[0, 0] == NO_PART
 
 
 def test_agreement_is_intersection_over_union() -> None:
     one, other = np.zeros((2, 4), dtype=bool), np.zeros((2, 4), dtype=bool)
     one[0], other[:, :2] = True, True
-    assert agreement(one, other) == pytest.approx(2 / 6)
-    assert agreement(one, one) == 1
-    assert agreement(np.zeros_like(one), np.zeros_like(one)) == 0
+    assert intersection_over_union(one, other) == pytest.approx(2 / 6)
+    assert intersection_over_union(one, one) == 1
+    assert intersection_over_union(np.zeros_like(one), np.zeros_like(one)) == 0
 
 
 def rendering(values: Tensor) -> Rendering:
@@ -146,16 +146,16 @@ def test_exposure_undoes_any_gain_and_is_not_moved_by_the_weathered_third() -> N
     weathered = clean.clone()
     weathered[:10] *= 12
     for gain in (0.01, 1.0, 50.0):
-        assert exposure(rendering(clean * gain), rendering(clean)) * gain == pytest.approx(1, rel=1e-5)
-        assert exposure(rendering(weathered * gain), rendering(clean)) * gain == pytest.approx(1, rel=1e-5)
+        assert exposure_factor(rendering(clean * gain), rendering(clean)) * gain == pytest.approx(1, rel=1e-5)
+        assert exposure_factor(rendering(weathered * gain), rendering(clean)) * gain == pytest.approx(1, rel=1e-5)
 
 
-def test_an_exposure_that_cannot_be_is_told() -> None:
+def test_an_impossible_exposure_is_refused() -> None:
     clean = rendering(torch.ones(4, 4))
     with pytest.raises(AssetError, match="black"):
-        exposure(rendering(torch.zeros(4, 4)), clean)
+        exposure_factor(rendering(torch.zeros(4, 4)), clean)
     with pytest.raises(AssetError, match="no pixel in common"):
-        exposure(Rendering(clean.image, torch.zeros(4, 4)), clean)
+        exposure_factor(Rendering(clean.image, torch.zeros(4, 4)), clean)
 
 
 def test_the_mean_light_is_what_a_fixed_turn_makes_of_the_maps(tiny_dataset: Path) -> None:
@@ -176,8 +176,8 @@ def test_the_mean_light_is_what_a_fixed_turn_makes_of_the_maps(tiny_dataset: Pat
     assert torch.allclose(still[::2, ::2], 2 * maps[0], rtol=1e-4, atol=1e-6)  # from 16 rows to 32
     # A light at +X (u = 0.75) moves to -Z (u = 0.5), as conventions.md says.
     assert torch.allclose(turned[:, 32], still[:, 48], rtol=1e-4)
-    anyhow = mean_light(sampler, tiny_dataset)
-    assert float(anyhow.std(dim=1).mean() / anyhow.mean()) < 0.3 * float(still.std(dim=1).mean() / still.mean())
+    random = mean_light(sampler, tiny_dataset)
+    assert float(random.std(dim=1).mean() / random.mean()) < 0.3 * float(still.std(dim=1).mean() / still.mean())
 
 
 SaveImage = Callable[[str, Any], Path]
@@ -229,7 +229,7 @@ def test_masks_are_plain_numbers_and_transparency_is_one(saved: SaveImage, tmp_p
     assert float(load_photo(tmp_path / "cut.exr", None).image.mean()) == pytest.approx(0.5)
 
 
-def test_pictures_that_cannot_be_are_told(saved: SaveImage, tmp_path: Path) -> None:
+def test_unusable_pictures_are_refused(saved: SaveImage, tmp_path: Path) -> None:
     picture = saved("a.png", np.full((16, 20, 3), 128))
     (tmp_path / "broken.jpg").write_bytes(b"not a picture")
     holed = torch.ones(16, 20)
@@ -244,6 +244,6 @@ def test_pictures_that_cannot_be_are_told(saved: SaveImage, tmp_path: Path) -> N
         (picture, saved("mask.png", np.full((16, 10), 255)), "10 x 16 pixels and its picture a.png 20 x 16"),
         (picture, saved("black.png", np.zeros((16, 20))), "masks everything away"),
     ]
-    for path, mask, said in wrong:
-        with pytest.raises(AssetError, match=said):
+    for path, mask, message in wrong:
+        with pytest.raises(AssetError, match=message):
             load_photo(path, mask)
