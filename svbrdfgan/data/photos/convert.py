@@ -57,7 +57,7 @@ def convert_photos(
     folder: Path,
 ) -> list[float]:
     """Writes the data set, and returns the exposure factor of each picture. Errors are collected in the job."""
-    index = _plan(job.manifest, meshes, pool, folder)
+    index = _index(job.manifest, meshes, pool, folder)
     converter = _Converter.open(job, index, folder)
     job.display.begin("exemplars", len(photos))
     exposures = [0.0] * len(photos)
@@ -70,7 +70,7 @@ def convert_photos(
     return exposures
 
 
-def _plan(
+def _index(
     manifest: Manifest, meshes: Mapping[str, Mesh], pool: tuple[EnvironmentAsset, ...], folder: Path
 ) -> DatasetIndex:
     config = manifest.config()
@@ -119,9 +119,8 @@ class _Converter:
             scale = known.normalisation * max(mean(config.environment_brightness), 1e-6)
             lights[file] = SceneEnvironment(asset=known.asset, scale=scale)
         renderer, chosen = resolve_renderer(manifest.renderer)
-        return cls(
-            manifest, SceneLoader(folder), renderer, chosen, dict(zip(files, assets, strict=True)), lights, unknown
-        )
+        stored = dict(zip(files, assets, strict=True))
+        return cls(manifest, SceneLoader(folder), renderer, chosen, stored, lights, unknown)
 
     def convert(self, photo: RectifiedPhoto, number: int, paths: tuple[Path, Path]) -> float:
         """Writes one exemplar and its scene, and returns the exposure factor."""
