@@ -1,1 +1,1 @@
-"""A trained generator on a mesh of one's own: painting a layer, writing the weathered mesh."""
+"""Applies a trained generator to a new mesh, and exports the weathered mesh."""

@@ -1,4 +1,4 @@
-"""A trained generator on a mesh of one's own."""
+"""Applies a trained generator to a mesh."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from svbrdfgan.types import Mesh
 def paint(
     mesh: Mesh, model: Model, learnable: PartSelection | None = None
 ) -> tuple[Subject, Float[Tensor, "rows cols channels"]]:
-    """The mesh under the embedding and resolution that the model learned on, and the layer that it paints there.
+    """The mesh with the embedding and texture resolution of the training, and the layer that the model paints on it.
 
     Args:
-        learnable: the parts that carry the layer; those that the training's selection takes, if it is not given.
+        learnable: the parts that carry the layer; by default those that the training's selection matches.
     """
-    learned = model.config.dataset
-    embedding = load_embedding(learned.embedding.name, learned.embedding.options)
-    subject = make_subject(mesh, embedding, learned.texture, learnable or learned.learnable)
+    trained = model.config.dataset
+    embedding = load_embedding(trained.embedding.name, trained.embedding.options)
+    subject = make_subject(mesh, embedding, trained.texture, learnable or trained.learnable)
     with torch.no_grad():
         layer = model.generator(subject.geometry.unsqueeze(0))[0]
     return subject, layer

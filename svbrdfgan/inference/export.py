@@ -1,4 +1,4 @@
-"""A weathered mesh as files that any viewer shows."""
+"""Writes a weathered mesh as GLB and PNG, which common viewers show."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ from svbrdfgan.types import Camera, Environment, Materials, View
 _PICTURE = (480, 300)
 _FOV = math.radians(22.0)
 _FROM = ((35.0, 12.0), (215.0, 12.0))
-"""Azimuth and elevation, degrees: the nose and one side, the tail and the other."""
+"""Azimuth and elevation in degrees: the nose and one side, then the tail and the other."""
 _MARGIN = 1.08
 _BRIGHTNESS, _GREY = 0.8, 0.35
-_NEARLY_ALL, _PALE = 0.98, 0.9
-"""So much of the surface is darker than that; a brighter one is exposed less, lest pale paint be white."""
+_QUANTILE, _BRIGHTEST = 0.98, 0.9
+"""Exposure puts the 98th percentile at 0.9 at most, so that pale paint does not become white."""
 
 
 def write_weathered(
     path: Path, subject: Subject, layer: Float[Tensor, "rows cols channels"], maps: Mapping[str, float] | None = None
 ) -> Path:
-    """Writes the surface as GLB, its layer composited over the learnable parts, and the layer alone as PNG beside it.
+    """Writes the surface as GLB, with the layer composited over its learnable parts, and the layer as PNG beside it.
 
-    Roughness and metallic are in the GLB as well. Each becomes a PNG beside it too, `NAME.roughness.png` and so on,
-    whose numbers are those of the map and not sRGB.
+    Roughness and metallic are in the GLB too. Each also becomes a PNG, such as `NAME.roughness.png`, whose numbers are
+    the map's own and not sRGB.
 
     Args:
-        maps: those that the layer paints beside base_color, with what lies beneath it.
+        maps: the maps that the layer paints beside base_color, with their values under the layer.
 
     Returns:
         The path of the layer's PNG, which holds its RGBA.
 
     Raises:
-        AssetError: the layer has channels for other maps, or the disk refuses.
+        AssetError: the layer does not have the channels of these maps, or a file cannot be written.
     """
     materials = subject.materials({}, layer, maps)
     colors = {part: material.base_color for part, material in enumerate(materials.parts)}
@@ -52,10 +52,11 @@ def write_weathered(
     save_glb(path, subject.surface, textures, _gloss(subject, materials) if maps else {})
     for name in maps or {}:
         values = materials[subject.learnable[0]].maps[name]
+        # save_texture encodes to sRGB; decoding first leaves the map's own numbers in the file
         save_texture(path.with_suffix(f".{name}.png"), linear_from_srgb(values.clamp(0, 1)))
-    alone = path.with_suffix(".layer.png")
-    save_texture(alone, layer[..., :RGBA])
-    return alone
+    layer_path = path.with_suffix(".layer.png")
+    save_texture(layer_path, layer[..., :RGBA])
+    return layer_path
 
 
 def write_picture(
@@ -68,20 +69,21 @@ def write_picture(
     *,
     spp: int = 64,
 ) -> None:
-    """Renders the weathered surface from the front and from behind, side by side before grey.
+    """Renders the weathered surface from the front and from behind, side by side on grey.
 
     Args:
         path: .png or .jpg.
-        environment: linear radiance all around; brightened or dimmed to one mean for all.
-        maps: those that the layer paints beside base_color, with what lies beneath it.
+        environment: linear radiance, equirectangular; scaled to a fixed mean.
+        maps: the maps that the layer paints beside base_color, with their values under the layer.
 
     Raises:
-        AssetError: the layer has channels for other maps, the light is black, or the disk refuses.
+        AssetError: the layer does not have the channels of these maps, the light is black, or the file cannot be
+            written.
         UnsupportedError: the renderer does not read one of the maps.
     """
     mean = float(environment.mean())
     if mean <= 0:
-        raise AssetError("the environment is black: nothing would be seen.")
+        raise AssetError("the environment is black, so that nothing would be visible; choose another.")
     light = Environment(environment * (_BRIGHTNESS / mean))
     prepared, materials = renderer.prepare(subject.surface), subject.materials({}, layer, maps)
     grey = torch.full((3,), _GREY, device=renderer.device)
@@ -89,17 +91,17 @@ def write_picture(
     sides = [renderer.render(prepared, materials, view, spp=spp, seed=0) for view in views]
     image = torch.cat([side.image for side in sides], dim=1)
     coverage = torch.cat([side.coverage for side in sides], dim=1)
-    brightest = torch.quantile(image[coverage > 0].amax(dim=-1), _NEARLY_ALL)
-    save_image(path, over(image * (_PALE / brightest).clamp(max=1), coverage, grey).cpu())
+    brightest = torch.quantile(image[coverage > 0].amax(dim=-1), _QUANTILE)
+    save_image(path, over(image * (_BRIGHTEST / brightest).clamp(max=1), coverage, grey).cpu())
 
 
 def _camera(subject: Subject, azimuth: float, elevation: float) -> Camera:
-    """Angles in degrees. The surface is in the middle of the picture and as large as it can be there."""
+    """The camera at these angles (degrees) that shows the surface centred and as large as the picture allows."""
     points = subject.surface.positions
     angles, tangent, (width, height) = (math.radians(azimuth), math.radians(elevation)), math.tan(_FOV / 2), _PICTURE
     axes = Camera.orbit(*angles, 1.0, (0.0, 0.0, 0.0), _FOV).basis()
     target, distance = (points.min(axis=0) + points.max(axis=0)) / 2, 1.0
-    for _ in range(4):
+    for _ in range(4):  # perspective moves the centre when the distance changes; this converges fast
         right, top, nearer = axes @ (points - target).T
         distance = float(np.max(np.maximum(abs(right) * height / width, abs(top)) / tangent + nearer))
         seen = np.stack([right, top]) / (_MARGIN * distance - nearer)
@@ -109,7 +111,7 @@ def _camera(subject: Subject, azimuth: float, elevation: float) -> Camera:
 
 
 def _gloss(subject: Subject, materials: Materials) -> dict[int, Float[Tensor, "rows cols 2"]]:
-    """Roughness and metallic of the learnable parts, which share one layer: 1 and 0 where it does not paint them."""
+    """Roughness and metallic by learnable part, all from the one layer; 1 and 0 for a map that it does not paint."""
     painted = materials[subject.learnable[0]].maps
     rough, metallic = painted.get("roughness"), painted.get("metallic")
     shape = next(values.shape for values in (rough, metallic) if values is not None)

@@ -1,4 +1,4 @@
-"""How different two pictures look: NVIDIA's FLIP (Andersson et al. 2020), through its authors' own package."""
+"""The perceived difference of two images: NVIDIA's FLIP (Andersson et al. 2020), by its authors' package."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ Picture = Float[Tensor, "height width 3"]
 def display(
     picture: Picture, background: float = 0.5, coverage: Float[Tensor, "height width"] | None = None
 ) -> Picture:
-    """A linear picture as sRGB in [0, 1], before a grey background where its coverage is given."""
+    """A linear image as sRGB in [0, 1]; over a grey background if its coverage is given."""
     if coverage is not None:
         picture = over(picture, coverage, picture.new_tensor(background))
     return srgb_from_linear(picture.float().clamp(0, 1))
 
 
 def flip(truth: Picture, picture: Picture) -> float:
-    """The mean FLIP error between two sRGB pictures, in [0, 1]; 0 for equal ones. At 67 pixels per degree."""
+    """The mean FLIP error between two sRGB images, in [0, 1], at 67 pixels per degree; 0 for equal images."""
     import flip_evaluator
 
     pair = [image.detach().cpu().float().contiguous().numpy() for image in (truth, picture)]

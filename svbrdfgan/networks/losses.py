@@ -1,7 +1,7 @@
-"""The losses of thesis 4.3.2 and 5.3, and the penalties. They know logits and pictures, and nothing else.
+"""The losses of thesis 4.3.2 and 5.3, and the gradient penalties: functions of logits and images alone.
 
-A loss is a pair of functions of real and fake logits, both of any shape: what the discriminator minimises and what the
-generator minimises. Penalties are added to the discriminator's.
+A loss is a pair of functions of real and fake logits, both of any shape: one that the discriminator minimises and one
+that the generator minimises. Penalties are added to the discriminator's.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Critic = Callable[[Float[Tensor, "batch channels height width"]], Logits]
 
 @dataclass(frozen=True)
 class GANLoss:
-    """What each player minimises, given (real logits, fake logits). The generator's real ones are found if it asks."""
+    """What each network minimises, given (real logits, fake logits). The generator computes the real ones on demand."""
 
     discriminator: Callable[[Logits, Logits], Scalar]
     generator: Callable[[Callable[[], Logits], Logits], Scalar]
@@ -59,10 +59,8 @@ LOSSES: Mapping[str, GANLoss] = MappingProxyType(
 
 
 def gradient_square(critic: Critic, pictures: Float[Tensor, "batch channels height width"]) -> Scalar:
-    """Mean of |gradient of a picture's summed logits|^2 over its logits: R1 on real, R2 on fakes (Mescheder 2018).
-
-    For each logit, so that a weight serves pictures of any size, since a PatchGAN has as many logits as patches.
-    """
+    """|gradient of the summed logits|^2, averaged over all logits: R1 on real images, R2 on fakes (Mescheder 2018)."""
+    # averaged over logits, one for each patch, so that one weight suits images of any size
     inputs, logits = _evaluate(critic, pictures)
     return _gradient(inputs, logits).square().sum() / logits.numel()
 

@@ -1,1 +1,1 @@
-"""What knows nothing of rendering or learning: processes, progress display, device copies, Triton's availability."""
+"""Helpers without knowledge of rendering or learning: processes, progress, device copies, Triton, deprecated names."""

@@ -1,4 +1,4 @@
-"""Processes of our own: how many there may be, and how they find what this one has found."""
+"""CPU count and PYTHONPATH for child processes."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import sys
 
 
 def cores() -> int:
-    """Those that this process may use, where the system tells."""
+    """The CPU cores that this process may use, where the system says; else all of them."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def import_path() -> str:
-    """`PYTHONPATH` for a process that is to import what this one can, started with `-P`."""
+    """The `PYTHONPATH` with which a child process, started with `-P`, can import what this process can."""
     return os.pathsep.join(folder or os.getcwd() for folder in sys.path)

@@ -1,4 +1,4 @@
-"""The smallest kernel in Triton."""
+"""A minimal Triton kernel. It is a module of its own since importing it needs Triton, which is optional."""
 # mypy: disable-error-code="no-untyped-def"
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ import triton.language as tl  # type: ignore[import-not-found, import-untyped, u
 
 
 @triton.jit
-def _mark(place):
-    tl.store(place, 1)
+def _store_one(address):
+    tl.store(address, 1)
 
 
 def require_working(device: torch.device) -> None:
-    """Compiles and runs a kernel of one store; raises whatever goes wrong, such as the lack of a C compiler."""
+    """Compiles and runs the kernel; raises any exception if that fails, such as where there is no C compiler."""
     with torch.cuda.device(device):
-        _mark[(1,)](torch.zeros(1, dtype=torch.int32, device=device))
+        _store_one[(1,)](torch.zeros(1, dtype=torch.int32, device=device))

@@ -1,4 +1,4 @@
-"""Whether Triton works, for those who would import kernels that are written in it."""
+"""Whether Triton kernels can be used."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ log = logging.getLogger(__name__)
 
 @cache
 def triton_works(device: torch.device) -> bool:
-    """On this device; if not, says so once. Triton comes with torch for CUDA on Linux, and needs a C compiler."""
+    """Whether Triton compiles and runs on this device; logs a warning once if not.
+
+    Triton comes with torch for CUDA on Linux, and needs a C compiler.
+    """
     try:
         from svbrdfgan.utils.triton_probe import require_working
 
         require_working(device)
-    except Exception as error:  # whatever keeps Triton from compiling, plain torch does the same
-        log.warning("Triton does not work on %s, so plain torch does its work there, slower: %s", device, error)
+    except Exception as error:  # of any kind: torch's own operations give the same results
+        log.warning("Triton does not work on %s; torch's own operations replace it, slower: %s", device, error)
         return False
     return True

@@ -1,4 +1,4 @@
-"""Triton is asked for before its kernels are used."""
+"""Triton is probed before its kernels are used."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from svbrdfgan.utils.triton_works import triton_works
 CUDA = torch.cuda.is_available()
 
 
-def test_where_triton_does_not_work_it_is_said(
+def test_a_warning_says_where_triton_does_not_work(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.delenv("TRITON_INTERPRET", raising=False)
     works = triton_works.__wrapped__(torch.device("cuda"))
     assert works == (CUDA and importlib.util.find_spec("triton") is not None)
-    assert ("plain torch does its work there" in caplog.text) == (not works)
+    assert ("torch's own operations replace it, slower" in caplog.text) == (not works)
