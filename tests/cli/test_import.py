@@ -29,7 +29,7 @@ ROW = re.compile(r"^\| `([^`]+)` \| (.+?) \| .+ \|$", re.MULTILINE)
 
 @pytest.fixture(scope="module")
 def manifest(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One grey picture of a van, with a mask that is nearly all of it."""
+    """One grey picture of a van, with a mask over nearly all of it."""
     folder = tmp_path_factory.mktemp("own")
     save_mesh_glb(folder / "van.glb", build_vehicle(sample_vehicle("van", 5)))
     Image.new("RGB", (48, 48), (120, 120, 120)).save(folder / "van.jpg")
@@ -68,14 +68,14 @@ def test_it_makes_a_data_set_and_says_what_to_look_at(manifest: Path, tmp_path: 
     assert "holds more than overlays" in again.stderr
 
 
-def test_faults_are_lines_on_stderr(manifest: Path, tmp_path: Path) -> None:
+def test_errors_are_lines_on_stderr(manifest: Path, tmp_path: Path) -> None:
     result = invoke(
         "dataset", "import", manifest, "-o", tmp_path / "own", "embedding=spherical", "learnable.include=[x]"
     )
     assert (result.exit_code, result.stdout) == (1, "")
-    told = [line for line in result.stderr.splitlines() if "manifest.yaml:" in line]
-    assert len(told) == 2
-    assert told[0].startswith("Error: ")
+    lines = [line for line in result.stderr.splitlines() if "manifest.yaml:" in line]
+    assert len(lines) == 2
+    assert lines[0].startswith("Error: ")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -92,11 +92,11 @@ def test_the_command_for_distributions_is_as_it_was() -> None:
         command.make_context("dataset", ["import", "m.yaml", "-o", "out", "--dry-run"])
 
 
-def test_help_tells_of_both() -> None:
+def test_both_commands_are_in_the_help() -> None:
     assert "dataset import MANIFEST" in invoke("dataset", "--help").stdout
-    told = invoke("dataset", "import", "--help").stdout
-    assert "Usage: svbrdfgan dataset import" in told.replace("main", "svbrdfgan")
-    assert "--preview" in told
+    text = invoke("dataset", "import", "--help").stdout
+    assert "Usage: svbrdfgan dataset import" in text.replace("main", "svbrdfgan")
+    assert "--preview" in text
 
 
 def keys() -> dict[str, Any]:
@@ -109,7 +109,7 @@ def keys() -> dict[str, Any]:
 
 
 def with_value(key: str, value: Any) -> Manifest:
-    """As little as a manifest can be, with one more value."""
+    """The smallest manifest, with one more value."""
     data: dict[str, Any] = {"pictures": [{"file": "a.jpg", "mesh": "a.glb", "camera": dict(CAMERA)}]}
     *above, name = key.split(".")
     place = {(): data, ("pictures",): data["pictures"][0], ("pictures", "camera"): data["pictures"][0]["camera"]}
@@ -119,12 +119,12 @@ def with_value(key: str, value: Any) -> Manifest:
 
 def test_every_key_is_explained_with_its_default() -> None:
     table = PAGE.read_text(encoding="utf-8").split("## Every key of a manifest")[1]
-    told, found = dict(ROW.findall(table)), keys()
-    assert sorted(told) == sorted(found)
-    assert {k for k, default in told.items() if default == "required"} == {
+    documented, found = dict(ROW.findall(table)), keys()
+    assert sorted(documented) == sorted(found)
+    assert {k for k, default in documented.items() if default == "required"} == {
         k for k, field in found.items() if field.is_required()
     }
-    shown = {key: yaml.safe_load(default.strip("`")) for key, default in told.items() if default.startswith("`")}
+    shown = {key: yaml.safe_load(default.strip("`")) for key, default in documented.items() if default.startswith("`")}
     assert len(shown) > 15
     assert [key for key, value in shown.items() if with_value(key, value) != with_value("texture", 256)] == []
 

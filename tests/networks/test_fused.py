@@ -54,7 +54,7 @@ def differentiated(
     residual: Tensor | None,
     used: tuple[bool, bool] = (True, True),
 ) -> list[Tensor]:
-    """Both results and the gradients of what goes in, for fixed gradients of those results that are used."""
+    """Both results and the gradients of the inputs, for fixed gradients of the results that are used."""
     inputs = [t.detach().clone().requires_grad_() for t in (x, residual) if t is not None]
     results = implementation(inputs[0], spec, inputs[1] if residual is not None else None)
     slopes = [values(tuple(result.shape), 7 + n).to(result) for n, result in enumerate(results)]

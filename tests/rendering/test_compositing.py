@@ -1,4 +1,4 @@
-"""Laying layers over materials and pictures over backgrounds."""
+"""Layers over materials, and images over backgrounds."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_composite_is_differentiable() -> None:
 
 
 def test_an_opaque_layer_is_its_own_maps_whatever_their_order() -> None:
-    """RGBA, then the further maps as ordered among all the maps that there are."""
+    """RGBA, then the further maps in the order of `CHANNELS`."""
     layer = torch.rand(4, 5, 6)
     layer[..., 3] = 1
     base = {"metallic": torch.rand(1), "base_color": torch.rand(3), "roughness": torch.rand(1)}

@@ -1,4 +1,4 @@
-"""Any renderer as a torch function: its gradients are the renderer's, its pictures too."""
+"""A renderer as a torch function: images and gradients are the renderer's."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_gradient_of_other_samples_is_unbiased(stage: Stage) -> None:
     assert (drawn.std(dim=0) > 0).all()
 
 
-def test_gradient_of_other_samples_is_drawn_anew(stage: Stage) -> None:
+def test_gradient_of_other_samples_has_its_own_seed(stage: Stage) -> None:
     gradients = []
     for spp_grad in (None, SPP):
         color = stage.colors[stage.learnable].clone().requires_grad_(True)
@@ -142,7 +142,7 @@ def test_gradient_of_other_samples_is_drawn_anew(stage: Stage) -> None:
 
 @pytest.mark.parametrize("name", ["numpy", "warp"])
 def test_equals_the_light_transport(name: str, tiny_exemplars: Exemplars) -> None:
-    """Image and gradient, for the same seed, glass and all."""
+    """Image and gradient for the same seed, glass included."""
     if name == "warp":
         pytest.importorskip("warp", reason="the warp renderer needs warp-lang")
     stage = make_stage(name, tiny_exemplars, width=24, height=20)
@@ -176,7 +176,7 @@ def test_equals_the_light_transport(name: str, tiny_exemplars: Exemplars) -> Non
 
 @dataclass
 class Watched:
-    """A renderer that notes what it is asked for."""
+    """A renderer that records its calls."""
 
     inner: Renderer[Any]
     asked: list[frozenset[str]] = field(default_factory=list)
@@ -200,7 +200,7 @@ class Watched:
         return self.inner.render_vjp(*args, wrt=wrt, spp=spp, seed=seed)
 
 
-def test_what_needs_no_gradient_is_not_asked_for(stage: Stage) -> None:
+def test_gradients_that_are_not_needed_are_not_requested(stage: Stage) -> None:
     watched = Watched(stage.renderer)
     under_watch = replace(stage, renderer=watched)
     assert not picture(under_watch, {}).requires_grad
@@ -236,14 +236,14 @@ def test_a_map_that_the_renderer_does_not_know_is_refused(stage: Stage) -> None:
 
 @dataclass
 class Seeing(Watched):
-    """One that has gradients for nothing."""
+    """A renderer without gradients."""
 
     @property
     def capabilities(self) -> Any:
         return replace(self.inner.capabilities, differentiable=frozenset())
 
 
-def test_what_has_no_gradient_is_refused_before_it_is_rendered(stage: Stage) -> None:
+def test_a_missing_gradient_is_refused_before_rendering(stage: Stage) -> None:
     blind = replace(stage, renderer=Seeing(stage.renderer))
     color = stage.colors[stage.learnable].clone().requires_grad_(True)
     with pytest.raises(UnsupportedError, match="Seeing has no gradients for base_color"):
@@ -254,7 +254,7 @@ def test_what_has_no_gradient_is_refused_before_it_is_rendered(stage: Stage) -> 
 
 @dataclass
 class Keeping(Watched):
-    """One that keeps what it traced."""
+    """A renderer that keeps its samples."""
 
     pulled: int = 0
 
@@ -270,7 +270,7 @@ class Keeping(Watched):
         return self.inner.render(*args, spp=spp, seed=seed), pullback
 
 
-def test_what_was_traced_for_the_picture_serves_its_gradient(stage: Stage) -> None:
+def test_the_gradient_reuses_the_samples_of_the_image(stage: Stage) -> None:
     keeping, gradients = Keeping(stage.renderer), []
     for renderer in (stage.renderer, keeping):
         color = stage.colors[stage.learnable].clone().requires_grad_(True)
@@ -280,7 +280,7 @@ def test_what_was_traced_for_the_picture_serves_its_gradient(stage: Stage) -> No
     assert (keeping.pulled, keeping.asked) == (1, [])
 
 
-def test_samples_of_the_gradient_s_own_are_traced(stage: Stage) -> None:
+def test_the_gradient_s_own_samples_are_traced(stage: Stage) -> None:
     keeping, color = Keeping(stage.renderer), stage.colors[stage.learnable].clone().requires_grad_(True)
     picture(replace(stage, renderer=keeping), {stage.learnable: color}, spp_grad=2).sum().backward()
     with torch.no_grad():

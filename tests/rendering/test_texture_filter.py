@@ -1,4 +1,4 @@
-"""The one texture filter."""
+"""The texture filter."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ class Manifest(StrictModel):
     paint: dict[str, Reflectance] = Field(default={}, description="by mesh, of its learnable parts")
     light: Literal["estimated", "mean"] = Field(default="estimated", description="where a picture names none")
     weathering_color: Reflectance = Field(
-        default=(0.18, 0.18, 0.18), description="roughly; tells light from weathering"
+        default=(0.18, 0.18, 0.18), description="approximate; separates light from weathering"
     )
     image: tuple[Annotated[int, Field(ge=8, le=8192)], Annotated[int, Field(ge=8, le=8192)]] = (256, 256)
     texture: int = Field(default=256, ge=16, le=4096, multiple_of=4)

@@ -1,4 +1,4 @@
-"""Photographs become exemplars: what is true of the picture stays true, and nothing but the picture is believed."""
+"""Photographs become exemplars that keep the radiance, colours and cameras of the pictures."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def with_true_cameras(photographs: Photographs, **changes: Any) -> Manifest:
 def imported(
     photographs: Photographs, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Path, tuple[ImportedPicture, ...]]:
-    """The stand-ins as a data set, by the cameras that their manifest tells, light estimated. Not to be changed."""
+    """The stand-ins as a data set, with the manifest's cameras and estimated light. Not to be changed."""
     folder = tmp_path_factory.mktemp("imported") / "own"
     return folder, import_pictures(declared(photographs, light="estimated"), folder, base=photographs[0])
 
@@ -67,7 +67,7 @@ def exemplars(imported: tuple[Path, tuple[ImportedPicture, ...]]) -> Exemplars:
 
 
 def rendered(exemplars: Exemplars, index: int, materials: Callable[[Subject], Materials]) -> Rendering:
-    """Other materials in an exemplar's scene, with next to no noise."""
+    """Other materials in an exemplar's scene, with little noise."""
     scene, subject = exemplars.scenes[index], exemplars.subject(index)
     renderer = load_renderer("mitsuba", {"device": "cpu"})
     view = exemplars.loader.view(scene)
@@ -75,7 +75,7 @@ def rendered(exemplars: Exemplars, index: int, materials: Callable[[Subject], Ma
 
 
 def test_an_exemplar_is_the_linear_picture_up_to_exposure_and_gloss(photographs: Photographs, tmp_path: Path) -> None:
-    """Against the radiance that was there, rendered anew from the exemplar's camera: within 12 % of the mean.
+    """Compared with the true radiance, rendered from the exemplar's camera: within 12 % of the mean.
 
     Most of that is noise. Colour, and so the exposure of each channel, is kept within 3 %.
     """
@@ -96,7 +96,7 @@ def test_an_exemplar_is_the_linear_picture_up_to_exposure_and_gloss(photographs:
 
 
 def test_outlines_are_the_mesh_s_with_a_mask_and_without(exemplars: Exemplars) -> None:
-    """So that no outline tells an exemplar from a fake. What the mask leaves open has the colour of what is near."""
+    """So exemplars and fakes have the same outlines. Pixels beside the mask have the colour of the nearest inside."""
     for index in range(len(exemplars)):
         made = rendered(exemplars, index, lambda s: s.materials({}, None))
         coverage, image = exemplars.coverage[index].float(), exemplars.images[index].float()
@@ -151,7 +151,7 @@ def test_masks_agree_with_good_cameras_and_not_with_bad_ones(photographs: Photog
 
 
 def test_exposure_of_the_photograph_does_not_matter(photographs: Photographs, tmp_path: Path) -> None:
-    """A picture of half the linear brightness is the same exemplar, under the mean light."""
+    """Under the mean light, a picture of half the linear brightness gives the same exemplar."""
     from svbrdfgan.io import load_image, save_exr
 
     entry = load_yaml(photographs[0] / "manifest.yaml")["pictures"][0]
@@ -212,7 +212,7 @@ def test_meshes_named_in_test_are_kept_from_training(photographs: Photographs, t
 
 
 def test_views_may_differ_from_mesh_to_mesh(photographs: Photographs, tmp_path: Path) -> None:
-    """And pictures of one mesh follow each other, in whatever order the manifest names them."""
+    """And pictures of one mesh follow each other, in any order of the manifest."""
     entries = load_yaml(photographs[0] / "manifest.yaml")["pictures"]
     mixed = [entries[2], entries[0], entries[3]]
     records = import_pictures(declared(photographs, pictures=mixed), tmp_path / "own", base=photographs[0])

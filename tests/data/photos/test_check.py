@@ -1,4 +1,4 @@
-"""What is wrong with a manifest or with what it names: all of it at once, a sentence each, and nothing written."""
+"""Errors in a manifest or in its files: all are reported at once, one sentence each, and nothing is written."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_all_errors_are_reported_at_once_and_nothing_is_written(base: Path, tmp_
         {"environment": "none.hdr"},
     )
     data |= {"environments": {"files": ["*.hdr"]}, "embedding": "hemispheric"}
-    told = errors(data, base, tmp_path / "own")
+    lines = errors(data, base, tmp_path / "own")
     wanted = (
         "mesh: .*none.glb does not exist",
         "environment: .*none.hdr does not exist",
@@ -68,8 +68,8 @@ def test_all_errors_are_reported_at_once_and_nothing_is_written(base: Path, tmp_
         r"pictures\[2\]: car.png: the mask is not where the camera sees the mesh \(IoU 0.00\)",
         r"pictures\[4\]: car.png: the camera does not have all of the mesh in front of it",
     )
-    assert len(told) == len(wanted)
-    for line, said in zip(told, wanted, strict=True):
+    assert len(lines) == len(wanted)
+    for line, said in zip(lines, wanted, strict=True):
         assert re.match(f"m.yaml: {said}", line), line
     assert list(tmp_path.iterdir()) == []
 
@@ -86,7 +86,7 @@ def test_all_errors_are_reported_at_once_and_nothing_is_written(base: Path, tmp_
         (pictures({"camera": {**CAMERA, "distance": 900}}), r"pictures\[0\]: car.png: the camera sees no pixel"),
     ],
 )
-def test_a_fault_of_the_files_is_one_line(data: Data, said: str, base: Path, tmp_path: Path) -> None:
+def test_an_error_in_a_file_is_one_line(data: Data, said: str, base: Path, tmp_path: Path) -> None:
     (line,) = errors(data, base, tmp_path / "own")
     assert re.match(f"m.yaml: {said}", line), line
 
@@ -121,8 +121,8 @@ def test_a_mistake_in_the_manifest_is_one_line(data: Data, said: str) -> None:
 def test_a_preview_is_overlays_alone_and_may_be_repeated(base: Path, tmp_path: Path) -> None:
     for count in (2, 1):
         manifest = read_manifest(pictures(*[{}] * count), "m.yaml")
-        told = import_pictures(manifest, tmp_path / "own", base=base, preview=True)
-        assert [one.exposure for one in told] == [None] * count
+        records = import_pictures(manifest, tmp_path / "own", base=base, preview=True)
+        assert [one.exposure for one in records] == [None] * count
         assert [path.name for path in tmp_path.iterdir()] == ["own"]
         assert [path.name for path in (tmp_path / "own").iterdir()] == ["overlay"]
         names = sorted(path.name for path in (tmp_path / "own" / "overlay").iterdir())
@@ -143,7 +143,7 @@ def test_the_overlay_is_the_picture_under_the_mesh_s_outline(base: Path, tmp_pat
     assert (plain == plain[0]).all()
 
 
-def test_a_folder_that_holds_other_things_is_left_alone(base: Path, tmp_path: Path) -> None:
+def test_a_folder_in_use_is_not_changed(base: Path, tmp_path: Path) -> None:
     (tmp_path / "own").mkdir()
     (tmp_path / "own" / "thesis.txt").write_text("mine")
     (line,) = errors(pictures({}), base, tmp_path / "own")
@@ -154,9 +154,9 @@ def test_a_folder_that_holds_other_things_is_left_alone(base: Path, tmp_path: Pa
 def test_doubts_are_reported(base: Path, tmp_path: Path) -> None:
     near = {**CAMERA, "distance": 1.0}
     manifest = read_manifest(pictures({"camera": near}, {"camera": {**CAMERA, "distance": 14}}), "m.yaml")
-    told = import_pictures(manifest, tmp_path / "own", base=base, preview=True)
-    assert "reaches beyond the picture" in told[0].doubts[0]
-    assert "enlarged" in told[1].doubts[0]
+    records = import_pictures(manifest, tmp_path / "own", base=base, preview=True)
+    assert "reaches beyond the picture" in records[0].doubts[0]
+    assert "enlarged" in records[1].doubts[0]
 
 
 def test_a_distance_in_another_unit_is_refused(base: Path, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Random transports, with what breaks sparse products: empty rows, a long one, several textures, no entry at all."""
+"""Random transports with the edge cases of sparse products: empty rows, a long row, several textures, no entries."""
 
 from collections.abc import Callable
 

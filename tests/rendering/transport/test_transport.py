@@ -123,7 +123,7 @@ def test_the_gbuffer_is_what_learnable_samples_see(repeat: Repeat) -> None:
     torch.testing.assert_close(transport.gbuffer.reshape(-1, 6), expected, rtol=1e-5, atol=1e-5)
 
 
-def test_the_seam_repeats_where_it_is_told_to() -> None:
+def test_the_seam_repeats_along_the_given_axes() -> None:
     samples, textures = random_samples(300, 3), torch.rand(2, ROWS, COLS, 3)
     for repeat in ((True, False), (False, True)):
         picture = TransportBatch.stack([built([samples], repeat=repeat)]).render(textures)[0]
