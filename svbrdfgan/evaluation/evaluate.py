@@ -82,8 +82,9 @@ def evaluate(
     shown = display or SilentDisplay()
     fabric = make_fabric(device)
     model = load_model(run)
-    config = _with_dataset(model.config, dataset)
-    resolved = ResolvedRun(config.train, Dataset.open(Path(config.dataset_folder))).unperturbed()
+    opened = _open_dataset(model.config, dataset)
+    config = model.config if dataset is None else model.config.moved(opened)
+    resolved = ResolvedRun(config.train, opened).unperturbed()
     renderer, _ = resolve_renderer(config.train.renderer, fabric.device, config.maps, differentiable=True)
 
     shown.begin(f"light transport of the {split} scenes")
@@ -113,16 +114,14 @@ def evaluate(
     return Evaluated(evaluation, config, source, layers)
 
 
-def _with_dataset(config: RunConfig, dataset: Path | None) -> RunConfig:
-    """The run's configuration with its data set where it is now."""
-    if dataset is not None:
-        return config.moved(dataset)
-    if not (Path(config.dataset_folder) / INDEX).is_file():
+def _open_dataset(config: RunConfig, moved_to: Path | None) -> Dataset:
+    """The run's data set, opened where it is now."""
+    if moved_to is None and not (Path(config.dataset_folder) / INDEX).is_file():
         raise AssetError(
             f"the run's data set is no longer {config.dataset_folder}: say where it is, with --dataset, or make it "
             "again."
         )
-    return config
+    return Dataset.open(moved_to or Path(config.dataset_folder))
 
 
 @dataclass(frozen=True, eq=False)

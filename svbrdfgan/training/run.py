@@ -12,7 +12,7 @@ import torch
 from svbrdfgan.config.distributions import mean
 from svbrdfgan.config.models import StrictModel, differences, validate
 from svbrdfgan.data.config import DatasetConfig
-from svbrdfgan.data.index import DatasetIndex
+from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.records import load_record, save_record
 from svbrdfgan.io.tensors import save_tensors, stored_tensors
@@ -54,16 +54,17 @@ class RunConfig(StrictModel):
         """Maps that layers paint beside base_color, and the mean of their values under the layer in the data set."""
         return {name: min(max(mean(value), 0.0), 1.0) for name, value in self.dataset.maps.items()}
 
-    def moved(self, folder: Path) -> RunConfig:
+    def moved(self, dataset: Dataset) -> RunConfig:
         """The same run with its data set in another folder.
 
         Raises:
-            AssetError: the folder is no data set.
             ConfigError: it is another data set.
         """
-        if DatasetIndex.load(folder).config != self.dataset:
-            raise ConfigError(f"{folder} is of another configuration than the data set that the run learned from.")
-        return self.model_copy(update={"dataset_folder": str(folder.resolve())})
+        if dataset.config != self.dataset:
+            raise ConfigError(
+                f"{dataset.folder} is of another configuration than the data set that the run learned from."
+            )
+        return self.model_copy(update={"dataset_folder": str(dataset.folder.resolve())})
 
     def save(self, run: Path) -> None:
         save_record(run / CONFIG, self)
