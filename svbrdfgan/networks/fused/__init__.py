@@ -1,6 +1,7 @@
 """Norm, activation or skip connection, upsampling and padding between two convolutions, as one operation.
 
 On CUDA with Triton it is a few kernels over channels-last memory; elsewhere it is torch's own operations.
+`benchmarks/fused_norm.py` compares both with `torch.compile`.
 """
 
 from __future__ import annotations
