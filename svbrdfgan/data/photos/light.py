@@ -16,12 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from jaxtyping import Float
 from numpy import ndarray
 from scipy.optimize import nnls
 from torch import Tensor
 
+from svbrdfgan.data.photos.overlay import downsample
 from svbrdfgan.errors import AssetError
 from svbrdfgan.types import Material, Materials, Rendering
 
@@ -85,7 +85,9 @@ def gather_evidence(
     alone, bare = white(range(len(clean)), len(clean)), white(learnable, len(clean))
     lit = torch.stack([render(bare, mean * lobe.unsqueeze(-1)).image for lobe in lobes(*mean.shape[:2])], dim=-1)
     full, even, rendered = lit.sum(dim=-1), torch.ones_like(mean), render(clean, mean)
-    image, coverage = _downsampled(photo, (lit.shape[1], lit.shape[0]))
+    planes = torch.cat([photo.image, photo.coverage.unsqueeze(-1)], dim=-1).permute(2, 0, 1)
+    *colors, coverage = downsample(planes, (lit.shape[1], lit.shape[0]))
+    image = torch.stack(colors, dim=-1)
     usable = torch.minimum(coverage, rendered.coverage) > _FULL
     # learnable parts must fill a pixel nearly alone, which white materials under even light show
     usable &= (render(bare, even).image > _FULL * render(alone, even).image).all(dim=-1) & (full > 0).all(dim=-1)
@@ -172,9 +174,3 @@ def _directions(height: Float[Tensor, "*shape"], around: Float[Tensor, "*other"]
     flat = (1 - height * height).sqrt()
     height = height.expand(torch.broadcast_shapes(height.shape, around.shape))
     return torch.stack([flat * torch.sin(around), height, -flat * torch.cos(around)], dim=-1)
-
-
-def _downsampled(photo: Rendering, size: tuple[int, int]) -> tuple[Tensor, Tensor]:
-    planes = torch.cat([photo.image, photo.coverage.unsqueeze(-1)], dim=-1).permute(2, 0, 1)
-    small = F.adaptive_avg_pool2d(planes, (size[1], size[0]))
-    return small[:3].permute(1, 2, 0), small[3]

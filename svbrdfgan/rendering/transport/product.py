@@ -1,4 +1,7 @@
-"""The product of stored transports with textures, and its transpose, which replace the renderer in training."""
+"""The product of stored transports with textures, and its transpose, which replace the renderer in training.
+
+`csr.py` and `kernels.py` compute it faster on the CPU and on CUDA than `ReferenceProduct`.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,6 @@ from torch.autograd.function import once_differentiable
 
 from svbrdfgan.rendering.transport.csr import CsrProduct
 from svbrdfgan.rendering.transport.light_transport import LightTransport
-from svbrdfgan.rendering.transport.reference import ReferenceProduct
 from svbrdfgan.utils.copy_async import copy_async
 from svbrdfgan.utils.deprecation import renamed_attribute
 from svbrdfgan.utils.triton_works import triton_works
@@ -96,17 +98,17 @@ class TransportBatch:
         if textures.shape != wanted:
             raise ValueError(f"got textures of shape {tuple(textures.shape)}; the batch needs {wanted}")
         texels = textures.reshape(-1, 3).float().contiguous()
-        pixels: Tensor = _Linear.apply(texels, forward, self.product.transposed)
+        pixels: Tensor = _AffineMap.apply(texels, forward, self.product.transposed)
         return pixels.reshape(len(self.transports), *first.coverage.shape, 3)
 
     def transposed(self, images: Float[Tensor, "batch height width 3"]) -> Float[Tensor, "textures rows cols 3"]:
         """T^T @ images; differentiable in the images, once."""
         pixels = images.reshape(-1, 3).float().contiguous()
-        texels: Tensor = _Linear.apply(pixels, self.product.transposed, self.product.linear)
+        texels: Tensor = _AffineMap.apply(pixels, self.product.transposed, self.product.linear)
         return texels.reshape(-1, *self.transports[0].texture_shape, 3)
 
 
-class _Linear(torch.autograd.Function):
+class _AffineMap(torch.autograd.Function):
     """An affine map, with the transpose of its linear part for the gradient."""
 
     @staticmethod
@@ -120,6 +122,43 @@ class _Linear(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, None, None]:
         return ctx.transpose(grad.contiguous()), None, None
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceProduct:
+    """The product by torch's own operations, on any device: the definition that the others are tested against.
+
+    It is a gather and an `index_add` for each view. On CUDA `index_add` uses atomics, unless torch is deterministic.
+    """
+
+    transports: tuple[LightTransport, ...]
+
+    def picture(self, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
+        return self.linear(texels) + torch.cat([view.background.reshape(-1, 3) for view in self.transports])
+
+    def linear(self, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
+        blocks = texels.split([view.texels for view in self.transports])
+        return torch.cat([_linear(view, block) for view, block in zip(self.transports, blocks, strict=True)])
+
+    def transposed(self, grad: Float[Tensor, "pixels 3"]) -> Float[Tensor, "texels 3"]:
+        blocks = grad.chunk(len(self.transports))
+        return torch.cat([_transposed(view, block) for view, block in zip(self.transports, blocks, strict=True)])
+
+
+def _linear(view: LightTransport, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
+    terms = view.weight * texels[view.texel.long()] * view.scale
+    return texels.new_zeros(len(view.start) - 1, 3).index_add_(0, _pixel(view), terms)
+
+
+def _transposed(view: LightTransport, grad: Float[Tensor, "pixels 3"]) -> Float[Tensor, "texels 3"]:
+    terms = view.weight * grad[_pixel(view)] * view.scale
+    return grad.new_zeros(view.texels, 3).index_add_(0, view.texel.long(), terms)
+
+
+def _pixel(view: LightTransport) -> Int[Tensor, " entries"]:
+    """The pixel of each entry."""
+    count = view.start.diff()
+    return torch.repeat_interleave(torch.arange(len(count), device=count.device), count, output_size=len(view.texel))
 
 
 def _product(transports: tuple[LightTransport, ...]) -> Product:

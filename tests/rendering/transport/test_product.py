@@ -13,8 +13,7 @@ import torch
 
 from svbrdfgan.rendering.transport import LightTransport, TransportBatch
 from svbrdfgan.rendering.transport.csr import CsrProduct
-from svbrdfgan.rendering.transport.product import Product
-from svbrdfgan.rendering.transport.reference import ReferenceProduct
+from svbrdfgan.rendering.transport.product import Product, ReferenceProduct
 
 CUDA = torch.cuda.is_available()
 INTERPRETED = os.environ.get("TRITON_INTERPRET") == "1"  # Triton's own interpreter runs kernels on the CPU

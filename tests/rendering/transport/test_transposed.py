@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from svbrdfgan.rendering.transport import LightTransport, TransportBatch
-from svbrdfgan.rendering.transport.reference import ReferenceProduct
+from svbrdfgan.rendering.transport.product import ReferenceProduct
 
 ROWS, COLS, HEIGHT, WIDTH = 5, 4, 6, 7
 
