@@ -98,10 +98,10 @@ def test_a_wrong_command_is_found() -> None:
         check(["dream"])
 
 
-def test_the_commands_of_the_experiments_find_their_files(repository: Path) -> None:
+def test_the_commands_of_the_results_find_their_files(repository: Path) -> None:
     """With the two examples beside cars/ and envmaps/, since paths in a YAML file are relative to it."""
     made = set()
-    calls = commands((repository / "docs" / "experiments.md").read_text(encoding="utf-8"))
+    calls = commands((repository / "docs" / "results.md").read_text(encoding="utf-8"))
     for name, config, *words in (call for call in calls if call[0] in ("dataset", "train") and "-o" in call):
         assert Path(config).name == config  # so that these and the paths of options are relative to one folder
         given = load_yaml(repository / "examples" / "vehicles" / config)

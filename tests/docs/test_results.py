@@ -1,4 +1,4 @@
-"""The results that docs/experiments.md was written from are of rows that are still declared."""
+"""The results that docs/results.md was written from are of rows that are still declared."""
 
 import tarfile
 from pathlib import Path
