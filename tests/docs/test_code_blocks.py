@@ -131,8 +131,9 @@ def test_the_tables_of_the_readme_are_complete(repository: Path) -> None:
     assert first_column(text, "extra") == set(project["optional-dependencies"]) - {"test", "dev"}
 
 
-def test_the_readme_names_every_command(repository: Path) -> None:
-    text = (repository / "README.md").read_text(encoding="utf-8")
+@pytest.mark.parametrize("page", ["README.md", "docs/quickstart.md"])
+def test_every_command_is_named(page: str, repository: Path) -> None:
+    text = (repository / page).read_text(encoding="utf-8")
     assert {call[0] for call in commands(text)} == set(COMMANDS)
 
 
