@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 PATH = re.compile(r"`((?:[\w.-]+/)+(?:[\w.-]+)?)`")
-FUNCTIONS = re.compile(r"`((?:[\w.-]+/)*[\w-]+\.py)`: ((?:(?:, | and )?`[\w.]+\(\)`)+)")
+NAMED = re.compile(r"`((?:[\w.-]+/)+[\w-]+\.py)`:|`([\w.]+)\(\)`")
 PACKAGES = ("svbrdfgan", "backends", "parameterizations")
 
 
@@ -35,9 +35,13 @@ def defined(path: Path) -> set[str]:
 
 
 def named_functions(text: str) -> set[tuple[str, str]]:
-    """Each file and name that the text joins as `path/file.py`: `name()`."""
-    pairs = FUNCTIONS.findall(re.sub(r"\s+", " ", text))
-    return {(path, name) for path, names in pairs for name in re.findall(r"`([\w.]+)\(\)`", names)}
+    """Each `name()` with the file that was named last before it, as `path/file.py`: ..."""
+    pairs, path = set(), ""
+    for file, name in NAMED.findall(text):
+        path = file or path
+        if name:
+            pairs.add((path, name))
+    return pairs
 
 
 def absent(repository: Path, pairs: set[tuple[str, str]]) -> list[str]:
@@ -58,9 +62,7 @@ def test_every_function_is_in_its_file(page: str, repository: Path) -> None:
 
 
 def test_a_function_that_moved_is_found(repository: Path) -> None:
-    pairs = named_functions(
-        "1. `svbrdfgan/cli/train.py`: `command()` and\n   `gone()` do it; `svbrdfgan/io/mesh.py` too."
-    )
+    pairs = named_functions("1. `svbrdfgan/cli/train.py`: `command()` and\n   `gone()` of `svbrdfgan/io/mesh.py`.")
     assert pairs == {("svbrdfgan/cli/train.py", "command"), ("svbrdfgan/cli/train.py", "gone")}
     assert absent(repository, pairs) == ["svbrdfgan/cli/train.py: gone"]
 
