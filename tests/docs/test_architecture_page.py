@@ -1,4 +1,4 @@
-"""docs/architecture.md names what there is: paths exist, functions are in their files, the order is the checked one."""
+"""docs/architecture.md is true: paths exist, functions are in their files, the order of rooms is the checked one."""
 
 import ast
 import re
@@ -17,7 +17,7 @@ def page(repository: Path) -> str:
 
 
 def rooms(repository: Path) -> tuple[str, ...]:
-    """The rooms of the core, lowest first, as the test of imports has them."""
+    """The rooms of the core, lowest first, from the test of imports."""
     text = (repository / "tests" / "test_architecture.py").read_text(encoding="utf-8")
     (found,) = re.findall(r"^ROOMS = \((.*?)^\)", text, re.MULTILINE | re.DOTALL)
     return tuple(re.findall(r'"(\w+)"', found))
@@ -45,7 +45,7 @@ def named_functions(text: str) -> set[tuple[str, str]]:
 
 
 def absent(repository: Path, pairs: set[tuple[str, str]]) -> list[str]:
-    """What of these is not where it is said to be."""
+    """The names that are not in the file that the page gives."""
     return sorted(f"{path}: {name}" for path, name in pairs if name not in defined(repository / path))
 
 
