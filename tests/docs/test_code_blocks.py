@@ -1,4 +1,4 @@
-"""What the pages show works: Python runs, commands parse, tables agree with what is installed."""
+"""The examples of the pages work: Python runs, commands parse, tables agree with what is installed."""
 
 import re
 import shlex
@@ -24,7 +24,7 @@ Run = Callable[[str], dict[str, Any]]
 
 @pytest.fixture
 def run(code_blocks: Callable[[str, str], list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
-    """Runs the one Python block of a page in an empty folder, and gives its names."""
+    """Runs the one Python block of a page in an empty folder and returns its names."""
     monkeypatch.chdir(tmp_path)
 
     def run_page(page: str) -> dict[str, Any]:
@@ -69,7 +69,7 @@ def commands(text: str) -> list[list[str]]:
 
 
 def check(call: list[str]) -> None:
-    """Parses a call without running it; one that stands for the command alone must name one."""
+    """Parses a call without running it. A call without arguments only has to name a command."""
     name, *arguments = call
     assert name in COMMANDS, name
     command = main.get_command(click.Context(main), name)
@@ -82,7 +82,7 @@ def test_commands_are_those_of_the_program(
     page: str, repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("assets").mkdir()  # which --assets wants to be there
+    Path("assets").mkdir()  # --assets must exist
     for call in commands((repository / page).read_text(encoding="utf-8")):
         check(call)
 
@@ -98,12 +98,12 @@ def test_a_wrong_command_is_found() -> None:
         check(["dream"])
 
 
-def test_the_commands_of_the_experiments_find_their_files(repository: Path) -> None:
+def test_the_commands_of_the_results_find_their_files(repository: Path) -> None:
     """With the two examples beside cars/ and envmaps/, since paths in a YAML file are relative to it."""
     made = set()
-    calls = commands((repository / "docs" / "experiments.md").read_text(encoding="utf-8"))
+    calls = commands((repository / "docs" / "results.md").read_text(encoding="utf-8"))
     for name, config, *words in (call for call in calls if call[0] in ("dataset", "train") and "-o" in call):
-        assert Path(config).name == config  # so that these and the paths of options are relative to one folder
+        assert Path(config).name == config  # so that paths in files and in options are relative to the same folder
         given = load_yaml(repository / "examples" / "vehicles" / config)
         data = apply_overrides(given, [word for word in words if "=" in word])
         if name == "dataset":
@@ -131,8 +131,9 @@ def test_the_tables_of_the_readme_are_complete(repository: Path) -> None:
     assert first_column(text, "extra") == set(project["optional-dependencies"]) - {"test", "dev"}
 
 
-def test_the_readme_names_every_command(repository: Path) -> None:
-    text = (repository / "README.md").read_text(encoding="utf-8")
+@pytest.mark.parametrize("page", ["README.md", "docs/quickstart.md"])
+def test_every_command_is_named(page: str, repository: Path) -> None:
+    text = (repository / page).read_text(encoding="utf-8")
     assert {call[0] for call in commands(text)} == set(COMMANDS)
 
 

@@ -1,4 +1,4 @@
-"""The tables of docs/quickstart.md name every key of the two configuration files, and no other, with its default."""
+"""The tables of docs/quickstart.md list exactly the keys of the two configuration files, with their defaults."""
 
 import dataclasses
 import re
@@ -23,7 +23,7 @@ ROW = re.compile(r"^\| `([^`]+)` \| (.+?) \| .+ \|$", re.MULTILINE)
 OPTION = re.compile(r"^\| ([a-z-]* ?)\| `(\w+)` \| `([\d.]+)` \| ([\d.]+) to ([\d.]+) \|", re.MULTILINE)
 DISTRIBUTIONS = (Fixed, Choice, Uniform, Normal)
 
-# As little as has every mapping below which a documented key lies.
+# The smallest data that have every mapping which contains a documented key.
 DATASET: dict[str, Any] = {
     "environments": {"procedural": {"count": 8}},
     "splits": {"train": {"meshes": {"procedural": {"count": 1}}}},
@@ -32,7 +32,7 @@ TRAIN: dict[str, Any] = {"dataset": "data"}
 
 
 def records(annotation: Any) -> Iterator[type[BaseModel]]:
-    """The configuration records in an annotation, however wrapped; a distribution or a plugin's choice is a value."""
+    """The configuration records in an annotation, also nested. Distributions and plugin choices count as values."""
     is_record = isinstance(annotation, type) and issubclass(annotation, BaseModel)
     if is_record and not issubclass(annotation, (*DISTRIBUTIONS, PluginChoice)):
         yield annotation
@@ -41,7 +41,7 @@ def records(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def keys(model: type[BaseModel], explained: set[type[BaseModel]]) -> list[str]:
-    """The dotted keys below a record; those of a record that is explained elsewhere are left out."""
+    """The dotted keys below a record, without those of records that are explained elsewhere."""
     found = list(model.model_fields)
     below = {r: name for name, field in reversed(model.model_fields.items()) for r in records(field.annotation)}
     fresh = {record: name for record, name in below.items() if record not in explained}
@@ -66,7 +66,7 @@ def test_every_key_is_explained(tables: tuple[dict[str, str], dict[str, str]]) -
     assert sorted(tables[1]) == sorted(keys(TrainConfig, explained))
 
 
-def test_a_key_that_nobody_explained_is_found() -> None:
+def test_an_unexplained_key_is_found() -> None:
     class Inner(BaseModel):
         deep: int = 0
 
@@ -82,7 +82,7 @@ def test_defaults_are_those_of_the_code(tables: tuple[dict[str, str], dict[str, 
         told = default.strip("`")
         check = (lambda d: validate(DatasetConfig, d, "docs")) if dataset else (lambda d: train_config(d, "docs"))
         if told == "null" and key.endswith("procedural"):
-            return bool(_below(data, key))  # elsewhere in the minimum, so that what lies below it has a place
+            return bool(_below(data, key))  # the minimal data set it, because it contains other keys
         return bool(check(apply_overrides(data, [f"{key}={told}"])) == check(data))
 
     for table, data, dataset in ((tables[0], DATASET, True), (tables[1], TRAIN, False)):

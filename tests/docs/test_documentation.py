@@ -1,4 +1,4 @@
-"""Links in the documentation lead somewhere, and its Python blocks are Python that names what exists."""
+"""Links in the documentation have targets, and its Python blocks parse and import what exists."""
 
 import ast
 import re
@@ -24,7 +24,7 @@ def anchors(page: Path) -> set[str]:
 
 
 def broken_links(page: Path) -> list[str]:
-    """The links to files and headings of the repository that lead nowhere."""
+    """The links to files and headings of the repository that have no target."""
     found = []
     for link in (first or second for first, second in LINK.findall(FENCED.sub("", page.read_text(encoding="utf-8")))):
         if re.match(r"[a-z]+:", link):
@@ -37,7 +37,7 @@ def broken_links(page: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=identity)
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_have_targets(page: Path) -> None:
     assert broken_links(page) == []
 
 

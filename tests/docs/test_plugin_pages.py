@@ -1,4 +1,4 @@
-"""The examples of the two plugin pages, installed as their pages say, are good plugins."""
+"""The examples of the two plugin pages, installed as the pages say, are good plugins."""
 
 import sys
 import tomllib
@@ -114,7 +114,7 @@ def test_the_example_renderer_refuses_what_it_cannot_do(renderer: Renderer) -> N
 
 @pytest.mark.parametrize("group", ["contract", "side_effects", "shapes", "radiometry", "orientation"])
 def test_the_example_renderer_passes_the_kit(install: Install, group: str) -> None:
-    """All groups but those that call for many samples or faces, which this one has no time for."""
+    """Without the groups that need many samples or faces, which would take too long."""
     install("docs/write-a-renderer.md")
     kit = type("Kit", (RendererTests,), {"name": "brute-force"})
     outcomes = list(run_kit(kit, f"{group}."))

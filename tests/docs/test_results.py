@@ -1,4 +1,4 @@
-"""The results that docs/experiments.md was written from are of rows that are still declared."""
+"""The stored results behind docs/results.md belong to rows that are still declared."""
 
 import tarfile
 from pathlib import Path
@@ -12,7 +12,7 @@ RESULTS = Path(__file__).parents[2] / "docs" / "results" / "gpu.tar.xz"
 
 
 def test_kept_results_are_those_of_declared_rows(tmp_path: Path) -> None:
-    """Whoever unpacks them goes on from there. Where a default changes, they are another recipe's: run them again."""
+    """So `svbrdfgan experiment` can continue from them. After a default has changed, they must be run again."""
     with tarfile.open(RESULTS) as archive:
         archive.extractall(tmp_path, filter="data")
     runs = Shelf(tmp_path / "runs", RunSpec)

@@ -1,4 +1,4 @@
-"""A weathered GLB keeps of a mesh what docs/quickstart.md says, and no more. Where it keeps more, change that list."""
+"""A weathered GLB keeps exactly what docs/quickstart.md says of a mesh. If it keeps more, change that list."""
 
 import json
 from pathlib import Path
@@ -16,7 +16,7 @@ FACE = np.array([[0.02, 0.02], [0.1, 0.02], [0.02, 0.1]])
 
 
 def box(name: str, first: int) -> trimesh.Trimesh:
-    """A box of one material with every map and half its light let through; each face has a place of its own in UV."""
+    """A half-transparent box of one material with every map; each face has a place of its own in UV."""
     corners = trimesh.creation.box((1, 0.6, 2)).triangles.reshape(-1, 3)
     place = first + np.arange(len(corners) // 3)
     uv = (np.stack([place % 6, place // 6], axis=1)[:, None] / 6 + FACE).reshape(-1, 2)
@@ -47,7 +47,7 @@ def weathered(mesh: sg.Mesh, embedding: str, path: Path) -> tuple[sg.Mesh, dict[
     return sg.load_mesh(path), json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
 
 
-def test_it_lies_where_the_mesh_lies_with_base_colour_alone(mesh: sg.Mesh, tmp_path: Path) -> None:
+def test_it_has_the_position_of_the_mesh_and_base_colour_alone(mesh: sg.Mesh, tmp_path: Path) -> None:
     result, header = weathered(mesh, "hemispherical", tmp_path / "out.glb")
     np.testing.assert_allclose(result.bounds, mesh.bounds, atol=1e-6)
     assert [node["name"] for node in header["nodes"]] == ["paint", "glass", "paint (hidden)", "glass (hidden)"]
