@@ -10,7 +10,7 @@ from numpy import ndarray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from svbrdfgan.metrics.uv.point_location import Stabs, Triangles
+from svbrdfgan.metrics.uv.point_location import Hits, PointLocator
 from svbrdfgan.metrics.uv.visibility import NEAR, Outside
 
 TEXELS = 512  # along a side, of the grid on which overlap and coverage are measured
@@ -60,7 +60,7 @@ def overlap_and_coverage(found: Outside, texels: int = TEXELS) -> tuple[float, f
     return min(float(per_texel[crowded].sum() / max(area.sum(), 1e-300)), 1.0), len(np.unique(stabs.point)) / texels**2
 
 
-def crowded_texels(found: Outside, texels: int) -> tuple[Stabs, Bool[ndarray, " stabs"]]:
+def crowded_texels(found: Outside, texels: int) -> tuple[Hits, Bool[ndarray, " stabs"]]:
     """What lies over the centres of texels (row * texels + column), and whether another place lies over the same."""
     stabs = _at_texels(found, texels)
     if not len(stabs.point):
@@ -72,19 +72,19 @@ def crowded_texels(found: Outside, texels: int) -> tuple[Stabs, Bool[ndarray, " 
     return stabs, np.repeat(apart, np.diff(start, append=len(stabs.point)))
 
 
-def _at_texels(found: Outside, texels: int) -> Stabs:
+def _at_texels(found: Outside, texels: int) -> Hits:
     """What lies over the centres of the texels, in their order."""
-    nothing = Stabs(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+    nothing = Hits(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
     if not len(found.faces):
         return nothing
     centre = (np.arange(texels) + 0.5) / texels
     points = np.stack(np.meshgrid(centre, centre), axis=-1).reshape(-1, 2)
     low, high = found.uv.min(axis=(0, 1)), found.uv.max(axis=(0, 1))
     within = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-    all_found = list(Triangles.of(found.uv).over(points[within]))
+    all_found = list(PointLocator.of(found.uv).locate(points[within]))
     if not all_found:
         return nothing
-    return Stabs(
+    return Hits(
         within[np.concatenate([stabs.point for stabs in all_found])],
         np.concatenate([stabs.triangle for stabs in all_found]),
         np.concatenate([stabs.barycentric for stabs in all_found]),

@@ -8,7 +8,9 @@ other. The surface is cut into pieces of a fiftieth of the diagonal, and each is
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -17,10 +19,11 @@ from numpy import ndarray
 from svbrdfgan.geometry.normals import face_areas, face_normals, uv_areas
 from svbrdfgan.geometry.sampling import upper_frames
 from svbrdfgan.geometry.subdivide import EdgePredicate, Pieces, refine
-from svbrdfgan.metrics.uv.point_location import Triangles
+from svbrdfgan.metrics.uv.point_location import PointLocator
 from svbrdfgan.types import Surface
 
 DIRECTIONS = 64
+_AT_ONCE = 2  # directions, each in a thread: NumPy's loops run side by side
 SEEN = 2  # directions that a place must be seen from
 NEAR = 1e-3  # of the diagonal: layers that hide nothing from each other
 _PIECE = 0.02  # of the diagonal: the longest edge of a piece
@@ -114,17 +117,39 @@ def _seen_from(
     """
     points, normals = pieces.positions[pieces.faces].mean(axis=1), face_normals(pieces.positions, pieces.faces)
     front, back = np.zeros(len(points), dtype=np.int64), np.zeros(len(points), dtype=np.int64)
-    for frame in upper_frames(_mixed(DIRECTIONS)):
-        cosine = np.einsum("px,x->p", normals, frame[2])
-        asked = np.flatnonzero((front < _CLEARLY) & (np.abs(cosine) > _GRAZING))
-        # not by BLAS, whose threads cost more than they save on three columns
-        turned, from_here = (np.einsum("...x,yx->...y", places, frame) for places in (corners, points[asked]))
-        height = turned[:, :, 2]
-        over = Triangles.of(turned[:, :, :2], height.max(axis=1))
-        free = ~over.any_higher(from_here[:, :2], from_here[:, 2] + near, height)
-        front[asked] += free & (cosine[asked] > 0)
-        back[asked] += free & (cosine[asked] < 0)
+    with ThreadPoolExecutor(_AT_ONCE) as threads:
+        for frames in np.array_split(upper_frames(_mixed(DIRECTIONS)), DIRECTIONS // _AT_ONCE):
+            open_ = np.flatnonzero(front < _CLEARLY)
+            look = partial(_facing, corners, points[open_], normals[open_], near)
+            for facing in threads.map(look, frames):
+                counts = front[open_] < _CLEARLY  # a direction beside this one may have settled it
+                front[open_] += counts & (facing > 0)
+                back[open_] += counts & (facing < 0)
     return front, back
+
+
+def _facing(
+    corners: Float[ndarray, "occluders 3 3"],
+    points: Float[ndarray, "points 3"],
+    normals: Float[ndarray, "points 3"],
+    near: float,
+    frame: Float[ndarray, "3 3"],
+) -> Int[ndarray, " points"]:
+    """1 where a direction (the frame's last row) sees a point's front, -1 its back, 0 where it does not see it."""
+    cosine = normals @ frame[2]
+    asked = np.flatnonzero(np.abs(cosine) > _GRAZING)
+    turned, from_here = _turned(corners.reshape(-1, 3), frame).reshape(corners.shape), _turned(points[asked], frame)
+    height = turned[:, :, 2]
+    locator = PointLocator.of(turned[:, :, :2], ranked=np.argsort(-height.max(axis=1)))
+    free = ~locator.any_higher(from_here[:, :2], from_here[:, 2] + near, height)
+    facing = np.zeros(len(points), dtype=np.int64)
+    facing[asked[free]] = np.sign(cosine[asked[free]])
+    return facing
+
+
+def _turned(points: Float[ndarray, "points 3"], frame: Float[ndarray, "3 3"]) -> Float[ndarray, "points 3"]:
+    """The points in the frame. Not by BLAS, whose threads cost more than they save on three columns."""
+    return np.einsum("yx,px->py", frame, points)
 
 
 def _mixed(count: int) -> Int[ndarray, " count"]:
