@@ -55,8 +55,7 @@ class Grid:
         low = self._place(corners.min(axis=1))
         size = self._place(corners.max(axis=1)) - low + 1
         count = size.prod(axis=1)
-        triangle = np.repeat(np.arange(len(corners)), count)
-        step = np.arange(len(triangle)) - np.repeat(np.cumsum(count) - count, count)
+        triangle, step = ranges(np.zeros_like(count), count)
         row, col = np.divmod(step, size[triangle, 0])
         return triangle, (low[triangle, 1] + row) * self.side + low[triangle, 0] + col
 
@@ -72,10 +71,10 @@ class Grid:
             np.clip(y, 0, self.side - 1).astype(np.int64)
             for y in (local[:, :, 1].min(axis=1) - _SLACK, local[:, :, 1].max(axis=1) + _SLACK)
         )
-        triangle, row = _ranges(bottom, top - bottom + 1)
+        triangle, row = ranges(bottom, top - bottom + 1)
         left, right = _spans(local[triangle], row - _SLACK, row + 1.0 + _SLACK)
         first, last = (np.clip(x, 0, self.side - 1).astype(np.int64) for x in (left - _SLACK, right + _SLACK))
-        span, col = _ranges(first, np.maximum(last - first + 1, 0))
+        span, col = ranges(first, np.maximum(last - first + 1, 0))
         return triangle[span], row[span] * self.side + col
 
     def _place(self, points: Float[ndarray, "points 2"]) -> Int[ndarray, "points 2"]:
@@ -83,7 +82,7 @@ class Grid:
         return np.clip((points - self.low) / self.cell, 0, self.side - 1).astype(np.int64)
 
 
-def _ranges(start: Int[ndarray, " n"], count: Int[ndarray, " n"]) -> tuple[Int[ndarray, " m"], Int[ndarray, " m"]]:
+def ranges(start: Int[ndarray, " n"], count: Int[ndarray, " n"]) -> tuple[Int[ndarray, " m"], Int[ndarray, " m"]]:
     """The whole numbers from each start, as many as counted, with the index of the start that each belongs to."""
     owner = np.repeat(np.arange(len(start)), count)
     return owner, np.arange(len(owner)) + np.repeat(start - (np.cumsum(count) - count), count)

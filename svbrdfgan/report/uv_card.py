@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,12 +41,14 @@ def write_card(folder: Path, surface: Surface, title: str) -> Card:
     Raises:
         AssetError: the disk refuses.
     """
-    found = outside(surface)
-    card = measure(found)
+    with ThreadPoolExecutor(len(_VIEWS)) as threads:
+        views = threads.map(lambda view: look(surface, *view, *_SIZE), _VIEWS)
+        found = outside(surface)
+        card = measure(found)
     with atomic_path(folder / "card.json") as temporary:
         temporary.write_text(card_json(card) + "\n")
     with atomic_path(folder / "card.png") as temporary:
-        _figure(surface, found, card, title).savefig(temporary, format="png", dpi=100)
+        _figure(surface, found, list(views), card, title).savefig(temporary, format="png", dpi=100)
     return card
 
 
@@ -53,13 +57,12 @@ def card_json(card: Card) -> str:
     return json.dumps({name: value if math.isfinite(value) else None for name, value in card.flat().items()}, indent=2)
 
 
-def _figure(surface: Surface, found: Outside, card: Card, title: str) -> Any:
+def _figure(surface: Surface, found: Outside, views: Sequence[Seen], card: Card, title: str) -> Any:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(18.0, 8.9), layout="constrained")
     halves: Any = figure.subfigures(1, 2, width_ratios=(11.5, 7.5))
     left, right = halves
-    views = [look(surface, *view, *_SIZE) for view in _VIEWS]
     hidden = np.array([part.hidden for part in surface.parts])[surface.face_part]
     rows = left.subplots(2, 2)
     for axes, seen in zip(rows[0], views, strict=True):

@@ -49,7 +49,9 @@ class PointLocator:
     first: Int[ndarray, " cells+1"]
 
     @classmethod
-    def of(cls, corners: Float[ndarray, "triangles 3 2"], ranked: Int[ndarray, " triangles"] | None = None) -> PointLocator:
+    def of(
+        cls, corners: Float[ndarray, "triangles 3 2"], ranked: Int[ndarray, " triangles"] | None = None
+    ) -> PointLocator:
         """The locator of triangles, wound either way.
 
         Args:
