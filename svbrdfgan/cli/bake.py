@@ -28,7 +28,7 @@ def command(mesh: Path, embedding: str, options: tuple[str, ...], resolution: in
     from svbrdfgan.geometry.layers import embed_and_rasterize
     from svbrdfgan.io import load_mesh
     from svbrdfgan.plugins import load_embedding
-    from svbrdfgan.report.uv_card import write_card
+    from svbrdfgan.report.uv_summary import write_summary
 
     loaded = load_mesh(mesh)
     chosen = load_embedding(embedding, key_values(options))
@@ -37,10 +37,10 @@ def command(mesh: Path, embedding: str, options: tuple[str, ...], resolution: in
     click.echo(f"writing the geometry buffer of {len(fragments.surface.faces)} faces", err=True)
     written = write_bake(out, loaded, fragments, bake(fragments))
     click.echo("measuring and drawing the map of what is seen from outside", err=True)
-    card = write_card(out, fragments.surface, f"{embedding}, {mesh.stem}")
+    summary = write_summary(out, fragments.surface, f"{embedding}, {mesh.stem}")
     _tell(written)
     click.echo("the map of what is seen from outside:")
-    _tell(card.flat())
+    _tell(summary.flat())
     click.echo(f"written to {out}")
 
 

@@ -16,7 +16,7 @@ _FEW = 1 << 14  # triangles up to which as many entries are free as this many ma
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class CellGrid:
     """Square cells over the box around some triangles; numbered row by row.
 
     Attributes:
@@ -30,7 +30,7 @@ class Grid:
     side: int
 
     @classmethod
-    def around(cls, corners: Float[ndarray, "triangles 3 2"], side: float) -> Grid:
+    def around(cls, corners: Float[ndarray, "triangles 3 2"], side: float) -> CellGrid:
         """About `side` cells along a side (1 to `MOST_CELLS`); halved until `entries` are a few per triangle."""
         lows, highs = corners.min(axis=1), corners.max(axis=1)
         low = lows.min(axis=0)

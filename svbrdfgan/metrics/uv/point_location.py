@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from svbrdfgan.geometry.cells import Grid
+from svbrdfgan.geometry.cells import CellGrid
 
 _PAIRS_AT_ONCE = 1 << 21  # of points and triangles that share a cell: bounds the memory
 _EDGE = 1e-9  # barycentric: points on an edge belong to both sides, so that no ray slips between neighbours
@@ -44,7 +44,7 @@ class PointLocator:
     """
 
     rows: Float[ndarray, "6 triangles"]
-    grid: Grid
+    grid: CellGrid
     listed: Int[ndarray, " entries"]
     first: Int[ndarray, " cells+1"]
 
@@ -60,7 +60,7 @@ class PointLocator:
         rows, good = _barycentric_rows(corners)
         ranked = np.arange(len(corners)) if ranked is None else ranked
         ranked = ranked[good[ranked]]
-        grid = Grid.around(corners, max(8.0, _CELLS_A_TRIANGLE * len(corners) ** 0.5))
+        grid = CellGrid.around(corners, max(8.0, _CELLS_A_TRIANGLE * len(corners) ** 0.5))
         rank, cell = grid.overlaps(corners[ranked])
         # two bytes a cell (a grid has at most 2^16): numpy then sorts by radix, ten times as fast
         order = np.argsort(cell.astype(np.uint16), kind="stable")

@@ -33,7 +33,7 @@ _CLEARLY = 8  # directions that settle which side is outside
 
 
 @dataclass(frozen=True, eq=False)
-class Outside:
+class VisibleSurface:
     """The triangles of a surface that count, wound counter-clockwise as seen from outside.
 
     Attributes:
@@ -77,18 +77,20 @@ class Outside:
         return np.linalg.norm(np.where(self.repeat, np.minimum(apart, 1.0 - apart), apart), axis=-1)
 
 
-def whole(surface: Surface) -> Outside:
+def whole_surface(surface: Surface) -> VisibleSurface:
     """All of a surface, as wound, hidden parts and all: for one that has nothing to hide, such as a wrap."""
     positions, faces = _welded(surface)
-    return Outside(positions, faces, surface.uv[surface.faces], _bounds(surface), surface.repeat, np.arange(len(faces)))
+    return VisibleSurface(
+        positions, faces, surface.uv[surface.faces], _bounds(surface), surface.repeat, np.arange(len(faces))
+    )
 
 
-def outside(surface: Surface) -> Outside:
+def visible_surface(surface: Surface) -> VisibleSurface:
     """What is seen of a surface from outside and not in a hidden part; by the rule of this module. Some seconds.
 
     Empty if nothing is seen.
     """
-    every = whole(surface)
+    every = whole_surface(surface)
     pieces = refine(Pieces.whole(every.positions, every.faces), _longer_than(_PIECE * every.diagonal), _ROUNDS)
     front, back = _seen_from(_source_corners(surface), pieces, NEAR * every.diagonal)
     seen, turned = front + back >= SEEN, back > 4 * front
@@ -96,7 +98,7 @@ def outside(surface: Surface) -> Outside:
     area = face_areas(pieces.positions, pieces.faces)
     order = np.where(turned[:, None], [0, 2, 1], [0, 1, 2])
     counts = seen & ~hidden & (area > 0.0)
-    return Outside(
+    return VisibleSurface(
         positions=pieces.positions,
         faces=np.take_along_axis(pieces.faces, order, axis=1)[counts],
         uv=np.take_along_axis(pieces.interpolate(every.uv), order[:, :, None], axis=1)[counts],

@@ -25,7 +25,7 @@ def xatlas_installed() -> bool:
 
 
 @dataclass(frozen=True)
-class XatlasPeer:
+class XatlasBaseline:
     """xatlas with its default options: many small charts of little distortion, packed. Not an embedding to train with.
 
     Raises:
