@@ -28,7 +28,7 @@ class UnitFrame:
 
     @classmethod
     def of(cls, mesh: Mesh) -> UnitFrame:
-        """The place of a mesh.
+        """The frame of a mesh.
 
         Raises:
             EmbeddingError: it is a point, or hardly more beside the distance to the origin.

@@ -1,4 +1,4 @@
-"""UV transfer from a wrap to the mesh inside: each point takes the UV of the wrap's closest point, then room is made."""
+"""UV transfer from a wrap to the mesh inside: each point takes the closest point's UV, then room is made."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def transfer_uv(
     frame = wrap.chart.frame
     positions = frame.to_unit(mesh.positions)
     normals = _vertex_normals(positions, mesh.faces)[mesh.faces]
-    pieces = refine(Pieces.whole(positions, mesh.faces), _interpolation_errs(wrap, normals, resolution), _ROUNDS)
+    pieces = refine(Pieces.whole(positions, mesh.faces), _edges_that_err(wrap, normals, resolution), _ROUNDS)
     places = Places.of(pieces, normals)
     at, middle = wrap.at(places), wrap.at(places.mixed(pieces.faces, np.full(3, 1 / 3)))
     faces, uv = _split_torn(wrap, pieces.faces, at, middle.face, resolution)
@@ -203,9 +203,7 @@ def _in_metres(pieces: Pieces, mesh: Mesh) -> Pieces:
     return replace(pieces, positions=positions)
 
 
-def _interpolation_errs(
-    wrap: WrapLocator, normals: Float[ndarray, "source_faces 3 3"], resolution: int
-) -> EdgePredicate:
+def _edges_that_err(wrap: WrapLocator, normals: Float[ndarray, "source_faces 3 3"], resolution: int) -> EdgePredicate:
     """Edges along which interpolation errs at the quarters, if they are longer than some texels on the wrap."""
     texel = wrap.texel / resolution
 

@@ -42,3 +42,19 @@ def test_a_few_large_triangles_among_small_ones_make_cells_larger() -> None:
 def test_triangles_that_all_fill_the_square_share_a_cell() -> None:
     corners = np.tile(RIGHT, (140_000, 1, 1))
     assert CellGrid.around(corners, MOST_CELLS).side <= 2
+
+
+def test_overlaps_are_the_entries_that_a_triangle_itself_meets() -> None:
+    """Slivers included: every cell with a point of the triangle, and few of the others in its box."""
+    rng = np.random.default_rng(4)
+    start, along = rng.random((200, 1, 2)), rng.normal(scale=0.3, size=(200, 1, 2))
+    corners = np.concatenate([start, start + along, start + 0.5 * along + rng.normal(scale=0.003, size=(200, 1, 2))], 1)
+    cells = CellGrid.around(corners, 40.0)
+    found, boxed = (
+        set(zip(*map(np.ndarray.tolist, e), strict=True)) for e in (cells.overlaps(corners), cells.entries(corners))
+    )
+    assert found <= boxed
+    assert len(found) < 0.5 * len(boxed)
+    weights = rng.dirichlet(np.ones(3), 3000)
+    for triangle, points in enumerate(np.einsum("pk,tkx->tpx", weights, corners)):
+        assert {(triangle, int(cell)) for cell in cells.cells(points)} <= found

@@ -8,7 +8,7 @@ import trimesh
 from known_maps import flat, sheet, surface_of
 
 from svbrdfgan.metrics.uv import VisibleSurface, visible_surface
-from svbrdfgan.metrics.uv.point_location import Triangles
+from svbrdfgan.metrics.uv.point_location import PointLocator
 from svbrdfgan.types import Surface
 
 
@@ -110,20 +110,21 @@ def test_rays_find_what_brute_force_finds() -> None:
     random = np.random.default_rng(1)
     corners = random.uniform(size=(300, 1, 2)) + 0.2 * random.normal(size=(300, 3, 2))
     points = random.uniform(-0.2, 1.2, size=(500, 2))
-    pieces = [np.column_stack([hits.point, hits.triangle]) for hits in Triangles.of(corners).over(points)]
+    pieces = [np.column_stack([hits.point, hits.triangle]) for hits in PointLocator.of(corners).locate(points)]
     found = set(map(tuple, np.concatenate(pieces).tolist()))
     side = np.stack([_cross(corners[:, k - 2], corners[:, k - 1], points) for k in range(3)])
     inside = (side > 0).all(axis=0) | (side < 0).all(axis=0)
     assert found == set(map(tuple, np.argwhere(inside).tolist()))
     height, level = random.uniform(size=(300, 3)), random.uniform(size=500)
+    locator = PointLocator.of(corners, ranked=np.argsort(-height.max(axis=1)))
     above = np.zeros(500, dtype=bool)
-    for hits in Triangles.of(corners).over(points):
+    for hits in PointLocator.of(corners).locate(points):
         here = (hits.barycentric * height[hits.triangle]).sum(axis=1)
         np.testing.assert_allclose(
             np.einsum("sk,skx->sx", hits.barycentric, corners[hits.triangle]), points[hits.point], atol=1e-9
         )
         above[hits.point[here > level[hits.point]]] = True
-    np.testing.assert_array_equal(Triangles.of(corners, height.max(axis=1)).any_higher(points, level, height), above)
+    np.testing.assert_array_equal(locator.any_higher(points, level, height), above)
 
 
 def _cross(a: np.ndarray, b: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -22,10 +22,10 @@ def test_stretch_has_known_values(square: Surface) -> None:
     assert stretch(positions, faces, uv * (1, -1)) == np.inf
 
 
-@pytest.mark.parametrize("distortion", [Distortion(2, 0.5), Distortion(1, -1.0)])
-def test_gradients_are_those_of_finite_differences(hemisphere: Surface, distortion: Distortion) -> None:
+@pytest.mark.parametrize("distortion", [DistortionEnergy(2, 0.5), DistortionEnergy(1, -1.0)])
+def test_gradients_are_those_of_finite_differences(hemisphere: Surface, distortion: DistortionEnergy) -> None:
     disk = Disk(*hemisphere)
-    triangles, uv = Triangles.of(*hemisphere), tutte(disk)
+    triangles, uv = RestTriangles.of(*hemisphere), tutte(disk)
     blocks, hessian = distortion.derivatives(triangles, uv)
     gradient = np.zeros_like(uv)
     np.add.at(gradient, triangles.faces, blocks.reshape(-1, 3, 2))
@@ -88,7 +88,7 @@ def test_every_boundary_gives_a_one_to_one_map(hemisphere: Surface, flatten, bou
     disk = Disk(*hemisphere)
     uv = flatten(disk, boundary, 0.004)
     assert one_to_one(disk, uv)
-    triangles = Triangles.of(*hemisphere)
+    triangles = RestTriangles.of(*hemisphere)
     filled = float((triangles.area * triangles.determinants(packed(uv, 0.0))).sum())
     if boundary == "square":
         assert filled > 0.9
