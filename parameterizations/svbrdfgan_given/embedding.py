@@ -1,4 +1,4 @@
-"""The embedding itself: keep what is good, mend what is not."""
+"""The mesh's own UVs as an embedding: kept where they are one-to-one, repaired where they are not."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class GivenEmbedding:
             raise ConfigError(f"gutter is {self.gutter}; wanted texels, at least 0 and below half of the resolution.")
 
     def embed(self, mesh: Mesh) -> Surface:
-        """The mesh over its own UVs, mended where they are not one-to-one. Faces are not cut.
+        """The mesh over its own UVs, repaired where they are not one-to-one. Faces are not cut.
 
         Raises:
             EmbeddingError: the mesh has no UVs, they have no area, or there are too many charts for the resolution.
@@ -63,16 +63,16 @@ class GivenEmbedding:
             raise EmbeddingError("the mesh has no UVs of its own; export it with UVs, or choose another embedding.")
         if not signed_areas(mesh.uv).any():
             raise EmbeddingError("the mesh's own UVs have no area; unwrap it again, or choose another embedding.")
-        return _surface(mesh, self._mended(mesh, mesh.uv))
+        return _surface(mesh, self._repaired(mesh, mesh.uv))
 
-    def _mended(self, mesh: Mesh, uv: Float[ndarray, "faces 3 2"]) -> Float[ndarray, "faces 3 2"]:
+    def _repaired(self, mesh: Mesh, uv: Float[ndarray, "faces 3 2"]) -> Float[ndarray, "faces 3 2"]:
         chart = find_charts(mesh.faces, uv)
         lost = (chart < 0) & (face_areas(mesh.positions, mesh.faces) > 0.0)
-        mended = _into_tile(_turned_over(uv, chart), chart)
-        if lost.any() or charts_overlap(mended, chart):
-            log.info("own UVs: %d charts packed anew, %d faces without UV area", chart.max() + 1, lost.sum())
-            mended = self._packed(mended, chart)
-        return np.clip(_into_square(mended, mended[chart >= 0]), 0.0, 1.0)
+        repaired = _into_tile(_turned_over(uv, chart), chart)
+        if lost.any() or charts_overlap(repaired, chart):
+            log.info("own UVs: %d charts repacked, %d faces without UV area", chart.max() + 1, lost.sum())
+            repaired = self._packed(repaired, chart)
+        return np.clip(_into_square(repaired, repaired[chart >= 0]), 0.0, 1.0)
 
     def _packed(self, uv: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> Float[ndarray, "faces 3 2"]:
         """All charts side by side, and a block of the faces that have none: two to a texel."""

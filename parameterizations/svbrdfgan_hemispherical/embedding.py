@@ -1,4 +1,4 @@
-"""The embedding itself: subdivide until linear interpolation is true to half a texel, then assign angles."""
+"""Equation 4.1 of the thesis over a mesh, subdivided until interpolating UV errs by at most half a texel."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ AXES: dict[str, Float[ndarray, "3 3"]] = {
 """Per nose axis, rows: the vehicle's right (looking forward), up, and nose."""
 
 _AIM = 0.45  # texels at the sampled points, which keeps all others within the half texel promised
-_ROUNDS = 24
-_SHORTEST_EDGE = 1e-5  # of the model's diagonal; shorter edges stay whole, so that every input ends
+_ROUNDS = 24  # each halves the edges that it cuts: enough for any edge down to the shortest
+_SHORTEST_EDGE = 1e-5  # of the model's diagonal; shorter edges stay whole, so that subdivision ends for every input
 
 
 @dataclass(frozen=True, eq=False)

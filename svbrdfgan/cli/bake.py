@@ -38,12 +38,12 @@ def command(mesh: Path, embedding: str, options: tuple[str, ...], resolution: in
     written = write_bake(out, loaded, fragments, bake(fragments))
     click.echo("measuring and drawing the map of what is seen from outside", err=True)
     summary = write_summary(out, fragments.surface, f"{embedding}, {mesh.stem}")
-    _tell(written)
+    _print(written)
     click.echo("the map of what is seen from outside:")
-    _tell(summary.flat())
+    _print(summary.flat())
     click.echo(f"written to {out}")
 
 
-def _tell(measures: Mapping[str, float]) -> None:
+def _print(measures: Mapping[str, float]) -> None:
     for name, value in measures.items():
         click.echo(f"  {name}: {value:.4g}" if isinstance(value, float) else f"  {name}: {value}")

@@ -1,4 +1,4 @@
-"""Embeddings measured over a folder of meshes: each map's summary, and how alike the maps of different meshes are."""
+"""Embeddings measured over a folder of meshes: each map's summary, and how similar maps of different meshes are."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PARTNERS = 2  # meshes that each is compared with, when all pairs would be too m
 _FACTS = frozenset({"seen", "area"})  # of the mesh: neither good nor bad
 HIGHER_IS_BETTER = frozenset({"coverage", "connectivity", "kept", "matched"})
 
-Tell = Callable[[str], None]
+Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -93,14 +93,16 @@ def sample_pairs(names: Sequence[str]) -> list[tuple[str, str]]:
     return [(one, ring[(i + step) % len(ring)]) for step in range(1, PARTNERS + 1) for i, one in enumerate(ring)]
 
 
-def measure_embedding(embedding: UVEmbedding, meshes: Mapping[str, Path], resolution: int, tell: Tell) -> Measured:
-    """The embedding over the meshes; `tell` is called with the name of each in turn. What fails is kept as a reason."""
+def measure_embedding(
+    embedding: UVEmbedding, meshes: Mapping[str, Path], resolution: int, progress: Progress
+) -> Measured:
+    """The embedding over the meshes; failures are kept with their reasons. `progress` gets each mesh's name in turn."""
     found: dict[str, VisibleSurface] = {}
     summaries: dict[str, UVSummary] = {}
     seconds: dict[str, float] = {}
     failures: dict[str, str] = {}
     for name, path in meshes.items():
-        tell(name)
+        progress(name)
         try:
             found[name], seconds[name] = _embed(embedding, path, resolution)
             summaries[name] = UVSummary.of(found[name])
@@ -110,7 +112,7 @@ def measure_embedding(embedding: UVEmbedding, meshes: Mapping[str, Path], resolu
     pairs = sample_pairs([name for name in summaries if len(found[name].faces)])
     alike = {}
     for pair in pairs:
-        tell(" / ".join(pair))
+        progress(" / ".join(pair))
         alike[pair] = similarity(found[pair[0]], found[pair[1]])
     return Measured(summaries, {name: seconds[name] for name in summaries}, failures, alike)
 

@@ -1,4 +1,4 @@
-"""What of a surface is seen from outside, by rays: what the metrics count, and nothing else.
+"""The part of a surface that is visible from outside, found by rays. The metrics count nothing else.
 
 The rule: a place is outside if it sees past the whole surface, at more than a grazing angle, in at least two of 64
 directions spread evenly over the upper half of the sphere, the horizon included: what a camera on the ground, or

@@ -1,4 +1,4 @@
-"""xatlas, the unwrapper of many engines, as a peer to measure embeddings against. Optional: `pip install xatlas`."""
+"""xatlas, the unwrapper of many engines, as a baseline for embeddings. Optional: `pip install xatlas`."""
 
 from __future__ import annotations
 
