@@ -22,8 +22,8 @@ from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.io import load_mesh
 from svbrdfgan.metrics.uv.compare import mesh_files, sample_pairs
 from svbrdfgan.metrics.uv.neighbours import similarity
-from svbrdfgan.metrics.uv.summary import measure
-from svbrdfgan.metrics.uv.visibility import Outside
+from svbrdfgan.metrics.uv.summary import UVSummary
+from svbrdfgan.metrics.uv.visibility import VisibleSurface
 
 EMBEDDINGS = {"stretch": StretchEmbedding, "lscm": LscmEmbedding}
 SHOWN = ("stretch_l2", "stretch_linf", "angle_mean", "area_mean", "flipped", "overlapping", "coverage")
@@ -56,7 +56,7 @@ def main(folder: Path, file: Path | None) -> None:
 
 def _measured(name: str, meshes: dict[str, Path]) -> tuple[Rows, list[float]]:
     rows: Rows = {}
-    found: dict[str, Outside] = {}
+    found: dict[str, VisibleSurface] = {}
     for file, path in meshes.items():
         mesh = load_mesh(path)
         start = time.perf_counter()
@@ -66,10 +66,10 @@ def _measured(name: str, meshes: dict[str, Path]) -> tuple[Rows, list[float]]:
             click.echo(f"{name}: {file}: {error}")
             continue
         seconds = time.perf_counter() - start
-        points = chart.place.low + chart.disk.positions * chart.place.size
+        points = chart.frame.low + chart.disk.positions * chart.frame.size
         uv, bounds = chart.uv[chart.disk.faces], np.stack([points.min(axis=0), points.max(axis=0)])
-        found[file] = Outside(points, chart.disk.faces, uv, bounds, (False, False), np.arange(len(uv)))
-        rows[file] = {**measure(found[file]).flat(), "seconds": seconds}
+        found[file] = VisibleSurface(points, chart.disk.faces, uv, bounds, (False, False), np.arange(len(uv)))
+        rows[file] = {**UVSummary.of(found[file]).flat(), "seconds": seconds}
     return rows, [similarity(found[one], found[other]).mean for one, other in sample_pairs(list(found))]
 
 

@@ -1,4 +1,4 @@
-"""The embedding itself: keep what is good, mend what is not."""
+"""The mesh's own UVs as an embedding: kept where they are one-to-one, repaired where they are not."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from svbrdfgan.geometry.split import split_corners
 from svbrdfgan.protocols import UVCapabilities
 from svbrdfgan.types import Mesh, Surface
 from svbrdfgan_given.charts import charts_overlap, find_charts, signed_areas
-from svbrdfgan_given.pack import pack
 
 log = logging.getLogger(__name__)
+
+_HALVINGS = 40  # of the scale: to the last bits of a double
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class GivenEmbedding:
             raise ConfigError(f"gutter is {self.gutter}; wanted texels, at least 0 and below half of the resolution.")
 
     def embed(self, mesh: Mesh) -> Surface:
-        """The mesh over its own UVs, mended where they are not one-to-one. Faces are not cut.
+        """The mesh over its own UVs, repaired where they are not one-to-one. Faces are not cut.
 
         Raises:
             EmbeddingError: the mesh has no UVs, they have no area, or there are too many charts for the resolution.
@@ -62,16 +63,16 @@ class GivenEmbedding:
             raise EmbeddingError("the mesh has no UVs of its own; export it with UVs, or choose another embedding.")
         if not signed_areas(mesh.uv).any():
             raise EmbeddingError("the mesh's own UVs have no area; unwrap it again, or choose another embedding.")
-        return _surface(mesh, self._mended(mesh, mesh.uv))
+        return _surface(mesh, self._repaired(mesh, mesh.uv))
 
-    def _mended(self, mesh: Mesh, uv: Float[ndarray, "faces 3 2"]) -> Float[ndarray, "faces 3 2"]:
+    def _repaired(self, mesh: Mesh, uv: Float[ndarray, "faces 3 2"]) -> Float[ndarray, "faces 3 2"]:
         chart = find_charts(mesh.faces, uv)
         lost = (chart < 0) & (face_areas(mesh.positions, mesh.faces) > 0.0)
-        mended = _into_tile(_turned_over(uv, chart), chart)
-        if lost.any() or charts_overlap(mended, chart):
-            log.info("own UVs: %d charts packed anew, %d faces without UV area", chart.max() + 1, lost.sum())
-            mended = self._packed(mended, chart)
-        return np.clip(_into_square(mended, mended[chart >= 0]), 0.0, 1.0)
+        repaired = _into_tile(_turned_over(uv, chart), chart)
+        if lost.any() or charts_overlap(repaired, chart):
+            log.info("own UVs: %d charts repacked, %d faces without UV area", chart.max() + 1, lost.sum())
+            repaired = self._packed(repaired, chart)
+        return np.clip(_into_square(repaired, repaired[chart >= 0]), 0.0, 1.0)
 
     def _packed(self, uv: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> Float[ndarray, "faces 3 2"]:
         """All charts side by side, and a block of the faces that have none: two to a texel."""
@@ -157,3 +158,44 @@ def _surface(mesh: Mesh, uv: Float[ndarray, "faces 3 2"]) -> Surface:
         source_face=np.arange(len(faces)),
         source_barycentric=np.tile(np.eye(3), (len(faces), 1, 1)),
     )
+
+
+def pack(
+    sizes: Float[ndarray, "boxes 2"], fixed: Float[ndarray, "boxes 2"], gutter: float
+) -> tuple[float, Float[ndarray, "boxes 2"]] | None:
+    """A common scale for the sizes, and each box's lower left corner; None if no scale fits.
+
+    `fixed` is added to the scaled sizes. Boxes lie `gutter` apart, and half of that from the border.
+    """
+    order = np.lexsort((-sizes[:, 0], -(sizes[:, 1] + fixed[:, 1])))
+    area = float(sizes.prod(axis=1).sum())
+    low, high = 0.0, 2.0 / max(area, float(sizes.max()) ** 2, 1e-300) ** 0.5
+    best = _shelves(fixed + low * sizes, order, gutter)
+    for _ in range(_HALVINGS):
+        if best is None:
+            break
+        middle = (low + high) / 2.0
+        found = _shelves(fixed + middle * sizes, order, gutter)
+        if found is None:
+            high = middle
+        else:
+            low, best = middle, found
+    return None if best is None else (low, best)
+
+
+def _shelves(sizes: Float[ndarray, "boxes 2"], order: ndarray, gutter: float) -> Float[ndarray, "boxes 2"] | None:
+    """Lower left corners, rows filled from left to right and stacked upwards; None if they do not fit."""
+    corners = np.empty_like(sizes)
+    border = 1.0 - gutter / 2.0
+    left = bottom = gutter / 2.0
+    top = bottom
+    for box in order.tolist():
+        width, height = sizes[box]
+        if left + width > border:
+            left, bottom = gutter / 2.0, top + gutter
+        if left + width > border or bottom + height > border:
+            return None
+        corners[box] = left, bottom
+        left += width + gutter
+        top = max(top, bottom + height)
+    return corners

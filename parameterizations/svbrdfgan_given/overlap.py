@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from svbrdfgan.geometry.cells import Grid
+from svbrdfgan.geometry.cells import CellGrid
 
 TOLERANCE = 1e-6
 """Triangles that reach into each other by less than this do not overlap: neighbours are rounded apart in files."""
@@ -44,11 +44,11 @@ def overlapping_pairs(
         start = stop
 
 
-def _grid(corners: Float[ndarray, "triangles 3 2"]) -> Grid:
+def _grid(corners: Float[ndarray, "triangles 3 2"]) -> CellGrid:
     """Cells about as large as the triangles."""
     low, high = corners.min(axis=1), corners.max(axis=1)
     extent, mean = (high.max(axis=0) - low.min(axis=0)).max(), (high - low).mean()
-    return Grid.around(corners, extent / max(mean, 1e-300))
+    return CellGrid.around(corners, extent / max(mean, 1e-300))
 
 
 def _overlap(one: Float[ndarray, "pairs 3 2"], other: Float[ndarray, "pairs 3 2"]) -> Bool[ndarray, " pairs"]:

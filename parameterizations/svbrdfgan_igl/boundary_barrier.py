@@ -1,4 +1,4 @@
-"""The container that a chart is pressed into: a barrier that holds its border off the walls of a square or a disk."""
+"""The boundary barrier: a logarithmic barrier that keeps a chart's border inside a square or a disk."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _SQUARE = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])  # inward
 
 
 @dataclass(frozen=True, eq=False)
-class Walls:
-    """-stiffness * sum of weight * log(distance to a wall), over the border of a chart around the origin.
+class BoundaryBarrier:
+    """-stiffness * sum of weight * log(distance to a wall of the container), over a chart's border about the origin.
 
     Attributes:
         shape: of side or diameter one.
-        border: the vertices that feel the walls.
+        border: the vertices around the chart.
         weight: share of the border that each stands for.
         stiffness: at rest the border stays about this far from the walls, over four.
     """
@@ -44,7 +44,7 @@ class Walls:
         scale = self.stiffness * self.weight[:, None] / gap
         gradient = -np.einsum("bw,bwx->bx", scale, inward)
         hessian = np.einsum("bw,bwx,bwy->bxy", scale / gap, inward, inward)
-        if self.shape == "disk":
+        if self.shape == "disk":  # whose gap is quadratic in the position: its own curvature adds to the Hessian
             hessian += 2.0 * scale[:, :, None] * np.eye(2)
         return gradient, hessian
 

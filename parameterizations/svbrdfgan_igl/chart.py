@@ -20,15 +20,15 @@ _WRAP_FACES = 6000
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class UnitFrame:
     """From metres to coordinates in which the longest side is one and the lower corner zero, and back."""
 
     low: Float[ndarray, " 3"]
     size: float
 
     @classmethod
-    def of(cls, mesh: Mesh) -> Place:
-        """The place of a mesh.
+    def of(cls, mesh: Mesh) -> UnitFrame:
+        """The frame of a mesh.
 
         Raises:
             EmbeddingError: it is a point, or hardly more beside the distance to the origin.
@@ -39,7 +39,7 @@ class Place:
             raise EmbeddingError(f"the mesh is {size:.3g} m in size; an embedding needs a surface with an area.")
         return cls(low, size)
 
-    def inward(self, points: Float[ndarray, "*n 3"]) -> Float[ndarray, "*n 3"]:
+    def to_unit(self, points: Float[ndarray, "*n 3"]) -> Float[ndarray, "*n 3"]:
         """Metres to these coordinates, rounded."""
         return np.asarray(np.round((points - self.low) / self.size * _STEPS) / _STEPS)
 
@@ -49,29 +49,29 @@ class Chart:
     """A disk over the square.
 
     Attributes:
-        disk: in the coordinates of `place`.
+        disk: in the coordinates of `frame`.
         uv: of its vertices, in [0, 1]; no triangle is flipped and none overlaps another.
         is_wrap: whether it only surrounds the mesh; otherwise its faces are the mesh's own, in order.
     """
 
     disk: Disk
     uv: Float[ndarray, "vertices 2"]
-    place: Place
+    frame: UnitFrame
     is_wrap: bool
 
 
 def chart_of(mesh: Mesh, flatten: Flatten, boundary: Boundary, seams: int | None, margin: float, cells: int) -> Chart:
     """See `StretchEmbedding.chart`."""
-    place = Place.of(mesh)
+    frame = UnitFrame.of(mesh)
     used, index = np.unique(mesh.faces, return_inverse=True)
-    positions, weld = np.unique(place.inward(mesh.positions[used]), axis=0, return_inverse=True)
+    positions, weld = np.unique(frame.to_unit(mesh.positions[used]), axis=0, return_inverse=True)
     faces = weld.reshape(-1)[index.reshape(-1, 3)].astype(np.int64)
     is_wrap = not is_one_surface(positions, faces)
     disk = _wrapped(positions, faces, cells, seams) if is_wrap else cut_to_disk(positions, faces, seams)[0]
     uv = flatten(disk, boundary, margin)
     if not one_to_one(disk, uv):
         raise EmbeddingError(TOO_THIN)
-    return Chart(disk, packed(uv, margin), place, is_wrap)
+    return Chart(disk, packed(uv, margin), frame, is_wrap)
 
 
 def _wrapped(

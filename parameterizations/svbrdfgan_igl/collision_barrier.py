@@ -1,4 +1,4 @@
-"""What keeps a chart's border apart from itself: a barrier between its vertices and edges (after Li et al. 2020)."""
+"""The self-collision barrier: it keeps a chart's border apart from itself (after Li et al. 2020)."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from numpy import ndarray
 
 from svbrdfgan_igl.crossing import close_pairs
 
-_OF_START = 0.5  # of their distance at the start: pairs nearer than this feel each other, whatever the gap
+_OF_INITIAL = 0.5  # of their initial distance: pairs further apart than this do not repel, whatever the gap
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class SelfCollisionBarrier:
     """-stiffness * sum of weight * (s - 1)^2 log(s), s = distance / gap, over vertices and edges within a gap.
 
     Attributes:
         border: the vertices around the chart.
         weight: share of the border that each stands for.
-        start: of the border, where the descent begins: neighbours along it may be closer than the gap.
+        initial: the border where the descent begins: neighbours along it may be closer than the gap.
         gap: in units of the plane.
     """
 
     border: Int[ndarray, " loop"]
     weight: Float[ndarray, " loop"]
-    start: Float[ndarray, "loop 2"]
+    initial: Float[ndarray, "loop 2"]
     gap: float
     stiffness: float
 
@@ -53,9 +53,9 @@ class Contact:
     ) -> tuple[Int[ndarray, "pairs 3"], ndarray, ndarray, Float[ndarray, "pairs 6"]]:
         """Vertex and edge (as places along the border), distance, gap, and the distance's slope."""
         pairs = _vertices_and_edges(points, self.gap)
-        before, _, _ = _distances(self.start, pairs)
+        before, _, _ = _distances(self.initial, pairs)
         distance, normal, along = _distances(points, pairs)
-        gap = np.minimum(self.gap, _OF_START * before)
+        gap = np.minimum(self.gap, _OF_INITIAL * before)
         near = distance < gap
         share = np.stack([np.ones_like(along), along - 1.0, -along], axis=1)[near]
         slope = (share[:, :, None] * normal[near][:, None, :]).reshape(-1, 6)

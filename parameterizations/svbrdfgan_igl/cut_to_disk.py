@@ -8,9 +8,9 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from svbrdfgan.geometry.normals import face_areas
-from svbrdfgan_igl.energy import face_stretch, stretch
+from svbrdfgan_igl.energy import squared_stretch, stretch
 from svbrdfgan_igl.flatten import least_stretch
-from svbrdfgan_igl.seams import Net, branch, cut_open, opening
+from svbrdfgan_igl.seams import SurfaceGraph, branch, cut_open, opening
 from svbrdfgan_igl.topology import Disk, compact, components, is_manifold
 from svbrdfgan_igl.tutte import MILD, mildness, tutte
 
@@ -40,7 +40,7 @@ def cut_to_disk(
     Raises:
         EmbeddingError: it cannot be cut to a disk.
     """
-    net = Net.of(positions, faces)
+    net = SurfaceGraph.of(positions, faces)
     cut = opening(net)
     for place in _worst_places(positions, faces, seams):
         vertex = int(np.argmin(np.round(((positions - place) ** 2).sum(axis=1), 12)))
@@ -70,7 +70,7 @@ def _worst_places(
 
 def _worst_vertex(disk: Disk, uv: Float[ndarray, "vertices 2"]) -> int:
     """The inner vertex around which stretch is greatest, not counting those next to a border."""
-    cost = np.log(face_stretch(disk.positions, disk.faces, uv))
+    cost = np.log(squared_stretch(disk.positions, disk.faces, uv))
     total = np.bincount(disk.faces.ravel(), np.repeat(cost, 3), len(uv))
     mean = np.round(total / np.bincount(disk.faces.ravel(), minlength=len(uv)), 9)
     near = np.zeros(len(uv), dtype=bool)
@@ -81,12 +81,12 @@ def _worst_vertex(disk: Disk, uv: Float[ndarray, "vertices 2"]) -> int:
     return int(np.argmax(np.where(free, mean, -np.inf)))
 
 
-def _coarse(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> Net:
+def _coarse(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> SurfaceGraph:
     """The surface with fewer faces and the same topology; itself if it has few, or cannot be simplified."""
     if len(faces) > _PROXY_FACES:
         found = igl.decimate(positions, faces, _PROXY_FACES)
         simple = compact(found[0], np.asarray(found[1], dtype=np.int64))
         if is_one_surface(simple.positions, simple.faces):
-            return Net.of(simple.positions, simple.faces)
+            return SurfaceGraph.of(simple.positions, simple.faces)
     used = compact(positions, faces)
-    return Net.of(used.positions, used.faces)
+    return SurfaceGraph.of(used.positions, used.faces)

@@ -18,7 +18,7 @@ from svbrdfgan.types import Mesh, Surface
 from svbrdfgan_igl.chart import Chart, chart_of
 from svbrdfgan_igl.cut_to_disk import MOST_SEAMS
 from svbrdfgan_igl.flatten import Boundary, Flatten, conformal, least_stretch
-from svbrdfgan_igl.uv_transfer import Carrier, carried
+from svbrdfgan_igl.uv_transfer import WrapLocator, transfer_uv
 
 log = logging.getLogger(__name__)
 
@@ -65,7 +65,7 @@ class _Options:
         """
         chart = self.chart(mesh)
         if chart.is_wrap:
-            pieces, uv, elevation = carried(Carrier.of(chart), mesh, self.resolution)
+            pieces, uv, elevation = transfer_uv(WrapLocator.of(chart), mesh, self.resolution)
         else:
             pieces = Pieces.whole(mesh.positions, mesh.faces)
             uv, elevation = chart.uv[chart.disk.faces], np.zeros((len(mesh.faces), 3))

@@ -18,7 +18,7 @@ _FLOOR = 1e-9  # of the largest eigenvalue: what a projected Hessian has at leas
 
 
 @dataclass(frozen=True, eq=False)
-class Triangles:
+class RestTriangles:
     """What is needed of triangles in space.
 
     Attributes:
@@ -32,7 +32,7 @@ class Triangles:
     gradient: Float[ndarray, "faces 2 3"]
 
     @classmethod
-    def of(cls, positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> Triangles:
+    def of(cls, positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> RestTriangles:
         """Triangles in metres, scaled to an area of one. None may be degenerate."""
         a, b, c = (positions[faces[:, k]] for k in range(3))
         area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -56,7 +56,7 @@ class Triangles:
 
 
 @dataclass(frozen=True)
-class Distortion:
+class DistortionEnergy:
     """The cost of a map.
 
     Attributes:
@@ -67,7 +67,7 @@ class Distortion:
     power: int
     weight: float = 0.0
 
-    def value(self, triangles: Triangles, uv: Float[ndarray, "vertices 2"]) -> float:
+    def value(self, triangles: RestTriangles, uv: Float[ndarray, "vertices 2"]) -> float:
         """The cost; infinite if a triangle is flipped or degenerate."""
         jacobian, det = triangles.jacobians(uv), triangles.determinants(uv)
         if not (det > 0.0).all():
@@ -77,7 +77,7 @@ class Distortion:
             return float((triangles.area * (square / det**self.power + self.weight * det)).sum())
 
     def derivatives(
-        self, triangles: Triangles, uv: Float[ndarray, "vertices 2"]
+        self, triangles: RestTriangles, uv: Float[ndarray, "vertices 2"]
     ) -> tuple[Float[ndarray, "faces 6"], Float[ndarray, "faces 6 6"]]:
         """Of each triangle, gradient and projected Hessian over its corners' (u0, v0, u1, v1, u2, v2)."""
         jacobian = triangles.jacobians(uv).reshape(-1, 4)
@@ -109,17 +109,17 @@ def _positive(hessian: Float[ndarray, "faces 4 4"]) -> Float[ndarray, "faces 4 4
 
 def stretch(positions: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], uv: Float[ndarray, "v 2"]) -> float:
     """The L2 stretch of Sander et al. 2001, normalised so that 1.0 is isometric; infinite if a triangle is flipped."""
-    triangles = Triangles.of(positions, faces)
+    triangles = RestTriangles.of(positions, faces)
     det = triangles.determinants(uv)
     if not (det > 0.0).all():
         return float("inf")
-    return float(np.sqrt((triangles.area * det).sum() * Distortion(2).value(triangles, uv)))
+    return float(np.sqrt((triangles.area * det).sum() * DistortionEnergy(2).value(triangles, uv)))
 
 
-def face_stretch(
+def squared_stretch(
     positions: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], uv: Float[ndarray, "v 2"]
 ) -> Float[ndarray, " f"]:
     """The square of each triangle's own L2 stretch, not normalised."""
-    triangles = Triangles.of(positions, faces)
+    triangles = RestTriangles.of(positions, faces)
     jacobian, det = triangles.jacobians(uv), triangles.determinants(uv)
     return np.asarray(0.5 * np.einsum("fxj,fxj->f", jacobian, jacobian) / np.maximum(det * det, 1e-200))

@@ -11,10 +11,10 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.errors import EmbeddingError
-from svbrdfgan_igl.boundary_barrier import Walls
-from svbrdfgan_igl.collision_barrier import Contact
+from svbrdfgan_igl.boundary_barrier import BoundaryBarrier
+from svbrdfgan_igl.collision_barrier import SelfCollisionBarrier
 from svbrdfgan_igl.crossing import loop_crosses_itself
-from svbrdfgan_igl.energy import Distortion, Triangles
+from svbrdfgan_igl.energy import DistortionEnergy, RestTriangles
 from svbrdfgan_igl.minimise import Objective, minimise
 from svbrdfgan_igl.topology import Disk
 from svbrdfgan_igl.tutte import tutte
@@ -23,9 +23,9 @@ Boundary = Literal["free", "square", "disk"]
 Flatten = Callable[[Disk, Boundary, float], Float[ndarray, "vertices 2"]]
 
 _ROUNDS = 60
-_TOLERANCE = 1e-6
-_STIFFNESS = 0.02
-_HOPELESS = 1e60  # of the energy at the start, beyond which its second derivatives are no numbers
+_TOLERANCE = 1e-6  # of the energy: what a further Newton step must promise
+_STIFFNESS = 0.02  # of the barriers: at rest the border stays a two-hundredth of the square's side from its walls
+_HOPELESS = 1e60  # the initial energy beyond which its second derivatives overflow
 TOO_THIN = "the mesh has parts too thin and long to be spread out; allow more 'seams', or split it."
 _LEAST_GAP = 1e-3  # between two stretches of a border, in sides of the square
 _PRESSURE = 0.5  # of what a unit of area in the square costs at rest: less of it fills more of the square
@@ -42,7 +42,7 @@ def least_stretch(disk: Disk, boundary: Boundary, gap: float, rounds: int = _ROU
     Raises:
         EmbeddingError: the disk has parts too thin and long.
     """
-    distortion = Distortion(power=2, weight=_PRESSURE if boundary == "free" else 0.0)
+    distortion = DistortionEnergy(power=2, weight=_PRESSURE if boundary == "free" else 0.0)
     return _minimised(disk, distortion, boundary, gap, rounds)
 
 
@@ -55,24 +55,24 @@ def conformal(disk: Disk, boundary: Boundary, gap: float) -> Float[ndarray, "ver
         EmbeddingError: the disk has parts too thin and long.
     """
     if boundary != "free":
-        return _minimised(disk, Distortion(power=1, weight=-1.0), boundary, gap, _ROUNDS)
+        return _minimised(disk, DistortionEnergy(power=1, weight=-1.0), boundary, gap, _ROUNDS)
     found = _least_squares(disk)
     if found is not None and one_to_one(disk, found):
         return found
-    return _minimised(disk, Distortion(power=1), boundary, gap, _ROUNDS)
+    return _minimised(disk, DistortionEnergy(power=1), boundary, gap, _ROUNDS)
 
 
 def _minimised(
-    disk: Disk, distortion: Distortion, boundary: Boundary, gap: float, rounds: int
+    disk: Disk, distortion: DistortionEnergy, boundary: Boundary, gap: float, rounds: int
 ) -> Float[ndarray, "vertices 2"]:
-    triangles = Triangles.of(disk.positions, disk.faces)
-    border, shares, start = disk.border, _shares(disk), tutte(disk)
-    walls = Walls("disk" if boundary == "disk" else "square", border, shares, _STIFFNESS)
-    contact = Contact(border, shares, start[border], max(2.0 * gap, _LEAST_GAP), _STIFFNESS)
-    objective = Objective(triangles, distortion, walls, contact)
-    if not objective.value(start) < _HOPELESS:
+    triangles = RestTriangles.of(disk.positions, disk.faces)
+    border, shares, initial = disk.border, _shares(disk), tutte(disk)
+    container = BoundaryBarrier("disk" if boundary == "disk" else "square", border, shares, _STIFFNESS)
+    collision = SelfCollisionBarrier(border, shares, initial[border], max(2.0 * gap, _LEAST_GAP), _STIFFNESS)
+    objective = Objective(triangles, distortion, container, collision)
+    if not objective.value(initial) < _HOPELESS:
         raise EmbeddingError(TOO_THIN)
-    return minimise(objective, start, rounds, _TOLERANCE)
+    return minimise(objective, initial, rounds, _TOLERANCE)
 
 
 def _least_squares(disk: Disk) -> Float[ndarray, "vertices 2"] | None:
@@ -95,7 +95,7 @@ def _turned(disk: Disk, uv: Float[ndarray, "vertices 2"]) -> Float[ndarray, "ver
 
 def one_to_one(disk: Disk, uv: Float[ndarray, "vertices 2"]) -> bool:
     """Whether no triangle is flipped and the border does not cross itself, so that none overlaps another."""
-    det = Triangles.of(disk.positions, disk.faces).determinants(uv)
+    det = RestTriangles.of(disk.positions, disk.faces).determinants(uv)
     return bool((det > 0.0).all()) and not loop_crosses_itself(uv[disk.border])
 
 

@@ -10,37 +10,37 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from svbrdfgan_igl.boundary_barrier import Walls
-from svbrdfgan_igl.collision_barrier import Contact
+from svbrdfgan_igl.boundary_barrier import BoundaryBarrier
+from svbrdfgan_igl.collision_barrier import SelfCollisionBarrier
 from svbrdfgan_igl.crossing import loop_crosses_itself
-from svbrdfgan_igl.energy import Distortion, Triangles
+from svbrdfgan_igl.energy import DistortionEnergy, RestTriangles
 
-_ENOUGH_DECREASE = 1e-4
-_SHORTEST_STEP = 1e-7
+_ENOUGH_DECREASE = 1e-4  # Armijo's constant: of the decrease that the slope promises (Nocedal and Wright 2006, 3.1)
+_SHORTEST_STEP = 1e-7  # of Newton's: rounding decides whether shorter ones lower the value
+_BEFORE_FLIP = 0.95  # of the way to the first degenerate triangle, where the energy is infinite
 
 
 @dataclass(frozen=True, eq=False)
 class Objective:
-    """The distortion of a chart within walls, its border apart from itself."""
+    """The distortion of a chart, with the barriers that keep its border inside a container and off itself."""
 
-    triangles: Triangles
-    distortion: Distortion
-    walls: Walls
-    contact: Contact
+    triangles: RestTriangles
+    distortion: DistortionEnergy
+    boundary: BoundaryBarrier
+    collision: SelfCollisionBarrier
 
     def value(self, uv: Float[ndarray, "vertices 2"]) -> float:
         """Infinite for maps that are not allowed."""
-        walls = self.walls.value(uv)
-        distortion = self.distortion.value(self.triangles, uv) if np.isfinite(walls) else walls
-        return walls + distortion + self.contact.value(uv) if np.isfinite(distortion) else distortion
+        boundary = self.boundary.value(uv)
+        distortion = self.distortion.value(self.triangles, uv) if np.isfinite(boundary) else boundary
+        return boundary + distortion + self.collision.value(uv) if np.isfinite(distortion) else distortion
 
     def newton(self, uv: Float[ndarray, "vertices 2"]) -> tuple[Float[ndarray, "vertices 2"], float]:
         """Newton's step among those that do not turn the border as a whole, and the slope along it (negative)."""
-        touching, touch_gradient, touch_hessian = self.contact.derivatives(uv)
         parts = [
             (self.triangles.faces, *self.distortion.derivatives(self.triangles, uv)),
-            (self.walls.border[:, None], *self.walls.derivatives(uv)),
-            (touching, touch_gradient, touch_hessian),
+            (self.boundary.border[:, None], *self.boundary.derivatives(uv)),
+            self.collision.derivatives(uv),
         ]
         size = uv.size
         total = np.zeros(size)
@@ -49,6 +49,7 @@ class Objective:
             unknowns = _unknowns(vertices)
             total += np.bincount(unknowns.ravel(), gradient.ravel(), size)
             matrix = matrix + _assemble(unknowns, hessian, size)
+        # rounding may leave the sum of semidefinite blocks singular: a little on the diagonal keeps it definite
         matrix += sparse.diags(1e-10 * matrix.diagonal().mean() * np.ones(size))
         solver = splu(
             matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
@@ -62,7 +63,7 @@ class Objective:
     def _turn(self, uv: Float[ndarray, "vertices 2"]) -> Float[ndarray, " unknowns"]:
         """How the border moves when all of it turns about the origin."""
         turn = np.zeros_like(uv)
-        turn[self.walls.border] = uv[self.walls.border][:, ::-1] * (-1.0, 1.0) * self.walls.weight[:, None]
+        turn[self.boundary.border] = uv[self.boundary.border][:, ::-1] * (-1.0, 1.0) * self.boundary.weight[:, None]
         return turn.ravel()
 
 
@@ -71,7 +72,7 @@ def minimise(
 ) -> Float[ndarray, "vertices 2"]:
     """The map after at most `rounds` steps, or once a step promises to lower the value by less than `tolerance` of it.
 
-    `uv` must be a map that is allowed. No step flips a triangle, crosses a wall, or lets the border cross itself.
+    `uv` must be an allowed map. No step flips a triangle, leaves the container, or lets the border cross itself.
     """
     value = objective.value(uv)
     for _ in range(rounds):
@@ -93,12 +94,12 @@ def _search(
     value: float,
 ) -> tuple[Float[ndarray, "vertices 2"], float] | None:
     """The first allowed map along the step, halved again and again, that lowers the value enough."""
-    length = min(1.0, 0.95 * _until_flip(objective.triangles.faces, uv, step))
+    length = min(1.0, _BEFORE_FLIP * _until_flip(objective.triangles.faces, uv, step))
     while length > _SHORTEST_STEP:
         trial = uv + length * step
         reached = objective.value(trial)
         lower = reached <= value + _ENOUGH_DECREASE * length * slope
-        if lower and not loop_crosses_itself(trial[objective.walls.border]):
+        if lower and not loop_crosses_itself(trial[objective.boundary.border]):
             return trial, reached
         length /= 2
     return None
@@ -114,7 +115,7 @@ def _until_flip(
     root = np.sqrt(np.maximum(b * b - 4 * a * c, 0.0))
     real = b * b >= 4 * a * c
     with np.errstate(divide="ignore", invalid="ignore"):
-        half = -0.5 * (b + np.where(b >= 0, root, -root))
+        half = -0.5 * (b + np.where(b >= 0, root, -root))  # the sum of equal signs: nothing cancels
         roots = np.stack([half / a, c / half])
     roots = roots[:, real]
     positive = roots[np.isfinite(roots) & (roots > 0.0)]

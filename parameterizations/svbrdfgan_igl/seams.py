@@ -21,7 +21,7 @@ Edges = Int[ndarray, "edges 2"]
 
 
 @dataclass(frozen=True, eq=False)
-class Net:
+class SurfaceGraph:
     """A manifold surface as a graph.
 
     Attributes:
@@ -39,7 +39,7 @@ class Net:
     loops: tuple[Int[ndarray, " loop"], ...]
 
     @classmethod
-    def of(cls, positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> Net:
+    def of(cls, positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> SurfaceGraph:
         """The graph of a manifold surface over the vertices that it uses."""
         pairs = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
         edges, first, inverse, count = np.unique(
@@ -71,14 +71,14 @@ class Net:
         return _back(before, int(targets[np.argmin(distance[targets])]))
 
 
-def opening(net: Net) -> Edges:
+def opening(net: SurfaceGraph) -> Edges:
     """The edges to cut so that a connected surface becomes a disk: none if it is one.
 
     A surface without border and handle is cut at its lowest vertex.
     """
     cut = _handles_open(net)
     if not net.loops and not len(cut):
-        return _nick(net)
+        return _slit(net)
     reached = np.unique(cut) if len(cut) else net.loops[0]
     waiting = list(net.loops if len(cut) else net.loops[1:])
     pieces = [cut]
@@ -93,7 +93,7 @@ def opening(net: Net) -> Edges:
     return np.concatenate(pieces)
 
 
-def cut_open(net: Net, cut: Edges) -> tuple[Disk, Int[ndarray, " vertices"]]:
+def cut_open(net: SurfaceGraph, cut: Edges) -> tuple[Disk, Int[ndarray, " vertices"]]:
     """The surface cut along edges, and the vertex of the net that each of its vertices was.
 
     Raises:
@@ -115,13 +115,13 @@ def cut_open(net: Net, cut: Edges) -> tuple[Disk, Int[ndarray, " vertices"]]:
     return disk, np.asarray(source, dtype=np.int64).ravel()
 
 
-def branch(net: Net, cut: Edges, vertex: int) -> Edges:
+def branch(net: SurfaceGraph, cut: Edges, vertex: int) -> Edges:
     """The cut with the shortest path from a vertex to it, or to the border, added."""
     reached = np.concatenate([cut.ravel(), *net.loops]).astype(np.int64)
     return np.concatenate([cut, _steps(net.path(np.unique(reached), np.array([vertex])))])
 
 
-def _nick(net: Net) -> Edges:
+def _slit(net: SurfaceGraph) -> Edges:
     """Two edges at the lowest vertex, as nearly opposite as there are."""
     low = int(np.lexsort(np.round(net.positions[:, [0, 2, 1]], 6).T)[0])
     around = net.links.indices[net.links.indptr[low] : net.links.indptr[low + 1]]
@@ -131,7 +131,7 @@ def _nick(net: Net) -> Edges:
     return np.array([[around[a], low], [low, around[b]]])
 
 
-def _handles_open(net: Net) -> Edges:
+def _handles_open(net: SurfaceGraph) -> Edges:
     """A short cut graph of the surface with its holes filled: tree and cotree (Erickson and Whittlesey 2005)."""
     if net.handles == 0:
         return np.zeros((0, 2), dtype=np.int64)
@@ -146,7 +146,7 @@ def _handles_open(net: Net) -> Edges:
     return np.unique(np.sort(np.concatenate([net.edges[left], *found]), axis=1), axis=0)
 
 
-def _cotree(net: Net, left: Int[ndarray, " edges"], loop: Float[ndarray, " all"]) -> ndarray:
+def _cotree(net: SurfaceGraph, left: Int[ndarray, " edges"], loop: Float[ndarray, " all"]) -> ndarray:
     """Which of the edges the cotree crosses: those whose loops are longest. Every hole counts as a face."""
     hole = np.zeros(len(net.positions), dtype=np.int64)
     for k, vertices in enumerate(net.loops):

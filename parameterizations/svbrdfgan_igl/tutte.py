@@ -8,7 +8,7 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from svbrdfgan_igl.energy import Triangles
+from svbrdfgan_igl.energy import RestTriangles
 from svbrdfgan_igl.topology import Disk
 
 _RADIUS = 0.4  # inside walls half a unit away
@@ -39,7 +39,7 @@ def mildness(disk: Disk) -> float:
 
     Below `MILD`, as at the tips of long rods, rounding begins to count.
     """
-    det = Triangles.of(disk.positions, disk.faces).determinants(tutte(disk))
+    det = RestTriangles.of(disk.positions, disk.faces).determinants(tutte(disk))
     return float(det.min() / det.max())
 
 

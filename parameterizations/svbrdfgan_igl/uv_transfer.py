@@ -1,4 +1,4 @@
-"""From a wrap to the mesh that it wraps: each place takes the UV of the wrap's closest place, then room is made."""
+"""UV transfer from a wrap to the mesh inside: each point takes the closest point's UV, then room is made."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Places:
 
 
 @dataclass(frozen=True, eq=False)
-class Landing:
+class WrapPoints:
     """Where on a wrap places are.
 
     Attributes:
@@ -66,8 +66,8 @@ class Landing:
 
 
 @dataclass(frozen=True, eq=False)
-class Carrier:
-    """A wrap with UVs, ready to be asked for the closest place.
+class WrapLocator:
+    """Finds the closest point of a wrap, and its UV.
 
     Attributes:
         texel: side of one in a square of one texel, in sides of the wrap: the square root of area over area in UV.
@@ -79,8 +79,8 @@ class Carrier:
     texel: float
 
     @classmethod
-    def of(cls, chart: Chart) -> Carrier:
-        """A carrier by this chart."""
+    def of(cls, chart: Chart) -> WrapLocator:
+        """The locator of a chart's surface."""
         positions, faces = chart.disk.positions, chart.disk.faces
         tree = igl.AABB()
         tree.init(positions, faces)
@@ -88,7 +88,7 @@ class Carrier:
         texel = float(np.sqrt(face_areas(positions, faces).sum() / face_areas(flat, faces).sum()))
         return cls(chart, tree, face_normals(positions, faces), texel)
 
-    def at(self, places: Places) -> Landing:
+    def at(self, places: Places) -> WrapPoints:
         """Where on the wrap the places are."""
         height = self._height(places.positions)
         points = places.positions - _LEAN * height[:, None] * places.normals
@@ -96,7 +96,7 @@ class Carrier:
         corners = self.chart.disk.faces[face]
         weights = np.clip(_barycentric(self.chart.disk.positions[corners], nearest), 0.0, 1.0)
         uv = np.einsum("pk,pkx->px", weights / weights.sum(axis=1, keepdims=True), self.chart.uv[corners])
-        return Landing(np.asarray(uv), height, points, face)
+        return WrapPoints(np.asarray(uv), height, points, face)
 
     def _height(self, points: Float[ndarray, "points 3"]) -> Float[ndarray, " points"]:
         face, nearest = self._nearest(points)
@@ -111,7 +111,9 @@ class Carrier:
         _, face, nearest = self.tree.squared_distance(disk.positions, disk.faces, np.ascontiguousarray(points))
         return np.asarray(face, dtype=np.int64).ravel(), nearest
 
-    def beside(self, points: Float[ndarray, "n corners 3"], face: Int[ndarray, " n"]) -> Float[ndarray, "n corners 2"]:
+    def extrapolated(
+        self, points: Float[ndarray, "n corners 3"], face: Int[ndarray, " n"]
+    ) -> Float[ndarray, "n corners 2"]:
         """The UV of points by the linear map of a given face of the wrap, continued beyond it."""
         corners = self.chart.disk.faces[face]
         triangles = np.repeat(self.chart.disk.positions[corners], points.shape[1], axis=0)
@@ -119,63 +121,62 @@ class Carrier:
         return np.asarray(np.clip(np.einsum("nck,nkx->ncx", weights, self.chart.uv[corners]), 0.0, 1.0))
 
 
-def carried(
-    carrier: Carrier, mesh: Mesh, resolution: int
+def transfer_uv(
+    wrap: WrapLocator, mesh: Mesh, resolution: int
 ) -> tuple[Pieces, Float[ndarray, "pieces 3 2"], Float[ndarray, "pieces 3"]]:
     """The mesh's faces cut until interpolating UV errs by less than half a texel, or they are about as small as one.
 
-    With the UV and the height over the wrap (metres) at each corner. Pieces whose corners are closest to places of the
-    wrap far from each other, as on the two sides of a seam, go whole to where their middle is. At last all give way a
-    little to what would be collapsed.
+    Returned with the UV and the height over the wrap (metres) at each corner. A piece whose corners are closest to
+    distant places of the wrap, as on the two sides of a seam, is moved as a whole to where its middle lies. At last
+    pieces make room for neighbours that would be collapsed.
     """
-    place = carrier.chart.place
-    positions = place.inward(mesh.positions)
+    frame = wrap.chart.frame
+    positions = frame.to_unit(mesh.positions)
     normals = _vertex_normals(positions, mesh.faces)[mesh.faces]
-    pieces = refine(Pieces.whole(positions, mesh.faces), _errs(carrier, normals, resolution), _ROUNDS)
+    pieces = refine(Pieces.whole(positions, mesh.faces), _edges_that_err(wrap, normals, resolution), _ROUNDS)
     places = Places.of(pieces, normals)
-    at, middle = carrier.at(places), carrier.at(places.mixed(pieces.faces, np.full(3, 1 / 3)))
-    faces, uv = _apart(carrier, pieces.faces, at, middle.face, resolution)
-    corners = _roomier(carrier, pieces, faces, uv, middle)
-    return _in_metres(pieces, mesh), corners, at.height[pieces.faces] * place.size
+    at, middle = wrap.at(places), wrap.at(places.mixed(pieces.faces, np.full(3, 1 / 3)))
+    faces, uv = _split_torn(wrap, pieces.faces, at, middle.face, resolution)
+    corners = _relaxed_corners(wrap, pieces, faces, uv, middle)
+    return _in_metres(pieces, mesh), corners, at.height[pieces.faces] * frame.size
 
 
-def _apart(
-    carrier: Carrier,
+def _split_torn(
+    wrap: WrapLocator,
     faces: Int[ndarray, "pieces 3"],
-    at: Landing,
+    at: WrapPoints,
     under: Int[ndarray, " pieces"],
     resolution: int,
 ) -> tuple[Int[ndarray, "pieces 3"], Float[ndarray, "more_vertices 2"]]:
     """Torn pieces with vertices of their own, by the map of the wrap's face that their middle lies on."""
     corners, uv = at.points[faces], at.uv
-    expected = carrier.beside(corners, under)
+    expected = wrap.extrapolated(corners, under)
     apart = np.linalg.norm(uv[faces] - expected, axis=2).max(axis=1)
-    size = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1) / carrier.texel
+    size = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1) / wrap.texel
     torn = np.flatnonzero(apart > _TORN * np.maximum(size, 2.0 / resolution))
     parted = faces.copy()
     parted[torn] = len(uv) + np.arange(3 * len(torn)).reshape(-1, 3)
     return parted, np.concatenate([uv, expected[torn].reshape(-1, 2)])
 
 
-def _roomier(
-    carrier: Carrier,
+def _relaxed_corners(
+    wrap: WrapLocator,
     pieces: Pieces,
     faces: Int[ndarray, "pieces 3"],
     uv: Float[ndarray, "vertices 2"],
-    middle: Landing,
+    middle: WrapPoints,
 ) -> Float[ndarray, "pieces 3 2"]:
     """The UV of the corners, with room for what stands upright on the wrap. What finds none parts from neighbours."""
-    corners = carrier.chart.disk.faces[middle.face]
-    wrap = Planes.of(carrier.chart.disk.positions[corners])
-    own = wrap.jacobians(carrier.chart.uv[corners])
-    local = bounded(own * carrier.texel, np.zeros(len(own), dtype=bool), 1 / _UNEVEN, _UNEVEN) / carrier.texel
-    cosine = np.einsum("px,px->p", face_normals(pieces.positions, pieces.faces), carrier.normals[middle.face])
+    corners = wrap.chart.disk.faces[middle.face]
+    own = Planes.of(wrap.chart.disk.positions[corners]).jacobians(wrap.chart.uv[corners])
+    local = bounded(own * wrap.texel, np.zeros(len(own), dtype=bool), 1 / _UNEVEN, _UNEVEN) / wrap.texel
+    cosine = np.einsum("px,px->p", face_normals(pieces.positions, pieces.faces), wrap.normals[middle.face])
     planes = Planes.of(pieces.positions[pieces.faces])
     mirrored = cosine < _FACING_AWAY
     moved = relaxed(planes, faces, uv, local, mirrored)[faces]
     some, apart = misfits(planes, moved, middle.uv, local, mirrored)
     moved[some] = apart
-    return _within(moved, carrier.chart.uv)
+    return _within(moved, wrap.chart.uv)
 
 
 def _within(uv: Float[ndarray, "pieces 3 2"], chart: Float[ndarray, "vertices 2"]) -> Float[ndarray, "pieces 3 2"]:
@@ -202,9 +203,9 @@ def _in_metres(pieces: Pieces, mesh: Mesh) -> Pieces:
     return replace(pieces, positions=positions)
 
 
-def _errs(carrier: Carrier, normals: Float[ndarray, "source_faces 3 3"], resolution: int) -> EdgePredicate:
+def _edges_that_err(wrap: WrapLocator, normals: Float[ndarray, "source_faces 3 3"], resolution: int) -> EdgePredicate:
     """Edges along which interpolation errs at the quarters, if they are longer than some texels on the wrap."""
-    texel = carrier.texel / resolution
+    texel = wrap.texel / resolution
 
     def wanted(
         pieces: Pieces, edges: Int[ndarray, "edges 2"], face_edges: Int[ndarray, "faces 3"]
@@ -213,13 +214,13 @@ def _errs(carrier: Carrier, normals: Float[ndarray, "source_faces 3 3"], resolut
         length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         long = np.flatnonzero(length > _SMALL * texel)
         places = Places.of(pieces, normals)
-        at = carrier.at(places)
+        at = wrap.at(places)
         deep = at.height[edges[long]].max(axis=1) < -_DEEP
         long = long[~deep | (length[long] > _SMALL_BELOW * texel)]
         worst = np.zeros(len(long))
         for t in (0.25, 0.5, 0.75):
             weights = np.array([1 - t, t])
-            true = carrier.at(places.mixed(edges[long], weights)).uv
+            true = wrap.at(places.mixed(edges[long], weights)).uv
             worst = np.maximum(
                 worst, np.linalg.norm(true - np.einsum("c,ecx->ex", weights, at.uv[edges[long]]), axis=1)
             )

@@ -23,7 +23,7 @@ _STUB = 2  # cells of a rod that stay
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class VoxelGrid:
     """Cubic cells around a mesh.
 
     Attributes:
@@ -37,7 +37,7 @@ class Grid:
     shape: tuple[int, int, int]
 
     @classmethod
-    def around(cls, bounds: Float[ndarray, "2 3"], cells: int) -> Grid:
+    def around(cls, bounds: Float[ndarray, "2 3"], cells: int) -> VoxelGrid:
         """The grid with `cells` along the longest side of a box, and `PAD` more on either side."""
         size = float((bounds[1] - bounds[0]).max()) / cells
         count = np.maximum(np.ceil((bounds[1] - bounds[0]) / size - 1e-6).astype(np.int64), 1)
@@ -47,7 +47,7 @@ class Grid:
 
 
 def near_cells(
-    grid: Grid, positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]
+    grid: VoxelGrid, positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]
 ) -> Bool[ndarray, "x y z"]:
     """Cells whose centre lies within one cell, along each axis, of a point of the mesh: no ray slips through."""
     between = np.zeros(grid.shape, dtype=bool)
@@ -57,12 +57,12 @@ def near_cells(
     return np.asarray(ndimage.binary_dilation(between, np.ones((2, 2, 2)), origin=-1))
 
 
-def closed_cells(near: Bool[ndarray, "x y z"], grid: Grid, rods: int) -> Bool[ndarray, "x y z"]:
+def closed_cells(near: Bool[ndarray, "x y z"], grid: VoxelGrid, rods: int) -> Bool[ndarray, "x y z"]:
     """What the wrap must hold: the mesh, pockets that hardly see the sky, and what lies under its lower part.
 
     The lowest layer is one patch without holes. Rods that are thin beside a box of `rods` cells are left out.
     """
-    keep = near | (_openness(near) < _OPEN)
+    keep = near | (_sky_visibility(near) < _OPEN)
     height = np.flatnonzero(near.any(axis=(0, 2)))
     low = height[0] + max(int(np.ceil(_LOW * len(height))), 1)
     outline = _one_patch(np.asarray(near[:, :low].any(axis=1)), round(_CLOSING * max(grid.shape)))
@@ -105,7 +105,7 @@ def _one_patch(outline: Bool[ndarray, "x z"], closing: int) -> Bool[ndarray, "x 
     return np.asarray(ndimage.binary_fill_holes(outline))
 
 
-def _openness(near: Bool[ndarray, "x y z"]) -> Float[ndarray, "x y z"]:
+def _sky_visibility(near: Bool[ndarray, "x y z"]) -> Float[ndarray, "x y z"]:
     """The share of 26 directions along which nothing lies between a cell and infinity; below the ground is nothing."""
     free = np.zeros(near.shape)
     steps = [step for step in product((-1, 0, 1), repeat=3) if any(step)]

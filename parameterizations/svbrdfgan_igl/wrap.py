@@ -12,7 +12,7 @@ from svbrdfgan.errors import EmbeddingError
 from svbrdfgan_igl.carve import carve
 from svbrdfgan_igl.topology import Disk, compact, largest_component
 from svbrdfgan_igl.tutte import MILD, mildness
-from svbrdfgan_igl.voxels import Grid, closed_cells, filled_columns, near_cells
+from svbrdfgan_igl.voxels import VoxelGrid, closed_cells, filled_columns, near_cells
 
 _RODS = (0.15, 0.25, 0.35)  # of the longest side: boxes beside which rods are thin, tried until the wrap is mild
 _ROUNDS = 12  # of smoothing and pulling
@@ -28,7 +28,7 @@ def wrap(
     Args:
         cells: voxels along the mesh's longest side. Gaps narrower than a few of these are bridged.
     """
-    grid = Grid.around(np.stack([positions.min(axis=0), positions.max(axis=0)]), cells)
+    grid = VoxelGrid.around(np.stack([positions.min(axis=0), positions.max(axis=0)]), cells)
     near = near_cells(grid, positions, faces)
     found: list[tuple[float, Disk]] = []
     for rods in _RODS:
@@ -43,7 +43,7 @@ def wrap(
     return max(found, key=lambda pair: pair[0])[1]
 
 
-def _solid(near: Bool[ndarray, "x y z"], grid: Grid, rods: float) -> Bool[ndarray, "x y z"]:
+def _solid(near: Bool[ndarray, "x y z"], grid: VoxelGrid, rods: float) -> Bool[ndarray, "x y z"]:
     """A ball of cells around the mesh."""
     keep = closed_cells(near, grid, round(rods * max(grid.shape)) | 1)
     if not keep.any():
@@ -51,7 +51,7 @@ def _solid(near: Bool[ndarray, "x y z"], grid: Grid, rods: float) -> Bool[ndarra
     return carve(filled_columns(keep), keep, ndimage.distance_transform_edt(~keep))
 
 
-def _boundary(solid: Bool[ndarray, "x y z"], grid: Grid) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"]]:
+def _boundary(solid: Bool[ndarray, "x y z"], grid: VoxelGrid) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"]]:
     """The surface between the cells and what is around them: closed, manifold, of the solid's own topology."""
     x, y, z = (grid.origin[k] + grid.size * np.arange(grid.shape[k]) for k in range(3))
     centres = np.stack([a.ravel() for a in np.meshgrid(x, y, z, indexing="ij")], axis=1)

@@ -25,24 +25,25 @@ def command(mesh: Path, embedding: str, options: tuple[str, ...], resolution: in
     mirrored and overlapping area, coverage, seams, and whether neighbours stay neighbours.
     """
     from svbrdfgan.geometry.bake import bake, write_bake
-    from svbrdfgan.geometry.layers import hide_inner_layers
+    from svbrdfgan.geometry.layers import embed_and_rasterize
     from svbrdfgan.io import load_mesh
     from svbrdfgan.plugins import load_embedding
-    from svbrdfgan.report.uv_card import write_card
+    from svbrdfgan.report.uv_summary import write_summary
 
     loaded = load_mesh(mesh)
     chosen = load_embedding(embedding, key_values(options))
-    surface = chosen.embed(loaded)
-    if not chosen.capabilities.injective:
-        surface = hide_inner_layers(surface, resolution)
-    written = write_bake(out, loaded, surface, bake(surface, resolution, resolution))
-    card = write_card(out, surface, f"{embedding}, {mesh.stem}")
-    _tell(written)
+    click.echo(f"embedding {len(loaded.faces)} faces by {embedding}", err=True)
+    fragments = embed_and_rasterize(chosen, loaded, resolution)
+    click.echo(f"writing the geometry buffer of {len(fragments.surface.faces)} faces", err=True)
+    written = write_bake(out, loaded, fragments, bake(fragments))
+    click.echo("measuring and drawing the map of what is seen from outside", err=True)
+    summary = write_summary(out, fragments.surface, f"{embedding}, {mesh.stem}")
+    _print(written)
     click.echo("the map of what is seen from outside:")
-    _tell(card.flat())
+    _print(summary.flat())
     click.echo(f"written to {out}")
 
 
-def _tell(measures: Mapping[str, float]) -> None:
+def _print(measures: Mapping[str, float]) -> None:
     for name, value in measures.items():
         click.echo(f"  {name}: {value:.4g}" if isinstance(value, float) else f"  {name}: {value}")

@@ -29,7 +29,7 @@ def command(
 
     from svbrdfgan.cli.display import terminal_display
     from svbrdfgan.evaluation.evaluate import evaluate
-    from svbrdfgan.report import write_report
+    from svbrdfgan.report.page import write_report
 
     with terminal_display(Console(stderr=True)) as display:
         evaluated = evaluate(run, split=split, oracle=not no_oracle, device=device, dataset=dataset, display=display)

@@ -15,7 +15,7 @@ from rich.table import Table
 from svbrdfgan.cli.options import key_values
 from svbrdfgan.errors import PluginError
 from svbrdfgan.metrics.uv.compare import Measured, as_json, measure_embedding, mesh_files
-from svbrdfgan.metrics.uv.xatlas_baseline import NAME, XatlasPeer, xatlas_installed
+from svbrdfgan.metrics.uv.xatlas_baseline import NAME, XatlasBaseline, xatlas_installed
 from svbrdfgan.plugins import EMBEDDINGS, list_plugins, load_embedding
 from svbrdfgan.protocols import UVEmbedding
 
@@ -62,14 +62,14 @@ def _measured(name: str, embedding: UVEmbedding, meshes: Mapping[str, Path], res
 def _embeddings(names: Sequence[str]) -> dict[str, UVEmbedding]:
     """Those named; else all that work, and xatlas where it is installed."""
     if names:
-        return {name: XatlasPeer() if name == NAME else _configured(name) for name in names}
+        return {name: XatlasBaseline() if name == NAME else _configured(name) for name in names}
     found: dict[str, UVEmbedding] = {}
     for plugin in list_plugins(EMBEDDINGS):
         try:
             found[plugin.name] = load_embedding(plugin.name)
         except PluginError as error:
             log.warning("left out: %s", error)
-    return {**found, NAME: XatlasPeer()} if xatlas_installed() else found
+    return {**found, NAME: XatlasBaseline()} if xatlas_installed() else found
 
 
 def _configured(words: str) -> UVEmbedding:

@@ -21,7 +21,7 @@ from svbrdfgan.experiments.contact_strip import STRIP, write_strip
 from svbrdfgan.experiments.measures import measure
 from svbrdfgan.experiments.outcome import CEILING, OUTCOME, Ceiling, Outcome, Point
 from svbrdfgan.experiments.run_matrix import OracleSpec, RunSpec
-from svbrdfgan.report import write_report
+from svbrdfgan.report.page import write_report
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.run import CONFIG, ORACLE, ORACLE_NOTES
 from svbrdfgan.training.state import State

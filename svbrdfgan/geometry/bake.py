@@ -17,7 +17,7 @@ from torch import Tensor
 from svbrdfgan.errors import AssetError
 from svbrdfgan.geometry.layers import centroid_texels
 from svbrdfgan.geometry.normals import face_areas, face_normals, unit
-from svbrdfgan.geometry.rasterize import Raster, fragments, rasterize
+from svbrdfgan.geometry.rasterize import Fragments, Raster
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.exr import save_exr
 from svbrdfgan.io.gltf import save_glb
@@ -62,16 +62,17 @@ class GeometryBuffer:
         return torch.cat([(self.position - ground) / half, self.normal], dim=-1).permute(2, 0, 1).contiguous()
 
 
-def bake(surface: Surface, rows: int, cols: int) -> GeometryBuffer:
-    """The geometry buffer of a surface's exposed faces.
+def bake(fragments: Fragments) -> GeometryBuffer:
+    """The geometry buffer of a rasterised surface's exposed faces.
 
     Raises:
         AssetError: no exposed face covers the centre of any texel.
     """
-    exposed = exposed_faces(surface)
-    raster = rasterize(surface, rows, cols, exposed)
+    surface = fragments.surface
+    raster = fragments.outermost(exposed_faces(surface))
     if not raster.mask.any():
-        raise AssetError(f"no face covers a texel of {rows} x {cols}; bake at a higher resolution or check the UVs.")
+        size = f"{fragments.rows} x {fragments.cols}"
+        raise AssetError(f"no face covers a texel of {size}; bake at a higher resolution or check the UVs.")
     nearest = nearest_texels(raster.mask)
     bounds = _bounds(surface)
     position = raster.interpolate(surface.faces, surface.positions)
@@ -82,23 +83,23 @@ def bake(surface: Surface, rows: int, cols: int) -> GeometryBuffer:
         normal=torch.from_numpy(normal[nearest]).float(),
         mask=torch.from_numpy(raster.mask),
         part=torch.from_numpy(part),
-        area=torch.from_numpy(np.where(raster.mask, _texel_areas(surface, exposed, rows, cols), 0.0)).float(),
+        area=torch.from_numpy(np.where(raster.mask, _texel_areas(fragments), 0.0)).float(),
         face=torch.from_numpy(raster.face),
         barycentric=torch.from_numpy(raster.barycentric).float(),
         bounds=torch.from_numpy(bounds).float(),
     )
 
 
-def bake_base_color(mesh: Mesh, surface: Surface, buffer: GeometryBuffer) -> tuple[Float[Tensor, ...], ...]:
+def bake_base_color(mesh: Mesh, fragments: Fragments) -> tuple[Float[Tensor, ...], ...]:
     """Each part's linear base colour: constant (3,), or its texture resampled over the new UVs, (rows, cols, 3).
 
     Beyond the texels that a part covers lies the colour of its nearest one.
     """
-    return tuple(_base_color(mesh, surface, part, *buffer.mask.shape) for part in range(len(surface.parts)))
+    return tuple(_base_color(mesh, fragments, part) for part in range(len(fragments.surface.parts)))
 
 
 def write_bake(
-    directory: str | os.PathLike[str], mesh: Mesh, surface: Surface, buffer: GeometryBuffer
+    directory: str | os.PathLike[str], mesh: Mesh, fragments: Fragments, buffer: GeometryBuffer
 ) -> dict[str, float | int]:
     """Writes the geometry buffer (EXR), previews (PNG), the mesh with its new UVs (GLB) and `metrics.json`, given back.
 
@@ -116,18 +117,19 @@ def write_bake(
         folder / "position.png", _preview((buffer.position - low) / (high - low).clamp(min=1e-12), buffer.mask)
     )
     save_texture(folder / "normal.png", _preview(0.5 + 0.5 * buffer.normal, buffer.mask))
-    base = bake_base_color(mesh, surface, buffer)
-    save_glb(folder / "surface.glb", surface, {part: map_ for part, map_ in enumerate(base) if map_.ndim == 3})
-    metrics = bake_metrics(mesh, surface, buffer)
+    base = bake_base_color(mesh, fragments)
+    textures = {part: map_ for part, map_ in enumerate(base) if map_.ndim == 3}
+    save_glb(folder / "surface.glb", fragments.surface, textures)
+    metrics = bake_metrics(mesh, fragments, buffer)
     with atomic_path(folder / "metrics.json") as temporary:
         temporary.write_text(json.dumps(metrics, indent=2) + "\n")
     return metrics
 
 
-def bake_metrics(mesh: Mesh, surface: Surface, buffer: GeometryBuffer) -> dict[str, float | int]:
+def bake_metrics(mesh: Mesh, fragments: Fragments, buffer: GeometryBuffer) -> dict[str, float | int]:
     """How well the embedding serves: faces, coverage, layers per texel, and which shares of the area can be learned."""
-    rows, cols = buffer.mask.shape
-    raster = rasterize(surface, rows, cols)
+    surface, layers = fragments.surface, fragments.layers
+    raster = fragments.outermost()
     area, exposed = face_areas(surface.positions, surface.faces), exposed_faces(surface)
     outermost = np.isin(np.arange(len(area)), raster.face[raster.mask])
     return {
@@ -135,8 +137,8 @@ def bake_metrics(mesh: Mesh, surface: Surface, buffer: GeometryBuffer) -> dict[s
         "surface_faces": len(surface.faces),
         "surface_vertices": len(surface.positions),
         "coverage": float(buffer.mask.double().mean()),
-        "layers_mean": float(raster.layers[raster.mask].mean()),
-        "layers_max": int(raster.layers.max()),
+        "layers_mean": float(layers[raster.mask].mean()),
+        "layers_max": int(layers.max()),
         "area_square_metres": float(area.sum()),
         "exposed_area_share": float(area[exposed].sum() / max(area.sum(), 1e-300)),
         "outermost_area_share": float(area[outermost].sum() / max(area.sum(), 1e-300)),
@@ -177,33 +179,33 @@ def _outward(
     return np.where(inward[..., None], -normal, normal)
 
 
-def _texel_areas(
-    surface: Surface, exposed: Bool[ndarray, " faces"], rows: int, cols: int
-) -> Float[ndarray, "rows cols"]:
+def _texel_areas(fragments: Fragments) -> Float[ndarray, "rows cols"]:
     """Each exposed face's area, spread over the texels that it covers, or in its centroid's if it covers none."""
-    area = face_areas(surface.positions, surface.faces)
-    found = list(fragments(surface, rows, cols, exposed))
-    face, texel = (np.concatenate(list(ids)) for ids in zip(*((f.face, f.texel) for f in found), strict=True))
-    covered = np.bincount(face, minlength=len(area))
+    surface, rows, cols = fragments.surface, fragments.rows, fragments.cols
+    area, exposed = face_areas(surface.positions, surface.faces), exposed_faces(surface)
+    covered = fragments.texels_of_faces
+    chosen = exposed[fragments.face]
+    face, texel = fragments.face[chosen], fragments.texel[chosen]
     total = np.bincount(texel, area[face] / covered[face], rows * cols)
     small = exposed & (covered == 0)
     total += np.bincount(centroid_texels(surface, rows, cols)[small], area[small], rows * cols)
     return total.reshape(rows, cols)
 
 
-def _base_color(mesh: Mesh, surface: Surface, part: int, rows: int, cols: int) -> Float[Tensor, ...]:
+def _base_color(mesh: Mesh, fragments: Fragments, part: int) -> Float[Tensor, ...]:
+    surface = fragments.surface
     source = surface.parts[part]
     color = torch.tensor(source.base_color, dtype=torch.float32)
     if source.texture is None or mesh.uv is None:
         return color
     texture = torch.from_numpy(source.texture).float()
-    raster = rasterize(surface, rows, cols, surface.face_part == part)
+    raster = fragments.outermost(surface.face_part == part)
     if not raster.mask.any():
         return color * texture.mean(dim=(0, 1))
     corners = np.einsum("fij,fjk->fik", surface.source_barycentric, mesh.uv[surface.source_face])
     uv = np.einsum("rcj,rcjk->rck", raster.barycentric, corners[raster.face])[nearest_texels(raster.mask)]
     sampled = sample_texture(texture, torch.from_numpy(uv).reshape(-1, 2), repeat=(True, True))
-    return color * sampled.float().reshape(rows, cols, 3)
+    return color * sampled.float().reshape(*raster.mask.shape, 3)
 
 
 def _channels(buffer: GeometryBuffer) -> dict[str, Float[Tensor, "rows cols"]]:

@@ -8,14 +8,27 @@ import numpy as np
 from jaxtyping import Bool, Int
 from numpy import ndarray
 
-from svbrdfgan.geometry.rasterize import fragment_elevation, fragments, rasterize
+from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.geometry.split import cut_faces, with_parts
-from svbrdfgan.types import Surface
+from svbrdfgan.protocols import UVEmbedding
+from svbrdfgan.types import Mesh, Surface
 
 TOLERANCE = 0.02
 """How far beneath the outermost surface, in diagonals of the bounding box, a face still counts as lying on it."""
 _ROUNDS = 2
 _WORTH_CUTTING = 8  # texels that a face covers
+
+
+def embed_and_rasterize(embedding: UVEmbedding, mesh: Mesh, resolution: int) -> Fragments:
+    """The embedded mesh, rasterised once; its inner layers are hidden where the embedding is not one-to-one.
+
+    Raises:
+        EmbeddingError: the mesh cannot be embedded.
+    """
+    surface = embedding.embed(mesh)
+    if embedding.capabilities.injective:
+        return Fragments.of(surface, resolution, resolution)
+    return hide_and_rasterize(surface, resolution)
 
 
 def hide_inner_layers(surface: Surface, resolution: int) -> Surface:
@@ -25,31 +38,35 @@ def hide_inner_layers(surface: Surface, resolution: int) -> Surface:
     lies further out by more than `TOLERANCE`. So what is behind trim, glued-on lights and duplicated faces stays
     exposed, and is learned with the texels above it. Larger faces that are partly covered are cut first, at most twice.
     """
-    covered, near = layer_counts(surface, resolution)
+    return hide_and_rasterize(surface, resolution).surface
+
+
+def hide_and_rasterize(surface: Surface, resolution: int) -> Fragments:
+    """`hide_inner_layers`, with the fragments by which it was decided."""
+    fragments = Fragments.of(surface, resolution, resolution)
+    covered, near = layer_counts(fragments)
     for _ in range(_ROUNDS):
         mixed = (covered >= _WORTH_CUTTING) & (10 * near > covered) & (10 * near < 9 * covered)
         if not mixed.any():
             break
-        surface = cut_faces(surface, mixed)
-        covered, near = layer_counts(surface, resolution)
-    return _move_to_hidden(surface, 2 * near < covered)
+        fragments = Fragments.of(cut_faces(fragments.surface, mixed), resolution, resolution)
+        covered, near = layer_counts(fragments)
+    return fragments.with_parts_of(_move_to_hidden(fragments.surface, 2 * near < covered))
 
 
-def layer_counts(surface: Surface, resolution: int) -> tuple[Int[ndarray, " faces"], Int[ndarray, " faces"]]:
+def layer_counts(fragments: Fragments) -> tuple[Int[ndarray, " faces"], Int[ndarray, " faces"]]:
     """For each face, how many texels it covers, and at how many of these it lies on the outermost surface.
 
     A face that covers no texel's centre counts as covering one: its centroid's.
     """
+    surface = fragments.surface
     box = surface.positions[surface.faces].reshape(-1, 3)
     tolerance = TOLERANCE * float(np.linalg.norm(box.max(axis=0) - box.min(axis=0)))
-    floor = rasterize(surface, resolution, resolution).elevation.ravel() - tolerance
-    covered = np.zeros(len(surface.faces), dtype=np.int64)
-    near = covered.copy()
-    for found in fragments(surface, resolution, resolution):
-        covered += np.bincount(found.face, minlength=len(covered))
-        near += np.bincount(found.face[fragment_elevation(surface, found) >= floor[found.texel]], minlength=len(near))
+    floor = fragments.outermost().elevation.ravel() - tolerance
+    covered = fragments.texels_of_faces.copy()
+    near = np.bincount(fragments.face[fragments.elevation >= floor[fragments.texel]], minlength=len(covered))
     small = np.flatnonzero(covered == 0)
-    texel = centroid_texels(surface, resolution, resolution)[small]
+    texel = centroid_texels(surface, fragments.rows, fragments.cols)[small]
     near[small] = surface.elevation[surface.faces[small]].mean(axis=1) >= floor[texel]
     covered[small] = 1
     return covered, near

@@ -1,31 +1,21 @@
-"""Which face each texel of the UV square sees: triangles rasterised at texel centres, the outermost on top."""
+"""Rasterising triangles over the UV square: the faces over each texel's centre, and the outermost of them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from svbrdfgan.geometry.cells import ranges
 from svbrdfgan.types import Surface
 
-_CANDIDATES_AT_ONCE = 1 << 21
-
-
-@dataclass(frozen=True, eq=False)
-class Fragments:
-    """Every meeting of a face with a texel's centre.
-
-    Attributes:
-        face, texel: which; texel = row * cols + col.
-        barycentric: of the texel's centre in the face.
-    """
-
-    face: Int[ndarray, " fragments"]
-    texel: Int[ndarray, " fragments"]
-    barycentric: Float[ndarray, "fragments 3"]
+_CANDIDATES_AT_ONCE = 1 << 18  # pairs of a face and a texel of its box: what is computed for them stays in the cache
+_BLOCK = 8  # texels along a side of the blocks by which whole faces are found to be covered
+_SLACK = 1e-12  # of the greatest elevation: an interpolated elevation may exceed the corners' by rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +26,11 @@ class Raster:
         face: index of the face, -1 where there is none.
         barycentric: of the texel's centre in that face, zero where there is none.
         elevation: of the outermost face, -inf where there is none.
-        layers: how many faces lie over the texel's centre.
     """
 
     face: Int[ndarray, "rows cols"]
     barycentric: Float[ndarray, "rows cols 3"]
     elevation: Float[ndarray, "rows cols"]
-    layers: Int[ndarray, "rows cols"]
 
     @property
     def mask(self) -> Bool[ndarray, "rows cols"]:
@@ -55,85 +43,197 @@ class Raster:
         return np.einsum("rcj,rcj...->rc...", self.barycentric, attribute[faces[self.face]])
 
 
-def rasterize(surface: Surface, rows: int, cols: int, only: Bool[ndarray, " faces"] | None = None) -> Raster:
-    """The outermost face (greatest elevation, then lowest index) at each texel, among the faces chosen by `only`."""
-    face = np.full(rows * cols, -1)
-    barycentric = np.zeros((rows * cols, 3))
-    top = np.full(rows * cols, -np.inf)
-    layers = np.zeros(rows * cols, dtype=np.int64)
-    for found in fragments(surface, rows, cols, only):
-        layers += np.bincount(found.texel, minlength=rows * cols)
-        height = fragment_elevation(surface, found)
-        order = np.lexsort((-found.face, height, found.texel))
-        last = order[np.diff(found.texel[order], append=-1) != 0]
-        better = last[height[last] > top[found.texel[last]]]
-        at = found.texel[better]
-        face[at], barycentric[at], top[at] = found.face[better], found.barycentric[better], height[better]
-    shape = (rows, cols)
-    return Raster(face.reshape(shape), barycentric.reshape(*shape, 3), top.reshape(shape), layers.reshape(shape))
-
-
-def fragment_elevation(surface: Surface, found: Fragments) -> Float[ndarray, " fragments"]:
-    """Elevation at each fragment."""
-    return np.einsum("fi,fi->f", found.barycentric, surface.elevation[surface.faces[found.face]])
-
-
-def fragments(
-    surface: Surface, rows: int, cols: int, only: Bool[ndarray, " faces"] | None = None
-) -> Iterator[Fragments]:
-    """All fragments, in pieces of bounded size, faces in order.
+@dataclass(frozen=True, eq=False)
+class Fragments:
+    """Every pair of a face and a texel whose centre lies in it, faces in order: a surface rasterised once.
 
     A centre on an edge that two faces share belongs to one of them: the whole is watertight, and counts nothing twice.
     Faces without area in UV have none.
+
+    Attributes:
+        surface: what was rasterised.
+        rows, cols: texels.
+        face, texel: indices; texel = row * cols + col.
+        elevation: of the face at the texel's centre.
     """
-    chosen = np.arange(len(surface.faces)) if only is None else np.flatnonzero(only)
-    corners = surface.uv[surface.faces[chosen]] * (cols, rows) - 0.5  # texel centres lie at whole numbers
-    low = np.clip(np.ceil(corners.min(axis=1)), 0, (cols, rows)).astype(np.int64)
-    high = np.clip(np.floor(corners.max(axis=1)) + 1, low, (cols, rows)).astype(np.int64)
-    width, count = (high - low)[:, 0], np.prod(high - low, axis=1)
-    total = np.cumsum(count)
+
+    surface: Surface
+    rows: int
+    cols: int
+    face: Int[ndarray, " fragments"]
+    texel: Int[ndarray, " fragments"]
+    elevation: Float[ndarray, " fragments"]
+
+    @classmethod
+    def of(cls, surface: Surface, rows: int, cols: int) -> Fragments:
+        """The fragments of all faces of a surface."""
+        corners = _texel_corners(surface, rows, cols)
+        found = [
+            (face.astype(np.int32), texel.astype(np.int32), _elevation(surface, face, barycentric))
+            for face, texel, barycentric in _fragments(corners, np.arange(len(corners)), rows, cols)
+        ]
+        face, texel, elevation = (np.concatenate(list(column)) for column in zip(*found, strict=True))
+        return cls(surface, rows, cols, face, texel, elevation)
+
+    def with_parts_of(self, surface: Surface) -> Fragments:
+        """The same fragments of a surface whose faces, in the same order, have the same UVs, in other parts."""
+        return replace(self, surface=surface)
+
+    @cached_property
+    def layers(self) -> Int[ndarray, "rows cols"]:
+        """How many faces lie over each texel's centre."""
+        return np.bincount(self.texel, minlength=self.rows * self.cols).reshape(self.rows, self.cols)
+
+    @cached_property
+    def texels_of_faces(self) -> Int[ndarray, " faces"]:
+        """How many texels' centres lie in each face."""
+        return np.bincount(self.face, minlength=len(self.surface.faces))
+
+    def outermost(self, only: Bool[ndarray, " faces"] | None = None) -> Raster:
+        """The outermost face (greatest elevation, then lowest index) at each texel, among those that `only` marks."""
+        chosen = slice(None) if only is None else only[self.face]
+        top, best = _nothing(self.rows * self.cols)
+        _put_on_top(top, best, self.face[chosen], self.texel[chosen], self.elevation[chosen])
+        return _raster(_texel_corners(self.surface, self.rows, self.cols), top, best, self.rows, self.cols)
+
+
+def rasterize(surface: Surface, rows: int, cols: int, only: Bool[ndarray, " faces"] | None = None) -> Raster:
+    """`Fragments.outermost` without the fragments: faces that lie under others are not rasterised where they do."""
+    corners, height = _texel_corners(surface, rows, cols), surface.elevation[surface.faces]
+    chosen = np.arange(len(corners)) if only is None else np.flatnonzero(only)
+    ceiling = height.max(axis=1, initial=-np.inf) + _SLACK * np.abs(height).max(initial=0.0)
+    chosen = chosen[np.argsort(-ceiling[chosen], kind="stable")]  # the outermost first, to cover the others
+    top, best = _nothing(rows * cols)
+    for face, texel, barycentric in _fragments(corners, chosen, rows, cols, ceiling, top):
+        _put_on_top(top, best, face, texel, _elevation(surface, face, barycentric))
+    return _raster(corners, top, best, rows, cols)
+
+
+def _texel_corners(surface: Surface, rows: int, cols: int) -> Float[ndarray, "faces 3 2"]:
+    """UVs in texels; their centres lie at whole numbers."""
+    return surface.uv[surface.faces] * (cols, rows) - 0.5
+
+
+def _elevation(surface: Surface, face: Int[ndarray, " n"], barycentric: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+    return np.einsum("fi,fi->f", barycentric, surface.elevation[surface.faces[face]])
+
+
+def _nothing(texels: int) -> tuple[Float[ndarray, " texels"], Int[ndarray, " texels"]]:
+    """Elevation and face of the outermost surface at each texel, before there is any."""
+    return np.full(texels, -np.inf), np.full(texels, np.iinfo(np.int64).max)
+
+
+def _put_on_top(
+    top: Float[ndarray, " texels"],
+    best: Int[ndarray, " texels"],
+    face: Int[ndarray, " n"],
+    texel: Int[ndarray, " n"],
+    elevation: Float[ndarray, " n"],
+) -> None:
+    """Updates the outermost elevation and face, in place, by further fragments."""
+    best[texel[elevation > top[texel]]] = np.iinfo(best.dtype).max
+    np.maximum.at(top, texel, elevation)
+    wins = elevation == top[texel]
+    np.minimum.at(best, texel[wins], face[wins].astype(best.dtype))
+
+
+def _raster(
+    corners: Float[ndarray, "faces 3 2"],
+    top: Float[ndarray, " texels"],
+    best: Int[ndarray, " texels"],
+    rows: int,
+    cols: int,
+) -> Raster:
+    used = np.flatnonzero(top > -np.inf)
+    row, col = np.divmod(used, cols)
+    barycentric = np.zeros((rows * cols, 3))
+    barycentric[used] = _covered(corners[best[used]], col, row)[1]
+    face = np.where(top > -np.inf, best, -1)
+    return Raster(face.reshape(rows, cols), barycentric.reshape(rows, cols, 3), top.reshape(rows, cols))
+
+
+def _fragments(
+    corners: Float[ndarray, "faces 3 2"],
+    chosen: Int[ndarray, " chosen"],
+    rows: int,
+    cols: int,
+    ceiling: Float[ndarray, " faces"] | None = None,
+    top: Float[ndarray, " texels"] | None = None,
+) -> Iterator[tuple[Int[ndarray, " n"], Int[ndarray, " n"], Float[ndarray, "n 3"]]]:
+    """Face, texel and barycentric coordinates of all fragments of the chosen faces, in pieces of bounded size.
+
+    Given `ceiling` (that no fragment of a face exceeds) and `top` (which the caller may raise between the pieces),
+    those that cannot reach the outermost surface are left out.
+    """
+    low = np.clip(np.ceil(corners[chosen].min(axis=1)), 0, (cols, rows)).astype(np.int64)
+    high = np.clip(np.floor(corners[chosen].max(axis=1)) + 1, low, (cols, rows)).astype(np.int64)
+    total = np.cumsum(np.prod(high - low, axis=1))
     start = 0
     while start < len(chosen):
         done = total[start - 1] if start else 0
         stop = max(start + 1, int(np.searchsorted(total, done + _CANDIDATES_AT_ONCE, side="right")))
-        face = np.repeat(np.arange(start, stop), count[start:stop])
-        step = np.arange(len(face)) - np.repeat(total[start:stop] - count[start:stop] - done, count[start:stop])
-        col, row = low[face, 0] + step % width[face], low[face, 1] + step // width[face]
-        inside, barycentric = _covered(corners, face, col, row)
-        yield Fragments(chosen[face[inside]], (row * cols + col)[inside], barycentric)
+        index = np.arange(start, stop)
+        if ceiling is not None and top is not None:
+            floors = _block_floors(top, rows, cols)
+            index = index[_reaches(floors, low[index], high[index], ceiling[chosen[index]])]
+        within, row = ranges(low[index, 1], (high - low)[index, 1])
+        line, col = ranges(low[index, 0][within], (high - low)[index, 0][within])
+        face, row = chosen[index[within[line]]], row[line]
+        if ceiling is not None and top is not None:
+            open_ = np.flatnonzero(top[row * cols + col] <= ceiling[face])
+            face, row, col = face[open_], row[open_], col[open_]
+        inside, barycentric = _covered(corners[face], col, row)
+        yield face[inside], (row * cols + col)[inside], barycentric[inside]
         start = stop
 
 
+def _block_floors(top: Float[ndarray, " texels"], rows: int, cols: int) -> Float[ndarray, "block_rows block_cols"]:
+    """The least elevation of the outermost surface over each block of texels."""
+    tall, wide = -(-rows // _BLOCK), -(-cols // _BLOCK)
+    padded = np.full((tall * _BLOCK, wide * _BLOCK), np.inf)
+    padded[:rows, :cols] = top.reshape(rows, cols)
+    return padded.reshape(tall, _BLOCK, wide, _BLOCK).min(axis=(1, 3))
+
+
+def _reaches(
+    floors: Float[ndarray, "block_rows block_cols"],
+    low: Int[ndarray, "n 2"],
+    high: Int[ndarray, "n 2"],
+    ceiling: Float[ndarray, " n"],
+) -> Bool[ndarray, " n"]:
+    """Whether faces in these boxes of texels (upper ends excluded) may be outermost; true for boxes of many blocks."""
+    first, last = low // _BLOCK, np.maximum(high - 1, low) // _BLOCK
+    last = np.minimum(last, np.array(floors.shape)[::-1] - 1)
+    first = np.minimum(first, last)
+    large = (last - first > 1).any(axis=1)
+    floor = np.min([floors[r[:, 1], c[:, 0]] for r in (first, last) for c in (first, last)], axis=0)
+    return (high > low).all(axis=1) & (large | (floor <= ceiling))
+
+
 def _covered(
-    corners: Float[ndarray, "faces 3 2"], face: Int[ndarray, " n"], col: Int[ndarray, " n"], row: Int[ndarray, " n"]
-) -> tuple[Bool[ndarray, " n"], Float[ndarray, "inside 3"]]:
-    """Whether each face owns its point, and the point's barycentric coordinates where it does."""
-    edges = [_Edge.between(corners[:, k - 2], corners[:, k - 1]) for k in range(3)]
-    sides = [edge.side(face, col, row) for edge in edges]
-    area = sides[0] + sides[1] + sides[2]
+    corners: Float[ndarray, "n 3 2"], col: Int[ndarray, " n"], row: Int[ndarray, " n"]
+) -> tuple[Bool[ndarray, " n"], Float[ndarray, "n 3"]]:
+    """Whether each triangle owns its point (col, row), and the point's barycentric coordinates."""
+    edges = [_edge_side(corners[:, k - 2], corners[:, k - 1], col, row) for k in range(3)]
+    area = edges[0][0] + edges[1][0] + edges[2][0]
     left = area > 0
     inside = area != 0
-    for edge, side in zip(edges, sides, strict=True):
-        inside &= np.where(side == 0, edge.forward[face] == left, (side > 0) == left)
-    return inside, np.stack([side[inside] for side in sides], axis=1) / area[inside, None]
+    for side, forward in edges:
+        # a point on an edge belongs to the face on the edge's left; its neighbour sees the same numbers, negated
+        inside &= np.where(side == 0, forward == left, (side > 0) == left)
+    return inside, np.stack([side for side, _ in edges], axis=1) / np.where(area != 0, area, 1.0)[:, None]
 
 
-@dataclass(frozen=True, eq=False)
-class _Edge:
-    """One edge of each face, kept from its lexicographically lower end, so that neighbours compute the same numbers."""
+def _edge_side(
+    a: Float[ndarray, "n 2"], b: Float[ndarray, "n 2"], col: Int[ndarray, " n"], row: Int[ndarray, " n"]
+) -> tuple[Float[ndarray, " n"], Bool[ndarray, " n"]]:
+    """Twice the signed area of (a, b, point), and whether a is the edge's lexicographically lower end.
 
-    low: Float[ndarray, "faces 2"]
-    along: Float[ndarray, "faces 2"]
-    forward: Bool[ndarray, " faces"]
-
-    @classmethod
-    def between(cls, a: Float[ndarray, "faces 2"], b: Float[ndarray, "faces 2"]) -> _Edge:
-        forward = (a[:, 0] < b[:, 0]) | ((a[:, 0] == b[:, 0]) & (a[:, 1] < b[:, 1]))
-        low = np.where(forward[:, None], a, b)
-        return cls(low, np.where(forward[:, None], b, a) - low, forward)
-
-    def side(self, face: Int[ndarray, " n"], col: Int[ndarray, " n"], row: Int[ndarray, " n"]) -> Float[ndarray, " n"]:
-        """Twice the signed area of (a, b, point); of (b, a, point) it is exactly the negative."""
-        x, y = col - self.low[face, 0], row - self.low[face, 1]
-        area = self.along[face, 0] * y - self.along[face, 1] * x
-        return np.where(self.forward[face], area, -area)
+    It is computed from that end, so that it is exactly the negative for (b, a, point): neighbours agree bit for bit.
+    """
+    (ax, ay), (bx, by) = a.T, b.T
+    forward = (ax < bx) | ((ax == bx) & (ay < by))
+    low_x, low_y = np.where(forward, ax, bx), np.where(forward, ay, by)
+    along_x, along_y = np.where(forward, bx, ax) - low_x, np.where(forward, by, ay) - low_y
+    area = along_x * (row - low_y) - along_y * (col - low_x)
+    return np.where(forward, area, -area), forward

@@ -13,7 +13,7 @@ from torch import Tensor
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.errors import AssetError
 from svbrdfgan.geometry.bake import GeometryBuffer, bake, bake_base_color
-from svbrdfgan.geometry.layers import hide_inner_layers
+from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.rendering.compositing import composite, composite_maps
 from svbrdfgan.types import Material, Materials, Mesh, Surface
@@ -120,10 +120,8 @@ def make_subject(mesh: Mesh, embedding: UVEmbedding, resolution: int, selection:
         EmbeddingError: the mesh cannot be embedded.
         AssetError: no part that the selection marks learnable can be seen.
     """
-    surface = embedding.embed(mesh)
-    if not embedding.capabilities.injective:
-        surface = hide_inner_layers(surface, resolution)
-    buffer = bake(surface, resolution, resolution)
+    fragments = embed_and_rasterize(embedding, mesh, resolution)
+    surface, buffer = fragments.surface, bake(fragments)
     learnable = tuple(i for i, part in enumerate(surface.parts) if selection.selects(part))
     seen = set(buffer.part.unique().tolist())
     if not seen & set(learnable):
@@ -132,4 +130,4 @@ def make_subject(mesh: Mesh, embedding: UVEmbedding, resolution: int, selection:
             f"no visible part is learnable: the mesh has {names}; include {list(selection.include)}, "
             f"exclude {list(selection.exclude)}. Change 'learnable' (--learnable) so that it selects one."
         )
-    return Subject(surface, buffer, learnable, bake_base_color(mesh, surface, buffer))
+    return Subject(surface, buffer, learnable, bake_base_color(mesh, fragments))

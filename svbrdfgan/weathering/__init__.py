@@ -2,7 +2,8 @@
 
     layer = weather(surface, buffer, recipe_from_options("road-dirt", {"amount": 0.7, "seed": 3}))
 
-A fixed recipe is a function of position, normal, openness and curvature, all relative to the model's size.
+A fixed recipe is a function of position, normal, ambient-occlusion visibility and curvature, all relative to the
+model's size.
 """
 
 from svbrdfgan.weathering.layer import TexelGeometry, find_site, recipe_from_options, weather

@@ -40,13 +40,13 @@ def weather(
     """The weathering layer over a buffer's texels: linear RGB, straight alpha, then these maps, in [0, 1], float32.
 
     A pure function, the same for a model of any size. Gutters go on smoothly where the buffer's do. Takes about
-    two seconds at 256 x 256, most of it for openness and edges.
+    two seconds at 256 x 256, most of it for visibility and curvature.
 
     Args:
         site: `find_site` of the same surface and buffer, where several layers are painted on them.
 
     Raises:
-        ConfigError: the recipe does not say what its matter is like in one of the maps.
+        ConfigError: the recipe has no values for one of the maps.
     """
     _require_maps(recipe, maps)
     rows, cols, _ = buffer.position.shape
@@ -56,7 +56,7 @@ def weather(
 
 
 def find_site(surface: Surface, buffer: TexelGeometry) -> Site:
-    """What recipes go by, at each texel of the buffer, row by row."""
+    """The geometry that recipes depend on, at each texel of the buffer, row by row."""
     position, normal = (np.asarray(values, np.float64).reshape(-1, 3) for values in (buffer.position, buffer.normal))
     return survey(surface, position, normal)
 
@@ -83,5 +83,6 @@ def _require_maps(recipe: Recipe, maps: Collection[str]) -> None:
         if name not in recipe.matter:
             known = ", ".join(recipe.matter)
             raise ConfigError(
-                f"weathering {type(recipe).__name__} says nothing of {name}, only of {known}: take it out of 'maps'."
+                f"weathering {type(recipe).__name__} has no values for {name}, only for {known}; "
+                f"remove {name} from 'maps'."
             )

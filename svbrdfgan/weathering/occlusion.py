@@ -1,4 +1,4 @@
-"""Ambient occlusion (`openness`) and mean curvature (`bend`) of a surface at each of many points.
+"""Ambient-occlusion visibility and mean curvature of a surface at each of many points.
 
 Both work on a cloud of points spread evenly over the triangles, so that open shells, non-manifold edges, hidden
 interiors and triangles of any shape do no harm. NumPy; a second or two for 65,000 points and 30,000 faces.
@@ -24,7 +24,7 @@ def scatter(
 ) -> tuple[Float[ndarray, "points 3"], Float[ndarray, "points 3"]]:
     """Points about `spacing` metres apart over the faces chosen (all by default), and their unit shading normals.
 
-    As many as the area asks for, however it is cut into faces; even, and without chance.
+    Their number depends on the area alone, not on how it is cut into faces. Even, and without randomness.
     """
     corners = surface.faces if faces is None else surface.faces[faces]
     total = np.cumsum(face_areas(surface.positions, corners))
@@ -34,7 +34,7 @@ def scatter(
     return points, unit(np.einsum("pk,pki->pi", weights, surface.normals[corners[owner]]))
 
 
-def openness(
+def ambient_visibility(
     surface: Surface, points: Float[ndarray, "points 3"], normals: Float[ndarray, "points 3"]
 ) -> Float[ndarray, " points"]:
     """What ambient-occlusion maps store (accessibility), at each point: 1 is unoccluded, 0 enclosed.
@@ -47,6 +47,7 @@ def openness(
     centre, radius = (low + high) / 2.0, max(float(np.linalg.norm(high - low)) / 2.0, 1e-12)
     cell = 2.0 / _GRID
     occluders = ((scatter(surface, 0.6 * cell * radius)[0] - centre) / radius).astype(np.float32)
+    # above the surface by more than a cell, or its own depth map would shade it
     lifted = ((points - centre) / radius + 1.5 * cell * normals).astype(np.float32)
     free, total = np.zeros(len(points)), np.full(len(points), 1e-12)
     for frame in upper_frames(np.arange(_AXES)).astype(np.float32):
@@ -57,7 +58,7 @@ def openness(
     return free / total
 
 
-def bend(
+def mean_curvature(
     surface: Surface, points: Float[ndarray, "points 3"], normals: Float[ndarray, "points 3"], radius: float
 ) -> Float[ndarray, " points"]:
     """Mean curvature over a ball of `radius` metres, times `radius`: positive on edges, negative in creases.
@@ -73,6 +74,7 @@ def bend(
     index = np.where(found, index, 0)
     ray, turn = cloud[index] - points[:, None], facing[index] - normals[:, None]
     agreement = 1.0 - 0.5 * np.square(turn).sum(axis=2)
+    # smooth to zero at the radius, and for normals that face away: no neighbour enters or leaves with a jump
     weight = np.where(found, 1.0 - (distance / radius) ** 2, 0.0) * np.clip(1.0 + 2.0 * agreement, 0.0, 1.0)
     slope = (weight * (turn * ray).sum(axis=2)).sum(axis=1)
     spread = (weight * np.square(ray).sum(axis=2)).sum(axis=1)

@@ -1,7 +1,7 @@
 """Ways for a vehicle to weather: each lays colour and alpha over a site, from where and how its surface lies.
 
 A recipe first makes a potential, greatest where its matter settles first; `amount` then lowers the threshold above
-which the matter shows. So more of it never uncovers anything. At scale 1 the finest waves are a twentieth of the
+which the matter shows, so that more of it never uncovers anything. At scale 1 the finest waves are a twentieth of the
 vehicle's length, several texels at 128, and weak: a network that sees position and normal can follow them.
 """
 
@@ -78,7 +78,7 @@ class RoadDirt:
         low = _ramp(1.3 * self.reach, -0.1, height)
         thrown = self.spray * _spray(site, height) * (0.9 + 1.2 * swept)
         wake = 0.40 * _ramp(0.3, 1.0, -site.normal[:, 2]) * _ramp(1.1, 0.2, height)
-        sheltered = 0.25 * (1.0 - site.openness) * _ramp(0.9, 0.3, site.height)
+        sheltered = 0.25 * (1.0 - site.visibility) * _ramp(0.9, 0.3, site.height)
         lying = 1.0 - 0.55 * _ramp(0.5, 0.95, site.normal[:, 1]) * _ramp(0.1, 0.4, site.height)
         potential = lying * (0.85 * low + 1.00 * thrown + wake + sheltered) + 0.65 * patches + 0.30 * runs
         alpha, depth = _settle(potential, self.amount, clean=1.15, filthy=0.40, softness=0.36)
@@ -116,8 +116,8 @@ class Dust:
         runs = _noise(self, site, (10.0, 1.5, 10.0), 1)
         upward = _ramp(-0.35, 0.95, site.normal[:, 1])
         steep = 1.0 - _ramp(0.3, 0.8, np.abs(site.normal[:, 1]))
-        corners = _ramp(0.0, 0.8, -site.edge) + 0.5 * (1.0 - site.openness)
-        worn = _ramp(0.2, 0.9, site.edge)
+        corners = _ramp(0.0, 0.8, -site.curvature) + 0.5 * (1.0 - site.visibility)
+        worn = _ramp(0.2, 0.9, site.curvature)
         potential = (1.0 - self.cling) * upward + self.cling * (0.5 + 0.5 * upward) + 0.35 * corners * (0.4 + upward)
         potential = potential - 0.25 * worn + 0.55 * drifts + 0.45 * steep * runs
         alpha, depth = _settle(potential, self.amount, clean=1.1, filthy=0.42, softness=0.7)
@@ -153,8 +153,8 @@ class Rust:
         """Linear RGB and straight alpha in [0, 1]."""
         blotches = _noise(self, site, (5.0, 5.0, 5.0), 0, octaves=3)
         grain = _noise(self, site, (9.0, 9.0, 9.0), 1)
-        exposed = 0.60 * _ramp(0.15, 0.8, site.edge) + 0.30 * _ramp(0.1, 0.8, -site.edge)
-        damp = 0.50 * (1.0 - site.openness) + 0.30 * _ramp(0.5, 0.0, site.height)
+        exposed = 0.60 * _ramp(0.15, 0.8, site.curvature) + 0.30 * _ramp(0.1, 0.8, -site.curvature)
+        damp = 0.50 * (1.0 - site.visibility) + 0.30 * _ramp(0.5, 0.0, site.height)
         core = exposed + damp + 1.5 * blotches + 0.5 * grain
         steep = 1.0 - _ramp(0.4, 0.9, np.abs(site.normal[:, 1]))
         bleeding = self.bleed * steep * self._runs(site)
@@ -190,7 +190,7 @@ def _noise(
     octaves: int = 2,
     lift: float = 0.0,
 ) -> Float[ndarray, " texels"]:
-    """Noise of so many waves in a length along x, y and z, taken `lift` lengths higher up; standard deviation 0.3."""
+    """Noise of `frequency` waves per length along x, y and z, sampled `lift` lengths higher; standard deviation 0.3."""
     points = (site.position + np.array([0.0, lift, 0.0])) * np.array(frequency) / recipe.scale
     return 1.8 * fbm(points, recipe.seed * 8 + stream, octaves=octaves)
 

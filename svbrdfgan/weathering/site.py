@@ -1,4 +1,4 @@
-"""What weathering goes by: where on the vehicle each texel lies, which way it faces, how sheltered it is."""
+"""The geometry that weathering depends on: place on the vehicle, normal, shelter and curvature of each texel."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.types import Surface
-from svbrdfgan.weathering.occlusion import bend, openness, scatter
+from svbrdfgan.weathering.occlusion import ambient_visibility, mean_curvature, scatter
 
-_USUAL_AXLES = (-0.3, 0.3)
+_USUAL_AXLES = (-0.3, 0.3)  # in lengths of the model from its middle
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,16 +22,16 @@ class Site:
         position: in lengths of the model; x to its left and z to its nose from the middle, y up from the ground.
         height: above ground, in heights of the model: 0 to 1.
         normal: unit, outward.
-        openness: what ambient-occlusion maps store: 1 unoccluded, 0 enclosed (`openness`).
-        edge: mean curvature: positive on edges, negative in creases, about 1 at a right angle (`bend`).
+        visibility: what ambient-occlusion maps store: 1 unoccluded, 0 enclosed.
+        curvature: mean curvature: positive on edges, negative in creases, about 1 at a right angle.
         axles: z of the wheels, in the units of `position`.
     """
 
     position: Float[ndarray, "texels 3"]
     height: Float[ndarray, " texels"]
     normal: Float[ndarray, "texels 3"]
-    openness: Float[ndarray, " texels"]
-    edge: Float[ndarray, " texels"]
+    visibility: Float[ndarray, " texels"]
+    curvature: Float[ndarray, " texels"]
     axles: tuple[float, ...]
 
 
@@ -47,8 +47,8 @@ def survey(surface: Surface, position: Float[ndarray, "texels 3"], normal: Float
         position=centred,
         height=np.clip(centred[:, 1] * length / max(extent[1], 1e-6 * length), 0.0, 1.0),
         normal=normal,
-        openness=openness(surface, position, normal),
-        edge=bend(surface, position, normal, 0.03 * length),
+        visibility=ambient_visibility(surface, position, normal),
+        curvature=mean_curvature(surface, position, normal, 0.03 * length),
         axles=find_axles(
             (scatter(surface, 0.01 * length)[0] - ground) / [length, max(extent[1], 1e-6 * length), length]
         ),
@@ -59,7 +59,7 @@ def find_axles(cloud: Float[ndarray, "points 3"]) -> tuple[float, ...]:
     """Where along z the wheels stand: the middles of the patches that touch the ground.
 
     The cloud is in lengths, and in heights along y. A vehicle whose ground contact does not look like wheels, because a
-    patch is longer than a fifth of it or there is but one, gets the usual two axles.
+    patch is longer than a fifth of it or there is only one, gets the usual two axles.
     """
     contact = np.sort(cloud[cloud[:, 1] < 0.04, 2])
     patches = np.split(contact, np.flatnonzero(np.diff(contact) > 0.04) + 1)

@@ -1,4 +1,4 @@
-"""`svbrdfgan embeddings --compare`, and the card that `svbrdfgan bake` writes."""
+"""`svbrdfgan embeddings --compare`, and the summary that `svbrdfgan bake` writes."""
 
 import json
 from pathlib import Path
@@ -75,8 +75,8 @@ def test_bake_writes_the_card(folder: Path, tmp_path: Path) -> None:
     words = ["bake", str(folder / "low.obj"), "--resolution", "32", "-o", str(tmp_path / "baked")]
     result = CliRunner().invoke(main, words)
     assert result.exit_code == 0, result.output
-    card = json.loads((tmp_path / "baked" / "card.json").read_text())
-    assert card["seam_length"] == 0.0
-    assert f"stretch_l2: {card['stretch_l2']:.4g}" in result.stdout
+    summary = json.loads((tmp_path / "baked" / "card.json").read_text())
+    assert summary["seam_length"] == 0.0
+    assert f"stretch_l2: {summary['stretch_l2']:.4g}" in result.stdout
     with Image.open(tmp_path / "baked" / "card.png") as picture:
         assert picture.format == "PNG"

@@ -11,8 +11,9 @@ import trimesh
 from svbrdfgan_hemispherical import HemisphericalEmbedding
 
 from svbrdfgan.geometry.bake import GeometryBuffer, bake, bake_base_color, write_bake
-from svbrdfgan.geometry.layers import hide_inner_layers
+from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.geometry.normals import face_areas
+from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.io import load_exr, load_mesh
 from svbrdfgan.types import Mesh, Part, Surface
 
@@ -33,13 +34,18 @@ def mesh() -> Mesh:
 
 
 @pytest.fixture(scope="module")
-def surface(mesh: Mesh) -> Surface:
-    return hide_inner_layers(HemisphericalEmbedding(resolution=64).embed(mesh), 64)
+def fragments(mesh: Mesh) -> Fragments:
+    return embed_and_rasterize(HemisphericalEmbedding(resolution=64), mesh, 64)
 
 
 @pytest.fixture(scope="module")
-def buffer(surface: Surface) -> GeometryBuffer:
-    return bake(surface, 64, 64)
+def surface(fragments: Fragments) -> Surface:
+    return fragments.surface
+
+
+@pytest.fixture(scope="module")
+def buffer(fragments: Fragments) -> GeometryBuffer:
+    return bake(fragments)
 
 
 def test_the_outer_dome_is_seen_from_outside(buffer: GeometryBuffer) -> None:
@@ -72,21 +78,21 @@ def test_gutters_are_filled_and_the_network_sees_minus_one_to_one(buffer: Geomet
 
 def test_size_and_place_do_not_reach_the_network(mesh: Mesh, buffer: GeometryBuffer) -> None:
     moved = replace(mesh, positions=mesh.positions * 4 + (10, 3, -7))
-    other = bake(hide_inner_layers(HemisphericalEmbedding(resolution=64).embed(moved), 64), 64, 64)
+    other = bake(embed_and_rasterize(HemisphericalEmbedding(resolution=64), moved, 64))
     assert torch.allclose(other.network_input(), buffer.network_input(), atol=1e-4)
 
 
-def test_the_meshs_own_texture_is_resampled(mesh: Mesh, surface: Surface, buffer: GeometryBuffer) -> None:
-    base = bake_base_color(mesh, surface, buffer)
-    assert len(base) == len(surface.parts)
+def test_the_meshs_own_texture_is_resampled(mesh: Mesh, fragments: Fragments, buffer: GeometryBuffer) -> None:
+    base = bake_base_color(mesh, fragments)
+    assert len(base) == len(fragments.surface.parts)
     own_uv = 0.5 + 0.4 * buffer.position[..., [0, 2]]
     assert torch.allclose(base[0][buffer.mask][:, 0], 0.5 * own_uv[buffer.mask][:, 0], atol=1e-3)
     assert torch.allclose(base[0][buffer.mask][:, 1], own_uv[buffer.mask][:, 1], atol=1e-3)
     assert torch.allclose(base[1], torch.tensor([0.1, 0.2, 0.3]))
 
 
-def test_files_hold_what_was_baked(tmp_path: Path, mesh: Mesh, surface: Surface, buffer: GeometryBuffer) -> None:
-    metrics = write_bake(tmp_path / "new" / "folder", mesh, surface, buffer)
+def test_files_hold_what_was_baked(tmp_path: Path, mesh: Mesh, fragments: Fragments, buffer: GeometryBuffer) -> None:
+    metrics = write_bake(tmp_path / "new" / "folder", mesh, fragments, buffer)
     folder = tmp_path / "new" / "folder"
     assert json.loads((folder / "metrics.json").read_text()) == metrics
     assert metrics["layers_max"] >= 2

@@ -14,6 +14,7 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation.evaluate import Evaluated
 from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.geometry.bake import bake
+from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.scene.asset import Subject
 from svbrdfgan.scene.description import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
 from svbrdfgan.training.batches import BatchSource
@@ -65,7 +66,8 @@ def make_subject() -> Subject:
         source_face=np.arange(4),
         source_barycentric=np.tile(np.eye(3), (4, 1, 1)),
     )
-    return Subject(surface, bake(surface, TEXELS, TEXELS), (0,), (torch.full((3,), 0.5), torch.full((3,), 0.1)))
+    buffer = bake(Fragments.of(surface, TEXELS, TEXELS))
+    return Subject(surface, buffer, (0,), (torch.full((3,), 0.5), torch.full((3,), 0.1)))
 
 
 def make_scene(name: str) -> Scene:

@@ -1,4 +1,4 @@
-"""Plain surfaces whose openness and curvature are known, and a boxy vehicle to weather."""
+"""Plain surfaces whose visibility and curvature are known, and a boxy vehicle to weather."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace

@@ -31,7 +31,7 @@ def test_further_maps_follow_alpha_and_stay_in_their_range(vehicle, texels, name
 
 
 def test_a_map_that_a_recipe_does_not_know_is_refused(vehicle, texels):
-    said = "RoadDirt says nothing of metallic, only of roughness: take it out of 'maps'"
+    said = "RoadDirt has no values for metallic, only for roughness; remove metallic from 'maps'"
     with pytest.raises(ConfigError, match=said):
         weather(vehicle, texels, RoadDirt(), ["metallic"])
     with pytest.raises(ConfigError, match=said):

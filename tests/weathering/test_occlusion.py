@@ -1,10 +1,10 @@
-"""Openness and bend against answers known without them."""
+"""Visibility and mean curvature against answers known without them."""
 
 import numpy as np
 import pytest
 import trimesh
 
-from svbrdfgan.weathering.occlusion import bend, openness, scatter
+from svbrdfgan.weathering.occlusion import ambient_visibility, mean_curvature, scatter
 
 UP = np.array([0.0, 1.0, 0.0])
 
@@ -27,22 +27,22 @@ def test_scatter_takes_only_the_faces_asked_for(shapes):
 def test_open_plane_and_sphere_are_open(shapes):
     surface = shapes.flat(shapes.floor())
     points = np.random.default_rng(0).uniform(-0.9, 0.9, (200, 3)) * [1, 0, 1]
-    assert openness(surface, points, np.tile(UP, (200, 1))).min() > 0.97
+    assert ambient_visibility(surface, points, np.tile(UP, (200, 1))).min() > 0.97
     ball = shapes.sphere(2.0)
-    assert openness(ball, ball.positions, ball.normals).min() > 0.95
+    assert ambient_visibility(ball, ball.positions, ball.normals).min() > 0.95
 
 
 def test_inside_a_closed_box_nothing_is_open(shapes):
     surface = shapes.quads(*shapes.box_sides((-1, -1, -1), (1, 1, 1), inward=True))
     points = np.array([[0.0, -1.0, 0.0], [0.5, -1.0, -0.4]])
-    assert openness(surface, points, np.tile(UP, (2, 1))).max() < 0.02
+    assert ambient_visibility(surface, points, np.tile(UP, (2, 1))).max() < 0.02
 
 
 def test_bottom_of_a_deep_open_box_is_nearly_closed_and_its_rim_is_not(shapes):
     corners, normals = shapes.box_sides((-0.25, 0, -0.25), (0.25, 2, 0.25), inward=True)
     shaft = shapes.quads(np.delete(corners, 3, axis=0), np.delete(normals, 3, axis=0))
     points = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.9, 0.0]])
-    bottom, middle, top = openness(shaft, points, np.tile(UP, (3, 1)))
+    bottom, middle, top = ambient_visibility(shaft, points, np.tile(UP, (3, 1)))
     assert bottom < 0.06
     assert bottom < middle < top
     assert top > 0.8
@@ -50,7 +50,7 @@ def test_bottom_of_a_deep_open_box_is_nearly_closed_and_its_rim_is_not(shapes):
 
 def test_under_a_wide_roof_it_is_dark_and_on_top_it_is_open(shapes):
     surface = shapes.flat(shapes.floor(0.0), shapes.floor(0.2))
-    below, above = openness(surface, np.array([[0.0, 0.0, 0.0], [0.0, 0.2, 0.0]]), np.tile(UP, (2, 1)))
+    below, above = ambient_visibility(surface, np.array([[0.0, 0.0, 0.0], [0.0, 0.2, 0.0]]), np.tile(UP, (2, 1)))
     assert below < 0.15
     assert above > 0.97
 
@@ -59,21 +59,21 @@ def test_half_plane_wall_halves_the_light_at_its_foot(shapes):
     wall = np.array([[0.0, 0, -20], [0, 20, -20], [0, 20, 20], [0, 0, 20]])
     ground = np.array([[0.0, 0, -20], [0, 0, 20], [20, 0, 20], [20, 0, -20]])
     surface = shapes.quads(np.array([wall, ground]), np.array([[1.0, 0, 0], UP]))
-    assert openness(surface, np.array([[0.6, 0.0, 0.0]]), UP[None])[0] == pytest.approx(0.5, abs=0.08)
+    assert ambient_visibility(surface, np.array([[0.6, 0.0, 0.0]]), UP[None])[0] == pytest.approx(0.5, abs=0.08)
 
 
 @pytest.mark.parametrize("radius", [0.5, 3.0])
 def test_bend_of_a_sphere_is_its_curvature_and_of_a_hollow_one_the_opposite(shapes, radius):
     ball = shapes.sphere(radius)
-    assert np.allclose(bend(ball, ball.positions, ball.normals, 0.3 * radius), 0.3, atol=0.01)
+    assert np.allclose(mean_curvature(ball, ball.positions, ball.normals, 0.3 * radius), 0.3, atol=0.01)
     hollow = shapes.make_surface(ball.positions, -ball.normals, ball.faces[:, ::-1])
-    assert np.allclose(bend(hollow, ball.positions, -ball.normals, 0.3 * radius), -0.3, atol=0.01)
+    assert np.allclose(mean_curvature(hollow, ball.positions, -ball.normals, 0.3 * radius), -0.3, atol=0.01)
 
 
 def test_bend_is_zero_on_planes_even_on_thin_sheets(shapes):
     sheet = shapes.flat(shapes.floor(0.0, normal=-UP), shapes.floor(0.01))
     points = np.array([[0.0, 0.01, 0.0], [0.3, 0.01, -0.2]])
-    assert np.allclose(bend(sheet, points, np.tile(UP, (2, 1)), 0.1), 0.0, atol=1e-6)
+    assert np.allclose(mean_curvature(sheet, points, np.tile(UP, (2, 1)), 0.1), 0.0, atol=1e-6)
 
 
 def test_bend_tells_edges_from_creases(shapes):
@@ -82,9 +82,9 @@ def test_bend_tells_edges_from_creases(shapes):
         shapes.quads(*shapes.box_sides((0, 0, 0), (1, 1, 1), inward=True)),
     )
     near_edge, middle = np.array([[0.5, 1.0, 0.98]]), np.array([[0.5, 1.0, 0.5]])
-    assert bend(outside, near_edge, UP[None], 0.1)[0] > 0.3
-    assert bend(inside, near_edge, -UP[None], 0.1)[0] < -0.3
-    assert abs(bend(outside, middle, UP[None], 0.1)[0]) < 1e-6
+    assert mean_curvature(outside, near_edge, UP[None], 0.1)[0] > 0.3
+    assert mean_curvature(inside, near_edge, -UP[None], 0.1)[0] < -0.3
+    assert abs(mean_curvature(outside, middle, UP[None], 0.1)[0]) < 1e-6
 
 
 def test_neither_depends_on_how_the_surface_is_cut_into_faces(shapes):
@@ -97,5 +97,5 @@ def test_neither_depends_on_how_the_surface_is_cut_into_faces(shapes):
     )
     points = np.array([[0.5, 1.0, 0.97], [0.2, 1.0, 0.4], [0.9, 1.0, 0.9]])
     up = np.tile(UP, (3, 1))
-    assert np.allclose(openness(coarse, points, up), openness(fine, points, up), atol=0.05)
-    assert np.allclose(bend(coarse, points, up, 0.1), bend(fine, points, up, 0.1), atol=0.12)
+    assert np.allclose(ambient_visibility(coarse, points, up), ambient_visibility(fine, points, up), atol=0.05)
+    assert np.allclose(mean_curvature(coarse, points, up, 0.1), mean_curvature(fine, points, up, 0.1), atol=0.12)

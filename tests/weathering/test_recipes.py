@@ -50,7 +50,7 @@ def test_colour_and_alpha_stay_in_range_and_vary(kind, site):
 @EVERY_RECIPE
 def test_at_full_amount_much_is_covered_and_much_is_left(kind, site):
     alpha = mean_over_seeds(kind, site, amount=1.0)
-    body = (site.height > 0.25) & (site.normal[:, 1] > -0.5) & (site.openness > 0.25)
+    body = (site.height > 0.25) & (site.normal[:, 1] > -0.5) & (site.visibility > 0.25)
     assert 0.2 < alpha[body].mean() < 0.6
 
 
@@ -85,16 +85,16 @@ def test_road_dirt_is_thrown_behind_the_wheels(site):
 
 def test_dust_lies_on_what_faces_up(site):
     alpha, up = mean_over_seeds(Dust, site, amount=0.8), site.normal[:, 1]
-    seen = site.openness > 0.25
+    seen = site.visibility > 0.25
     assert alpha[(up > 0.9) & seen].mean() > 2.0 * alpha[(np.abs(up) < 0.1) & seen].mean()
     assert alpha[(np.abs(up) < 0.1) & seen].mean() > alpha[up < -0.9].mean()
 
 
 def test_rust_prefers_shelter_and_edges(site):
     alpha = mean_over_seeds(Rust, site, amount=0.7)
-    plain = (site.openness > 0.9) & (np.abs(site.edge) < 0.1)
-    assert alpha[(site.openness > 0.9) & (site.edge > 0.4)].mean() > 1.2 * alpha[plain].mean()
-    assert alpha[site.openness < 0.5].mean() > 1.2 * alpha[plain].mean()
+    plain = (site.visibility > 0.9) & (np.abs(site.curvature) < 0.1)
+    assert alpha[(site.visibility > 0.9) & (site.curvature > 0.4)].mean() > 1.2 * alpha[plain].mean()
+    assert alpha[site.visibility < 0.5].mean() > 1.2 * alpha[plain].mean()
 
 
 def test_rust_bleeds_downward(site):

@@ -16,7 +16,8 @@ from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.inference.apply import paint
 from svbrdfgan.inference.export import write_weathered
 from svbrdfgan.io import load_mesh
-from svbrdfgan.report import write_hero, write_report
+from svbrdfgan.report.hero import write_hero
+from svbrdfgan.report.page import write_report
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.run import CONFIG, load_model
 from svbrdfgan.training.trainer import train

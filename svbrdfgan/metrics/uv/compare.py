@@ -1,4 +1,4 @@
-"""Embeddings measured over a folder of meshes: each map's card, and how alike the maps of different meshes are."""
+"""Embeddings measured over a folder of meshes: each map's summary, and how similar maps of different meshes are."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.geometry.layers import hide_inner_layers
 from svbrdfgan.io.mesh import SUFFIXES, load_mesh
 from svbrdfgan.metrics.uv.neighbours import Similarity, similarity
-from svbrdfgan.metrics.uv.summary import Card, measure
-from svbrdfgan.metrics.uv.visibility import Outside, outside
+from svbrdfgan.metrics.uv.summary import UVSummary
+from svbrdfgan.metrics.uv.visibility import VisibleSurface, visible_surface
 from svbrdfgan.protocols import UVEmbedding
 
 log = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ PARTNERS = 2  # meshes that each is compared with, when all pairs would be too m
 _FACTS = frozenset({"seen", "area"})  # of the mesh: neither good nor bad
 HIGHER_IS_BETTER = frozenset({"coverage", "connectivity", "kept", "matched"})
 
-Tell = Callable[[str], None]
+Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -34,13 +34,13 @@ class Measured:
     """One embedding over the meshes.
 
     Attributes:
-        cards: by mesh, where there is one.
+        summaries: by mesh, where there is one.
         seconds: that embedding took, likewise.
-        failures: by mesh, the reason why there is no card.
+        failures: by mesh, the reason why there is no summary.
         similarities: by the names of two meshes.
     """
 
-    cards: Mapping[str, Card]
+    summaries: Mapping[str, UVSummary]
     seconds: Mapping[str, float]
     failures: Mapping[str, str]
     similarities: Mapping[tuple[str, str], Similarity]
@@ -48,8 +48,8 @@ class Measured:
     def values(self) -> dict[str, dict[str, float]]:
         """Every measure by name, then by mesh or pair of meshes."""
         found: dict[str, dict[str, float]] = {}
-        for mesh, card in self.cards.items():
-            for name, value in {**card.flat(), "seconds": self.seconds[mesh]}.items():
+        for mesh, summary in self.summaries.items():
+            for name, value in {**summary.flat(), "seconds": self.seconds[mesh]}.items():
                 found.setdefault(name, {})[mesh] = value
         for pair, alike in self.similarities.items():
             for name, value in (("similarity", alike.mean), ("matched", alike.matched)):
@@ -93,29 +93,31 @@ def sample_pairs(names: Sequence[str]) -> list[tuple[str, str]]:
     return [(one, ring[(i + step) % len(ring)]) for step in range(1, PARTNERS + 1) for i, one in enumerate(ring)]
 
 
-def measure_embedding(embedding: UVEmbedding, meshes: Mapping[str, Path], resolution: int, tell: Tell) -> Measured:
-    """The embedding over the meshes; `tell` is called with the name of each in turn. What fails is kept as a reason."""
-    found: dict[str, Outside] = {}
-    cards: dict[str, Card] = {}
+def measure_embedding(
+    embedding: UVEmbedding, meshes: Mapping[str, Path], resolution: int, progress: Progress
+) -> Measured:
+    """The embedding over the meshes; failures are kept with their reasons. `progress` gets each mesh's name in turn."""
+    found: dict[str, VisibleSurface] = {}
+    summaries: dict[str, UVSummary] = {}
     seconds: dict[str, float] = {}
     failures: dict[str, str] = {}
     for name, path in meshes.items():
-        tell(name)
+        progress(name)
         try:
             found[name], seconds[name] = _embed(embedding, path, resolution)
-            cards[name] = measure(found[name])
+            summaries[name] = UVSummary.of(found[name])
         except Exception as error:  # a plugin may raise anything, and the others still count
             failures[name] = str(error) or type(error).__name__
             log.info("%s: %s", name, failures[name])
-    pairs = sample_pairs([name for name in cards if len(found[name].faces)])
+    pairs = sample_pairs([name for name in summaries if len(found[name].faces)])
     alike = {}
     for pair in pairs:
-        tell(" / ".join(pair))
+        progress(" / ".join(pair))
         alike[pair] = similarity(found[pair[0]], found[pair[1]])
-    return Measured(cards, {name: seconds[name] for name in cards}, failures, alike)
+    return Measured(summaries, {name: seconds[name] for name in summaries}, failures, alike)
 
 
-def _embed(embedding: UVEmbedding, path: Path, resolution: int) -> tuple[Outside, float]:
+def _embed(embedding: UVEmbedding, path: Path, resolution: int) -> tuple[VisibleSurface, float]:
     """What is seen of the embedded mesh, and the seconds that embedding it took."""
     mesh = load_mesh(path)
     start = time.perf_counter()
@@ -123,7 +125,7 @@ def _embed(embedding: UVEmbedding, path: Path, resolution: int) -> tuple[Outside
     seconds = time.perf_counter() - start
     if not embedding.capabilities.injective:
         surface = hide_inner_layers(surface, resolution)
-    return outside(surface), seconds
+    return visible_surface(surface), seconds
 
 
 def as_json(results: Mapping[str, Measured]) -> dict[str, Any]:
@@ -136,8 +138,9 @@ def as_json(results: Mapping[str, Measured]) -> dict[str, Any]:
             },
             "failures": dict(measured.failures),
             "meshes": {
-                mesh: {key: _finite(value) for key, value in card.flat().items()} | {"seconds": measured.seconds[mesh]}
-                for mesh, card in measured.cards.items()
+                mesh: {key: _finite(value) for key, value in summary.flat().items()}
+                | {"seconds": measured.seconds[mesh]}
+                for mesh, summary in measured.summaries.items()
             },
             "similarity": [
                 {"meshes": list(pair), **{key: _finite(value) for key, value in vars(alike).items()}}

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.geometry.normals import uv_areas
-from svbrdfgan.metrics.uv.visibility import Outside
+from svbrdfgan.metrics.uv.visibility import VisibleSurface
 
 _THINNEST = 1e-6  # of the square: rounding to float32, as files hold UVs, decides the stretch of thinner faces
 
@@ -62,19 +62,19 @@ def singular_values(
     return np.where(good, largest, np.inf), np.where(good, least, np.inf)
 
 
-def face_stretch(found: Outside) -> tuple[Float[ndarray, " faces"], Float[ndarray, " faces"]]:
+def face_stretch(visible: VisibleSurface) -> tuple[Float[ndarray, " faces"], Float[ndarray, " faces"]]:
     """Gamma and gamma of each face, normalised by the areas of all that are not collapsed."""
-    largest, least = singular_values(found.positions[found.faces], found.uv)
+    largest, least = singular_values(visible.positions[visible.faces], visible.uv)
     good = np.isfinite(largest)
-    on_surface, in_square = found.areas[good].sum(), np.abs(found.uv_areas[good]).sum()
+    on_surface, in_square = visible.areas[good].sum(), np.abs(visible.uv_areas[good]).sum()
     scale = np.sqrt(in_square / on_surface) if on_surface > 0 else 1.0
     return largest * scale, least * scale
 
 
-def distortion(found: Outside) -> Distortion:
+def distortion(visible: VisibleSurface) -> Distortion:
     """The distortion of what is there."""
-    largest, least = face_stretch(found)
-    weights = found.areas
+    largest, least = face_stretch(visible)
+    weights = visible.areas
     good = np.isfinite(largest) & (weights > 0)
     collapsed = float(weights[~np.isfinite(largest)].sum() / max(weights.sum(), 1e-300))
     if not good.any():

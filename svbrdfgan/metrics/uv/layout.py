@@ -10,8 +10,8 @@ from numpy import ndarray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from svbrdfgan.metrics.uv.point_location import Stabs, Triangles
-from svbrdfgan.metrics.uv.visibility import NEAR, Outside
+from svbrdfgan.metrics.uv.point_location import Hits, PointLocator
+from svbrdfgan.metrics.uv.visibility import NEAR, VisibleSurface
 
 TEXELS = 512  # along a side, of the grid on which overlap and coverage are measured
 _SAME = 5e-4  # corners nearer than this in UV are the same
@@ -37,57 +37,57 @@ class Layout:
     charts: int
 
 
-def layout(found: Outside) -> Layout:
+def layout(visible: VisibleSurface) -> Layout:
     """The layout of what is there."""
-    area, signed = found.areas, found.uv_areas
+    area, signed = visible.areas, visible.uv_areas
     total = max(float(area.sum()), 1e-300)
-    overlapping, coverage = overlap_and_coverage(found)
-    edges = _shared_edges(found)
+    overlapping, coverage = overlap_and_coverage(visible)
+    edges = _shared_edges(visible)
     return Layout(
         flipped=float(area[signed < 0].sum()) / total,
         overlapping=overlapping,
         coverage=coverage,
         seam_length=float(edges.length[edges.parted].sum()) / total**0.5,
-        charts=int(_charts(edges, len(found.faces)).max(initial=-1)) + 1,
+        charts=int(_charts(edges, len(visible.faces)).max(initial=-1)) + 1,
     )
 
 
-def overlap_and_coverage(found: Outside, texels: int = TEXELS) -> tuple[float, float]:
+def overlap_and_coverage(visible: VisibleSurface, texels: int = TEXELS) -> tuple[float, float]:
     """`Layout.overlapping` and `Layout.coverage`, at the centres of texels x texels."""
-    stabs, crowded = crowded_texels(found, texels)
-    area, in_square = found.areas, np.abs(found.uv_areas)
-    per_texel = (area / np.where(in_square > 0, in_square, 1.0))[stabs.triangle] / texels**2
-    return min(float(per_texel[crowded].sum() / max(area.sum(), 1e-300)), 1.0), len(np.unique(stabs.point)) / texels**2
+    hits, crowded = crowded_texels(visible, texels)
+    area, in_square = visible.areas, np.abs(visible.uv_areas)
+    per_texel = (area / np.where(in_square > 0, in_square, 1.0))[hits.triangle] / texels**2
+    return min(float(per_texel[crowded].sum() / max(area.sum(), 1e-300)), 1.0), len(np.unique(hits.point)) / texels**2
 
 
-def crowded_texels(found: Outside, texels: int) -> tuple[Stabs, Bool[ndarray, " stabs"]]:
+def crowded_texels(visible: VisibleSurface, texels: int) -> tuple[Hits, Bool[ndarray, " hits"]]:
     """What lies over the centres of texels (row * texels + column), and whether another place lies over the same."""
-    stabs = _at_texels(found, texels)
-    if not len(stabs.point):
-        return stabs, np.zeros(0, dtype=bool)
-    start = np.flatnonzero(np.diff(stabs.point, prepend=-1))
-    place = np.einsum("sk,skx->sx", stabs.barycentric, found.positions[found.faces[stabs.triangle]])
+    hits = _at_texels(visible, texels)
+    if not len(hits.point):
+        return hits, np.zeros(0, dtype=bool)
+    start = np.flatnonzero(np.diff(hits.point, prepend=-1))
+    place = np.einsum("sk,skx->sx", hits.barycentric, visible.positions[visible.faces[hits.triangle]])
     span = np.maximum.reduceat(place, start) - np.minimum.reduceat(place, start)
-    apart = np.linalg.norm(span, axis=1) > 2 * NEAR * found.diagonal
-    return stabs, np.repeat(apart, np.diff(start, append=len(stabs.point)))
+    apart = np.linalg.norm(span, axis=1) > 2 * NEAR * visible.diagonal
+    return hits, np.repeat(apart, np.diff(start, append=len(hits.point)))
 
 
-def _at_texels(found: Outside, texels: int) -> Stabs:
+def _at_texels(visible: VisibleSurface, texels: int) -> Hits:
     """What lies over the centres of the texels, in their order."""
-    nothing = Stabs(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
-    if not len(found.faces):
+    nothing = Hits(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+    if not len(visible.faces):
         return nothing
     centre = (np.arange(texels) + 0.5) / texels
     points = np.stack(np.meshgrid(centre, centre), axis=-1).reshape(-1, 2)
-    low, high = found.uv.min(axis=(0, 1)), found.uv.max(axis=(0, 1))
+    low, high = visible.uv.min(axis=(0, 1)), visible.uv.max(axis=(0, 1))
     within = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-    all_found = list(Triangles.of(found.uv).over(points[within]))
+    all_found = list(PointLocator.of(visible.uv).locate(points[within]))
     if not all_found:
         return nothing
-    return Stabs(
-        within[np.concatenate([stabs.point for stabs in all_found])],
-        np.concatenate([stabs.triangle for stabs in all_found]),
-        np.concatenate([stabs.barycentric for stabs in all_found]),
+    return Hits(
+        within[np.concatenate([hits.point for hits in all_found])],
+        np.concatenate([hits.triangle for hits in all_found]),
+        np.concatenate([hits.barycentric for hits in all_found]),
     )
 
 
@@ -108,27 +108,27 @@ class _Edges:
     joined: Bool[ndarray, " pairs"]
 
 
-def _shared_edges(found: Outside) -> _Edges:
-    face = np.repeat(np.arange(len(found.faces)), 3)
-    ends = np.stack([found.faces, np.roll(found.faces, -1, axis=1)], axis=2).reshape(-1, 2)
-    uv = np.stack([found.uv, np.roll(found.uv, -1, axis=1)], axis=2).reshape(-1, 2, 2)
+def _shared_edges(visible: VisibleSurface) -> _Edges:
+    face = np.repeat(np.arange(len(visible.faces)), 3)
+    ends = np.stack([visible.faces, np.roll(visible.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    uv = np.stack([visible.uv, np.roll(visible.uv, -1, axis=1)], axis=2).reshape(-1, 2, 2)
     swap = ends[:, 0] > ends[:, 1]
     ends, uv = np.where(swap[:, None], ends[:, ::-1], ends), np.where(swap[:, None, None], uv[:, ::-1], uv)
     order = np.lexsort((ends[:, 1], ends[:, 0]))
     ends, uv, face = ends[order], uv[order], face[order]
     same = (ends[1:] == ends[:-1]).all(axis=1)
-    parted = same & (found.uv_distance(uv[1:], uv[:-1]).max(axis=1, initial=0.0) > _SAME)
+    parted = same & (visible.uv_distance(uv[1:], uv[:-1]).max(axis=1, initial=0.0) > _SAME)
     edge = np.cumsum(np.concatenate([[True], ~same]))[1:][same] if len(face) else np.zeros(0, dtype=np.int64)
     pairs = np.stack([face[:-1][same], face[1:][same]], axis=1)
     any_parted = np.bincount(edge, parted[same], minlength=int(edge.max(initial=0)) + 1) > 0
     first = np.concatenate([[True], np.diff(edge) > 0])[: len(edge)]
-    span = np.linalg.norm(found.positions[ends[1:][same, 0]] - found.positions[ends[1:][same, 1]], axis=1)
+    span = np.linalg.norm(visible.positions[ends[1:][same, 0]] - visible.positions[ends[1:][same, 1]], axis=1)
     return _Edges(pairs, np.where(first, span, 0.0), any_parted[edge], ~parted[same])
 
 
-def chart_of_faces(found: Outside) -> Int[ndarray, " faces"]:
+def chart_of_faces(visible: VisibleSurface) -> Int[ndarray, " faces"]:
     """Which chart each face is in, numbered from 0: faces hang together over edges at which they do not part in UV."""
-    return _charts(_shared_edges(found), len(found.faces))
+    return _charts(_shared_edges(visible), len(visible.faces))
 
 
 def _charts(edges: _Edges, faces: int) -> Int[ndarray, " faces"]:

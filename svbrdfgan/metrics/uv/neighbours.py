@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from svbrdfgan.geometry.normals import face_normals
 from svbrdfgan.geometry.sampling import faces_by_area, points_in_triangle
-from svbrdfgan.metrics.uv.visibility import Outside
+from svbrdfgan.metrics.uv.visibility import VisibleSurface
 
 POINTS = 1 << 16  # as many as texels at 256 x 256
 REACH = 1 / 64  # of the square root of the area: the distance of neighbours on the surface
@@ -38,18 +38,18 @@ class Samples:
     uv: Float[ndarray, "points 2"]
 
 
-def spread(found: Outside, count: int) -> Samples:
+def spread(visible: VisibleSurface, count: int) -> Samples:
     """`count` points, each for the same area; without chance."""
-    face, weights = faces_by_area(np.cumsum(found.areas), count), points_in_triangle(np.arange(count))
+    face, weights = faces_by_area(np.cumsum(visible.areas), count), points_in_triangle(np.arange(count))
     return Samples(
         face=face,
-        positions=np.einsum("pk,pkx->px", weights, found.positions[found.faces[face]]),
-        normals=face_normals(found.positions, found.faces)[face],
-        uv=np.einsum("pk,pkx->px", weights, found.uv[face]),
+        positions=np.einsum("pk,pkx->px", weights, visible.positions[visible.faces[face]]),
+        normals=face_normals(visible.positions, visible.faces)[face],
+        uv=np.einsum("pk,pkx->px", weights, visible.uv[face]),
     )
 
 
-def connectivity(found: Outside, count: int = POINTS) -> float:
+def connectivity(visible: VisibleSurface, count: int = POINTS) -> float:
     """The share of neighbouring places of the surface that are neighbours in the map.
 
     Neighbours on the surface: pairs of `count` even samples nearer to each other than 1/64 of the square root of the
@@ -57,13 +57,13 @@ def connectivity(found: Outside, count: int = POINTS) -> float:
     the panels of a vehicle touch without being joined. Neighbours in UV: at most four times as far apart as an
     isometry would put points at that greatest distance. 1.0 where there is no pair.
     """
-    if not len(found.faces):
+    if not len(visible.faces):
         return 1.0
-    area, in_square = float(found.areas.sum()), float(np.abs(found.uv_areas).sum())
-    samples = spread(found, count)
+    area, in_square = float(visible.areas.sum()), float(np.abs(visible.uv_areas).sum())
+    samples = spread(visible, count)
     pairs = cKDTree(samples.positions).query_pairs(REACH * area**0.5, output_type="ndarray")
     one, other = pairs[np.einsum("px,px->p", *samples.normals[pairs.T]) > _LIKE].T
-    stays = found.uv_distance(samples.uv[one], samples.uv[other]) <= WINDOW * REACH * in_square**0.5
+    stays = visible.uv_distance(samples.uv[one], samples.uv[other]) <= WINDOW * REACH * in_square**0.5
     return float(stays.mean()) if len(one) else 1.0
 
 
@@ -81,7 +81,7 @@ class Similarity:
     matched: float
 
 
-def similarity(one: Outside, other: Outside, count: int = PROBES) -> Similarity:
+def similarity(one: VisibleSurface, other: VisibleSurface, count: int = PROBES) -> Similarity:
     """How far apart the same normalised place of two surfaces is in UV.
 
     Even samples of each are carried by the boxes around the two whole surfaces (each axis scaled on its own) to the
@@ -98,7 +98,7 @@ def similarity(one: Outside, other: Outside, count: int = PROBES) -> Similarity:
     )
 
 
-def _distances(one: Outside, other: Outside, count: int) -> Float[ndarray, " points"]:
+def _distances(one: VisibleSurface, other: VisibleSurface, count: int) -> Float[ndarray, " points"]:
     """In UV, from samples of the first to the same places of the second; infinite where there is none."""
     if not (len(one.faces) and len(other.faces)):
         return np.full(count, np.inf)
@@ -113,19 +113,19 @@ def _distances(one: Outside, other: Outside, count: int) -> Float[ndarray, " poi
 
 
 def _closest_uv(
-    found: Outside, positions: Float[ndarray, "points 3"], normals: Float[ndarray, "points 3"]
+    visible: VisibleSurface, positions: Float[ndarray, "points 3"], normals: Float[ndarray, "points 3"]
 ) -> Float[ndarray, "points 2"]:
     """The UV of the closest place with a like normal, among the faces of the nearest samples; NaN if none has one."""
-    dense = spread(found, _DENSE)
+    dense = spread(visible, _DENSE)
     _, index = cKDTree(dense.positions).query(positions, k=_CANDIDATES)
     face = dense.face[index]
     like = np.einsum("pkx,px->pk", dense.normals[index], normals) > _LIKE
     weights, distance = _closest_on_triangles(
-        found.positions[found.faces[face]], np.broadcast_to(positions[:, None], (*face.shape, 3))
+        visible.positions[visible.faces[face]], np.broadcast_to(positions[:, None], (*face.shape, 3))
     )
     best = np.argmin(np.where(like, distance, np.inf), axis=1)
     row = np.arange(len(best))
-    uv = np.einsum("pk,pkx->px", weights[row, best], found.uv[face[row, best]])
+    uv = np.einsum("pk,pkx->px", weights[row, best], visible.uv[face[row, best]])
     return np.where(like.any(axis=1)[:, None], uv, np.nan)
 
 

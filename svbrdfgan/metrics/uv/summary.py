@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from svbrdfgan.metrics.uv.distortion import Distortion, distortion
 from svbrdfgan.metrics.uv.layout import Layout, layout
 from svbrdfgan.metrics.uv.neighbours import connectivity
-from svbrdfgan.metrics.uv.visibility import Outside, outside
+from svbrdfgan.metrics.uv.visibility import VisibleSurface, visible_surface
 from svbrdfgan.types import Surface
 
 
 @dataclass(frozen=True)
-class Card:
+class UVSummary:
     """The measures of a map, of what is seen from outside and not hidden.
 
     Attributes:
@@ -29,17 +29,18 @@ class Card:
     seen: float
     area: float
 
+    @classmethod
+    def of(cls, visible: VisibleSurface) -> UVSummary:
+        """The measures of what is visible."""
+        area = float(visible.areas.sum())
+        return cls(distortion(visible), layout(visible), connectivity(visible), visible.kept, visible.seen, area)
+
     def flat(self) -> dict[str, float]:
         """All measures by name."""
         own = {name: getattr(self, name) for name in ("connectivity", "kept", "seen", "area")}
         return {**vars(self.distortion), **vars(self.layout), **own}
 
 
-def card_of(surface: Surface) -> Card:
-    """The card of a surface, after `hide_inner_layers` where the embedding is not one-to-one. Some seconds."""
-    return measure(outside(surface))
-
-
-def measure(found: Outside) -> Card:
-    """The card of what was found outside."""
-    return Card(distortion(found), layout(found), connectivity(found), found.kept, found.seen, float(found.areas.sum()))
+def summary_of(surface: Surface) -> UVSummary:
+    """The measures of a surface, after `hide_inner_layers` where the embedding is not one-to-one. Some seconds."""
+    return UVSummary.of(visible_surface(surface))

@@ -1,4 +1,4 @@
-"""What of a surface is seen from outside, by rays: what the metrics count, and nothing else.
+"""The part of a surface that is visible from outside, found by rays. The metrics count nothing else.
 
 The rule: a place is outside if it sees past the whole surface, at more than a grazing angle, in at least two of 64
 directions spread evenly over the upper half of the sphere, the horizon included: what a camera on the ground, or
@@ -8,7 +8,9 @@ other. The surface is cut into pieces of a fiftieth of the diagonal, and each is
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -17,10 +19,11 @@ from numpy import ndarray
 from svbrdfgan.geometry.normals import face_areas, face_normals, uv_areas
 from svbrdfgan.geometry.sampling import upper_frames
 from svbrdfgan.geometry.subdivide import EdgePredicate, Pieces, refine
-from svbrdfgan.metrics.uv.point_location import Triangles
+from svbrdfgan.metrics.uv.point_location import PointLocator
 from svbrdfgan.types import Surface
 
 DIRECTIONS = 64
+_AT_ONCE = 2  # directions, each in a thread: NumPy's loops run side by side
 SEEN = 2  # directions that a place must be seen from
 NEAR = 1e-3  # of the diagonal: layers that hide nothing from each other
 _PIECE = 0.02  # of the diagonal: the longest edge of a piece
@@ -30,7 +33,7 @@ _CLEARLY = 8  # directions that settle which side is outside
 
 
 @dataclass(frozen=True, eq=False)
-class Outside:
+class VisibleSurface:
     """The triangles of a surface that count, wound counter-clockwise as seen from outside.
 
     Attributes:
@@ -74,18 +77,20 @@ class Outside:
         return np.linalg.norm(np.where(self.repeat, np.minimum(apart, 1.0 - apart), apart), axis=-1)
 
 
-def whole(surface: Surface) -> Outside:
+def whole_surface(surface: Surface) -> VisibleSurface:
     """All of a surface, as wound, hidden parts and all: for one that has nothing to hide, such as a wrap."""
     positions, faces = _welded(surface)
-    return Outside(positions, faces, surface.uv[surface.faces], _bounds(surface), surface.repeat, np.arange(len(faces)))
+    return VisibleSurface(
+        positions, faces, surface.uv[surface.faces], _bounds(surface), surface.repeat, np.arange(len(faces))
+    )
 
 
-def outside(surface: Surface) -> Outside:
+def visible_surface(surface: Surface) -> VisibleSurface:
     """What is seen of a surface from outside and not in a hidden part; by the rule of this module. Some seconds.
 
     Empty if nothing is seen.
     """
-    every = whole(surface)
+    every = whole_surface(surface)
     pieces = refine(Pieces.whole(every.positions, every.faces), _longer_than(_PIECE * every.diagonal), _ROUNDS)
     front, back = _seen_from(_source_corners(surface), pieces, NEAR * every.diagonal)
     seen, turned = front + back >= SEEN, back > 4 * front
@@ -93,7 +98,7 @@ def outside(surface: Surface) -> Outside:
     area = face_areas(pieces.positions, pieces.faces)
     order = np.where(turned[:, None], [0, 2, 1], [0, 1, 2])
     counts = seen & ~hidden & (area > 0.0)
-    return Outside(
+    return VisibleSurface(
         positions=pieces.positions,
         faces=np.take_along_axis(pieces.faces, order, axis=1)[counts],
         uv=np.take_along_axis(pieces.interpolate(every.uv), order[:, :, None], axis=1)[counts],
@@ -114,17 +119,39 @@ def _seen_from(
     """
     points, normals = pieces.positions[pieces.faces].mean(axis=1), face_normals(pieces.positions, pieces.faces)
     front, back = np.zeros(len(points), dtype=np.int64), np.zeros(len(points), dtype=np.int64)
-    for frame in upper_frames(_mixed(DIRECTIONS)):
-        cosine = np.einsum("px,x->p", normals, frame[2])
-        asked = np.flatnonzero((front < _CLEARLY) & (np.abs(cosine) > _GRAZING))
-        # not by BLAS, whose threads cost more than they save on three columns
-        turned, from_here = (np.einsum("...x,yx->...y", places, frame) for places in (corners, points[asked]))
-        height = turned[:, :, 2]
-        over = Triangles.of(turned[:, :, :2], height.max(axis=1))
-        free = ~over.any_higher(from_here[:, :2], from_here[:, 2] + near, height)
-        front[asked] += free & (cosine[asked] > 0)
-        back[asked] += free & (cosine[asked] < 0)
+    with ThreadPoolExecutor(_AT_ONCE) as threads:
+        for frames in np.array_split(upper_frames(_mixed(DIRECTIONS)), DIRECTIONS // _AT_ONCE):
+            open_ = np.flatnonzero(front < _CLEARLY)
+            look = partial(_facing, corners, points[open_], normals[open_], near)
+            for facing in threads.map(look, frames):
+                counts = front[open_] < _CLEARLY  # a direction beside this one may have settled it
+                front[open_] += counts & (facing > 0)
+                back[open_] += counts & (facing < 0)
     return front, back
+
+
+def _facing(
+    corners: Float[ndarray, "occluders 3 3"],
+    points: Float[ndarray, "points 3"],
+    normals: Float[ndarray, "points 3"],
+    near: float,
+    frame: Float[ndarray, "3 3"],
+) -> Int[ndarray, " points"]:
+    """1 where a direction (the frame's last row) sees a point's front, -1 its back, 0 where it does not see it."""
+    cosine = normals @ frame[2]
+    asked = np.flatnonzero(np.abs(cosine) > _GRAZING)
+    turned, from_here = _turned(corners.reshape(-1, 3), frame).reshape(corners.shape), _turned(points[asked], frame)
+    height = turned[:, :, 2]
+    locator = PointLocator.of(turned[:, :, :2], ranked=np.argsort(-height.max(axis=1)))
+    free = ~locator.any_higher(from_here[:, :2], from_here[:, 2] + near, height)
+    facing = np.zeros(len(points), dtype=np.int64)
+    facing[asked[free]] = np.sign(cosine[asked[free]])
+    return facing
+
+
+def _turned(points: Float[ndarray, "points 3"], frame: Float[ndarray, "3 3"]) -> Float[ndarray, "points 3"]:
+    """The points in the frame. Not by BLAS, whose threads cost more than they save on three columns."""
+    return np.einsum("yx,px->py", frame, points)
 
 
 def _mixed(count: int) -> Int[ndarray, " count"]:

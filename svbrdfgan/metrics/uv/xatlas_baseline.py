@@ -1,4 +1,4 @@
-"""xatlas, the unwrapper of many engines, as a peer to measure embeddings against. Optional: `pip install xatlas`."""
+"""xatlas, the unwrapper of many engines, as a baseline for embeddings. Optional: `pip install xatlas`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def xatlas_installed() -> bool:
 
 
 @dataclass(frozen=True)
-class XatlasPeer:
+class XatlasBaseline:
     """xatlas with its default options: many small charts of little distortion, packed. Not an embedding to train with.
 
     Raises:

@@ -11,7 +11,7 @@ from numpy import ndarray
 from svbrdfgan.geometry.bake import bake
 from svbrdfgan.geometry.layers import hide_inner_layers
 from svbrdfgan.geometry.normals import face_areas
-from svbrdfgan.geometry.rasterize import rasterize
+from svbrdfgan.geometry.rasterize import Fragments, rasterize
 from svbrdfgan.testing.embedding.base import EmbeddingKit
 from svbrdfgan.testing.embedding.meshes import body, moved, nested, shell, sphere, with_unused_vertices
 from svbrdfgan.testing.embedding.points import Points, find
@@ -33,14 +33,14 @@ class MappingTests(EmbeddingKit):
 
     def test_the_square_is_used(self) -> None:
         """A tenth of the texels, or more, show a closed body."""
-        filled = float(bake(self.embedding.embed(body()), _TEXELS, _TEXELS).mask.double().mean())
+        filled = float(bake(Fragments.of(self.embedding.embed(body()), _TEXELS, _TEXELS)).mask.double().mean())
         check(filled >= _LEAST_FILLED, f"{filled:.1%} of the texels show the body; wanted {_LEAST_FILLED:.0%}.")
 
     def test_one_to_one_means_no_overlap(self) -> None:
         """Under an injective embedding no texel's centre lies in two faces; one in 200 may, by rounding at borders."""
         declared(self.capabilities.injective, "injective")
         for name, _, surface in self.surfaces():
-            layers = rasterize(surface, 4 * _TEXELS, 4 * _TEXELS).layers
+            layers = Fragments.of(surface, 4 * _TEXELS, 4 * _TEXELS).layers
             share = (layers > 1).sum() / max((layers > 0).sum(), 1)
             check(share <= _MOST_OVERLAPPING, f"{name}: {share:.1%} of the texels in use lie in two faces or more.")
 

@@ -109,7 +109,7 @@ def test_a_folder_without_meshes_is_an_error(tmp_path: Path, name: str) -> None:
 def test_xatlas_is_asked_for_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(xatlas_baseline.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(PluginError, match="pip install xatlas"):
-        xatlas_baseline.XatlasPeer()
+        xatlas_baseline.XatlasBaseline()
 
 
 @pytest.fixture
@@ -132,11 +132,11 @@ def stand_in(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 @pytest.mark.usefixtures("stand_in")
 def test_xatlas_is_read_by_its_own_vertices(folder: Path) -> None:
     mesh = load_mesh(folder / "two.obj")
-    surface = xatlas_baseline.XatlasPeer().embed(mesh)
+    surface = xatlas_baseline.XatlasBaseline().embed(mesh)
     np.testing.assert_allclose(surface.uv[surface.faces] * (2, 1), mesh.positions[mesh.faces][..., :2], atol=1e-6)
 
 
 def test_xatlas_that_loses_faces_is_told(folder: Path, stand_in: ModuleType) -> None:
     stand_in.parametrize = lambda positions, faces: (faces[:1], faces[:1], positions)  # type: ignore[attr-defined]
     with pytest.raises(EmbeddingError, match="xatlas gave 1 faces for 2"):
-        xatlas_baseline.XatlasPeer().embed(load_mesh(folder / "two.obj"))
+        xatlas_baseline.XatlasBaseline().embed(load_mesh(folder / "two.obj"))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from known_maps import cylinder, dome, flat, sheet
 
-from svbrdfgan.metrics.uv import distortion, face_stretch, singular_values, whole
+from svbrdfgan.metrics.uv import distortion, face_stretch, singular_values, whole_surface
 from svbrdfgan.metrics.uv.distortion import percentile
 from svbrdfgan.types import Surface
 
@@ -12,7 +12,7 @@ ALL_ONE = ("stretch_l2", "stretch_linf", "stretch_p99", "angle_mean", "angle_p99
 
 
 def ones(surface: Surface) -> dict[str, float]:
-    found = vars(distortion(whole(surface)))
+    found = vars(distortion(whole_surface(surface)))
     assert found["collapsed"] == 0.0
     return {name: found[name] for name in ALL_ONE}
 
@@ -52,7 +52,7 @@ def test_means_are_weighted_by_area_on_the_surface() -> None:
     positions = np.column_stack([surface.uv[:, 0] / 2, surface.uv[:, 1], 0 * surface.uv[:, 0]])
     right = surface.uv[:, 0] > 0.5
     positions[right, 0] = 0.25 + 1.5 * (surface.uv[right, 0] - 0.5)
-    found = distortion(whole(Surface(**{**vars(surface), "positions": positions})))
+    found = distortion(whole_surface(Surface(**{**vars(surface), "positions": positions})))
     assert found.stretch_l2 == pytest.approx(np.sqrt(0.25 * (0.25 + 1) / 2 + 0.75 * (2.25 + 1) / 2))
     assert found.stretch_linf == pytest.approx(1.5)
     assert found.area_mean == pytest.approx(0.25 * (0.5 + 2) / 2 + 0.75 * (1.5 + 1 / 1.5) / 2)
@@ -69,7 +69,7 @@ def test_an_unrolled_cylinder_is_isometric() -> None:
 
 def test_the_hemispherical_map_of_half_a_sphere(hemisphere: Surface) -> None:
     """Per unit of v the sphere is pi long, per unit of u pi sin(phi); E sin = pi/4, E sin^2 = 2/3, E 1/sin = pi/2."""
-    found = distortion(whole(hemisphere))
+    found = distortion(whole_surface(hemisphere))
     assert found.stretch_l2 == pytest.approx(np.sqrt(5 * np.pi / 12), rel=1e-3)
     assert found.stretch_linf == pytest.approx(np.sqrt(np.pi / 2), rel=1e-3)
     assert found.angle_mean == pytest.approx(3 * np.pi / 8, rel=2e-3)
@@ -78,7 +78,7 @@ def test_the_hemispherical_map_of_half_a_sphere(hemisphere: Surface) -> None:
 
 def test_sines_at_the_poles_decide_the_percentiles(hemisphere: Surface) -> None:
     """cos(phi) is uniform, so the 1 % of the area nearest to the poles has sin(phi) below sqrt(1 - 0.99^2)."""
-    found, sine = distortion(whole(hemisphere)), np.sqrt(1 - 0.99**2)
+    found, sine = distortion(whole_surface(hemisphere)), np.sqrt(1 - 0.99**2)
     assert found.angle_p99 == pytest.approx((sine + 1 / sine) / 2, rel=0.05)
     assert found.area_p99 == pytest.approx((np.pi * sine / 2 + 2 / (np.pi * sine)) / 2, rel=0.05)
 
@@ -98,14 +98,14 @@ def test_singular_values_are_those_of_the_jacobian() -> None:
 
 def test_what_is_collapsed_is_told_apart() -> None:
     surface = sheet(flat(2.0, 1.0), 2, 1, uv=lambda st: np.column_stack([np.minimum(st[:, 0], 0.5), st[:, 1]]))
-    found = distortion(whole(surface))
+    found = distortion(whole_surface(surface))
     assert found.collapsed == pytest.approx(0.5)
     assert found.stretch_l2 == pytest.approx(np.sqrt((2 + 0.5) / 2))
-    assert np.isinf(face_stretch(whole(surface))[0]).sum() == 2
+    assert np.isinf(face_stretch(whole_surface(surface))[0]).sum() == 2
 
 
 def test_a_map_to_a_point_has_no_finite_stretch() -> None:
-    found = distortion(whole(sheet(flat(1.0, 1.0), uv=lambda st: 0 * st)))
+    found = distortion(whole_surface(sheet(flat(1.0, 1.0), uv=lambda st: 0 * st)))
     assert found.collapsed == 1.0
     assert found.stretch_l2 == np.inf
 

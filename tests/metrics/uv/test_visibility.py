@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from known_maps import flat, sheet, surface_of
 
-from svbrdfgan.metrics.uv import Outside, outside
-from svbrdfgan.metrics.uv.point_location import Triangles
+from svbrdfgan.metrics.uv import VisibleSurface, visible_surface
+from svbrdfgan.metrics.uv.point_location import PointLocator
 from svbrdfgan.types import Surface
 
 
@@ -24,7 +24,7 @@ def ball(radius: float = 1.0) -> trimesh.Trimesh:
     return trimesh.creation.icosphere(subdivisions=2, radius=radius)
 
 
-def sides_seen(found: Outside) -> set[tuple[int, int]]:
+def sides_seen(found: VisibleSurface) -> set[tuple[int, int]]:
     """Which sides of an upright box: axis and sign."""
     normals = np.cross(*(found.positions[found.faces[:, k]] - found.positions[found.faces[:, 0]] for k in (1, 2)))
     axis = np.abs(normals).argmax(axis=1)
@@ -32,7 +32,7 @@ def sides_seen(found: Outside) -> set[tuple[int, int]]:
 
 
 def test_a_ball_within_a_ball_is_not_seen() -> None:
-    found = outside(of_meshes(ball(), ball(0.5)))
+    found = visible_surface(of_meshes(ball(), ball(0.5)))
     assert np.linalg.norm(found.positions[found.faces], axis=2).min() > 0.9
     assert found.seen == pytest.approx(0.8, abs=0.02)  # of 1 + 0.5^2, less the very bottom
     assert found.areas.sum() == pytest.approx(ball().area, rel=0.03)
@@ -40,7 +40,7 @@ def test_a_ball_within_a_ball_is_not_seen() -> None:
 
 
 def test_a_box_is_seen_but_for_its_bottom() -> None:
-    found = outside(of_meshes(trimesh.creation.box()))
+    found = visible_surface(of_meshes(trimesh.creation.box()))
     assert sides_seen(found) == {(0, 1), (0, -1), (1, 1), (2, 1), (2, -1)}
     assert found.areas.sum() == pytest.approx(5.0)
 
@@ -48,7 +48,7 @@ def test_a_box_is_seen_but_for_its_bottom() -> None:
 def test_an_open_box_shows_its_floor_from_above() -> None:
     box = trimesh.creation.box()
     box.update_faces(box.face_normals[:, 1] < 0.5)
-    found = outside(of_meshes(box))
+    found = visible_surface(of_meshes(box))
     assert (1, 1) in sides_seen(found)  # the floor, from within
     assert found.seen == pytest.approx(1.0)
 
@@ -56,7 +56,7 @@ def test_an_open_box_shows_its_floor_from_above() -> None:
 def test_what_is_wound_inward_is_turned() -> None:
     inward = ball()
     inward.invert()
-    found = outside(of_meshes(inward))
+    found = visible_surface(of_meshes(inward))
     middle = found.positions[found.faces].mean(axis=1)
     p, q = (found.positions[found.faces[:, k]] - found.positions[found.faces[:, 0]] for k in (1, 2))
     assert (np.einsum("fx,fx->f", np.cross(p, q), middle) > 0).all()
@@ -69,33 +69,33 @@ def test_mirrored_means_as_seen_from_outside(mirror: bool) -> None:
     dome.update_faces(dome.triangles_center[:, 1] > 0)
     for faces in (dome.faces, dome.faces[:, ::-1]):
         uv = 0.5 + 0.4 * dome.vertices[:, [0, 2]] * (1, 1 if mirror else -1)
-        found = outside(surface_of(dome.vertices, faces, uv))
+        found = visible_surface(surface_of(dome.vertices, faces, uv))
         assert (found.uv_areas < 0).mean() == pytest.approx(float(mirror), abs=0.02)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_sheet_seen_from_both_sides_keeps_its_winding(side: float) -> None:
-    found = outside(sheet(lambda st: flat(1.0, 1.0)(st) * (side, 1, 1)))
+    found = visible_surface(sheet(lambda st: flat(1.0, 1.0)(st) * (side, 1, 1)))
     assert sides_seen(found) == {(2, int(side))}
 
 
 def test_hidden_parts_do_not_count_and_are_told() -> None:
     beside = ball()
     beside.apply_translation((5, 0, 0))
-    found = outside(of_meshes(ball(), beside, hidden=1))
+    found = visible_surface(of_meshes(ball(), beside, hidden=1))
     assert found.kept == pytest.approx(0.5, abs=0.02)
     assert found.positions[found.faces, 0].max() < 2.0
 
 
 def test_hidden_parts_still_stand_in_the_way() -> None:
-    found = outside(of_meshes(ball(0.5), ball(), hidden=1))
+    found = visible_surface(of_meshes(ball(0.5), ball(), hidden=1))
     assert found.kept == 0.0
     assert len(found.faces) == 0
 
 
 def test_pieces_keep_their_place_in_the_map() -> None:
     """UV is an affine function of position before and after."""
-    found = outside(sheet(flat(2.0, 1.0), 3, 2))
+    found = visible_surface(sheet(flat(2.0, 1.0), 3, 2))
     np.testing.assert_allclose(found.uv, found.positions[found.faces][:, :, :2] / (2, 1), atol=1e-12)
     assert len(found.faces) > 1000
 
@@ -103,27 +103,28 @@ def test_pieces_keep_their_place_in_the_map() -> None:
 def test_size_and_place_do_not_matter() -> None:
     surface = of_meshes(ball(), ball(0.5))
     moved = replace(surface, positions=surface.positions * 1e-3 + (5, 0, 7))
-    assert outside(moved).seen == pytest.approx(outside(surface).seen, abs=1e-3)
+    assert visible_surface(moved).seen == pytest.approx(visible_surface(surface).seen, abs=1e-3)
 
 
 def test_rays_find_what_brute_force_finds() -> None:
     random = np.random.default_rng(1)
     corners = random.uniform(size=(300, 1, 2)) + 0.2 * random.normal(size=(300, 3, 2))
     points = random.uniform(-0.2, 1.2, size=(500, 2))
-    pieces = [np.column_stack([stabs.point, stabs.triangle]) for stabs in Triangles.of(corners).over(points)]
+    pieces = [np.column_stack([hits.point, hits.triangle]) for hits in PointLocator.of(corners).locate(points)]
     found = set(map(tuple, np.concatenate(pieces).tolist()))
     side = np.stack([_cross(corners[:, k - 2], corners[:, k - 1], points) for k in range(3)])
     inside = (side > 0).all(axis=0) | (side < 0).all(axis=0)
     assert found == set(map(tuple, np.argwhere(inside).tolist()))
     height, level = random.uniform(size=(300, 3)), random.uniform(size=500)
+    locator = PointLocator.of(corners, ranked=np.argsort(-height.max(axis=1)))
     above = np.zeros(500, dtype=bool)
-    for stabs in Triangles.of(corners).over(points):
-        here = (stabs.barycentric * height[stabs.triangle]).sum(axis=1)
+    for hits in PointLocator.of(corners).locate(points):
+        here = (hits.barycentric * height[hits.triangle]).sum(axis=1)
         np.testing.assert_allclose(
-            np.einsum("sk,skx->sx", stabs.barycentric, corners[stabs.triangle]), points[stabs.point], atol=1e-9
+            np.einsum("sk,skx->sx", hits.barycentric, corners[hits.triangle]), points[hits.point], atol=1e-9
         )
-        above[stabs.point[here > level[stabs.point]]] = True
-    np.testing.assert_array_equal(Triangles.of(corners, height.max(axis=1)).any_higher(points, level, height), above)
+        above[hits.point[here > level[hits.point]]] = True
+    np.testing.assert_array_equal(locator.any_higher(points, level, height), above)
 
 
 def _cross(a: np.ndarray, b: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -4,8 +4,8 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from svbrdfgan_given.embedding import pack
 from svbrdfgan_given.overlap import overlapping_pairs
-from svbrdfgan_given.pack import pack
 
 RIGHT = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 CASES = {

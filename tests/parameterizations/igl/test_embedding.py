@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from svbrdfgan_igl import LscmEmbedding, StretchEmbedding
 from svbrdfgan_igl.chart import Chart
-from svbrdfgan_igl.energy import Triangles, stretch
+from svbrdfgan_igl.energy import stretch
 from svbrdfgan_igl.flatten import one_to_one
 
 from svbrdfgan.errors import ConfigError, EmbeddingError
@@ -15,7 +15,7 @@ from svbrdfgan.geometry.layers import hide_inner_layers
 from svbrdfgan.geometry.normals import face_areas
 from svbrdfgan.io import load_mesh
 from svbrdfgan.metrics.uv.distortion import distortion
-from svbrdfgan.metrics.uv.visibility import outside, whole
+from svbrdfgan.metrics.uv.visibility import visible_surface, whole_surface
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.types import Mesh, Part, Surface
 
@@ -73,7 +73,7 @@ def test_a_wrap_is_a_disk_close_to_the_mesh_and_one_to_one(name: str, request: p
     assert one_to_one(chart.disk, chart.uv)
     assert chart.uv.min() >= 1 / 256 - 1e-9
     assert chart.uv.max() <= 1 - 1 / 256 + 1e-9
-    roof = chart.disk.positions[:, 1].max() * chart.place.size + chart.place.low[1]
+    roof = chart.disk.positions[:, 1].max() * chart.frame.size + chart.frame.low[1]
     assert roof == pytest.approx(1.4, abs=4.0 / CELLS)
 
 
@@ -120,7 +120,7 @@ def test_upright_walls_are_not_lines(car: Mesh, surface: Surface) -> None:
 @pytest.mark.parametrize("where", ["whole", "outside"])
 def test_no_piece_is_collapsed(where: str, surface: Surface) -> None:
     """One sliver with a singular value of zero would make the L2 stretch of the whole infinite."""
-    found = whole(surface) if where == "whole" else outside(hide_inner_layers(surface, 256))
+    found = whole_surface(surface) if where == "whole" else visible_surface(hide_inner_layers(surface, 256))
     assert distortion(found).stretch_l2 < 1.3
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from svbrdfgan_igl.boundary_barrier import Walls
-from svbrdfgan_igl.collision_barrier import Contact
+from svbrdfgan_igl.boundary_barrier import BoundaryBarrier
+from svbrdfgan_igl.collision_barrier import SelfCollisionBarrier
 from svbrdfgan_igl.crossing import loop_crosses_itself
-from svbrdfgan_igl.energy import Distortion, Triangles, stretch
+from svbrdfgan_igl.energy import stretch
 from svbrdfgan_igl.flatten import Boundary, conformal, least_stretch, one_to_one, packed
 from svbrdfgan_igl.topology import Disk
 from svbrdfgan_igl.tutte import tutte
@@ -22,10 +22,10 @@ def test_stretch_has_known_values(square: Surface) -> None:
     assert stretch(positions, faces, uv * (1, -1)) == np.inf
 
 
-@pytest.mark.parametrize("distortion", [Distortion(2, 0.5), Distortion(1, -1.0)])
-def test_gradients_are_those_of_finite_differences(hemisphere: Surface, distortion: Distortion) -> None:
+@pytest.mark.parametrize("distortion", [DistortionEnergy(2, 0.5), DistortionEnergy(1, -1.0)])
+def test_gradients_are_those_of_finite_differences(hemisphere: Surface, distortion: DistortionEnergy) -> None:
     disk = Disk(*hemisphere)
-    triangles, uv = Triangles.of(*hemisphere), tutte(disk)
+    triangles, uv = RestTriangles.of(*hemisphere), tutte(disk)
     blocks, hessian = distortion.derivatives(triangles, uv)
     gradient = np.zeros_like(uv)
     np.add.at(gradient, triangles.faces, blocks.reshape(-1, 3, 2))
@@ -39,7 +39,7 @@ def test_gradients_are_those_of_finite_differences(hemisphere: Surface, distorti
 def test_walls_push_inward_as_their_value_says(shape: str) -> None:
     rng = np.random.default_rng(1)
     uv, step = rng.uniform(-0.3, 0.3, (6, 2)), rng.normal(size=(6, 2))
-    walls = Walls(shape, np.arange(6), np.full(6, 1 / 6), 0.02)  # type: ignore[arg-type]
+    walls = BoundaryBarrier(shape, np.arange(6), np.full(6, 1 / 6), 0.02)  # type: ignore[arg-type]
     ahead, behind = (walls.value(uv + s * 1e-6 * step) for s in (1, -1))
     assert (ahead - behind) / 2e-6 == pytest.approx((walls.derivatives(uv)[0] * step).sum(), rel=1e-6)
     assert walls.value(uv + np.array([0.9, 0.0])) == np.inf
@@ -51,7 +51,7 @@ def test_contact_pushes_apart_as_its_value_says() -> None:
     arc = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     points = np.concatenate([arc, 0.8 * arc[::-1]])
     start = points * 1.0
-    contact = Contact(np.arange(40), np.full(40, 1 / 40), 4 * start, 0.3, 0.02)
+    contact = SelfCollisionBarrier(np.arange(40), np.full(40, 1 / 40), 4 * start, 0.3, 0.02)
     vertices, blocks, _ = contact.derivatives(points)
     gradient = np.zeros_like(points)
     np.add.at(gradient, vertices, blocks.reshape(-1, 3, 2))
@@ -88,7 +88,7 @@ def test_every_boundary_gives_a_one_to_one_map(hemisphere: Surface, flatten, bou
     disk = Disk(*hemisphere)
     uv = flatten(disk, boundary, 0.004)
     assert one_to_one(disk, uv)
-    triangles = Triangles.of(*hemisphere)
+    triangles = RestTriangles.of(*hemisphere)
     filled = float((triangles.area * triangles.determinants(packed(uv, 0.0))).sum())
     if boundary == "square":
         assert filled > 0.9

@@ -5,7 +5,7 @@ import pytest
 from svbrdfgan_igl.cut_to_disk import ENOUGH, cut_to_disk, is_one_surface
 from svbrdfgan_igl.energy import stretch
 from svbrdfgan_igl.flatten import least_stretch
-from svbrdfgan_igl.seams import Net, cut_open, opening
+from svbrdfgan_igl.seams import SurfaceGraph, cut_open, opening
 from svbrdfgan_igl.topology import components, euler, is_manifold
 
 Surface = tuple[np.ndarray, np.ndarray]
@@ -29,7 +29,7 @@ def test_topology_is_counted(square: Surface, torus: Surface) -> None:
 @pytest.mark.parametrize("holes", [[], [0], [0, 100], [0, 100, 200, 430]])
 def test_handles_and_holes_are_cut_open(torus: Surface, holes: list[int]) -> None:
     positions, faces = without(torus, holes)
-    net = Net.of(positions, faces)
+    net = SurfaceGraph.of(positions, faces)
     assert net.handles == 1
     assert len(net.loops) == len(holes)
     disk, source = cut_open(net, opening(net))
@@ -40,14 +40,14 @@ def test_handles_and_holes_are_cut_open(torus: Surface, holes: list[int]) -> Non
 
 def test_a_torus_is_cut_around_and_across_and_no_further(torus: Surface) -> None:
     """The shortest cut graph through a point: one loop around the tube, and one along it on the inner side."""
-    net = Net.of(*torus)
+    net = SurfaceGraph.of(*torus)
     cut = opening(net)
     length = np.linalg.norm(net.positions[cut[:, 0]] - net.positions[cut[:, 1]], axis=1).sum()
     assert length < 1.5 * (2 * np.pi * 0.4 + 2 * np.pi * 1.0)
 
 
 def test_a_square_with_holes_is_cut_between_them(square: Surface) -> None:
-    net = Net.of(*without(square, [20, 45, 90]))
+    net = SurfaceGraph.of(*without(square, [20, 45, 90]))
     assert net.handles == 0
     assert len(net.loops) == 4
     assert cut_open(net, opening(net))[0].is_disk

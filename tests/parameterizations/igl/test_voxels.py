@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 from svbrdfgan_igl.carve import carve, simple
 from svbrdfgan_igl.topology import components, euler, is_manifold
-from svbrdfgan_igl.voxels import Grid, closed_cells, filled_columns, near_cells
+from svbrdfgan_igl.voxels import VoxelGrid, closed_cells, filled_columns, near_cells
 from svbrdfgan_igl.wrap import _boundary
 
 ALL = np.ones((3, 3, 3), dtype=bool)
@@ -13,7 +13,7 @@ ALL = np.ones((3, 3, 3), dtype=bool)
 
 def surface_of(cells: np.ndarray) -> tuple[int, int]:
     """Components and Euler characteristic of the surface around cells."""
-    _, faces = _boundary(np.pad(cells, 2), Grid(np.zeros(3), 1.0, tuple(n + 4 for n in cells.shape)))
+    _, faces = _boundary(np.pad(cells, 2), VoxelGrid(np.zeros(3), 1.0, tuple(n + 4 for n in cells.shape)))
     return (components(faces)[0], euler(faces)) if len(faces) else (0, 0)
 
 
@@ -44,7 +44,7 @@ def test_carving_keeps_the_topology_of_a_ball(seed: int) -> None:
     carved = carve(solid, keep, ndimage.distance_transform_edt(~keep))
     assert (carved | ~keep).all()
     assert carved.sum() < solid.sum()
-    _, faces = _boundary(carved, Grid(np.zeros(3), 1.0, carved.shape))
+    _, faces = _boundary(carved, VoxelGrid(np.zeros(3), 1.0, carved.shape))
     assert is_manifold(faces)
     assert components(faces)[0] == 1
     assert euler(faces) == 2
@@ -53,7 +53,7 @@ def test_carving_keeps_the_topology_of_a_ball(seed: int) -> None:
 def test_no_ray_slips_through_a_thin_sheet() -> None:
     """A slanted triangle's cells part the two sides of the grid for every one of the 26 directions."""
     corners = np.array([[-5.0, 0.1, -5.0], [5.0, 0.4, -5.0], [0.0, 0.2, 9.0]])
-    grid = Grid.around(np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]), 12)
+    grid = VoxelGrid.around(np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]), 12)
     inside = near_cells(grid, corners, np.array([[0, 1, 2]]))[4:-4, :, 4:-4]
     label, count = ndimage.label(~inside, ALL)
     assert count == 2
@@ -65,7 +65,7 @@ def test_gaps_near_the_ground_are_filled_and_rods_left_out() -> None:
     near[3:23, 6:15, 3:43] = True
     near[3:5, 3:6, 5:8] = near[20:23, 3:6, 35:40] = True  # two feet
     near[12:14, 15:23, 20:22] = True  # an antenna
-    keep = closed_cells(near, Grid(np.zeros(3), 1.0, near.shape), 9)
+    keep = closed_cells(near, VoxelGrid(np.zeros(3), 1.0, near.shape), 9)
     assert keep[5:20, 3:6, 8:38].all()
     assert not keep[:, 20:].any()
     assert filled_columns(keep)[keep].all()

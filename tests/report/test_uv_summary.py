@@ -1,4 +1,4 @@
-"""The card of a map as file and picture."""
+"""The summary of a map as file and picture."""
 
 import json
 import math
@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from svbrdfgan.metrics.uv import measure, whole
-from svbrdfgan.report.uv_card import atlas_picture, card_json, write_card
+from svbrdfgan.metrics.uv import UVSummary, whole_surface
+from svbrdfgan.report.uv_summary import atlas_picture, summary_json, write_summary
 from svbrdfgan.report.uv_views import PAPER, UNSEEN, checker, look, paint
 from svbrdfgan.types import Part, Surface
 
@@ -68,20 +68,20 @@ def test_the_checkerboard_has_its_squares() -> None:
 def test_the_atlas_shows_what_is_wrong() -> None:
     mirrored = RIGHT[[1, 0, 3, 2]]
     good, wrong = (
-        atlas_picture(whole(rectangles(LEFT, RIGHT)), 64),
-        atlas_picture(whole(rectangles(LEFT, mirrored)), 64),
+        atlas_picture(whole_surface(rectangles(LEFT, RIGHT)), 64),
+        atlas_picture(whole_surface(rectangles(LEFT, mirrored)), 64),
     )
     redder = (wrong - good)[32, 48]
     assert redder[0] > redder[1] + 0.05
     np.testing.assert_array_equal(wrong[32, 16], good[32, 16])
-    crowded = atlas_picture(whole(rectangles(LEFT, LEFT)), 64)[32, 16] - good[32, 16]
+    crowded = atlas_picture(whole_surface(rectangles(LEFT, LEFT)), 64)[32, 16] - good[32, 16]
     assert crowded[2] > crowded[0] + 0.05
 
 
 def test_files(tmp_path: Path) -> None:
-    card = write_card(tmp_path, rectangles(LEFT, RIGHT), "two squares")
+    summary = write_summary(tmp_path, rectangles(LEFT, RIGHT), "two squares")
     data = json.loads((tmp_path / "card.json").read_text())
-    assert data == pytest.approx(card.flat())
+    assert data == pytest.approx(summary.flat())
     assert data["stretch_linf"] == pytest.approx(math.sqrt(2), rel=1e-6)
     with Image.open(tmp_path / "card.png") as picture:
         assert picture.width > 1500
@@ -90,11 +90,11 @@ def test_files(tmp_path: Path) -> None:
 
 def test_a_measure_that_is_not_finite_is_null() -> None:
     surface = rectangles(LEFT)
-    collapsed = measure(whole(replace(surface, uv=np.full_like(surface.uv, 0.5))))
-    assert json.loads(card_json(collapsed))["stretch_l2"] is None
+    collapsed = UVSummary.of(whole_surface(replace(surface, uv=np.full_like(surface.uv, 0.5))))
+    assert json.loads(summary_json(collapsed))["stretch_l2"] is None
 
 
 def test_a_surface_of_which_nothing_is_seen_still_has_a_card(tmp_path: Path) -> None:
-    card = write_card(tmp_path, rectangles(LEFT, hidden=(True,)), "nothing")
-    assert card.kept == 0.0
+    summary = write_summary(tmp_path, rectangles(LEFT, hidden=(True,)), "nothing")
+    assert summary.kept == 0.0
     assert json.loads((tmp_path / "card.json").read_text())["charts"] == 0

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.metrics.uv import Card, Outside, face_stretch, measure, outside
+from svbrdfgan.metrics.uv import UVSummary, VisibleSurface, face_stretch, visible_surface
 from svbrdfgan.metrics.uv.distortion import singular_values
 from svbrdfgan.metrics.uv.layout import chart_of_faces, crowded_texels
 from svbrdfgan.report.uv_views import Seen, checker, look, paint
@@ -33,47 +35,50 @@ _LINES = (
 )
 
 
-def write_card(folder: Path, surface: Surface, title: str) -> Card:
-    """Measures the surface's map, writes `card.json` and `card.png`, and gives the card.
+def write_summary(folder: Path, surface: Surface, title: str) -> UVSummary:
+    """Measures the surface's map, writes `card.json` and `card.png`, and gives the summary.
 
     Raises:
         AssetError: the disk refuses.
     """
-    found = outside(surface)
-    card = measure(found)
+    with ThreadPoolExecutor(len(_VIEWS)) as threads:
+        views = threads.map(lambda angles: look(surface, angles[0], angles[1], *_SIZE), _VIEWS)
+        visible = visible_surface(surface)
+        summary = UVSummary.of(visible)
     with atomic_path(folder / "card.json") as temporary:
-        temporary.write_text(card_json(card) + "\n")
+        temporary.write_text(summary_json(summary) + "\n")
     with atomic_path(folder / "card.png") as temporary:
-        _figure(surface, found, card, title).savefig(temporary, format="png", dpi=100)
-    return card
+        _figure(surface, visible, list(views), summary, title).savefig(temporary, format="png", dpi=100)
+    return summary
 
 
-def card_json(card: Card) -> str:
-    """The card as a JSON object; a measure that is not finite is null."""
-    return json.dumps({name: value if math.isfinite(value) else None for name, value in card.flat().items()}, indent=2)
+def summary_json(summary: UVSummary) -> str:
+    """The summary as a JSON object; a measure that is not finite is null."""
+    return json.dumps(
+        {name: value if math.isfinite(value) else None for name, value in summary.flat().items()}, indent=2
+    )
 
 
-def _figure(surface: Surface, found: Outside, card: Card, title: str) -> Any:
+def _figure(surface: Surface, visible: VisibleSurface, views: Sequence[Seen], summary: UVSummary, title: str) -> Any:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(18.0, 8.9), layout="constrained")
     halves: Any = figure.subfigures(1, 2, width_ratios=(11.5, 7.5))
     left, right = halves
-    views = [look(surface, *view, *_SIZE) for view in _VIEWS]
     hidden = np.array([part.hidden for part in surface.parts])[surface.face_part]
     rows = left.subplots(2, 2)
     for axes, seen in zip(rows[0], views, strict=True):
         _show(axes, paint(seen, ~hidden, lambda seen: checker(seen.uv)))
-    stretch = _Stretch.of(surface, found)
+    stretch = _Stretch.of(surface, visible)
     for axes, seen in zip(rows[1], views, strict=True):
         _show(axes, paint(seen, ~hidden, stretch.color))
     rows[0, 0].set_title("checkerboard of 32 x 32", loc="left", fontsize=13)
     rows[1, 0].set_title("stretch: length on the surface per length in UV; 1 is the mean", loc="left", fontsize=13)
     stretch.scale(left, rows[1])
     atlas = right.subplots()
-    _show(atlas, atlas_picture(found), origin="lower", extent=(0, 1, 0, 1))
+    _show(atlas, atlas_picture(visible), origin="lower", extent=(0, 1, 0, 1))
     atlas.set_title(f"{title}: the map of what is seen", loc="left", fontsize=13)
-    atlas.set_xlabel(_text(card), family="monospace", fontsize=10.5, loc="left", labelpad=10)
+    atlas.set_xlabel(_text(summary), family="monospace", fontsize=10.5, loc="left", labelpad=10)
     return figure
 
 
@@ -96,12 +101,12 @@ class _Stretch:
     octaves: Float[ndarray, " faces"]
 
     @classmethod
-    def of(cls, surface: Surface, found: Outside) -> _Stretch:
-        """Normalised as on the card: by what is seen."""
+    def of(cls, surface: Surface, visible: VisibleSurface) -> _Stretch:
+        """Normalised as on the summary: by what is seen."""
         largest, least = singular_values(surface.positions[surface.faces], surface.uv[surface.faces])
         scale = 1.0
-        if len(found.faces):
-            of_found, own = face_stretch(found)[0], singular_values(found.positions[found.faces], found.uv)[0]
+        if len(visible.faces):
+            of_found, own = face_stretch(visible)[0], singular_values(visible.positions[visible.faces], visible.uv)[0]
             good = np.isfinite(own) & (own > 0)
             scale = float(np.median(of_found[good] / own[good])) if good.any() else 1.0
         l2 = scale * np.hypot(largest, least) / math.sqrt(2.0)
@@ -129,17 +134,17 @@ class _Stretch:
         bar.set_ticks([-2, -1, 0, 1, 2], labels=["1/4 or less", "1/2", "1", "2", "4 or more"])
 
 
-def atlas_picture(found: Outside, texels: int = _ATLAS) -> Float[ndarray, "rows cols 3"]:
+def atlas_picture(visible: VisibleSurface, texels: int = _ATLAS) -> Float[ndarray, "rows cols 3"]:
     """The map, row 0 at v = 0: the checkerboard, charts outlined, mirrored texels red and crowded ones blue."""
     picture = np.full((texels * texels, 3), 0.93)
-    stabs, crowded = crowded_texels(found, texels)
-    centre = np.stack([stabs.point % texels + 0.5, stabs.point // texels + 0.5], axis=1) / texels
-    picture[stabs.point] = 0.45 + 0.55 * checker(centre)
-    for wrong, color in ((found.uv_areas[stabs.triangle] < 0, _FLIPPED), (crowded, _CROWDED)):
-        at = stabs.point[wrong]
+    hits, crowded = crowded_texels(visible, texels)
+    centre = np.stack([hits.point % texels + 0.5, hits.point // texels + 0.5], axis=1) / texels
+    picture[hits.point] = 0.45 + 0.55 * checker(centre)
+    for wrong, color in ((visible.uv_areas[hits.triangle] < 0, _FLIPPED), (crowded, _CROWDED)):
+        at = hits.point[wrong]
         picture[at] = 0.45 * picture[at] + 0.55 * color
     chart = np.full(texels * texels, -1)
-    chart[stabs.point] = chart_of_faces(found)[stabs.triangle]
+    chart[hits.point] = chart_of_faces(visible)[hits.triangle]
     picture[_borders(chart.reshape(texels, texels)).ravel()] = _BORDER
     return picture.reshape(texels, texels, 3)
 
@@ -153,9 +158,9 @@ def _borders(chart: ndarray) -> Bool[ndarray, "rows cols"]:
     return border & (chart >= 0)
 
 
-def _text(card: Card) -> str:
+def _text(summary: UVSummary) -> str:
     """The measures in columns, and what the colours of the map mean."""
-    values = card.flat()
+    values = summary.flat()
     lines = ["     ".join(f"{name:<13}{_number(values[key]):>8}" for name, key in line) for line in _LINES]
     return "\n".join([*lines, "", "red: mirrored, as seen from outside; blue: holds two places; purple: both"])
 
