@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,6 +18,16 @@ CONFIDENCE = 0.9999
 
 POWER = 0.95
 """A bias of the size that a test claims to find is found with at least this probability."""
+
+
+LEAST_RUNS = 8
+"""Independent runs from which a standard error is taken, at least: with fewer, Student's t would hide most errors."""
+
+
+def fewer(runs: int, spp: int, power: float) -> tuple[int, int]:
+    """Runs and samples per pixel, which together are this share of those given; never more runs."""
+    few = max(min(runs, LEAST_RUNS), round(runs * math.sqrt(power)))
+    return few, max(1, round(power * runs * spp / few))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,16 +13,15 @@ from svbrdfgan.plugins import load_renderer
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import declared
 from svbrdfgan.testing.renderer import cases
-from svbrdfgan.testing.renderer.base import RendererKit
 from svbrdfgan.testing.renderer.cases import Setting, Stage
-from svbrdfgan.testing.renderer.statistical_assertions import Known, unbiased
+from svbrdfgan.testing.renderer.statistical_assertions import Known, StatisticalKit
 from svbrdfgan.testing.statistics import block_sums
 from svbrdfgan.types import Environment
 
 _BLOCK = 4
 
 
-class AgreementTests(RendererKit):
+class AgreementTests(StatisticalKit):
     """Pictures in blocks of 4 x 4 pixels, and gradients in blocks of texels and of the environment's pixels.
 
     Every test finds an error of 3 % in pictures, and of 5 % in gradients and at several bounces (8 % in shadow and of
@@ -75,14 +74,14 @@ class AgreementTests(RendererKit):
         declared("roughness" in self.capabilities.differentiable, "the gradient of roughness")
         setting = cases.glossy(torch.tensor([[0.5, 0.9, 0.6], [0.7, 0.4, 0.8]])[..., None])
         grads = (setting.smooth(), 1.0 + 0.5 * setting.random())
-        known = Known.by_quadrature(setting, lambda scene: scene.roughness_gradients(grads, 0), split=16)
+        known = self.known(setting, lambda scene: scene.roughness_gradients(grads, 0), split=16)
         largest = np.broadcast_to(known.size.max(axis=(1, 2, 3), keepdims=True), known.size.shape)
         stage = Stage(self.renderer, setting)
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
             return np.stack([stage.map_gradient(grad, "roughness", 0, spp=spp, seed=seed) for grad in grads])
 
-        unbiased("gradient of roughness", stage, measure, replace(known, size=largest), claim=0.08, spp=64)
+        self.unbiased("gradient of roughness", stage, measure, replace(known, size=largest), claim=0.08, spp=64)
 
     def test_environment_gradient_in_the_open(self) -> None:
         """The environment's gradient is as quadrature says, to 5 % in pairs of pixels."""
@@ -104,37 +103,37 @@ class AgreementTests(RendererKit):
         def apart(spp: int, seed: int) -> Float[ndarray, "*shape"]:
             return block_sums(mine.image(spp=spp, seed=seed) - other.image(spp=spp, seed=seed + 10**6), _BLOCK)
 
-        unbiased("image less that of numpy", mine, apart, Known.zero(size), claim=0.05, spp=16)
+        self.unbiased("image less that of numpy", mine, apart, Known.zero(size), claim=0.05, spp=16)
 
     def _image(self, setting: Setting, split: int = 4) -> None:
-        known = Known.by_quadrature(setting, lambda scene: block_sums(scene.image(), _BLOCK), split=split)
+        known = self.known(setting, lambda scene: block_sums(scene.image(), _BLOCK), split=split)
         stage = Stage(self.renderer, setting)
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
             return block_sums(stage.image(spp=spp, seed=seed), _BLOCK)
 
-        unbiased("image, by blocks", stage, measure, known, claim=0.03, spp=16)
+        self.unbiased("image, by blocks", stage, measure, known, claim=0.03, spp=16)
 
     def _texels(self, setting: Setting, part: int, grid: int = 4, claim: float = 0.05) -> None:
         grad = setting.smooth()
-        known = Known.by_quadrature(setting, lambda scene: scene.texel_gradients(grad)[part], grid)
+        known = self.known(setting, lambda scene: scene.texel_gradients(grad)[part], grid)
         stage = Stage(self.renderer, setting)
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
             return stage.map_gradient(grad, "base_color", part, spp=spp, seed=seed)
 
-        unbiased(f"gradient of the base colour of part {part}", stage, measure, known, claim=claim, spp=16)
+        self.unbiased(f"gradient of the base colour of part {part}", stage, measure, known, claim=claim, spp=16)
 
     def _light(self, setting: Setting, grid: int = 4, claim: float = 0.05) -> None:
         declared("environment" in self.capabilities.differentiable, "the environment's gradient")
         grad = setting.smooth()
-        known = Known.by_quadrature(setting, lambda scene: _pairs(scene.environment_gradient(grad)), grid, split=8)
+        known = self.known(setting, lambda scene: _pairs(scene.environment_gradient(grad)), grid, split=8)
         stage = Stage(self.renderer, setting)
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
             return _pairs(stage.light_gradient(grad, spp=spp, seed=seed))
 
-        unbiased("gradient of the environment, by pairs of columns", stage, measure, known, claim=claim, spp=16)
+        self.unbiased("gradient of the environment, by pairs of columns", stage, measure, known, claim=claim, spp=16)
 
 
 def _pairs(gradient: Float[ndarray, "rows cols 3"]) -> Float[ndarray, "rows pairs 3"]:

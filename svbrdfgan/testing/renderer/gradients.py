@@ -12,10 +12,9 @@ from numpy import ndarray
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.testing.renderer import cases
-from svbrdfgan.testing.renderer.base import RendererKit
 from svbrdfgan.testing.renderer.cases import Setting, Stage, flat
 from svbrdfgan.testing.renderer.finite_differences import slopes
-from svbrdfgan.testing.renderer.statistical_assertions import Known, exactly, unbiased
+from svbrdfgan.testing.renderer.statistical_assertions import Known, StatisticalKit, exactly
 from svbrdfgan.testing.statistics import numbers
 from svbrdfgan.types import Material, Materials
 
@@ -25,7 +24,7 @@ _HINT = (
 )
 
 
-class GradientTests(RendererKit):
+class GradientTests(StatisticalKit):
     """`render_vjp` against the renderer's own pictures: whether those are right is for others to say."""
 
     def test_base_color_of_every_texel_of_every_part(self) -> None:
@@ -99,7 +98,7 @@ class GradientTests(RendererKit):
 
         size = np.array([abs((stage.image(light, spp=16) * grad).sum()) for light in lights])
         size = np.maximum(size, 0.25 * size.max())
-        unbiased(
+        self.unbiased(
             "environment gradient less the picture's change, by rows",
             stage,
             apart,

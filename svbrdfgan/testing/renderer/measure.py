@@ -13,7 +13,7 @@ from numpy import ndarray
 from svbrdfgan.testing.kit import check
 from svbrdfgan.testing.quadrature import Quadrature
 from svbrdfgan.testing.renderer.base import RendererKit
-from svbrdfgan.testing.statistics import Estimate, estimate, margin
+from svbrdfgan.testing.statistics import Estimate, estimate, fewer, margin
 from svbrdfgan.types import Materials, Rendering, Surface, View
 
 Case = tuple[Surface, Materials, View]
@@ -41,7 +41,7 @@ class MeasuredKit(RendererKit):
 
     def pictures(self, *cases: Case, spp: int = 16, runs: int = RUNS) -> list[list[Rendering]]:
         """For each run a picture of each case, each with a seed of its own."""
-        runs = runs if self.capabilities.stochastic else 2
+        runs, spp = fewer(runs, spp, self.power) if self.capabilities.stochastic else (2, spp)
         ready = [(self.renderer.prepare(surface), materials, view) for surface, materials, view in cases]
         return [[self.renderer.render(*case, spp=spp, seed=next(self.seeds)) for case in ready] for _ in range(runs)]
 

@@ -12,9 +12,8 @@ from numpy import ndarray
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.testing.renderer import cases
-from svbrdfgan.testing.renderer.base import RendererKit
 from svbrdfgan.testing.renderer.cases import Setting, Stage, flat
-from svbrdfgan.testing.renderer.statistical_assertions import Known, unbiased
+from svbrdfgan.testing.renderer.statistical_assertions import StatisticalKit
 from svbrdfgan.testing.statistics import Estimate, block_sums, difference, estimate, margin, numbers
 
 _SEEDS = (0, 1, 2**31, 2**32, 2**32 + 1, 2**63 - 1)
@@ -23,7 +22,7 @@ _ATOMICS = 1e-5
 """What the order of additions may change, of the largest value, on devices that do not fix it."""
 
 
-class RandomnessTests(RendererKit):
+class RandomnessTests(StatisticalKit):
     """The picture and its gradient as functions of the seed. Deterministic renderers ignore it, and are right."""
 
     def test_same_seed_same_picture(self) -> None:
@@ -89,12 +88,12 @@ class RandomnessTests(RendererKit):
         declared("base_color" in self.capabilities.differentiable, "the gradient of base_color")
         setting = cases.sheet(size=64, texels=(2, 2))
         stage, grad = Stage(self.renderer, setting), setting.smooth()
-        known = Known.by_quadrature(setting, lambda scene: scene.texel_gradients(grad)[0], grid=2)
+        known = self.known(setting, lambda scene: scene.texel_gradients(grad)[0], grid=2)
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
             return stage.map_gradient(grad, "base_color", 0, spp=spp, seed=seed)
 
-        unbiased("gradient of the base colour", stage, measure, known, claim=0.05, spp=1, fixed=True)
+        self.unbiased("gradient of the base colour", stage, measure, known, claim=0.05, spp=1, fixed=True)
 
     def test_error_falls_with_samples(self) -> None:
         """16 times the samples leave at most a quarter of the noise."""
@@ -114,7 +113,7 @@ class RandomnessTests(RendererKit):
         declared("base_color" in self.capabilities.differentiable, "the gradient of base_color")
         setting = cases.sheet(size=32, texels=(2, 2))
         stage, layer = Stage(self.renderer, setting), RenderLayer(self.renderer, spp=1, spp_grad=1)
-        known = Known.by_quadrature(setting, lambda scene: scene.texel_gradients(scene.image())[0], grid=2)
+        known = self.known(setting, lambda scene: scene.texel_gradients(scene.image())[0], grid=2)
         texture = setting.materials[0].base_color
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
@@ -125,7 +124,7 @@ class RandomnessTests(RendererKit):
             check(learned.grad is not None, "torch has no gradient of the base colour.")
             return numbers(torch.zeros_like(learned) if learned.grad is None else learned.grad)
 
-        unbiased("gradient of the squared picture", stage, measure, known, claim=0.1, spp=1, fixed=True)
+        self.unbiased("gradient of the squared picture", stage, measure, known, claim=0.1, spp=1, fixed=True)
 
     @property
     def _slack(self) -> float:
@@ -147,7 +146,7 @@ class RandomnessTests(RendererKit):
         """Of neighbouring seeds, with mean 0 and variance 1 in each pixel."""
         declared(self.capabilities.stochastic, "chance")
         stage = Stage(self.renderer, cases.sheet(size=16))
-        images = np.stack([stage.image(seed=seed, spp=4).mean(axis=-1) for seed in range(32)])
+        images = np.stack([stage.image(seed=seed, spp=4).mean(axis=-1) for seed in range(self.count(32))])
         spread = images.std(axis=0, ddof=0)
         check(bool((spread > 0.0).all()), "Some pixels are the same for 32 seeds of a stochastic renderer.")
         return np.asarray((images - images.mean(axis=0)) / spread)
@@ -155,15 +154,15 @@ class RandomnessTests(RendererKit):
     def _mean_square(self, spp: int) -> Estimate:
         """The noise's variance, over the film, from pairs of seeds."""
         stage, first = Stage(self.renderer, cases.sheet()), 100 * spp
-        pairs = [[stage.image(spp=spp, seed=first + 2 * i + j) for j in (0, 1)] for i in range(24)]
+        pairs = [[stage.image(spp=spp, seed=first + 2 * i + j) for j in (0, 1)] for i in range(self.count(24))]
         return estimate([np.array(((one - other) ** 2).mean() / 2.0) for one, other in pairs])
 
     def _unbiased_image(self, spp: int, size: int) -> None:
         setting: Setting = cases.sheet(size=size)
         stage = Stage(self.renderer, setting)
-        known = Known.by_quadrature(setting, lambda scene: block_sums(scene.image(), size // 2), grid=2)
+        known = self.known(setting, lambda scene: block_sums(scene.image(), size // 2), grid=2)
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
             return block_sums(stage.image(spp=spp, seed=seed), size // 2)
 
-        unbiased("image, by quarters", stage, measure, known, claim=0.05, spp=spp, fixed=True)
+        self.unbiased("image, by quarters", stage, measure, known, claim=0.05, spp=spp, fixed=True)

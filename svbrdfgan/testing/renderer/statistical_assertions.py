@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -11,18 +12,43 @@ from numpy import ndarray
 
 from svbrdfgan.testing.kit import check
 from svbrdfgan.testing.quadrature import Quadrature
+from svbrdfgan.testing.renderer.base import RendererKit
 from svbrdfgan.testing.renderer.cases import Setting, Stage
-from svbrdfgan.testing.statistics import Estimate, estimate, least_bias, margin
+from svbrdfgan.testing.statistics import LEAST_RUNS, Estimate, estimate, fewer, least_bias, margin
 
 RUNS = 24
 EXACT = 5e-4
 """What single precision may lose in a sum over a small picture, of its largest term."""
 
+_COARSE = 0.25  # power at which half as fine a quadrature is as good, beside the claim
 _FIRST_SEED, _SAMPLES = 1000, 1_000_000
 _ROUNDS, _SHARE, _ROUNDING = 4, 0.02, 2e-5
 
 Measure = Callable[[int, int], Float[ndarray, "*shape"]]
 """Something measured with so many samples per pixel, and a seed."""
+
+
+class StatisticalKit(RendererKit):
+    """Tests of means over seeds, at the kit's power."""
+
+    def known(
+        self, setting: Setting, measure: Callable[[Quadrature], Float[ndarray, "*shape"]], grid: int = 4, split: int = 4
+    ) -> Known:
+        """`Known.by_quadrature`; with little power half as fine, as the errors to be found are larger."""
+        if self.power <= _COARSE:
+            grid, split = max(2, grid // 2), max(4, split // 2)  # both stay even, so that they can be halved again
+        return Known.by_quadrature(setting, measure, grid, split)
+
+    def unbiased(
+        self, what: str, stage: Stage, measure: Measure, known: Known, *, claim: float, spp: int, fixed: bool = False
+    ) -> None:
+        """`unbiased` with the kit's share of the samples, of which a larger error can be claimed to be found."""
+        runs, few = (self.count(RUNS), spp) if fixed else fewer(RUNS, spp, self.power)
+        unbiased(what, stage, measure, known, claim=claim / math.sqrt(self.power), spp=few, runs=runs, fixed=fixed)
+
+    def count(self, runs: int) -> int:
+        """The kit's share of the runs, where their samples are fixed."""
+        return max(LEAST_RUNS, round(self.power * runs))
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +66,11 @@ class Known:
 
     @classmethod
     def by_quadrature(
-        cls, setting: Setting, measure: Callable[[Quadrature], Float[ndarray, "*shape"]], grid: int = 4, split: int = 4
+        cls,
+        setting: Setting,
+        measure: Callable[[Quadrature], Float[ndarray, "*shape"]],
+        grid: int = 4,
+        split: int = 4,
     ) -> Known:
         """What a quadrature of direct light says, as sure as one half as fine in every direction agrees with it."""
         scene = setting.surface, setting.materials, setting.view
@@ -75,7 +105,15 @@ def _manner(found: ndarray, wanted: ndarray) -> str:
 
 
 def unbiased(
-    what: str, stage: Stage, measure: Measure, known: Known, *, claim: float, spp: int, fixed: bool = False
+    what: str,
+    stage: Stage,
+    measure: Measure,
+    known: Known,
+    *,
+    claim: float,
+    spp: int,
+    runs: int = RUNS,
+    fixed: bool = False,
 ) -> None:
     """Fails where the mean over seeds is not the truth, and where a relative bias of `claim` could go unseen.
 
@@ -87,7 +125,7 @@ def unbiased(
         none = np.zeros_like(known.truth)
         loose = Known(known.truth, known.doubt + claim * np.maximum(known.size, _SHARE * known.size.sum()), known.size)
         return _judge(what, Estimate(measure(spp, 0), none, none + 1.0), loose, "without chance")
-    runs, seed = RUNS, _FIRST_SEED
+    seed = _FIRST_SEED
     for _ in range(_ROUNDS):
         found = _over_seeds(measure, spp, runs, seed)
         blind = _blindness(found, known, claim)
