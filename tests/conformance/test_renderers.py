@@ -13,11 +13,11 @@ from typing import ClassVar
 
 import pytest
 import torch
+from tiers import AT_POWER, CHANGED_BY_BOUNCES, only, without
 
 from svbrdfgan.plugins import RENDERERS, list_plugins
 from svbrdfgan.testing import RendererTests
 from svbrdfgan.testing.kit import FAST
-from tiers import AT_POWER, CHANGED_BY_BOUNCES, only, without
 
 REQUIRED = os.environ.get("SVBRDFGAN_REQUIRED_BACKENDS", "").split()
 INSTALLED = {plugin.name for plugin in list_plugins(RENDERERS)}
@@ -35,7 +35,13 @@ class Backend(RendererTests):
         if self.name not in REQUIRED:
             if self.name not in INSTALLED:
                 pytest.skip(f"there is no renderer {self.name!r}")
-            if self.package and find_spec(self.package) is None:  # found, not imported: that is t@without(*SLOW_WITHOUT_BOUNCES)
+            if self.package and find_spec(self.package) is None:  # found, not imported: that is the backend's business
+                pytest.skip(f"{self.name} needs {self.package}")
+        if self.device == "cuda" and not torch.cuda.is_available():
+            pytest.skip("there is no CUDA device")
+
+
+@without(*SLOW_WITHOUT_BOUNCES)
 class TestNumpy(Backend):
     name, power = "numpy", FAST
 
@@ -103,14 +109,6 @@ class TestMitsubaBouncesFull(Backend):
 
 
 @pytest.mark.full
-class TestMitsubaCuda(Backend):
-    name, package, device = "mitsuba", "mitsuba", "cuda"
-    options: ClassVar[Mapping[str, object]] = {"device": "cuda"}
-
-
-r, object]] = {"device": "cpu", "max_bounces": 3}
-
-
 class TestMitsubaCuda(Backend):
     name, package, device = "mitsuba", "mitsuba", "cuda"
     options: ClassVar[Mapping[str, object]] = {"device": "cuda"}

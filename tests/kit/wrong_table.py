@@ -7,9 +7,6 @@ from __future__ import annotations
 
 import sys
 import time
-from pathlib import Path
-
-sys.path[:0] = [str(Path(__file__).parent)]
 
 from wrong import WRONG, Wrong
 from wrong.running import failures
