@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from filelock import FileLock
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before torch loads: threads that wait for a busy core cost fiftyfold
 
@@ -88,16 +89,42 @@ def training_data(tiny_dataset: Path) -> Callable[..., dict[str, Any]]:
     return lambda **changes: merged({"dataset": str(tiny_dataset), **TINY_TRAINING}, changes)
 
 
+BuiltOnce = Callable[[str, Callable[[Path], None]], Path]
+
+
 @pytest.fixture(scope="session")
-def tiny_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def built_once(tmp_path_factory: pytest.TempPathFactory) -> BuiltOnce:
+    """Fills a folder once for all workers of pytest-xdist, and gives this worker a copy of its own.
+
+    A copy, since what is added to it, such as a cache, must not surprise the tests of another worker.
+    """
+    base = tmp_path_factory.getbasetemp()
+    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "shared"
+    shared.mkdir(exist_ok=True)
+
+    def built(name: str, fill: Callable[[Path], None]) -> Path:
+        with FileLock(shared / f"{name}.lock"):
+            if not (shared / name).exists():
+                unfinished = tmp_path_factory.mktemp(name)
+                fill(unfinished)
+                shutil.copytree(unfinished, shared / f"{name}.partial")
+                (shared / f"{name}.partial").rename(shared / name)
+        return shutil.copytree(shared / name, tmp_path_factory.mktemp(name) / name)
+
+    return built
+
+
+@pytest.fixture(scope="session")
+def tiny_dataset(built_once: BuiltOnce) -> Path:
     """Two procedural vehicles to train on and one to validate with, three and two views each. Not to be changed."""
     from svbrdfgan.config.models import validate
     from svbrdfgan.data.config import DatasetConfig
     from svbrdfgan.data.generate import generate
 
-    folder = tmp_path_factory.mktemp("tiny") / "dataset"
-    generate(validate(DatasetConfig, TINY_DATASET, "tiny"), folder, base=Path())
-    return folder
+    def fill(folder: Path) -> None:
+        generate(validate(DatasetConfig, TINY_DATASET, "tiny"), folder / "dataset", base=Path())
+
+    return built_once("tiny", fill) / "dataset"
 
 
 @pytest.fixture(scope="session")

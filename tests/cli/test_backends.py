@@ -58,6 +58,7 @@ def test_naming_one_in_a_configuration_is_one_sentence(
     assert not (tmp_path / "out" / "train").exists()
 
 
+@pytest.mark.full
 @pytest.mark.usefixtures("plugins")
 def test_the_table_says_why() -> None:
     result = CliRunner(env={"COLUMNS": "200"}).invoke(main, ["embeddings"])
@@ -73,6 +74,7 @@ def test_renderers() -> None:
     assert {row["name"]: row["options"] for row in rows}["numpy"]["max_bounces"] == 1
 
 
+@pytest.mark.full
 def test_the_table_shows_options() -> None:
     told = CliRunner(env={"COLUMNS": "200"}).invoke(main, ["backends"]).stdout
     assert "options: max_bounces=1" in told

@@ -65,6 +65,7 @@ def test_json_for_programs() -> None:
     assert set(rows[0]) == {"group", "name", "claim", "status", "message", "seconds"}
 
 
+@pytest.mark.full
 def test_an_embedding() -> None:
     result = run("hemispherical", "--only", "contract.")
     assert result.exit_code == 0, result.output

@@ -139,6 +139,7 @@ def test_the_model_paints_and_exports_the_map(run: Path, folder: Path, tmp_path:
     assert not shown[..., 2].any()  # not metallic
 
 
+@pytest.mark.full
 def test_the_verdict_names_the_map(run: Path) -> None:
     evaluated = evaluate(run, split="validation", device="cpu", schedule=OracleConfig(every=2, steps=4))
     assert evaluated.evaluation.maps.keys() == {"roughness"}

@@ -138,6 +138,7 @@ def test_a_task_ends_that_begins_when_who_started_it_is_gone() -> None:
     assert ended.returncode == -signal.SIGKILL
 
 
+@pytest.mark.full
 def test_a_real_task_and_what_it_refuses(tmp_path: Path) -> None:
     """The process reads the task, and its one sentence comes back."""
     ((_, reason),) = execute(

@@ -313,7 +313,9 @@ def test_stopping_obeys_the_error_that_is_allowed() -> None:
     assert len(runs.values) >= CI.runs
 
 
-@pytest.mark.parametrize(("picture", "verdict", "code"), [(1.0, "agree", 0), (1.02, "differ", 1)])
+@pytest.mark.parametrize(
+    ("picture", "verdict", "code"), [pytest.param(1.0, "agree", 0, marks=pytest.mark.full), (1.02, "differ", 1)]
+)
 def test_the_command_says_so_and_fails(
     picture: float, verdict: str, code: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -313,6 +313,7 @@ class TestChoice:
         assert "SIGABRT" in caplog.text
         assert isinstance(load_renderer("able"), Renderer)
 
+    @pytest.mark.full
     def test_one_without_the_maps_is_passed_over(
         self, install: Install, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
     ) -> None:
@@ -344,6 +345,7 @@ class TestChoice:
         assert [p.name for p in select._ranked(plugins, "cuda")] == ["warp", "mitsuba", "numpy", "alpha", "zeta"]
 
 
+@pytest.mark.full
 def test_required_backends_work() -> None:
     """SVBRDFGAN_REQUIRED_BACKENDS names renderers that this machine must have; nothing may quietly skip them."""
     names = os.environ.get("SVBRDFGAN_REQUIRED_BACKENDS", "").split()

@@ -136,6 +136,7 @@ def loaded(path: Path) -> list[Any]:
     return found
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("rank", range(PROCESSES))
 def test_gradients_are_the_mean_of_all_processes(rank: int, left: Path) -> None:
     """Over updates that go on from each other, through penalties, with a weight that has no gradient."""
