@@ -22,7 +22,7 @@ from numpy import ndarray
 
 from svbrdfgan import __version__
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.testing.pairs.measure import QUANTITIES, Subject, offered
+from svbrdfgan.testing.pairs.measure import QUANTITIES, RenderedScene, offered
 from svbrdfgan.testing.pairs.references import RUNS, SHIPPED, Reference, Stored, load_reference
 from svbrdfgan.testing.pairs.sampling import SLOW, Aim
 from svbrdfgan.testing.pairs.scenes import SCENES, SceneUnavailableError, make_scene
@@ -110,16 +110,16 @@ def carry_out(work: Work, processes: int, seconds: float, out: Path) -> None:
 
 
 @cache
-def _subject(renderer: str, scene: str) -> Subject:
-    subject = prepared(renderer, maker(renderer, {}), make_scene(scene))
-    if subject is None:
+def _subject(renderer: str, scene: str) -> RenderedScene:
+    rendered = prepared(renderer, maker(renderer, {}), make_scene(scene))
+    if rendered is None:
         raise ConfigError(f"renderer {renderer!r} does not follow the paths of the scene {scene!r}.")
-    return subject
+    return rendered
 
 
 def _keys(renderer: str, scene: str) -> list[Key]:
-    subject = _subject(renderer, scene)
-    return [(scene, name) for name, quantity in QUANTITIES.items() if offered(subject.renderer, quantity)]
+    rendered = _subject(renderer, scene)
+    return [(scene, name) for name, quantity in QUANTITIES.items() if offered(rendered.renderer, quantity)]
 
 
 def _measured(renderer: str, scene: str, quantity: str, seed: int) -> Float[ndarray, " blocks"]:

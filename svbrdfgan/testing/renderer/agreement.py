@@ -13,7 +13,7 @@ from svbrdfgan.plugins import load_renderer
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import declared
 from svbrdfgan.testing.renderer import cases
-from svbrdfgan.testing.renderer.cases import Setting, Stage
+from svbrdfgan.testing.renderer.cases import Case, RenderedCase
 from svbrdfgan.testing.renderer.statistical_assertions import Known, StatisticalKit
 from svbrdfgan.testing.statistics import block_sums
 from svbrdfgan.types import Environment
@@ -57,9 +57,9 @@ class AgreementTests(StatisticalKit):
 
     def test_texel_gradients_of_three_parts(self) -> None:
         """Every texel's gradient on three parts is as quadrature says, to 5 %."""
-        setting = cases.strips(scenes.random_light(rotation=0.9))
+        case = cases.strips(scenes.random_light(rotation=0.9))
         for part in range(3):
-            self._texels(setting, part, grid=8)
+            self._texels(case, part, grid=8)
 
     def test_texel_gradients_in_shadow(self) -> None:
         """Every texel's gradient on a half shadowed floor is as quadrature says, to 8 %."""
@@ -72,16 +72,16 @@ class AgreementTests(StatisticalKit):
     def test_roughness_gradients_of_gloss(self) -> None:
         """Every texel's gradient of roughness is as quadrature says, to 8 %."""
         declared("roughness" in self.capabilities.differentiable, "the gradient of roughness")
-        setting = cases.glossy(torch.tensor([[0.5, 0.9, 0.6], [0.7, 0.4, 0.8]])[..., None])
-        grads = (setting.smooth(), 1.0 + 0.5 * setting.random())
-        known = self.known(setting, lambda scene: scene.roughness_gradients(grads, 0), split=16)
+        case = cases.glossy(torch.tensor([[0.5, 0.9, 0.6], [0.7, 0.4, 0.8]])[..., None])
+        grads = (case.smooth(), 1.0 + 0.5 * case.random())
+        known = self.known(case, lambda scene: scene.roughness_gradients(grads, 0), split=16)
         largest = np.broadcast_to(known.size.max(axis=(1, 2, 3), keepdims=True), known.size.shape)
-        stage = Stage(self.renderer, setting)
+        rendered = RenderedCase(self.renderer, case)
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
-            return np.stack([stage.map_gradient(grad, "roughness", 0, spp=spp, seed=seed) for grad in grads])
+            return np.stack([rendered.map_gradient(grad, "roughness", 0, spp=spp, seed=seed) for grad in grads])
 
-        self.unbiased("gradient of roughness", stage, measure, replace(known, size=largest), claim=0.08, spp=64)
+        self.unbiased("gradient of roughness", rendered, measure, replace(known, size=largest), claim=0.08, spp=64)
 
     def test_environment_gradient_in_the_open(self) -> None:
         """The environment's gradient is as quadrature says, to 5 % in pairs of pixels."""
@@ -96,8 +96,8 @@ class AgreementTests(StatisticalKit):
         bounces = self.capabilities.max_bounces
         declared(bounces > 1, "a second bounce")
         declared(self.name != "numpy", "another renderer than numpy")
-        mine = Stage(self.renderer, cases.corner())
-        other = Stage(load_renderer("numpy", {"max_bounces": bounces}), mine.setting)
+        mine = RenderedCase(self.renderer, cases.corner())
+        other = RenderedCase(load_renderer("numpy", {"max_bounces": bounces}), mine.case)
         size = block_sums(other.image(spp=16), _BLOCK)
 
         def apart(spp: int, seed: int) -> Float[ndarray, "*shape"]:
@@ -105,35 +105,35 @@ class AgreementTests(StatisticalKit):
 
         self.unbiased("image less that of numpy", mine, apart, Known.zero(size), claim=0.05, spp=16)
 
-    def _image(self, setting: Setting, split: int = 4) -> None:
-        known = self.known(setting, lambda scene: block_sums(scene.image(), _BLOCK), split=split)
-        stage = Stage(self.renderer, setting)
+    def _image(self, case: Case, split: int = 4) -> None:
+        known = self.known(case, lambda scene: block_sums(scene.image(), _BLOCK), split=split)
+        rendered = RenderedCase(self.renderer, case)
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
-            return block_sums(stage.image(spp=spp, seed=seed), _BLOCK)
+            return block_sums(rendered.image(spp=spp, seed=seed), _BLOCK)
 
-        self.unbiased("image, by blocks", stage, measure, known, claim=0.03, spp=16)
+        self.unbiased("image, by blocks", rendered, measure, known, claim=0.03, spp=16)
 
-    def _texels(self, setting: Setting, part: int, grid: int = 4, claim: float = 0.05) -> None:
-        grad = setting.smooth()
-        known = self.known(setting, lambda scene: scene.texel_gradients(grad)[part], grid)
-        stage = Stage(self.renderer, setting)
+    def _texels(self, case: Case, part: int, grid: int = 4, claim: float = 0.05) -> None:
+        grad = case.smooth()
+        known = self.known(case, lambda scene: scene.texel_gradients(grad)[part], grid)
+        rendered = RenderedCase(self.renderer, case)
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
-            return stage.map_gradient(grad, "base_color", part, spp=spp, seed=seed)
+            return rendered.map_gradient(grad, "base_color", part, spp=spp, seed=seed)
 
-        self.unbiased(f"gradient of the base colour of part {part}", stage, measure, known, claim=claim, spp=16)
+        self.unbiased(f"gradient of the base colour of part {part}", rendered, measure, known, claim=claim, spp=16)
 
-    def _light(self, setting: Setting, grid: int = 4, claim: float = 0.05) -> None:
+    def _light(self, case: Case, grid: int = 4, claim: float = 0.05) -> None:
         declared("environment" in self.capabilities.differentiable, "the environment's gradient")
-        grad = setting.smooth()
-        known = self.known(setting, lambda scene: _pairs(scene.environment_gradient(grad)), grid, split=8)
-        stage = Stage(self.renderer, setting)
+        grad = case.smooth()
+        known = self.known(case, lambda scene: _pairs(scene.environment_gradient(grad)), grid, split=8)
+        rendered = RenderedCase(self.renderer, case)
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
-            return _pairs(stage.light_gradient(grad, spp=spp, seed=seed))
+            return _pairs(rendered.light_gradient(grad, spp=spp, seed=seed))
 
-        self.unbiased("gradient of the environment, by pairs of columns", stage, measure, known, claim=claim, spp=16)
+        self.unbiased("gradient of the environment, by pairs of columns", rendered, measure, known, claim=claim, spp=16)
 
 
 def _pairs(gradient: Float[ndarray, "rows cols 3"]) -> Float[ndarray, "rows pairs 3"]:

@@ -9,7 +9,7 @@ from typing import Any
 from svbrdfgan.plugins import RENDERERS, load_renderer
 from svbrdfgan.protocols import Renderer, RendererCapabilities
 from svbrdfgan.testing.contract import PluginKit
-from svbrdfgan.testing.renderer.fixtures import Scene
+from svbrdfgan.testing.renderer.fixtures import ExampleScene
 from svbrdfgan.types import Materials, Rendering, Surface, View
 
 
@@ -31,12 +31,12 @@ class RendererKit(PluginKit):
 
     def results(self, plugin: Renderer[Any]) -> dict[str, Any]:
         """A picture: gradients need not be the same bit for bit on every device."""
-        rendering = Scene().render(plugin)
+        rendering = ExampleScene().render(plugin)
         return {"image": rendering.image, "coverage": rendering.coverage}
 
     def uses(self, plugin: Renderer[Any]) -> Iterator[object]:
         """Picture, gradients and transport."""
-        return Scene().uses(plugin)
+        return ExampleScene().uses(plugin)
 
     @cached_property
     def renderer(self) -> Renderer[Any]:

@@ -14,7 +14,7 @@ from svbrdfgan.testing import scenes
 from svbrdfgan.types import Gradients, Rendering, Surface
 
 
-class Scene:
+class ExampleScene:
     """Two parts, one of them textured, in light that is nowhere the same."""
 
     def __init__(self) -> None:

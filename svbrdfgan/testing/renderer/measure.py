@@ -16,7 +16,7 @@ from svbrdfgan.testing.renderer.base import RendererKit
 from svbrdfgan.testing.statistics import Estimate, estimate, fewer, margin
 from svbrdfgan.types import Materials, Rendering, Surface, View
 
-Case = tuple[Surface, Materials, View]
+Inputs = tuple[Surface, Materials, View]
 Radiances = Float[ndarray, "runs cases 3"]
 Brightnesses = Float[ndarray, "runs cases"]
 
@@ -39,18 +39,18 @@ class MeasuredKit(RendererKit):
     def slack(self) -> float:
         return ROUNDING if self.capabilities.stochastic else GRAIN
 
-    def pictures(self, *cases: Case, spp: int = 16, runs: int = RUNS) -> list[list[Rendering]]:
+    def pictures(self, *cases: Inputs, spp: int = 16, runs: int = RUNS) -> list[list[Rendering]]:
         """For each run a picture of each case, each with a seed of its own."""
         runs, spp = fewer(runs, spp, self.power) if self.capabilities.stochastic else (2, spp)
         ready = [(self.renderer.prepare(surface), materials, view) for surface, materials, view in cases]
         return [[self.renderer.render(*case, spp=spp, seed=next(self.seeds)) for case in ready] for _ in range(runs)]
 
-    def radiances(self, *cases: Case, spp: int = 16, runs: int = RUNS) -> Radiances:
+    def radiances(self, *cases: Inputs, spp: int = 16, runs: int = RUNS) -> Radiances:
         """The mean over the film of each picture; the views should show nothing but surface."""
         pictures = self.pictures(*cases, spp=spp, runs=runs)
         return np.array([[p.image.double().mean(dim=(0, 1)).cpu().numpy() for p in run] for run in pictures])
 
-    def brightnesses(self, *cases: Case, spp: int = 16, runs: int = RUNS) -> Brightnesses:
+    def brightnesses(self, *cases: Inputs, spp: int = 16, runs: int = RUNS) -> Brightnesses:
         """As `radiances`, the mean of the channels."""
         return self.radiances(*cases, spp=spp, runs=runs).mean(axis=-1)
 
@@ -70,7 +70,7 @@ class MeasuredKit(RendererKit):
         _compare(found, share, self.slack * share.max(), message)
 
 
-def expected(*cases: Case, split: int = 16) -> Float[ndarray, "cases 3"]:
+def expected(*cases: Inputs, split: int = 16) -> Float[ndarray, "cases 3"]:
     """What `radiances` should be, by quadrature of direct light."""
     pictures = [Quadrature(*case, grid=1, split=split).image() for case in cases]
     return np.array([picture.mean(axis=(0, 1)) for picture in pictures])

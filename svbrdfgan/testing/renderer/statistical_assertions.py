@@ -13,7 +13,7 @@ from numpy import ndarray
 from svbrdfgan.testing.kit import check
 from svbrdfgan.testing.quadrature import Quadrature
 from svbrdfgan.testing.renderer.base import RendererKit
-from svbrdfgan.testing.renderer.cases import Setting, Stage
+from svbrdfgan.testing.renderer.cases import Case, RenderedCase
 from svbrdfgan.testing.statistics import LEAST_RUNS, Estimate, estimate, fewer, least_bias, margin
 
 RUNS = 24
@@ -32,19 +32,27 @@ class StatisticalKit(RendererKit):
     """Tests of means over seeds, at the kit's power."""
 
     def known(
-        self, setting: Setting, measure: Callable[[Quadrature], Float[ndarray, "*shape"]], grid: int = 4, split: int = 4
+        self, case: Case, measure: Callable[[Quadrature], Float[ndarray, "*shape"]], grid: int = 4, split: int = 4
     ) -> Known:
         """`Known.by_quadrature`; with little power half as fine, as the errors to be found are larger."""
         if self.power <= _COARSE:
             grid, split = max(2, grid // 2), max(4, split // 2)  # both stay even, so that they can be halved again
-        return Known.by_quadrature(setting, measure, grid, split)
+        return Known.by_quadrature(case, measure, grid, split)
 
     def unbiased(
-        self, what: str, stage: Stage, measure: Measure, known: Known, *, claim: float, spp: int, fixed: bool = False
+        self,
+        what: str,
+        rendered: RenderedCase,
+        measure: Measure,
+        known: Known,
+        *,
+        claim: float,
+        spp: int,
+        fixed: bool = False,
     ) -> None:
         """`unbiased` with the kit's share of the samples, of which a larger error can be claimed to be found."""
         runs, few = (self.count(RUNS), spp) if fixed else fewer(RUNS, spp, self.power)
-        unbiased(what, stage, measure, known, claim=claim / math.sqrt(self.power), spp=few, runs=runs, fixed=fixed)
+        unbiased(what, rendered, measure, known, claim=claim / math.sqrt(self.power), spp=few, runs=runs, fixed=fixed)
 
     def count(self, runs: int) -> int:
         """The kit's share of the runs, where their samples are fixed."""
@@ -67,13 +75,13 @@ class Known:
     @classmethod
     def by_quadrature(
         cls,
-        setting: Setting,
+        case: Case,
         measure: Callable[[Quadrature], Float[ndarray, "*shape"]],
         grid: int = 4,
         split: int = 4,
     ) -> Known:
         """What a quadrature of direct light says, as sure as one half as fine in every direction agrees with it."""
-        scene = setting.surface, setting.materials, setting.view
+        scene = case.surface, case.materials, case.view
         fine, coarse = (measure(Quadrature(*scene, grid // n, split // n)) for n in (1, 2))
         return cls(fine, abs(fine - coarse) + _ROUNDING * abs(fine).max(), abs(fine))
 
@@ -106,7 +114,7 @@ def _manner(found: ndarray, wanted: ndarray) -> str:
 
 def unbiased(
     what: str,
-    stage: Stage,
+    rendered: RenderedCase,
     measure: Measure,
     known: Known,
     *,
@@ -121,7 +129,7 @@ def unbiased(
     those are too few, as many as it needs, or, where they are fixed, more seeds. A renderer without chance has to be
     right within the claim.
     """
-    if not stage.renderer.capabilities.stochastic:
+    if not rendered.renderer.capabilities.stochastic:
         none = np.zeros_like(known.truth)
         loose = Known(known.truth, known.doubt + claim * np.maximum(known.size, _SHARE * known.size.sum()), known.size)
         return _judge(what, Estimate(measure(spp, 0), none, none + 1.0), loose, "without chance")
@@ -129,7 +137,7 @@ def unbiased(
     for _ in range(_ROUNDS):
         found = _over_seeds(measure, spp, runs, seed)
         blind = _blindness(found, known, claim)
-        more = (spp, _more(stage, blind, runs, spp)) if fixed else (_more(stage, blind, spp, runs), runs)
+        more = (spp, _more(rendered, blind, runs, spp)) if fixed else (_more(rendered, blind, spp, runs), runs)
         if blind <= 1.0 or more == (spp, runs):
             break
         (spp, runs), seed = more, seed + runs
@@ -145,9 +153,9 @@ def _over_seeds(measure: Measure, spp: int, runs: int, first: int) -> Estimate:
     return estimate([measure(spp, first + run) for run in range(runs)])
 
 
-def _more(stage: Stage, blind: float, have: int, each: int) -> int:
+def _more(rendered: RenderedCase, blind: float, have: int, each: int) -> int:
     """As many as should do, with something to spare, but for more samples than anybody wants to wait for."""
-    most = _SAMPLES // (each * stage.setting.view.height * stage.setting.view.width)
+    most = _SAMPLES // (each * rendered.case.view.height * rendered.case.view.width)
     return max(have, min(most, int(1.5 * have * min(blind, 1e3) ** 2)))
 
 
