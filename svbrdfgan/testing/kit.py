@@ -1,8 +1,8 @@
 """What a conformance kit is: a class of tests about one plugin, run by pytest or by `svbrdfgan check`.
 
 A test is a method named `test_*`, whose docstring says what holds. Where that does not hold it raises `AssertionError`,
-with the numbers; where it is about a power that a plugin may lack, it calls `declared` first. No test needs pytest:
-`unittest.SkipTest`, which pytest knows, says "not declared".
+with the numbers. A test of a capability that a plugin may lack calls `declared` first. No test needs pytest: one that
+does not apply raises `unittest.SkipTest`, which pytest shows as skipped.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ Status = Literal["passed", "failed", "known failure", "not declared"]
 
 
 class KnownFailure(unittest.SkipTest):
-    """A test failed as its kit says it would."""
+    """A test failed that the kit lists in `known_failures`."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one test.
+    """The result of one test.
 
     Attributes:
         group: the part of the kit that the test belongs to, such as "gradients".
-        claim: what the test states, its docstring's first line.
+        claim: what holds if it passes: the first line of its docstring.
         message: why it did not pass; empty if it did.
     """
 
@@ -45,14 +45,14 @@ class Outcome:
 
 
 class Kit:
-    """Tests of one plugin. Subclass a kit, and say which plugin.
+    """Tests of one plugin. Subclass a kit, and set the plugin's name.
 
     Attributes:
         name: of its entry point.
         options: given to its constructor.
         power: share of the samples that statistical tests take, in (0, 1]. With a quarter of the samples, an error must
             be twice as large to be found with the same probability. A right plugin passes with the same probability.
-        known_failures: tests that fail, and why. Strict: one that passes fails for being listed.
+        known_failures: names of tests that fail, with reasons. A listed test that passes is reported as failed.
     """
 
     name: ClassVar[str] = ""
@@ -70,9 +70,9 @@ class Kit:
             setattr(cls, test, _failing(getattr(cls, test), reason))
 
 
-def declared(power: bool, what: str) -> None:
-    """Ends the test as "not declared" unless the plugin claims the power."""
-    if not power:
+def declared(capability: bool, what: str) -> None:
+    """Ends the test as "not declared" unless the plugin declares the capability."""
+    if not capability:
         raise unittest.SkipTest(f"{what} is not declared")
 
 
@@ -83,13 +83,13 @@ def check(holds: bool, message: str) -> None:
 
 
 def names_of_tests(kit: type[Kit]) -> list[str]:
-    """The kit's tests: those of its bases in the order in which it lists these, then its own, each as written."""
+    """The names of the kit's tests: first those of its bases, in their order, then its own, as they are written."""
     inherited = [name for base in kit.__bases__ if issubclass(base, Kit) for name in names_of_tests(base)]
     return list(dict.fromkeys([*inherited, *(name for name in vars(kit) if name.startswith("test_"))]))
 
 
 def run_kit(kit: type[Kit], only: str = "") -> Iterator[Outcome]:
-    """Runs the tests whose group or name contains `only`, each on an object of its own."""
+    """Runs the tests whose "group.name" contains `only`, each on a new instance of the kit."""
     for name in names_of_tests(kit):
         group = group_of(kit, name)
         if only in f"{group}.{name}":

@@ -1,6 +1,6 @@
-"""What is compared: a picture and its derivatives, as sums over blocks, from one run of a renderer.
+"""The quantities compared: a picture and its derivatives, as sums over blocks, from one run of a renderer.
 
-All are sums of terms of one sign, so that a share of the total, and a bias relative to it, have a meaning.
+All terms of a sum have one sign, so that shares of the total and relative biases are meaningful.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _CHANNELS = 3
 
 @dataclass(frozen=True, eq=False)
 class RenderedScene:
-    """A renderer with a scene prepared, from which measurements are taken."""
+    """A renderer with a scene prepared."""
 
     name: str
     renderer: Renderer[Any]
@@ -59,7 +59,7 @@ class Quantity:
     """A picture or a derivative, in blocks.
 
     Attributes:
-        measure: from a rendered, samples per pixel and seed to an unbiased estimate of every block.
+        measure: from a rendered scene, samples per pixel and seed to an unbiased estimate of every block.
         axes: what the blocks are of, outermost first, and how many of each; `groups` of parts are counted as 0.
         needs: what the renderer must differentiate; empty for the picture.
     """

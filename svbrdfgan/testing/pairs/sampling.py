@@ -1,4 +1,4 @@
-"""Runs of a renderer until their standard errors allow the test that is wanted: no more, no fewer.
+"""As many runs of a renderer as the wanted test needs, judged by their standard errors.
 
 The errors decide when to stop, never the differences, so stopping does not bias the test.
 """
@@ -27,7 +27,7 @@ _LEAST_SHARE = 0.1  # of the variance allowed in all: no reference is so coarse 
 
 @dataclass(frozen=True)
 class Profile:
-    """How much is promised.
+    """The biases that a comparison must detect.
 
     Attributes:
         of_sum, of_block: relative bias found with 95 % power in a quantity's sum, and in each block that is not small.
@@ -53,12 +53,12 @@ PROFILES: Mapping[str, Profile] = MappingProxyType({profile.name: profile for pr
 
 @dataclass(frozen=True)
 class Aim:
-    """What a renderer's runs of one quantity are for.
+    """The comparison that a renderer's runs of one quantity must allow.
 
     Attributes:
         family: comparisons in the whole table.
-        rivals: whether other renderers are sampled alike, so that each may have half of the variance only.
-        references: stored runs, which will be compared with these as they are.
+        rivals: whether other renderers are sampled too, so that each may have only half of the variance.
+        references: stored runs that these will be compared with.
     """
 
     profile: Profile
@@ -67,7 +67,7 @@ class Aim:
     references: Sequence[Runs] = ()
 
     def excess(self, quantity: Quantity, scene: PairScene, runs: Runs) -> float:
-        """By what factor the variance of the worst cell is too large for the comparison promised."""
+        """The factor by which the variance of the worst cell is too large for the profile."""
         cells = cells_of(quantity, scene, runs.values.mean(axis=0))
         found = runs.over(cells)
         freedom = np.maximum(found.freedom, self.profile.runs - 1.0)
@@ -83,7 +83,7 @@ class Aim:
 
 
 def sample(rendered: RenderedScene, quantity: Quantity, aim: Aim) -> Runs:
-    """Runs enough for the aim, or as many as its profile's limit allows."""
+    """Enough runs for the aim, or as many as the profile's limit allows."""
     if not rendered.renderer.capabilities.stochastic:
         return _exact(rendered, quantity)
     seed = zlib.crc32(f"{rendered.name}/{quantity.name}/{rendered.scene.name}".encode()) % 2**12 << 16

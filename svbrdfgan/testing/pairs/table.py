@@ -23,16 +23,16 @@ from svbrdfgan.testing.pairs.scenes import SCENES, PairScene, SceneUnavailableEr
 Verdict = Literal["agree", "differ", "underpowered", "stale", "skipped"]
 
 STORED = "*"
-"""Follows the name of a renderer of which a reference is meant."""
+"""Marks the stored reference of a renderer, after its name."""
 
 LIVE_SCENES = ("convex", "occluding")
-"""Where a renderer that has a reference is held against it, in its sums alone: a reference of another time shows."""
+"""Scenes in which a renderer is compared with its own stored reference, in sums alone, to detect an outdated one."""
 
 _LIVE = Profile("live", of_sum=0.01, of_block=np.inf, runs=24, limit=2**21)
 
 Measured = Mapping[str, Runs]  # by quantity
 Maker = Callable[[int], "Renderer[Any] | None"]
-"""Makes a renderer whose paths have so many bounces; None if it cannot."""
+"""Makes a renderer with this `max_bounces`; None if it cannot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,11 +60,11 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """What is compared, and how strictly.
+    """The comparisons to make, and how strict they are.
 
     Attributes:
         makers: of every renderer to run, by name.
-        reference: stored runs of one renderer; it is then run only to see that they are still true.
+        reference: stored runs of one renderer, which is then run only to check that they are still valid.
         only: pairs that have none of these renderers are left out; empty means all.
     """
 
@@ -79,7 +79,7 @@ class Table:
 
     @cached_property
     def family(self) -> int:
-        """Comparisons in the whole table at most: it does not matter which of its rows are asked for."""
+        """The number of comparisons in the whole table, whichever rows are wanted."""
         return comparisons(len({*self.makers, self.stored_name} - {""}))
 
     def rows(self, scene_name: str) -> Iterator[Row]:
@@ -111,7 +111,7 @@ class Table:
         return not self.only or bool(self.only & set(pair))
 
     def _compared(self, scene: PairScene, rendered_scenes: Sequence[RenderedScene], stored: Measured) -> Iterator[Row]:
-        """Each renderer is sampled once, well enough for all its pairs."""
+        """Rows of the pairs; each renderer is sampled once, well enough for all its pairs."""
         measured: dict[str, Measured] = {self.stored_name + STORED: stored} if stored else {}
         for rendered in rendered_scenes:
             rivals = [
@@ -154,21 +154,21 @@ class Table:
 
 
 def comparisons(renderers: int) -> int:
-    """How many a table of so many renderers makes at most: each pair, and one more for the reference's own."""
+    """The number of comparisons in a table of this many renderers: every pair, and one renderer with its reference."""
     scenes = [scene for scene in map(_available, SCENES) if scene]
     blocks = sum(quantity.size(scene) + 1 for scene in scenes for quantity in QUANTITIES.values())
     return blocks * (renderers * (renderers - 1) // 2 + 1)
 
 
 def installed_renderers(device: str | None = None) -> dict[str, Maker]:
-    """Makers of the renderers that work here, on the device if one is named. Each is tried in a process of its own."""
+    """Makers of the renderers that work here, on the device if one is named. Each is probed in its own process."""
     plugins = list_plugins(RENDERERS)
     probes = zip(plugins, probe_all(plugins, device), strict=True)
     return {plugin.name: maker(plugin.name, probe.options) for plugin, probe in probes if probe.status == "ok"}
 
 
 def maker(name: str, options: Mapping[str, object]) -> Maker:
-    """Makes the installed renderer of that name; what it is told of bounces, it may not understand."""
+    """A maker of the installed renderer of that name. It returns None if the renderer cannot do `max_bounces`."""
 
     def make(max_bounces: int) -> Renderer[Any] | None:
         try:
@@ -181,7 +181,7 @@ def maker(name: str, options: Mapping[str, object]) -> Maker:
 
 
 def prepared(name: str, make: Maker, scene: PairScene) -> RenderedScene | None:
-    """The renderer, ready for the scene; None if it cannot follow as many bounces."""
+    """The renderer with the scene prepared; None if it cannot do the scene's `max_bounces`."""
     renderer = make(scene.max_bounces)
     return None if renderer is None else RenderedScene(name, renderer, renderer.prepare(scene.surface), scene)
 

@@ -1,4 +1,4 @@
-"""What gradients and means are tested on: small settings, and a renderer before one of them."""
+"""Small scenes on which gradients and means are tested, and a renderer with one of them prepared."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class Case:
     view: View
 
     def with_map(self, part: int, name: str, value: Tensor) -> Case:
-        """The same, but for one map of one part."""
+        """A copy with another map in one part."""
         parts = list(self.materials.parts)
         parts[part] = Material({**parts[part].maps, name: value})
         return replace(self, materials=Materials(tuple(parts)))
 
     def lit_by(self, radiance: Tensor) -> Case:
-        """The same under other light."""
+        """A copy with other radiance in the environment."""
         environment = Environment(radiance, self.view.environment.rotation)
         return replace(self, view=replace(self.view, environment=environment))
 
@@ -53,7 +53,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class RenderedCase:
-    """A renderer with a surface prepared; what it says comes in NumPy, double precision."""
+    """A renderer with the surface of a case prepared. It returns NumPy arrays in double precision."""
 
     renderer: Renderer[Any]
     case: Case
@@ -63,7 +63,7 @@ class RenderedCase:
         return self.renderer.prepare(self.case.surface)
 
     def image(self, case: Case | None = None, *, spp: int = 4, seed: int = 3) -> Picture:
-        """The picture; if of another case, then one with this surface."""
+        """The picture of this case, or of another one with the same surface."""
         shown = case or self.case
         return numbers(self.renderer.render(self.prepared, shown.materials, shown.view, spp=spp, seed=seed).image)
 
@@ -85,7 +85,7 @@ class RenderedCase:
 
 
 def flat(gradients: Gradients) -> dict[str, ndarray]:
-    """All of them, by names such as "part 0 base_color" and "environment"."""
+    """All gradients by name, such as "part 0 base_color" and "environment"."""
     maps = {
         f"part {part} {name}": numbers(value)
         for part, material in enumerate(gradients.materials)
@@ -96,7 +96,7 @@ def flat(gradients: Gradients) -> dict[str, ndarray]:
 
 
 def differentiable(capabilities: RendererCapabilities) -> list[str]:
-    """What these settings hold, of all that a renderer declares."""
+    """What the renderer can differentiate, of the inputs that these cases have."""
     return sorted(capabilities.differentiable & {"base_color", "roughness", "environment"})
 
 

@@ -1,4 +1,4 @@
-"""Gradients: those of the very picture where the contract says so, unbiased elsewhere; and shaped, placed and named."""
+"""Gradients: exactly those of the same picture where the contract demands it, unbiased elsewhere."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _HINT = (
 
 
 class GradientTests(StatisticalKit):
-    """`render_vjp` against the renderer's own pictures: whether those are right is for others to say."""
+    """`render_vjp` against the renderer's own pictures. Whether those are right is for other tests."""
 
     def test_base_color_of_every_texel_of_every_part(self) -> None:
         """At the same seed each texel's and constant's gradient is that of the picture."""
@@ -158,7 +158,7 @@ class GradientTests(StatisticalKit):
                     check(not gradient.any(), f"The gradient of {place} {name} is {abs(gradient).max():.3g}; wanted 0.")
 
     def _require_own_gradient(self, case: Case) -> None:
-        """Fails unless the gradient of each base colour is the slope of the picture at the same seed."""
+        """Fails unless the gradient of each base colour is that of the picture at the same seed."""
         self._declared("base_color")
         rendered = RenderedCase(self.renderer, case)
         for part in range(len(case.materials)):
@@ -214,6 +214,6 @@ class PictureJacobian:
 
 
 def _blackened(materials: Materials) -> Materials:
-    """Without any base colour, but otherwise the same."""
+    """The same materials with black base colours."""
     parts = [{**material.maps, "base_color": torch.zeros_like(material.base_color)} for material in materials.parts]
     return Materials(tuple(Material(maps) for maps in parts))

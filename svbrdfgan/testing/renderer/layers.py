@@ -1,4 +1,4 @@
-"""What the core makes of a renderer: stored light transport, and a layer for torch; both say what the renderer says."""
+"""What the core builds on a renderer: stored light transport and a torch layer. Both must agree with the renderer."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from svbrdfgan.types import Material, Materials
 
 
 class LayerTests(RendererKit):
-    """One set of samples, whichever way it is asked for."""
+    """The same samples by `render`, `transport`, `render_pullback` and `RenderLayer`."""
 
     def test_transport_times_texture_is_the_picture(self) -> None:
         """Transport times base colours is the picture; its records are the coverage."""

@@ -1,4 +1,4 @@
-"""Which way everything points. No test here asks how bright things are, only which of them are brighter."""
+"""Directions and orders of axes. These tests compare brightnesses, and state none."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How bright things are: pictures with known answers. Most compare brightnesses, so that one fault fails one test.
+"""Brightness: pictures with known answers. Most tests compare brightnesses, so that one fault fails one test.
 
 Lights are the same from all sides and surfaces face the camera, so that no fault of orientation shows here.
 """

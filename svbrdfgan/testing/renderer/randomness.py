@@ -1,4 +1,4 @@
-"""Chance: it comes from the seed alone, is independent from seed to seed, and cancels out on average."""
+"""Noise: it depends on the seed alone, is independent from seed to seed, and is zero on average."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from svbrdfgan.testing.statistics import Estimate, block_sums, difference, estim
 _SEEDS = (0, 1, 2**31, 2**32, 2**32 + 1, 2**63 - 1)
 _SIGMAS = 5.0
 _ATOMICS = 1e-5
-"""What the order of additions may change, of the largest value, on devices that do not fix it."""
+"""The relative difference allowed on devices that do not fix the order of additions."""
 
 
 class RandomnessTests(StatisticalKit):
-    """The picture and its gradient as functions of the seed. Deterministic renderers ignore it, and are right."""
+    """The picture and its gradient as functions of the seed. A deterministic renderer may ignore the seed."""
 
     def test_same_seed_same_picture(self) -> None:
         """The same seed gives the same picture; on the CPU bit for bit."""
@@ -32,7 +32,7 @@ class RandomnessTests(StatisticalKit):
             check(off <= slack, f"Twice with seed 7, {name} differs by up to {off:.3g}; wanted at most {slack:.3g}.")
 
     def test_other_seeds_other_pictures(self) -> None:
-        """Another seed gives another picture and gradient where chance is declared."""
+        """Another seed gives another picture and gradient if the renderer is declared stochastic."""
         for name, once, other in self._twice(7, 8):
             same = float(abs(once - other).max()) <= self._slack * float(abs(once).max())
             given = "stochastic" if self.capabilities.stochastic else "deterministic"

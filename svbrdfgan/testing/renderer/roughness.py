@@ -17,7 +17,7 @@ GREY = scenes.lambertian((0.1, 0.1, 0.1))
 
 
 class RoughnessTests(MeasuredKit):
-    """The value of the formula, its bound, and the map's place among the others."""
+    """Values of the formula, its lower bound, and the lookup of the map."""
 
     def test_gloss_shines_at_the_mirror_angle(self) -> None:
         """At the mirror angle gloss is as bright as F D G / (4 cos cos) says."""

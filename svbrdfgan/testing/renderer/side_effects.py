@@ -1,4 +1,4 @@
-"""Rendering is a function of its arguments: it leaves the process, its settings and its inputs as they were."""
+"""Rendering has no side effects on the process, its settings and the inputs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from svbrdfgan.testing.renderer.statistical_assertions import exactly
 
 
 class SideEffectTests(RendererKit):
-    """Nothing global is changed or read, no input is written to, and results are plain numbers."""
+    """Nothing global is changed or read, no input is written to, and results carry no autograd graph."""
 
     def test_the_process_is_left_alone(self) -> None:
         """Working directory, environment variables and module path stay."""

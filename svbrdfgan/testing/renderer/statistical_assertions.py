@@ -1,4 +1,4 @@
-"""Whether what a renderer says is true: exactly, or on average over seeds and with eyes open."""
+"""Assertions on results: equal up to rounding, or unbiased over seeds with a stated detectable error."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FIRST_SEED, _SAMPLES = 1000, 1_000_000
 _ROUNDS, _SHARE, _ROUNDING = 4, 0.02, 2e-5
 
 Measure = Callable[[int, int], Float[ndarray, "*shape"]]
-"""Something measured with so many samples per pixel, and a seed."""
+"""A measurement with a number of samples per pixel and a seed."""
 
 
 class StatisticalKit(RendererKit):
@@ -64,8 +64,8 @@ class Known:
     """True values.
 
     Attributes:
-        doubt: how far the truth may be off itself.
-        size: what a relative error is relative to.
+        doubt: the error bound of the truth itself.
+        size: the values that relative errors refer to.
     """
 
     truth: Float[ndarray, "*shape"]
@@ -80,7 +80,7 @@ class Known:
         grid: int = 4,
         split: int = 4,
     ) -> Known:
-        """What a quadrature of direct light says, as sure as one half as fine in every direction agrees with it."""
+        """Values by quadrature of direct light. Their doubt is the difference from a quadrature half as fine."""
         scene = case.surface, case.materials, case.view
         fine, coarse = (measure(Quadrature(*scene, grid // n, split // n)) for n in (1, 2))
         return cls(fine, abs(fine - coarse) + _ROUNDING * abs(fine).max(), abs(fine))
@@ -92,7 +92,7 @@ class Known:
 
 
 def exactly(what: str, found: Float[ndarray, "*shape"], wanted: Float[ndarray, "*shape"], *, hint: str = "") -> None:
-    """Fails unless two arrays agree but for rounding; says in what manner they differ, and gives a hint."""
+    """Fails unless two arrays agree up to rounding. The message says how they differ."""
     check(found.shape == wanted.shape, f"{what} has shape {found.shape}; wanted {wanted.shape}.")
     check(bool(np.isfinite(found).all()), f"{what} holds values that are not finite.")
     scale = abs(wanted).max()
@@ -123,11 +123,10 @@ def unbiased(
     runs: int = RUNS,
     fixed: bool = False,
 ) -> None:
-    """Fails where the mean over seeds is not the truth, and where a relative bias of `claim` could go unseen.
+    """Fails where the mean over seeds is not the truth, or where a relative bias of `claim` might not be detected.
 
-    That is asked of all values that make up a fiftieth of the total or more. Takes `spp` samples per pixel; where
-    those are too few, as many as it needs, or, where they are fixed, more seeds. A renderer without chance has to be
-    right within the claim.
+    The claim is for all values that make up a fiftieth of the total or more. Starts with `spp` samples per pixel and
+    takes more if these are too few, or more seeds if `fixed`. A deterministic renderer must be right within the claim.
     """
     if not rendered.renderer.capabilities.stochastic:
         none = np.zeros_like(known.truth)
@@ -154,13 +153,13 @@ def _over_seeds(measure: Measure, spp: int, runs: int, first: int) -> Estimate:
 
 
 def _more(rendered: RenderedCase, blind: float, have: int, each: int) -> int:
-    """As many as should do, with something to spare, but for more samples than anybody wants to wait for."""
+    """The number needed, with half of it to spare, and at most _SAMPLES camera samples in all."""
     most = _SAMPLES // (each * rendered.case.view.height * rendered.case.view.width)
     return max(have, min(most, int(1.5 * have * min(blind, 1e3) ** 2)))
 
 
 def _blindness(found: Estimate, known: Known, claim: float) -> float:
-    """The least error that would be seen, over the one that should be, in the worst value that counts."""
+    """The least detectable error divided by the claimed one, for the worst value that counts."""
     large = known.size >= _SHARE * known.size.sum()
     wanted = np.maximum(claim * known.size - known.doubt, 1e-6 * known.size.max())
     return float((least_bias(found) / wanted)[large].max(initial=0.0))

@@ -1,4 +1,4 @@
-"""What shows only after many pictures: memory that grows, surfaces that go stale, sizes that are too much."""
+"""Faults that show only with many pictures or large inputs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class StressTests(RendererKit):
     """Many renders, many surfaces, large surfaces."""
 
     def test_memory_does_not_grow(self) -> None:
-        """Renders of ever new scenes leave no memory behind, not even their pictures, nor what a pullback kept."""
+        """Rendering new scenes again and again does not leak memory, nor do pullbacks."""
         levels = [_allocated()]
         for number in range(ROUNDS):
             made = _round(self.renderer, number)
@@ -92,7 +92,7 @@ class StressTests(RendererKit):
 
 
 def _round(renderer: Renderer[Any], number: int) -> int:
-    """Pictures and gradients of scenes that never were before, their sizes the same each round; the pictures' bytes."""
+    """Renders and differentiates new scenes, of the same sizes in each round; returns the bytes of the pictures."""
     made = 0
     for size in range(SCENES):
         seed = SCENES * number + size
