@@ -83,6 +83,15 @@ def test_options_reach_the_renderer() -> None:
     assert wrong.stderr.splitlines()[-1].startswith("Error: numpy: unknown key 'bounces'")
 
 
+def test_power_reaches_the_kit(monkeypatch: pytest.MonkeyPatch) -> None:
+    powers = []
+    monkeypatch.setattr("svbrdfgan.testing.kit.run_kit", lambda kit, only: powers.append(kit.power) or [])
+    run("numpy", "--power", "0.125")
+    run("numpy")
+    assert powers == [0.125, 1.0]
+    assert run("numpy", "--power", "0").exit_code == 2
+
+
 @pytest.mark.usefixtures("plugins")
 def test_failures_are_told_with_their_reason_and_end_with_1() -> None:
     result = run("half", "--only", "stress.")

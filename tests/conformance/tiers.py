@@ -14,7 +14,7 @@ AT_POWER = (
     *(name for name in names_of_tests(RendererTests) if group_of(RendererTests, name) in _STATISTICAL),
     "test_environment_moves_the_picture",
 )
-"""All tests whose samples `Kit.power` decides, and few others; `tests/kit` checks it."""
+"""All tests whose samples `Kit.power` decides, and few others; `test_tiers.py` checks it."""
 
 CHANGED_BY_BOUNCES = (
     "test_capabilities_name_what_exists",
