@@ -1,6 +1,7 @@
 """Fixtures that every test may use."""
 
 import copy
+import importlib.util
 import os
 import shutil
 import time
@@ -75,6 +76,18 @@ def ended() -> Callable[[int], bool]:
         return gone(pid)
 
     return ended
+
+
+@pytest.fixture(scope="session")
+def quick_renderer() -> str:
+    """The quickest renderer of direct light on this machine, for tests that are not about a renderer."""
+    return "warp" if importlib.util.find_spec("warp") else "numpy"
+
+
+@pytest.fixture(scope="session")
+def quick_glossy_renderer() -> str:
+    """The quickest renderer with roughness, likewise."""
+    return "mitsuba" if importlib.util.find_spec("mitsuba") else "numpy"
 
 
 @pytest.fixture(scope="session")

@@ -20,6 +20,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.full
 def test_the_table(folder: Path) -> None:
     words = ["embeddings", "--compare", str(folder), "--embedding", "hemispherical", "--resolution", "64"]
     result = CliRunner(env={"COLUMNS": "120"}).invoke(main, words)
@@ -34,7 +35,7 @@ def test_the_table(folder: Path) -> None:
 
 
 def test_json(folder: Path) -> None:
-    words = ["embeddings", "--compare", str(folder), "--embedding", "hemispherical", "--json"]
+    words = ["embeddings", "--compare", str(folder), "--embedding", "hemispherical", "--resolution", "64", "--json"]
     result = CliRunner().invoke(main, words)
     data = json.loads(result.stdout)["hemispherical"]
     assert set(data) == {"summary", "failures", "meshes", "similarity"}

@@ -164,6 +164,7 @@ def test_meshes_baked_ahead_make_the_same(tmp_path: Path, tiny_dataset: Path, co
     assert_same(folder, tiny_dataset)
 
 
+@pytest.mark.full
 def test_a_mesh_that_cannot_be_baked_ahead_is_told(dataset_copy: Path) -> None:
     plan = DatasetIndex.load(dataset_copy)
     scenes = [plan.sampler("train").scene(index) for index in (0, 4)]

@@ -103,7 +103,7 @@ def test_the_gradient_of_the_channel_is_that_of_finite_differences(settings: Set
     assert float((learned.grad * direction).sum()) == pytest.approx(slope, rel=0.01)
 
 
-@pytest.mark.parametrize("renderer", ["numpy", "mitsuba"])
+@pytest.mark.parametrize("renderer", [pytest.param("numpy", marks=pytest.mark.full), "mitsuba"])
 def test_ten_steps_teach_the_channel(renderer: str, settings: Settings, run: Path, tmp_path: Path) -> None:
     """Only the gradient of its own map moves the last weights of a channel."""
     if renderer == "mitsuba":

@@ -92,6 +92,7 @@ def test_other_samples_are_told_and_named(training: Training) -> None:
     assert report.alone["noise"].share == report.together.share
 
 
+@pytest.mark.full
 def test_other_cameras_are_told_without_transports_too(training: Training) -> None:
     fresh = training(scenes=HIGH, rendering="fresh", guide=False)
     assert leaking(probe_shortcuts(fresh).report) == {"pose"}
