@@ -145,7 +145,7 @@ def test_weather_by_no_amount_is_clear(car: Path, tmp_path: Path) -> None:
 
 def test_dataset_and_its_overrides(dataset_data: Data, tmp_path: Path) -> None:
     (tmp_path / "data.yaml").write_text(json.dumps(dataset_data()))
-    words = ("dataset", tmp_path / "data.yaml", "splits.train.views=1", "spp=1", "-o", tmp_path / "out")
+    words = ("dataset", tmp_path / "data.yaml", "splits.train.views=1", "spp=1", "--workers", 1, "-o", tmp_path / "out")
     told = succeeded(invoke(*words))
     assert told.splitlines() == [
         "train: 2 exemplars of 2 meshes",

@@ -76,7 +76,7 @@ def test_who_stops_asking_ends_them(stand_in: Stand_In, tmp_path: Path) -> None:
     )
     assert next(running)[0].title == "quick"
     running.close()
-    assert time.monotonic() - began < 10
+    assert time.monotonic() - began < 25  # less than the slow task sleeps
     assert not (tmp_path / "survived").exists()
 
 

@@ -277,6 +277,7 @@ class TestProbe:
         assert (noisy.status, noisy.reason) == ("ok", None)
         assert noisy.capabilities == {"injective": True, "subdivides": False}
 
+    @pytest.mark.full
     def test_a_hang_ends_with_the_children_it_started(
         self, install: Install, ended: Callable[[int], bool], tmp_path: Path
     ) -> None:
@@ -288,9 +289,9 @@ class TestProbe:
         )
         install("hangs", source)
         started = time.monotonic()
-        outcome = probe(find_plugin(EMBEDDINGS, "hangs"), timeout=4)
-        assert time.monotonic() - started < 30
-        assert (outcome.status, "within 4 s" in str(outcome.reason)) == ("broken", True)
+        outcome = probe(find_plugin(EMBEDDINGS, "hangs"), timeout=15)  # enough to start Python twice on a busy machine
+        assert time.monotonic() - started < 60
+        assert (outcome.status, "within 15 s" in str(outcome.reason)) == ("broken", True)
         assert ended(int((tmp_path / "child").read_text()))
 
     def test_a_known_problem_starts_no_process(self, install: Install) -> None:
