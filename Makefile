@@ -1,5 +1,7 @@
 # Each target sets up what it needs in .venv, once, on a machine with Python >= 3.11 and make. constraints.txt pins it.
 #   make demo                  the whole loop, with a report in out/demo
+#   make test                  the fast tier: five minutes on two cores
+#   make test-full             the rest of what CI runs
 #   make test PYTEST="-m slow" other arguments for pytest
 #   make bench BENCH="--scaling -o out/bench"     other arguments for svbrdfgan bench
 #   make bench REDNER=redner/bin/python           redner beside ours, from an environment of its own
@@ -7,7 +9,7 @@
 VENV ?= .venv
 JOBS ?= 2
 OUT ?= out/demo
-PYTEST ?= -n $(JOBS)
+PYTEST ?= -n $(JOBS) --dist worksteal
 BENCH ?=
 REDNER ?=
 
@@ -17,7 +19,7 @@ SUITABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(firstword $(foreach name,python3 python3.13 python3.12 python3.11 python3.14 python,\
 	$(shell $(name) -c '$(SUITABLE)' 2>/dev/null && echo $(name))))
 
-.PHONY: demo test lint types docs bench clean
+.PHONY: demo test test-full lint types docs bench clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.demo
@@ -25,6 +27,9 @@ demo: $(VENV)/.demo
 
 test: $(VENV)/.dev
 	$(RUN)/python -m pytest $(PYTEST)
+
+test-full: $(VENV)/.dev
+	$(RUN)/python -m pytest -m "full and not slow" $(PYTEST)
 
 lint: $(VENV)/.dev
 	$(RUN)/ruff check .
@@ -34,7 +39,7 @@ types: $(VENV)/.dev
 	$(RUN)/mypy
 
 docs: $(VENV)/.dev
-	$(RUN)/python -m pytest -q tests/docs
+	$(RUN)/python -m pytest -q -m "not slow" tests/docs
 
 # Beside ours, the peers that are there: Mitsuba used directly where it is in the same environment, and redner.
 bench: $(VENV)/.demo

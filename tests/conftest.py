@@ -1,6 +1,7 @@
 """Fixtures that every test may use."""
 
 import copy
+import importlib.util
 import os
 import shutil
 import time
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from filelock import FileLock
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before torch loads: threads that wait for a busy core cost fiftyfold
 
@@ -77,6 +79,18 @@ def ended() -> Callable[[int], bool]:
 
 
 @pytest.fixture(scope="session")
+def quick_renderer() -> str:
+    """The quickest renderer of direct light on this machine, for tests that are not about a renderer."""
+    return "warp" if importlib.util.find_spec("warp") else "numpy"
+
+
+@pytest.fixture(scope="session")
+def quick_glossy_renderer() -> str:
+    """The quickest renderer with roughness, likewise."""
+    return "mitsuba" if importlib.util.find_spec("mitsuba") else "numpy"
+
+
+@pytest.fixture(scope="session")
 def dataset_data() -> Callable[..., dict[str, Any]]:
     """The tiny data set's configuration as in its YAML file, with changes laid over it."""
     return lambda **changes: merged(TINY_DATASET, changes)
@@ -88,16 +102,42 @@ def training_data(tiny_dataset: Path) -> Callable[..., dict[str, Any]]:
     return lambda **changes: merged({"dataset": str(tiny_dataset), **TINY_TRAINING}, changes)
 
 
+BuiltOnce = Callable[[str, Callable[[Path], None]], Path]
+
+
 @pytest.fixture(scope="session")
-def tiny_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def built_once(tmp_path_factory: pytest.TempPathFactory) -> BuiltOnce:
+    """Fills a folder once for all workers of pytest-xdist, and gives this worker a copy of its own.
+
+    A copy, since what is added to it, such as a cache, must not surprise the tests of another worker.
+    """
+    base = tmp_path_factory.getbasetemp()
+    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "shared"
+    shared.mkdir(exist_ok=True)
+
+    def built(name: str, fill: Callable[[Path], None]) -> Path:
+        with FileLock(shared / f"{name}.lock"):
+            if not (shared / name).exists():
+                unfinished = tmp_path_factory.mktemp(name)
+                fill(unfinished)
+                shutil.copytree(unfinished, shared / f"{name}.partial")
+                (shared / f"{name}.partial").rename(shared / name)
+        return shutil.copytree(shared / name, tmp_path_factory.mktemp(name) / name)
+
+    return built
+
+
+@pytest.fixture(scope="session")
+def tiny_dataset(built_once: BuiltOnce) -> Path:
     """Two procedural vehicles to train on and one to validate with, three and two views each. Not to be changed."""
     from svbrdfgan.config.models import validate
     from svbrdfgan.data.config import DatasetConfig
     from svbrdfgan.data.generate import generate
 
-    folder = tmp_path_factory.mktemp("tiny") / "dataset"
-    generate(validate(DatasetConfig, TINY_DATASET, "tiny"), folder, base=Path())
-    return folder
+    def fill(folder: Path) -> None:
+        generate(validate(DatasetConfig, TINY_DATASET, "tiny"), folder / "dataset", base=Path())
+
+    return built_once("tiny", fill) / "dataset"
 
 
 @pytest.fixture(scope="session")

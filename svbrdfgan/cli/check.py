@@ -38,6 +38,13 @@ _GROUPS = {"renderer": RENDERERS, "embedding": EMBEDDINGS}
 @click.option("--embedding", "kind", flag_value="embedding", help="NAME is a UV embedding, likewise.")
 @click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the plugin; repeatable.")
 @click.option("--only", default="", metavar="TEXT", help="Only tests whose group.name contains TEXT.")
+@click.option(
+    "--power",
+    type=click.FloatRange(0.0, 1.0, min_open=True),
+    default=1.0,
+    show_default=True,
+    help="Share of the samples that statistical tests take: with a quarter, they find errors twice as large.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print a list of objects instead of a table.")
 @click.option("--pairs", is_flag=True, help="Compare the installed renderers with each other, or NAME with all others.")
 @click.option("--profile", type=click.Choice(["ci", "slow"]), help="Of --pairs.  [default: ci]")
@@ -48,6 +55,7 @@ def command(
     kind: str | None,
     options: tuple[str, ...],
     only: str,
+    power: float,
     as_json: bool,
     pairs: bool,
     profile: str | None,
@@ -59,8 +67,8 @@ def command(
     It is tried in a process of its own first, so that one that aborts is told from one that fails. Exits with 1 where
     a test failed. With --pairs it is the table of `docs/consistency.md`: whether renderers agree with each other.
     """
-    if pairs and (options or only):
-        raise click.UsageError("--option and --only are of the check of one plugin: leave them out, or --pairs.")
+    if pairs and (options or only or power != 1.0):
+        raise click.UsageError("--option, --only and --power are for one plugin: leave them out, or --pairs.")
     if not pairs and (scenes or markdown or profile is not None):
         raise click.UsageError("--profile, --scene and --markdown are of --pairs: give it too.")
     if pairs:
@@ -70,7 +78,7 @@ def command(
     if name is None:
         raise click.UsageError("say the NAME of a renderer or UV embedding, or --pairs.")
     plugin = _plugin(name, kind)
-    outcomes = _outcomes(_kit(plugin, key_values(options)), plugin, only)
+    outcomes = _outcomes(_kit(plugin, key_values(options), power), plugin, only)
     if as_json:
         click.echo(json.dumps([dataclasses.asdict(outcome) for outcome in outcomes], indent=2))
     else:
@@ -128,7 +136,7 @@ def _plugin(name: str, kind: str | None) -> Plugin:
     return find_plugin(_GROUPS[having[0]], name)
 
 
-def _kit(plugin: Plugin, options: dict[str, Any]) -> type[Kit]:
+def _kit(plugin: Plugin, options: dict[str, Any], power: float) -> type[Kit]:
     """The tests of the plugin, once it has shown that it can be made with the options."""
     from svbrdfgan.plugins import make
     from svbrdfgan.plugins.probe import probe
@@ -140,7 +148,7 @@ def _kit(plugin: Plugin, options: dict[str, Any]) -> type[Kit]:
     from svbrdfgan.testing import RendererTests, UVEmbeddingTests
 
     tests: type[Kit] = RendererTests if plugin.group == RENDERERS else UVEmbeddingTests
-    return type("Checked", (tests,), {"name": plugin.name, "options": options})
+    return type("Checked", (tests,), {"name": plugin.name, "options": options, "power": power})
 
 
 def _outcomes(kit: type[Kit], plugin: Plugin, only: str) -> list[Outcome]:

@@ -1,4 +1,4 @@
-"""What renderers and embeddings have in common: found, typed, picklable, named, and no business of the process."""
+"""The tests that renderers and embeddings share: entry point, options, pickling, repr, and no global side effects."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LONGEST_REPR = 200
 
 
 class PluginKit(Kit):
-    """What a kit says of its plugin, for the tests that all kits share.
+    """What the shared tests need to know of a kit's plugin.
 
     Attributes:
         group: of its entry point.
@@ -31,23 +31,23 @@ class PluginKit(Kit):
 
     @property
     def installed(self) -> bool:
-        """Whether the plugin is that of the entry point `name`, and not one that the kit's heir makes itself."""
+        """Whether the plugin comes from the entry point `name`, and not from a method that a subclass overrides."""
         raise NotImplementedError
 
     def make_plugin(self) -> Any:
-        """A plugin of its own."""
+        """A new plugin."""
         raise NotImplementedError
 
     def results(self, plugin: Any) -> Mapping[str, Any]:
-        """What it makes of the same inputs, to be the same bit for bit each time."""
+        """Its results for fixed inputs, which must be the same bit for bit each time."""
         raise NotImplementedError
 
     def uses(self, plugin: Any) -> Iterator[object]:
-        """All that can be done with it, one after the other."""
+        """Runs everything that the plugin can do, one step at a time."""
         yield self.results(plugin)
 
     def require_unchanged(self, states: Mapping[str, Callable[[], object]]) -> None:
-        """Fails if a use of the plugin changes what these functions say."""
+        """Fails if using the plugin changes what one of these functions returns."""
         before = {name: state() for name, state in states.items()}
         for _ in self.uses(self.make_plugin()):
             for name, state in states.items():
@@ -56,10 +56,10 @@ class PluginKit(Kit):
 
 
 class PluginTests(PluginKit):
-    """Entry point, options, pickles, and the process's own chance and settings."""
+    """Entry point, options, pickling, and the process's random generators and settings."""
 
     def test_its_entry_point_finds_it(self) -> None:
-        """Its entry point's name leads to it, and its defaults suffice."""
+        """Its entry point loads it, and its default options suffice."""
         declared(self.installed, "an entry point")
         make(find_plugin(self.group, self.name))
 
@@ -73,7 +73,7 @@ class PluginTests(PluginKit):
             check(option.default is not option.empty, f"its option {option.name!r} has no default.")
 
     def test_it_pickles(self) -> None:
-        """A copy that went through pickle, as to a worker process, does the same."""
+        """A pickled copy, as in a worker process, gives the same results."""
         plugin = self.make_plugin()
         again = pickle.loads(pickle.dumps(plugin))
         check(again.capabilities == plugin.capabilities, "its capabilities did not survive pickle.")
@@ -84,7 +84,7 @@ class PluginTests(PluginKit):
         check(not found, f"after pickle the same inputs give other {', '.join(found)}.")
 
     def test_its_repr_is_one_line(self) -> None:
-        """Its repr is one line of at most 200 characters that names its class, and no address."""
+        """Its repr is one line of at most 200 characters with its class's name and no memory address."""
         plugin = self.make_plugin()
         text = repr(plugin)
         short = "\n" not in text and len(text) <= LONGEST_REPR
@@ -92,7 +92,7 @@ class PluginTests(PluginKit):
         check(short and named, f"its repr is {text[:300]!r}; wanted one such as a dataclass has.")
 
     def test_random_generators_are_left_alone(self) -> None:
-        """torch's, NumPy's and Python's own random numbers are left alone."""
+        """It does not advance or seed the random generators of torch, NumPy and Python."""
         with seeded(0):
             self.require_unchanged(
                 {
@@ -103,7 +103,7 @@ class PluginTests(PluginKit):
             )
 
     def test_random_seeds_of_the_caller_do_not_matter(self) -> None:
-        """Global random generators, seeded otherwise, change nothing."""
+        """Its results do not depend on the seeds of the global random generators."""
         results = []
         for seed in (1, 2):
             with seeded(seed):
@@ -112,7 +112,7 @@ class PluginTests(PluginKit):
         check(not found, f"other seeds of torch, NumPy and random give other {', '.join(found)}.")
 
     def test_settings_of_torch_and_numpy_are_left_alone(self) -> None:
-        """Default dtype and device, grad mode, threads and error handling stay."""
+        """It leaves the default dtype and device, grad mode, threads and error handling as they were."""
         dtype, grad = torch.get_default_dtype(), torch.is_grad_enabled()
         try:
             with np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"):
@@ -134,7 +134,7 @@ class PluginTests(PluginKit):
 
 @contextmanager
 def seeded(seed: int) -> Iterator[None]:
-    """The global random generators seeded, and as they were afterwards."""
+    """Seeds the global random generators, and restores their states afterwards."""
     python, numpy, pytorch = random.getstate(), np.random.get_state(), torch.get_rng_state()
     for generator in (random.seed, np.random.seed, torch.manual_seed):
         generator(seed)
@@ -147,7 +147,7 @@ def seeded(seed: int) -> Iterator[None]:
 
 
 def changed(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
-    """The names under which two results are not the same, bit for bit."""
+    """The names of the results that differ in any bit."""
     return [name for name in one if not same(one[name], other[name])]
 
 

@@ -1,8 +1,8 @@
 """What a conformance kit is: a class of tests about one plugin, run by pytest or by `svbrdfgan check`.
 
 A test is a method named `test_*`, whose docstring says what holds. Where that does not hold it raises `AssertionError`,
-with the numbers; where it is about a power that a plugin may lack, it calls `declared` first. No test needs pytest:
-`unittest.SkipTest`, which pytest knows, says "not declared".
+with the numbers. A test of a capability that a plugin may lack calls `declared` first. No test needs pytest: one that
+does not apply raises `unittest.SkipTest`, which pytest shows as skipped.
 """
 
 from __future__ import annotations
@@ -16,20 +16,23 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal
 
+FAST = 1 / 8
+"""A power for test runs after each change: takes a third of the time. Errors must be 2.8 times as large to be found."""
+
 Status = Literal["passed", "failed", "known failure", "not declared"]
 
 
 class KnownFailure(unittest.SkipTest):
-    """A test failed as its kit says it would."""
+    """A test failed that the kit lists in `known_failures`."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one test.
+    """The result of one test.
 
     Attributes:
         group: the part of the kit that the test belongs to, such as "gradients".
-        claim: what the test states, its docstring's first line.
+        claim: what holds if it passes: the first line of its docstring.
         message: why it did not pass; empty if it did.
     """
 
@@ -42,29 +45,34 @@ class Outcome:
 
 
 class Kit:
-    """Tests of one plugin. Subclass a kit, and say which plugin.
+    """Tests of one plugin. Subclass a kit, and set the plugin's name.
 
     Attributes:
         name: of its entry point.
         options: given to its constructor.
-        known_failures: tests that fail, and why. Strict: one that passes fails for being listed.
+        power: share of the samples that statistical tests take, in (0, 1]. With a quarter of the samples, an error must
+            be twice as large to be found with the same probability. A right plugin passes with the same probability.
+        known_failures: names of tests that fail, with reasons. A listed test that passes is reported as failed.
     """
 
     name: ClassVar[str] = ""
     options: ClassVar[Mapping[str, object]] = MappingProxyType({})
+    power: ClassVar[float] = 1.0
     known_failures: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
+        if not 0.0 < cls.power <= 1.0:
+            raise TypeError(f"{cls.__name__}.power is {cls.power}; wanted more than 0 and at most 1.")
         for test, reason in cls.__dict__.get("known_failures", {}).items():
             if test not in names_of_tests(cls):
                 raise TypeError(f"{cls.__name__}.known_failures names {test!r}, which is no test of this kit.")
             setattr(cls, test, _failing(getattr(cls, test), reason))
 
 
-def declared(power: bool, what: str) -> None:
-    """Ends the test as "not declared" unless the plugin claims the power."""
-    if not power:
+def declared(capability: bool, what: str) -> None:
+    """Ends the test as "not declared" unless the plugin declares the capability."""
+    if not capability:
         raise unittest.SkipTest(f"{what} is not declared")
 
 
@@ -75,15 +83,15 @@ def check(holds: bool, message: str) -> None:
 
 
 def names_of_tests(kit: type[Kit]) -> list[str]:
-    """The kit's tests: those of its bases in the order in which it lists these, then its own, each as written."""
+    """The names of the kit's tests: first those of its bases, in their order, then its own, as they are written."""
     inherited = [name for base in kit.__bases__ if issubclass(base, Kit) for name in names_of_tests(base)]
     return list(dict.fromkeys([*inherited, *(name for name in vars(kit) if name.startswith("test_"))]))
 
 
 def run_kit(kit: type[Kit], only: str = "") -> Iterator[Outcome]:
-    """Runs the tests whose group or name contains `only`, each on an object of its own."""
+    """Runs the tests whose "group.name" contains `only`, each on a new instance of the kit."""
     for name in names_of_tests(kit):
-        group = _group(kit, name)
+        group = group_of(kit, name)
         if only in f"{group}.{name}":
             yield _run(kit, group, name)
 
@@ -103,8 +111,8 @@ def _run(kit: type[Kit], group: str, name: str) -> Outcome:
     return Outcome(group, name, claim, status, message, time.perf_counter() - start)
 
 
-def _group(kit: type[Kit], name: str) -> str:
-    """The module of the class that wrote the test first."""
+def group_of(kit: type[Kit], name: str) -> str:
+    """The test's group: the module of the class that wrote it first."""
     first = next(owner for owner in reversed(kit.__mro__) if name in vars(owner))
     return first.__module__.rpartition(".")[2]
 

@@ -1,7 +1,7 @@
-"""Direct light without chance: sums over a grid in each pixel and over cells of the environment, every triangle tried.
+"""Direct light without random numbers: sums over a grid in each pixel and over cells of the environment.
 
-Written from `docs/conventions.md` alone, slow and plain, so that it can judge any renderer. For surfaces of a few
-triangles and environments of a few pixels. All in NumPy, double precision.
+The reference for the kit, written from `docs/conventions.md` alone. It tests every ray against every triangle, so it
+suits surfaces of a few triangles and environments of a few pixels. All in NumPy, in double precision.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class Quadrature:
 
     @cached_property
     def _gathered(self) -> tuple[Float[ndarray, "points 3"], Float[ndarray, "points 3"]]:
-        """At each point: the light reflected per unit of base colour, and that reflected besides."""
+        """At each point: the light reflected per unit of base colour, and the light reflected as gloss."""
         direction, light = cells(self.view, self.split)
         radiance = light @ self.view.environment.radiance.detach().cpu().double().numpy().reshape(-1, 3)
         lit = radiance.any(axis=1)
@@ -97,7 +97,7 @@ class Quadrature:
         return np.concatenate([none, *(d for d, _ in both)]), np.concatenate([none, *(g for _, g in both)])
 
     def _transfer(self, direction: Float[ndarray, "cells 3"]) -> Iterator[tuple[slice, ndarray, ndarray]]:
-        """Some points at a time: their reflection (points, cells) of unit light, per base colour and besides."""
+        """Chunks of points with their reflection (points, cells) of unit light: per base colour, and as gloss."""
         roughness, glossy = self._sum_of_lookups("roughness"), self._glossy[self.points.part]
         for first in range(0, len(self.points.pixel), _POINTS_AT_ONCE):
             some = slice(first, first + _POINTS_AT_ONCE)

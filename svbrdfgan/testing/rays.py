@@ -1,4 +1,4 @@
-"""Rays against every triangle of a surface in turn: what the camera meets, and what lies in the way of the light."""
+"""Rays against every triangle of a surface in turn: camera hits and shadows."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _EDGE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """What the camera meets: one point for each ray that meets the surface, with the normal turned to the viewer."""
+    """Camera hits: one point for each ray that meets the surface, with the normal turned to the viewer."""
 
     pixel: Int[ndarray, " points"]
     part: Int[ndarray, " points"]
@@ -68,7 +68,7 @@ def shadowed(
 def _crossings(
     origin: Float[ndarray, "n 3"], direction: Float[ndarray, "m 3"], corners: Float[ndarray, "3 3"]
 ) -> tuple[Float[ndarray, "n m"], Float[ndarray, "n m"], Float[ndarray, "n m"]]:
-    """How far each ray from each origin goes to a triangle, infinite where it misses; and u and v there.
+    """The distance from each origin along each direction to a triangle, infinite for a miss; and u and v there.
 
     The solution of origin + t d = a + u (b - a) + v (c - a) by Cramer's rule (Möller and Trumbore 1997).
     """

@@ -26,7 +26,7 @@ def surface_of(
     face_part: Int[ndarray, " faces"] | None = None,
     repeat: tuple[bool, bool] = (False, False),
 ) -> Surface:
-    """A surface of its own mesh: nothing cut, one layer; as many parts as `face_part` names."""
+    """A surface that is its own mesh: uncut, one layer, with as many parts as `face_part` names."""
     face_part = np.zeros(len(faces), dtype=np.int64) if face_part is None else face_part
     return Surface(
         positions=np.asarray(positions, dtype=np.float64),
@@ -52,7 +52,7 @@ def quad(corner: tuple[float, ...], right: tuple[float, ...], up: tuple[float, .
 
 
 def joined(*surfaces: Surface) -> Surface:
-    """Several surfaces as one, each a part (or several) of its own."""
+    """Several surfaces as one; their parts stay apart."""
     vertices = np.cumsum([0, *(len(s.positions) for s in surfaces)])
     parts = np.cumsum([0, *(len(s.parts) for s in surfaces)])
     return surface_of(
@@ -157,7 +157,7 @@ def random_light(rows: int = 8, cols: int = 16, seed: int = 0, rotation: float =
 
 
 def sun(row: int, col: int, rows: int = 64, cols: int = 128, rotation: float = 0.0) -> Environment:
-    """Black, but for one pixel that lights a surface facing it with an irradiance of pi, but for its small size."""
+    """Black, except for one pixel that lights a surface facing it with an irradiance of about pi."""
     radiance = torch.zeros(rows, cols, 3)
     radiance[row, col] = math.pi / _solid_angle(row, rows, cols)
     return Environment(radiance, rotation)
@@ -177,7 +177,7 @@ def _solid_angle(row: int, rows: int, cols: int) -> float:
 
 
 def row_lights(*lit: int, rows: int = 16, cols: int = 8) -> Environment:
-    """Black, but for some whole rows, the same from all sides; each lights a surface that faces it by about pi."""
+    """Black, except for some rows; each lights a surface that faces it with an irradiance of about pi."""
     radiance = torch.zeros(rows, cols, 3)
     for row in lit:
         radiance[row] = 1.0 / _solid_angle(row % rows, rows, 4)
@@ -198,7 +198,7 @@ def spot_view(
     distance: float = 0.5,
     extent: float = 0.01,
 ) -> View:
-    """4 x 4 pixels of nothing but the surroundings of a point, `extent` metres high, seen from a direction."""
+    """A view of 4 x 4 pixels of the surroundings of a point, `extent` metres high, seen from a direction."""
     direction = np.array(toward, dtype=np.float64) / np.linalg.norm(toward)
     x, y, z = np.array(point) + distance * direction
     a, b, c = np.eye(3)[np.abs(direction).argmin()]
@@ -208,7 +208,7 @@ def spot_view(
 
 
 def corner_view(environment: Environment, width: int = 12, height: int = 12) -> View:
-    """Into the corner of `corner_box`, and of its cavity nothing but the inside."""
+    """A view into the corner of `corner_box` that shows nothing but the inside."""
     return View(Camera((1.6, 1.4, 1.8), (0.25, 0.25, 0.25), vertical_fov=0.5), environment, width, height)
 
 
@@ -225,7 +225,7 @@ def random_texture(rows: int, cols: int, seed: int = 0) -> Float[Tensor, "rows c
 def picture(
     renderer: Renderer, surface: Surface, materials: Materials, view: View, spp: int = 4, seed: int = 0
 ) -> Rendering:
-    """The surface, prepared and rendered."""
+    """Prepares and renders the surface."""
     return renderer.render(renderer.prepare(surface), materials, view, spp=spp, seed=seed)
 
 

@@ -70,6 +70,7 @@ def test_no_sample_is_begun_after_three_seconds(monkeypatch: pytest.MonkeyPatch)
     assert len(made) == 1
 
 
+@pytest.mark.full
 def test_peak_memory_is_what_was_held_for_a_moment() -> None:
     meter = Meter(CPU, repeats=1)
 

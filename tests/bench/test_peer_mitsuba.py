@@ -44,6 +44,7 @@ def scene() -> BenchScene:
     return replace(whole, face_part=part, base_color=colors, texture=texture, radiance=np.ascontiguousarray(light))
 
 
+@pytest.mark.full
 def test_its_picture_is_ours(scene: BenchScene, tmp_path: Path) -> None:
     scene.save(tmp_path / "scene.npz")
     words = [sys.executable, "-c", RENDER, PEER, tmp_path / "scene.npz", tmp_path / "picture.npy"]

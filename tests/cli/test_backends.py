@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from svbrdfgan.cli import main
+from svbrdfgan.cli import backends, main
 
 
 @pytest.fixture
@@ -24,8 +24,15 @@ def plugins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (tmp_path / f"{name}-1.0.dist-info/entry_points.txt").write_text(entry)
 
 
+def listing_only(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
+    """Lists these plugins alone: each one listed costs a process."""
+    listed = backends.list_plugins
+    monkeypatch.setattr(backends, "list_plugins", lambda group: tuple(p for p in listed(group) if p.name in names))
+
+
 @pytest.mark.usefixtures("plugins")
-def test_json_lists_the_broken_beside_the_rest() -> None:
+def test_json_lists_the_broken_beside_the_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    listing_only(monkeypatch, "crash", "lacks", "twin", "hemispherical")
     result = CliRunner().invoke(main, ["embeddings", "--json"])
     found = {row["name"]: row for row in json.loads(result.stdout)}
     assert {"name", "distribution", "status", "reason", "capabilities"} <= set(found["crash"])
@@ -58,6 +65,7 @@ def test_naming_one_in_a_configuration_is_one_sentence(
     assert not (tmp_path / "out" / "train").exists()
 
 
+@pytest.mark.full
 @pytest.mark.usefixtures("plugins")
 def test_the_table_says_why() -> None:
     result = CliRunner(env={"COLUMNS": "200"}).invoke(main, ["embeddings"])
@@ -66,6 +74,14 @@ def test_the_table_says_why() -> None:
     assert result.exit_code == 0
 
 
+def test_json_lists_a_renderer_and_its_options(monkeypatch: pytest.MonkeyPatch) -> None:
+    listing_only(monkeypatch, "numpy")
+    (row,) = json.loads(CliRunner().invoke(main, ["backends", "--json"]).stdout)
+    assert (row["name"], row["status"], row["options"]["max_bounces"]) == ("numpy", "ok", 1)
+    assert "base_color" in row["capabilities"]["maps"]
+
+
+@pytest.mark.full
 def test_renderers() -> None:
     rows = json.loads(CliRunner().invoke(main, ["backends", "--json"]).stdout)
     assert {"numpy", "warp"} <= {row["name"] for row in rows}
@@ -73,6 +89,7 @@ def test_renderers() -> None:
     assert {row["name"]: row["options"] for row in rows}["numpy"]["max_bounces"] == 1
 
 
+@pytest.mark.full
 def test_the_table_shows_options() -> None:
     told = CliRunner(env={"COLUMNS": "200"}).invoke(main, ["backends"]).stdout
     assert "options: max_bounces=1" in told

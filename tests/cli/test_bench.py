@@ -40,6 +40,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
     return bench(*TINY, "--backend", "numpy", "--peer", peer(f"print('{LINE}')"), "-o", folder), folder
 
 
+@pytest.mark.full
 def test_figures_of_a_real_run(measured: tuple[Result, Path]) -> None:
     result, folder = measured
     assert result.exit_code == 0, result.output

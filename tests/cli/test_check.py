@@ -65,6 +65,7 @@ def test_json_for_programs() -> None:
     assert set(rows[0]) == {"group", "name", "claim", "status", "message", "seconds"}
 
 
+@pytest.mark.full
 def test_an_embedding() -> None:
     result = run("hemispherical", "--only", "contract.")
     assert result.exit_code == 0, result.output
@@ -80,6 +81,15 @@ def test_options_reach_the_renderer() -> None:
     wrong = run("numpy", "--option", "bounces=2")
     assert wrong.exit_code == 1
     assert wrong.stderr.splitlines()[-1].startswith("Error: numpy: unknown key 'bounces'")
+
+
+def test_power_reaches_the_kit(monkeypatch: pytest.MonkeyPatch) -> None:
+    powers = []
+    monkeypatch.setattr("svbrdfgan.testing.kit.run_kit", lambda kit, only: powers.append(kit.power) or [])
+    run("numpy", "--power", "0.125")
+    run("numpy")
+    assert powers == [0.125, 1.0]
+    assert run("numpy", "--power", "0").exit_code == 2
 
 
 @pytest.mark.usefixtures("plugins")

@@ -145,7 +145,7 @@ def test_weather_by_no_amount_is_clear(car: Path, tmp_path: Path) -> None:
 
 def test_dataset_and_its_overrides(dataset_data: Data, tmp_path: Path) -> None:
     (tmp_path / "data.yaml").write_text(json.dumps(dataset_data()))
-    words = ("dataset", tmp_path / "data.yaml", "splits.train.views=1", "spp=1", "-o", tmp_path / "out")
+    words = ("dataset", tmp_path / "data.yaml", "splits.train.views=1", "spp=1", "--workers", 1, "-o", tmp_path / "out")
     told = succeeded(invoke(*words))
     assert told.splitlines() == [
         "train: 2 exemplars of 2 meshes",
@@ -238,8 +238,8 @@ def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("small_pictures")
-def test_a_picture_beside_the_glb(car: Path, run: Path, tmp_path: Path) -> None:
-    look = ("--renderer", "numpy", "--picture")
+def test_a_picture_beside_the_glb(car: Path, run: Path, quick_renderer: str, tmp_path: Path) -> None:
+    look = ("--renderer", quick_renderer, "--picture")
     for words in (("weather", car, "--resolution", 32), ("texture", car, "--model", run)):
         told = succeeded(invoke(*words, "-o", tmp_path / "car.glb", *look, tmp_path / f"{words[0]}.png"))
         assert told.splitlines()[-1] == str(tmp_path / f"{words[0]}.png")
@@ -258,18 +258,21 @@ def test_a_picture_beside_the_glb(car: Path, run: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("small_pictures")
-def test_a_picture_by_another_light_and_with_roughness(car: Path, tmp_path: Path) -> None:
+def test_a_picture_by_another_light_and_with_roughness(car: Path, quick_glossy_renderer: str, tmp_path: Path) -> None:
     words = ("weather", car, "--resolution", 32, "-o", tmp_path / "car.glb", "--picture", tmp_path / "car.jpg")
     red = torch.zeros(8, 16, 3)
     red[..., 0] = 1.0
     save_environment(tmp_path / "red.exr", red)
-    own = ("--renderer", "numpy", "--map", "roughness=0.2", "--environment", tmp_path / "red.exr")
+    own = ("--renderer", quick_glossy_renderer, "--map", "roughness=0.2", "--environment", tmp_path / "red.exr")
     succeeded(invoke(*words, *own))
     with Image.open(tmp_path / "car.jpg") as picture:
         pixels = np.asarray(picture).astype(int)
     assert (pixels[..., 0] - pixels[..., 1]).max() > 50
     save_environment(tmp_path / "black.exr", 0 * red)
-    failed(invoke(*words, "--renderer", "numpy", "--environment", tmp_path / "black.exr"), "the environment is black")
+    failed(
+        invoke(*words, "--renderer", quick_glossy_renderer, "--environment", tmp_path / "black.exr"),
+        "the environment is black",
+    )
 
 
 @pytest.mark.parametrize(

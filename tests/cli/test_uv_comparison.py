@@ -20,6 +20,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.full
 def test_the_table(folder: Path) -> None:
     words = ["embeddings", "--compare", str(folder), "--embedding", "hemispherical", "--resolution", "64"]
     result = CliRunner(env={"COLUMNS": "120"}).invoke(main, words)
@@ -34,7 +35,7 @@ def test_the_table(folder: Path) -> None:
 
 
 def test_json(folder: Path) -> None:
-    words = ["embeddings", "--compare", str(folder), "--embedding", "hemispherical", "--json"]
+    words = ["embeddings", "--compare", str(folder), "--embedding", "hemispherical", "--resolution", "64", "--json"]
     result = CliRunner().invoke(main, words)
     data = json.loads(result.stdout)["hemispherical"]
     assert set(data) == {"summary", "failures", "meshes", "similarity"}
@@ -57,6 +58,7 @@ def test_mistakes_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, word
     assert told in result.output
 
 
+@pytest.mark.full
 def test_one_embedding_with_two_options(folder: Path) -> None:
     names = ["hemispherical", "hemispherical,centre_height=-1,resolution=64"]
     words = [word for name in names for word in ("--embedding", name)]
@@ -71,6 +73,7 @@ def test_an_unknown_embedding_is_told(folder: Path) -> None:
     assert "did you mean 'hemispherical'" in result.output
 
 
+@pytest.mark.full
 def test_bake_writes_the_card(folder: Path, tmp_path: Path) -> None:
     words = ["bake", str(folder / "low.obj"), "--resolution", "32", "-o", str(tmp_path / "baked")]
     result = CliRunner().invoke(main, words)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from tiers import AT_POWER, only, without
 
 from svbrdfgan.testing import RendererTests, UVEmbeddingTests
 
@@ -30,7 +31,14 @@ def _installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         del sys.modules[module]
 
 
+@without("test_memory_does_not_grow", *AT_POWER)
 class TestGrid(RendererTests):
+    name = "grid"
+
+
+@pytest.mark.full
+@only("test_memory_does_not_grow", *AT_POWER)
+class TestGridFull(RendererTests):
     name = "grid"
 
 

@@ -1,5 +1,8 @@
 """The in-tree renderers pass the kit that is shipped for everybody's.
 
+The fast tier runs it at little power, with several bounces only where these can change the result. The full tier runs
+what is left: the statistical tests at full power, and all others with several bounces.
+
 A backend whose package is not installed is skipped, unless SVBRDFGAN_REQUIRED_BACKENDS names it.
 """
 
@@ -10,12 +13,15 @@ from typing import ClassVar
 
 import pytest
 import torch
+from tiers import AT_POWER, CHANGED_BY_BOUNCES, only, without
 
 from svbrdfgan.plugins import RENDERERS, list_plugins
 from svbrdfgan.testing import RendererTests
+from svbrdfgan.testing.kit import FAST
 
 REQUIRED = os.environ.get("SVBRDFGAN_REQUIRED_BACKENDS", "").split()
 INSTALLED = {plugin.name for plugin in list_plugins(RENDERERS)}
+SLOW_WITHOUT_BOUNCES = ("test_memory_does_not_grow",)
 
 
 class Backend(RendererTests):
@@ -35,35 +41,74 @@ class Backend(RendererTests):
             pytest.skip("there is no CUDA device")
 
 
+@without(*SLOW_WITHOUT_BOUNCES)
 class TestNumpy(Backend):
-    name = "numpy"
+    name, power = "numpy", FAST
 
 
+@only(*CHANGED_BY_BOUNCES)
 class TestNumpyBounces(Backend):
-    name = "numpy"
+    name, power = "numpy", FAST
     options: ClassVar[Mapping[str, object]] = {"max_bounces": 3}
 
 
 class TestWarp(Backend):
+    name, package, power = "warp", "warp", FAST
+    options: ClassVar[Mapping[str, object]] = {"device": "cpu"}
+
+
+class TestMitsuba(Backend):
+    name, package, power = "mitsuba", "mitsuba", FAST
+    options: ClassVar[Mapping[str, object]] = {"device": "cpu"}
+
+
+@only(*CHANGED_BY_BOUNCES)
+class TestMitsubaBounces(Backend):
+    name, package, power = "mitsuba", "mitsuba", FAST
+    options: ClassVar[Mapping[str, object]] = {"device": "cpu", "max_bounces": 3}
+
+
+@pytest.mark.full
+@only(*AT_POWER, *SLOW_WITHOUT_BOUNCES)
+class TestNumpyFull(Backend):
+    name = "numpy"
+
+
+@pytest.mark.full
+@without(*set(CHANGED_BY_BOUNCES) - set(AT_POWER))
+class TestNumpyBouncesFull(Backend):
+    name = "numpy"
+    options: ClassVar[Mapping[str, object]] = {"max_bounces": 3}
+
+
+@pytest.mark.full
+@only(*AT_POWER)
+class TestWarpFull(Backend):
     name, package = "warp", "warp"
     options: ClassVar[Mapping[str, object]] = {"device": "cpu"}
 
 
+@pytest.mark.full
 class TestWarpCuda(Backend):
     name, package, device = "warp", "warp", "cuda"
     options: ClassVar[Mapping[str, object]] = {"device": "cuda"}
 
 
-class TestMitsuba(Backend):
+@pytest.mark.full
+@only(*AT_POWER)
+class TestMitsubaFull(Backend):
     name, package = "mitsuba", "mitsuba"
     options: ClassVar[Mapping[str, object]] = {"device": "cpu"}
 
 
-class TestMitsubaBounces(Backend):
+@pytest.mark.full
+@without(*set(CHANGED_BY_BOUNCES) - set(AT_POWER))
+class TestMitsubaBouncesFull(Backend):
     name, package = "mitsuba", "mitsuba"
     options: ClassVar[Mapping[str, object]] = {"device": "cpu", "max_bounces": 3}
 
 
+@pytest.mark.full
 class TestMitsubaCuda(Backend):
     name, package, device = "mitsuba", "mitsuba", "cuda"
     options: ClassVar[Mapping[str, object]] = {"device": "cuda"}

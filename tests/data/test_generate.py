@@ -131,6 +131,7 @@ def test_only_what_is_missing_is_made(dataset_copy: Path, tiny_dataset: Path, co
     assert_same(dataset_copy, tiny_dataset)
 
 
+@pytest.mark.full
 def test_killed_in_the_middle_it_goes_on(tmp_path: Path, tiny_dataset: Path, config: DatasetConfig) -> None:
     folder = tmp_path / "dataset"
     process = subprocess.Popen(maker(config, folder), stderr=subprocess.DEVNULL)
@@ -147,6 +148,7 @@ def test_killed_in_the_middle_it_goes_on(tmp_path: Path, tiny_dataset: Path, con
     assert len(leftovers) <= 1, leftovers
 
 
+@pytest.mark.full
 def test_two_processes_make_the_same(tmp_path: Path, tiny_dataset: Path, config: DatasetConfig) -> None:
     folder = tmp_path / "dataset"
     done = subprocess.run(maker(config, folder, devices=2), capture_output=True, text=True)
@@ -154,6 +156,7 @@ def test_two_processes_make_the_same(tmp_path: Path, tiny_dataset: Path, config:
     assert_same(folder, tiny_dataset)
 
 
+@pytest.mark.full
 def test_meshes_baked_ahead_make_the_same(tmp_path: Path, tiny_dataset: Path, config: DatasetConfig) -> None:
     folder = tmp_path / "dataset"
     done = subprocess.run(maker(config, folder, workers=2), capture_output=True, text=True)
@@ -161,6 +164,7 @@ def test_meshes_baked_ahead_make_the_same(tmp_path: Path, tiny_dataset: Path, co
     assert_same(folder, tiny_dataset)
 
 
+@pytest.mark.full
 def test_a_mesh_that_cannot_be_baked_ahead_is_told(dataset_copy: Path) -> None:
     plan = DatasetIndex.load(dataset_copy)
     scenes = [plan.sampler("train").scene(index) for index in (0, 4)]

@@ -36,6 +36,7 @@ def run(code_blocks: Callable[[str, str], list[str]], tmp_path: Path, monkeypatc
     return run_page
 
 
+@pytest.mark.full
 def test_the_example_of_the_readme(run: Run) -> None:
     names = run("README.md")
     assert names["layer"].grad.abs().sum() > 0
@@ -45,6 +46,7 @@ def test_the_example_of_the_readme(run: Run) -> None:
     assert Path("dirty_van.png").is_file()
 
 
+@pytest.mark.full
 def test_the_example_of_the_quickstart(run: Run) -> None:
     names = run("docs/quickstart.md")
     assert names["evaluated"].evaluation.subjects == 1

@@ -112,7 +112,10 @@ def test_the_example_renderer_refuses_what_it_cannot_do(renderer: Renderer) -> N
         load_renderer("brute-force", {"epsilon": -1.0})
 
 
-@pytest.mark.parametrize("group", ["contract", "side_effects", "shapes", "radiometry", "orientation"])
+FULL_GROUPS = [pytest.param(g, marks=pytest.mark.full) for g in ("side_effects", "shapes", "radiometry", "orientation")]
+
+
+@pytest.mark.parametrize("group", ["contract", *FULL_GROUPS])
 def test_the_example_renderer_passes_the_kit(install: Install, group: str) -> None:
     """Without the groups that need many samples or faces, which would take too long."""
     install("docs/write-a-renderer.md")

@@ -103,7 +103,7 @@ def test_the_gradient_of_the_channel_is_that_of_finite_differences(settings: Set
     assert float((learned.grad * direction).sum()) == pytest.approx(slope, rel=0.01)
 
 
-@pytest.mark.parametrize("renderer", ["numpy", "mitsuba"])
+@pytest.mark.parametrize("renderer", [pytest.param("numpy", marks=pytest.mark.full), "mitsuba"])
 def test_ten_steps_teach_the_channel(renderer: str, settings: Settings, run: Path, tmp_path: Path) -> None:
     """Only the gradient of its own map moves the last weights of a channel."""
     if renderer == "mitsuba":
@@ -139,6 +139,7 @@ def test_the_model_paints_and_exports_the_map(run: Path, folder: Path, tmp_path:
     assert not shown[..., 2].any()  # not metallic
 
 
+@pytest.mark.full
 def test_the_verdict_names_the_map(run: Path) -> None:
     evaluated = evaluate(run, split="validation", device="cpu", schedule=OracleConfig(every=2, steps=4))
     assert evaluated.evaluation.maps.keys() == {"roughness"}

@@ -42,6 +42,7 @@ def trained(toy: tuple[list[Target], Scorer], **schedule: float) -> tuple[Oracle
     return oracle, seen
 
 
+@pytest.mark.full
 def test_it_learns_a_simple_function_of_position(toy: tuple[list[Target], Scorer]) -> None:
     oracle, seen = trained(toy, rate=1e-2, every=20, steps=240)
     assert oracle.score > 0.5

@@ -76,7 +76,7 @@ def test_who_stops_asking_ends_them(stand_in: Stand_In, tmp_path: Path) -> None:
     )
     assert next(running)[0].title == "quick"
     running.close()
-    assert time.monotonic() - began < 10
+    assert time.monotonic() - began < 25  # less than the slow task sleeps
     assert not (tmp_path / "survived").exists()
 
 
@@ -138,6 +138,7 @@ def test_a_task_ends_that_begins_when_who_started_it_is_gone() -> None:
     assert ended.returncode == -signal.SIGKILL
 
 
+@pytest.mark.full
 def test_a_real_task_and_what_it_refuses(tmp_path: Path) -> None:
     """The process reads the task, and its one sentence comes back."""
     ((_, reason),) = execute(

@@ -133,6 +133,12 @@ def test_known_failures_name_tests() -> None:
         type("Typo", (Both,), {"known_failures": {"test_typo": "reason"}})
 
 
+@pytest.mark.parametrize("power", [0.0, -0.5, 1.5])
+def test_power_is_a_share(power: float) -> None:
+    with pytest.raises(TypeError, match=r"wanted more than 0 and at most 1\."):
+        type("Wrong", (Both,), {"power": power})
+
+
 def test_checks_hold_where_assertions_are_off() -> None:
     with pytest.raises(AssertionError, match="message"):
         check(False, "message")

@@ -96,35 +96,35 @@ def test_gloss_has_smiths_masking_of_its_normals() -> None:
     assert reflected == pytest.approx(1.0, abs=0.01)
 
 
-@pytest.mark.parametrize("setting", [cases.strips(), cases.lidded()], ids=["strips", "lidded"])
-def test_gradients_are_those_of_the_image(setting: cases.Setting) -> None:
+@pytest.mark.parametrize("case", [cases.strips(), cases.lidded()], ids=["strips", "lidded"])
+def test_gradients_are_those_of_the_image(case: cases.Case) -> None:
     """The image is linear in every texel and in the light, so a difference is the slope."""
-    grad = setting.random()
-    quadrature = _quadrature(setting.surface, setting.materials, setting.view, split=4)
-    before, light = (quadrature.image() * grad).sum(), setting.view.environment.radiance
+    grad = case.random()
+    quadrature = _quadrature(case.surface, case.materials, case.view, split=4)
+    before, light = (quadrature.image() * grad).sum(), case.view.environment.radiance
     step = torch.rand(light.shape, generator=torch.Generator().manual_seed(1))
-    lit = setting.lit_by(light + step)
+    lit = case.lit_by(light + step)
     moved = _quadrature(lit.surface, lit.materials, lit.view, split=4).image()
     slope = (quadrature.environment_gradient(grad) * step.double().numpy()).sum()
     assert (moved * grad).sum() - before == pytest.approx(slope, rel=1e-5, abs=1e-5)
     texels = quadrature.texel_gradients(grad)[0]
     for row, col in ((1, 1), (0, 2)):
-        color = setting.materials[0].base_color.clone()
+        color = case.materials[0].base_color.clone()
         color[row, col, 1] += 0.5
-        other = setting.with_map(0, "base_color", color)
+        other = case.with_map(0, "base_color", color)
         picture = _quadrature(other.surface, other.materials, other.view, split=4).image()
         assert (picture * grad).sum() - before == pytest.approx(0.5 * texels[row, col, 1], rel=1e-5, abs=1e-5)
 
 
 def test_the_gradient_of_roughness_is_that_of_the_image() -> None:
     """By differences of whole pictures, texel by texel."""
-    setting = cases.glossy(torch.tensor([[0.5, 0.9, 0.6], [0.7, 0.4, 0.8]])[..., None])
-    grads, roughness, step = (setting.smooth(), setting.random()), setting.materials[0].maps["roughness"], 1e-2
-    found = _quadrature(setting.surface, setting.materials, setting.view).roughness_gradients(grads, 0)
+    case = cases.glossy(torch.tensor([[0.5, 0.9, 0.6], [0.7, 0.4, 0.8]])[..., None])
+    grads, roughness, step = (case.smooth(), case.random()), case.materials[0].maps["roughness"], 1e-2
+    found = _quadrature(case.surface, case.materials, case.view).roughness_gradients(grads, 0)
     assert found.shape == (2, 2, 3, 1)
     for texel in range(6):
         moved = torch.eye(6)[texel].reshape(2, 3, 1) * step
-        more, less = (setting.with_map(0, "roughness", roughness + sign * moved) for sign in (1.0, -1.0))
+        more, less = (case.with_map(0, "roughness", roughness + sign * moved) for sign in (1.0, -1.0))
         images = [_quadrature(each.surface, each.materials, each.view).image() for each in (more, less)]
         slope = [((images[0] - images[1]) * grad).sum() / (2.0 * step) for grad in grads]
         assert found.reshape(2, 6)[:, texel] == pytest.approx(slope, rel=5e-3, abs=5e-3 * abs(found).max())
@@ -134,5 +134,5 @@ def test_a_shadow_does_not_fall_through_the_floor_nor_upward() -> None:
     """Light from below reaches the lid's underside through no floor, and the floor's top not at all."""
     radiance = torch.zeros(8, 8, 3)
     radiance[5:] = 1.0
-    setting = cases.lidded().lit_by(radiance)
-    assert not _quadrature(setting.surface, setting.materials, setting.view).image().any()
+    case = cases.lidded().lit_by(radiance)
+    assert not _quadrature(case.surface, case.materials, case.view).image().any()

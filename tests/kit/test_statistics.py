@@ -7,11 +7,13 @@ from scipy import stats
 
 from svbrdfgan.testing.statistics import (
     CONFIDENCE,
+    LEAST_RUNS,
     POWER,
     Estimate,
     block_sums,
     difference,
     estimate,
+    fewer,
     least_bias,
     margin,
 )
@@ -54,6 +56,19 @@ def test_least_bias_is_found_with_the_power_it_states() -> None:
     found = (abs(means) > margin(known)).mean()
     assert found == pytest.approx(POWER, abs=0.01)
     assert bias > margin(known, CONFIDENCE).item()
+
+
+@pytest.mark.parametrize("power", [1.0, 0.25, 0.125])
+@pytest.mark.parametrize(("runs", "spp"), [(16, 16), (24, 64), (16, 128)])
+def test_fewer_samples_are_the_share_that_is_asked_for(runs: int, spp: int, power: float) -> None:
+    few, each = fewer(runs, spp, power)
+    assert LEAST_RUNS <= few <= runs
+    assert few * each == pytest.approx(power * runs * spp, rel=0.25)
+    assert fewer(runs, spp, 1.0) == (runs, spp)
+
+
+def test_few_runs_stay_as_they_are() -> None:
+    assert fewer(2, 16, 0.125) == (2, 2)
 
 
 def test_difference_is_welchs() -> None:

@@ -64,12 +64,14 @@ def test_its_wheel_holds_its_package_alone(example_wheel: Path) -> None:
     assert tops == {name, f"{name}-{project['version']}.dist-info"}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("listing", "name"), [("backends", "grid"), ("embeddings", "cube")])
 def test_it_is_listed_as_working(svbrdfgan: Any, listing: str, name: str) -> None:
     (row,) = (row for row in json.loads(svbrdfgan(listing, "--json")) if row["name"] == name)
     assert (row["distribution"], row["status"]) == ("svbrdfgan-example", "ok")
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["grid", "cube"])
 def test_the_kit_passes_from_the_wheel(svbrdfgan: Any, name: str) -> None:
     """A quick group; `tests/conformance` runs all."""
@@ -78,6 +80,7 @@ def test_the_kit_passes_from_the_wheel(svbrdfgan: Any, name: str) -> None:
     assert len([o for o in outcomes if o["status"] == "passed"]) >= len(outcomes) / 2
 
 
+@pytest.mark.full
 def test_ten_steps_of_training_with_both(svbrdfgan: Any, tmp_path: Path) -> None:
     for name, data in {"dataset": DATASET, "train": TRAINING}.items():
         (tmp_path / f"{name}.yaml").write_text(json.dumps(data))

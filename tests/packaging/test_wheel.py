@@ -8,6 +8,8 @@ import tomllib
 import zipfile
 from pathlib import Path
 
+import pytest
+
 from svbrdfgan import __version__
 
 REPOSITORY = Path(__file__).parents[2]
@@ -29,6 +31,7 @@ def run(site: Path, code: str) -> list[str]:
     return done.stdout.split()
 
 
+@pytest.mark.full
 def test_what_is_in_the_wheel(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     tops = {name.split("/")[0] for name in names}
@@ -47,6 +50,7 @@ def test_the_citation_names_this_version() -> None:
     assert f"\nversion: {__version__}\n" in (REPOSITORY / "CITATION.cff").read_text()
 
 
+@pytest.mark.full
 def test_entry_points_are_found(site: Path) -> None:
     code = (
         "import svbrdfgan; from svbrdfgan.plugins import *\n"
@@ -58,6 +62,7 @@ def test_entry_points_are_found(site: Path) -> None:
     assert {"numpy", "warp", "hemispherical"} <= set(names)
 
 
+@pytest.mark.full
 def test_the_chosen_plugin_comes_from_the_wheel(site: Path) -> None:
     code = (
         "from svbrdfgan.plugins import *; print(__import__('inspect').getfile(type(load_embedding('hemispherical'))))"
@@ -65,6 +70,7 @@ def test_the_chosen_plugin_comes_from_the_wheel(site: Path) -> None:
     assert Path(run(site, code)[0]).is_relative_to(site)
 
 
+@pytest.mark.full
 def test_no_stray_package_is_importable(site: Path) -> None:
     code = f"import importlib.util as u; print(*(name for name in {STRAY} if u.find_spec(name)))"
     assert run(site, code) == []

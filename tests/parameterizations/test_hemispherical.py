@@ -111,6 +111,7 @@ def test_flat_meshes_are_refused(mesh: Mesh, axis: int) -> None:
 
 
 @pytest.mark.assets
+@pytest.mark.full
 def test_every_real_vehicle_embeds(assets: Path) -> None:
     for path in sorted((assets / "cars").glob("*.glb")):
         surface = HemisphericalEmbedding(resolution=64).embed(load_mesh(path))

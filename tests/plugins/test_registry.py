@@ -277,6 +277,7 @@ class TestProbe:
         assert (noisy.status, noisy.reason) == ("ok", None)
         assert noisy.capabilities == {"injective": True, "subdivides": False}
 
+    @pytest.mark.full
     def test_a_hang_ends_with_the_children_it_started(
         self, install: Install, ended: Callable[[int], bool], tmp_path: Path
     ) -> None:
@@ -288,9 +289,9 @@ class TestProbe:
         )
         install("hangs", source)
         started = time.monotonic()
-        outcome = probe(find_plugin(EMBEDDINGS, "hangs"), timeout=4)
-        assert time.monotonic() - started < 30
-        assert (outcome.status, "within 4 s" in str(outcome.reason)) == ("broken", True)
+        outcome = probe(find_plugin(EMBEDDINGS, "hangs"), timeout=15)  # enough to start Python twice on a busy machine
+        assert time.monotonic() - started < 60
+        assert (outcome.status, "within 15 s" in str(outcome.reason)) == ("broken", True)
         assert ended(int((tmp_path / "child").read_text()))
 
     def test_a_known_problem_starts_no_process(self, install: Install) -> None:
@@ -313,6 +314,7 @@ class TestChoice:
         assert "SIGABRT" in caplog.text
         assert isinstance(load_renderer("able"), Renderer)
 
+    @pytest.mark.full
     def test_one_without_the_maps_is_passed_over(
         self, install: Install, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
     ) -> None:
@@ -344,6 +346,7 @@ class TestChoice:
         assert [p.name for p in select._ranked(plugins, "cuda")] == ["warp", "mitsuba", "numpy", "alpha", "zeta"]
 
 
+@pytest.mark.full
 def test_required_backends_work() -> None:
     """SVBRDFGAN_REQUIRED_BACKENDS names renderers that this machine must have; nothing may quietly skip them."""
     names = os.environ.get("SVBRDFGAN_REQUIRED_BACKENDS", "").split()

@@ -113,6 +113,7 @@ def test_gradient_is_that_of_the_picture_itself(stage: Stage) -> None:
     assert torch.equal(color.grad, exact.materials[stage.learnable]["base_color"])
 
 
+@pytest.mark.full
 def test_gradient_of_other_samples_is_unbiased(stage: Stage) -> None:
     """The mean over many seeds lies within four standard errors of a converged gradient."""
     view, cotangent = replace(stage.view, width=4, height=4), torch.ones(4, 4, 3)

@@ -116,11 +116,13 @@ def test_without_validation_log_or_checkpoint_the_page_says_so(run: Path, evalua
     assert "svg" not in page.tags
 
 
+@pytest.mark.full
 def test_a_checkpoint_of_other_networks_is_left_out(run: Path, evaluated) -> None:
     (run / "checkpoints" / "step_00000001").mkdir(parents=True)
     assert "no checkpoint that can be read" in write(run, evaluated).words
 
 
+@pytest.mark.full
 def test_a_run_with_further_maps_shows_what_its_discriminator_thinks(run: Path, evaluated) -> None:
     State.fresh(evaluated.config.train, torch.device("cpu"), channels=5).save(run)
     page = write(run, evaluated)
@@ -139,6 +141,7 @@ def test_names_are_text_and_never_markup(run: Path, makers) -> None:
     assert '<script>"&' in page.words
 
 
+@pytest.mark.full
 def test_the_page_replaces_the_one_before_and_leaves_nothing_else(run: Path, evaluated) -> None:
     (run / "report.html").write_text("old", encoding="utf-8")
     write(run, evaluated)

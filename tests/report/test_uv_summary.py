@@ -78,6 +78,7 @@ def test_the_atlas_shows_what_is_wrong() -> None:
     assert crowded[2] > crowded[0] + 0.05
 
 
+@pytest.mark.full
 def test_files(tmp_path: Path) -> None:
     summary = write_summary(tmp_path, rectangles(LEFT, RIGHT), "two squares")
     data = json.loads((tmp_path / "card.json").read_text())

@@ -136,6 +136,7 @@ def loaded(path: Path) -> list[Any]:
     return found
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("rank", range(PROCESSES))
 def test_gradients_are_the_mean_of_all_processes(rank: int, left: Path) -> None:
     """Over updates that go on from each other, through penalties, with a weight that has no gradient."""
@@ -148,6 +149,7 @@ def test_gradients_are_the_mean_of_all_processes(rank: int, left: Path) -> None:
             torch.testing.assert_close(a, b, rtol=1e-5, atol=1e-7)
 
 
+@pytest.mark.full
 def test_processes_that_train_keep_the_same_weights(left: Path) -> None:
     """Each has exemplars, backgrounds and so gradients of its own."""
     one, other = (loaded(left / f"training{rank}") for rank in range(PROCESSES))

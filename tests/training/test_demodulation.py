@@ -73,7 +73,7 @@ def test_one_reflectance_is_seen_as_itself_from_anywhere_under_any_light(scenes:
         assert (image[~where] == 0).all()
 
 
-@pytest.mark.parametrize("spp", [2, 64])
+@pytest.mark.parametrize("spp", [2, pytest.param(64, marks=pytest.mark.full)])
 @pytest.mark.parametrize("scenes", SCENES)
 def test_a_fake_of_the_truth_shows_what_its_exemplar_does(scenes: dict[str, Any], spp: int, make: Make) -> None:
     source = make(scenes=scenes, spp=spp)

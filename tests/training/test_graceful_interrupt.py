@@ -45,6 +45,7 @@ def plain_handler() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.full
 def test_training_ends_its_step_saves_it_and_goes_on_from_there(training_data: Data, tmp_path: Path) -> None:
     data = training_data(steps=12, save_every=1000, score_every=4)
     (tmp_path / "train.yaml").write_text(json.dumps(data))

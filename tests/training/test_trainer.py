@@ -98,6 +98,7 @@ def test_the_same_configuration_gives_the_same_weights(config: Callable[..., Tra
     assert_same_weights(tmp_path / "one", tmp_path / "other")
 
 
+@pytest.mark.full
 def test_killed_and_resumed_it_ends_with_the_same_weights(
     training_data: Data, config: Callable[..., TrainConfig], tmp_path: Path
 ) -> None:
@@ -282,6 +283,7 @@ def test_it_trains(
     assert len(state.history) == 1
 
 
+@pytest.mark.full
 def test_two_processes_train_one_model(training_data: Data, config: Callable[..., TrainConfig], tmp_path: Path) -> None:
     """Half a batch each; what it ends with is what the last checkpoint holds."""
     (tmp_path / "train.yaml").write_text(json.dumps(training_data(steps=1, devices=2)))

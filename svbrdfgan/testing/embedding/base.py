@@ -1,4 +1,4 @@
-"""What every test of a UV embedding starts from."""
+"""The base class of all tests of a UV embedding."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _ORDINARY = (body, box, shell, clutter)
 
 
 class EmbeddingKit(PluginKit):
-    """A UV embedding under test: that of the entry point `name`, unless `make_embedding` says otherwise."""
+    """A UV embedding under test: the plugin of the entry point `name`, unless `make_embedding` is overridden."""
 
     group = EMBEDDINGS
 
     def make_embedding(self) -> UVEmbedding:
-        """An embedding of its own for each test; override to test one that is not installed."""
+        """A new embedding, for each test; override to test one that is not installed."""
         return load_embedding(self.name, self.options)
 
     def make_plugin(self) -> UVEmbedding:
@@ -48,7 +48,7 @@ class EmbeddingKit(PluginKit):
     def surfaces(self) -> Iterator[tuple[str, Mesh, Surface]]:
         """The ordinary meshes that can be embedded, each with its name and surface.
 
-        Whether a mesh may be refused, and how, is for the tests of robustness.
+        A mesh that is refused is left out: the tests of robustness judge refusals.
         """
         refused = []
         for make in _ORDINARY:

@@ -1,4 +1,4 @@
-"""The protocol: what an embedding is, whatever it does with the mesh."""
+"""The protocol of embeddings, independent of the map."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The map: what an embedding's UVs may and may not do, and what its capabilities promise."""
+"""The map: what every embedding's UVs must satisfy, and what its capabilities promise."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _FEW = 0.01
 
 
 class MappingTests(EmbeddingKit):
-    """What can be said of any embedding. How true it is to a formula of its own is for its author to test."""
+    """What holds for any embedding. Whether it follows its own formula is for its author to test."""
 
     def test_the_square_is_used(self) -> None:
         """A tenth of the texels, or more, show a closed body."""

@@ -1,7 +1,7 @@
-"""Meshes to embed: ordinary ones, whose surfaces are examined, and the awkward ones that users bring.
+"""Meshes to embed: ordinary ones, whose surfaces are examined, and awkward ones as in users' files.
 
-Each is made anew when asked for, so that an embedding that writes into one spoils no other. All have UVs of their own,
-one-to-one and not mirrored, for embeddings that keep them.
+Each call makes a new mesh, so that an embedding that writes into one does not affect other tests. All have one-to-one,
+unmirrored UVs, for embeddings that keep them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Points of a mesh, found again on the surface that an embedding made of it, however that is cut."""
+"""Points of a mesh, located on the surface that an embedding made of it, however it is cut."""
 
 from __future__ import annotations
 

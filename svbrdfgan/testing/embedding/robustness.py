@@ -1,4 +1,4 @@
-"""The meshes that users bring: each gives a surface, or one sentence that says why it cannot."""
+"""Awkward meshes: each gives a surface, or an error of one sentence with the reason."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _TWO = np.array([[0, 1, 2], [0, 2, 3]])
 
 
 class RobustnessTests(EmbeddingKit):
-    """No mesh makes an embedding raise anything but `EmbeddingError`, or return what is not finite."""
+    """An embedding raises nothing but `EmbeddingError`, and returns finite values, for every mesh."""
 
     def test_a_single_triangle(self) -> None:
         """One triangle, askew in space."""
@@ -51,7 +51,7 @@ class RobustnessTests(EmbeddingKit):
         self._embeds_or_says_why(mesh_of(positions, np.concatenate([mesh.faces, extra]), part))
 
     def test_duplicate_and_inverted_faces(self) -> None:
-        """Every face twice, and once more the other way about."""
+        """Every face twice, and once more with the opposite winding."""
         mesh = box()
         faces = np.concatenate([mesh.faces, mesh.faces, mesh.faces[:, ::-1]])
         self._embeds_or_says_why(mesh_of(mesh.positions, faces, np.tile(mesh.face_part, 3)))

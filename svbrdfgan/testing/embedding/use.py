@@ -1,4 +1,4 @@
-"""Use: a vehicle goes all the way, from mesh to weathered texture."""
+"""Use: a vehicle from mesh to weathered texture."""
 
 from __future__ import annotations
 

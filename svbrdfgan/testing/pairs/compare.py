@@ -1,4 +1,4 @@
-"""Whether two renderers agree in one quantity of one scene, and how small a disagreement would have been found."""
+"""Statistical comparison of two renderers in one quantity of one scene, with the least detectable difference."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from svbrdfgan.testing.pairs.scenes import PairScene
 from svbrdfgan.testing.statistics import Estimate, difference, estimate, least_bias, margin
 
 FALSE_ALARMS = 0.01
-"""The probability, at most, that a table of honest renderers shows any disagreement at all (Bonferroni)."""
+"""The greatest probability that a table of right renderers shows any disagreement (Bonferroni)."""
 
 LEAST_SIGMA = 4.0
 SMALL = 0.01

@@ -1,7 +1,7 @@
 """`python -m svbrdfgan.testing.pairs.make_reference`: makes or continues the stored reference of a slow renderer.
 
-It works where most is missing of what the slow profile needs, and stops when nothing is missing or the time is up.
-Another run with the same file goes on from there.
+It samples where most runs are missing for the slow profile, and stops when none is missing or the time is up.
+Another run with the same file continues from there.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from numpy import ndarray
 
 from svbrdfgan import __version__
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.testing.pairs.measure import QUANTITIES, Subject, offered
+from svbrdfgan.testing.pairs.measure import QUANTITIES, RenderedScene, offered
 from svbrdfgan.testing.pairs.references import RUNS, SHIPPED, Reference, Stored, load_reference
 from svbrdfgan.testing.pairs.sampling import SLOW, Aim
 from svbrdfgan.testing.pairs.scenes import SCENES, SceneUnavailableError, make_scene
@@ -37,10 +37,10 @@ Key = tuple[str, str]  # scene, quantity
 
 
 class Work:
-    """A reference in the making, and what is missing of it."""
+    """An unfinished reference, and the runs that it still needs."""
 
     def __init__(self, renderer: str, scenes: Iterable[str], start: Reference | None = None, first: int = 0) -> None:
-        """Goes on from `start`, less the scenes that have changed since; rounds are numbered from `first` at least."""
+        """Continues from `start` without the scenes that have changed; rounds are numbered from `first` at least."""
         fingerprints = {scene: make_scene(scene).fingerprint() for scene in scenes}
         empty = Reference(renderer, __version__, fingerprints, {})
         self.reference = start.joined(empty) if start else empty
@@ -52,7 +52,7 @@ class Work:
         self._needed = {key: self._need(key) for key in keys}
 
     def begin(self) -> tuple[Key, int] | None:
-        """A scene's quantity and the number of its next round, where most is missing; None if nothing is."""
+        """The scene and quantity with most runs missing, and the number of its next round; None if none is missing."""
         key = min(self._begun, key=lambda key: self._begun[key] / self._needed[key])
         if self._begun[key] >= self._needed[key]:
             return None
@@ -61,7 +61,7 @@ class Work:
         return key, self._next[key] - 1
 
     def add(self, key: Key, number: int, values: Float[ndarray, "runs blocks"]) -> None:
-        """Takes in a round."""
+        """Adds a round."""
         new = Stored(values, frozenset({number}), SPP * make_scene(key[0]).pixels)
         stored = dict(self.reference.stored)
         stored[key] = stored[key].joined(new) if key in stored else new
@@ -69,7 +69,7 @@ class Work:
         self._needed[key] = self._need(key)
 
     def shares(self) -> Mapping[Key, float]:
-        """How much there is of what is needed, for each quantity."""
+        """The share of the runs needed that exist, for each quantity."""
         return {key: min(1.0, len(self._rounds(key)) / needed) for key, needed in self._needed.items()}
 
     def _rounds(self, key: Key) -> frozenset[int]:
@@ -83,7 +83,7 @@ class Work:
 
 
 def carry_out(work: Work, processes: int, seconds: float, out: Path) -> None:
-    """Rounds until nothing is missing or the time is up; those begun are finished. Saves as it goes."""
+    """Makes rounds until nothing is missing or the time is up, and saves now and then. Rounds begun are finished."""
     end, saved = time.monotonic() + seconds, time.monotonic()
     tasks: dict[Future[Float[ndarray, " blocks"]], tuple[Key, int, int]] = {}
     done: dict[tuple[Key, int], dict[int, Float[ndarray, " blocks"]]] = {}
@@ -110,16 +110,16 @@ def carry_out(work: Work, processes: int, seconds: float, out: Path) -> None:
 
 
 @cache
-def _subject(renderer: str, scene: str) -> Subject:
-    subject = prepared(renderer, maker(renderer, {}), make_scene(scene))
-    if subject is None:
+def _subject(renderer: str, scene: str) -> RenderedScene:
+    rendered = prepared(renderer, maker(renderer, {}), make_scene(scene))
+    if rendered is None:
         raise ConfigError(f"renderer {renderer!r} does not follow the paths of the scene {scene!r}.")
-    return subject
+    return rendered
 
 
 def _keys(renderer: str, scene: str) -> list[Key]:
-    subject = _subject(renderer, scene)
-    return [(scene, name) for name, quantity in QUANTITIES.items() if offered(subject.renderer, quantity)]
+    rendered = _subject(renderer, scene)
+    return [(scene, name) for name, quantity in QUANTITIES.items() if offered(rendered.renderer, quantity)]
 
 
 def _measured(renderer: str, scene: str, quantity: str, seed: int) -> Float[ndarray, " blocks"]:

@@ -1,6 +1,6 @@
-"""What is compared: a picture and its derivatives, as sums over blocks, from one run of a renderer.
+"""The quantities compared: a picture and its derivatives, as sums over blocks, from one run of a renderer.
 
-All are sums of terms of one sign, so that a share of the total, and a bias relative to it, have a meaning.
+All terms of a sum have one sign, so that shares of the total and relative biases are meaningful.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ _CHANNELS = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
-    """A renderer with a scene prepared, from which measurements are taken."""
+class RenderedScene:
+    """A renderer with a scene prepared."""
 
     name: str
     renderer: Renderer[Any]
@@ -51,7 +51,7 @@ class Subject:
         return total
 
 
-Measure = Callable[[Subject, int, int], Float[ndarray, " blocks"]]
+Measure = Callable[[RenderedScene, int, int], Float[ndarray, " blocks"]]
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Quantity:
     """A picture or a derivative, in blocks.
 
     Attributes:
-        measure: from a subject, samples per pixel and seed to an unbiased estimate of every block.
+        measure: from a rendered scene, samples per pixel and seed to an unbiased estimate of every block.
         axes: what the blocks are of, outermost first, and how many of each; `groups` of parts are counted as 0.
         needs: what the renderer must differentiate; empty for the picture.
     """
@@ -93,48 +93,48 @@ def offered(renderer: Renderer[Any], quantity: Quantity) -> bool:
     return not quantity.needs or quantity.needs in renderer.capabilities.differentiable
 
 
-def _image(subject: Subject, spp: int, seed: int) -> Float[ndarray, " blocks"]:
-    scene = subject.scene
-    image = subject.renderer.render(subject.prepared, scene.materials, scene.view, spp=spp, seed=seed).image
+def _image(rendered: RenderedScene, spp: int, seed: int) -> Float[ndarray, " blocks"]:
+    scene = rendered.scene
+    image = rendered.renderer.render(rendered.prepared, scene.materials, scene.view, spp=spp, seed=seed).image
     return block_sums(image).ravel()
 
 
-def _gradient(subject: Subject, spp: int, seed: int) -> Float[ndarray, " blocks"]:
-    return (subject.gradients(cotangent(subject.scene), spp, seed) * _SIGNS).ravel()
+def _gradient(rendered: RenderedScene, spp: int, seed: int) -> Float[ndarray, " blocks"]:
+    return (rendered.gradients(cotangent(rendered.scene), spp, seed) * _SIGNS).ravel()
 
 
-def _environment(subject: Subject, spp: int, seed: int) -> Float[ndarray, " blocks"]:
-    scene, wrt = subject.scene, frozenset({"environment"})
-    found = subject.renderer.render_vjp(
-        subject.prepared, scene.materials, scene.view, cotangent(scene), wrt=wrt, spp=spp, seed=seed
+def _environment(rendered: RenderedScene, spp: int, seed: int) -> Float[ndarray, " blocks"]:
+    scene, wrt = rendered.scene, frozenset({"environment"})
+    found = rendered.renderer.render_vjp(
+        rendered.prepared, scene.materials, scene.view, cotangent(scene), wrt=wrt, spp=spp, seed=seed
     )
-    assert found.environment is not None, f"{subject.name} declares environment gradients and gives none"
+    assert found.environment is not None, f"{rendered.name} declares environment gradients and gives none"
     return (block_sums(found.environment) * _SIGNS).ravel()
 
 
-def _jacobian(subject: Subject, spp: int, seed: int) -> Float[ndarray, " blocks"]:
-    if isinstance(subject.renderer, TransportRenderer) and subject.renderer.capabilities.transport:
-        return jacobian_of_transport(subject, spp, seed).ravel()
-    return jacobian_of_vjps(subject, spp, seed).ravel()
+def _jacobian(rendered: RenderedScene, spp: int, seed: int) -> Float[ndarray, " blocks"]:
+    if isinstance(rendered.renderer, TransportRenderer) and rendered.renderer.capabilities.transport:
+        return jacobian_of_transport(rendered, spp, seed).ravel()
+    return jacobian_of_vjps(rendered, spp, seed).ravel()
 
 
-def jacobian_of_transport(subject: Subject, spp: int, seed: int) -> Float[ndarray, "cells _ cells"]:
+def jacobian_of_transport(rendered: RenderedScene, spp: int, seed: int) -> Float[ndarray, "cells _ cells"]:
     """The Jacobian of the sum over each image block, in one channel, by the sum over each texel block, in the same.
 
     From image block i it takes channel i % 3: no renderer mixes channels, and so three blocks fit in one cotangent.
     """
-    assert isinstance(subject.renderer, TransportRenderer)
-    scene, groups = subject.scene, torch.tensor(subject.scene.groups)
+    assert isinstance(rendered.renderer, TransportRenderer)
+    scene, groups = rendered.scene, torch.tensor(rendered.scene.groups)
     shape = (_CELLS, scene.group_count, _CELLS)
     total = np.zeros(int(np.prod(shape)))
-    for samples in subject.renderer.transport(subject.prepared, scene.view, spp=spp, seed=seed):
+    for samples in rendered.renderer.transport(rendered.prepared, scene.view, spp=spp, seed=seed):
         total += _binned(samples, scene, groups.to(samples.part.device), len(total))
     return total.reshape(shape)
 
 
-def jacobian_of_vjps(subject: Subject, spp: int, seed: int) -> Float[ndarray, "cells _ cells"]:
+def jacobian_of_vjps(rendered: RenderedScene, spp: int, seed: int) -> Float[ndarray, "cells _ cells"]:
     """The same by six gradients, of three image blocks each: for several bounces, or without transport."""
-    scene = subject.scene
+    scene = rendered.scene
     total = np.zeros((_CELLS, scene.group_count, _CELLS))
     block = torch.from_numpy(film_blocks(scene))
     for call, first in enumerate(range(0, _CELLS, _CHANNELS)):
@@ -142,7 +142,7 @@ def jacobian_of_vjps(subject: Subject, spp: int, seed: int) -> Float[ndarray, "c
         indicator = torch.zeros(*block.shape, _CHANNELS)
         for cell in chosen:
             indicator[..., cell % _CHANNELS][block == cell] = 1.0
-        found = subject.gradients(indicator, spp, seed * 8 + call)
+        found = rendered.gradients(indicator, spp, seed * 8 + call)
         for cell in chosen:
             total[cell] = found[..., cell % _CHANNELS]
     return total

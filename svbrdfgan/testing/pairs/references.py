@@ -1,4 +1,4 @@
-"""Stored runs of a renderer that is too slow to be run each time: statistics of blocks, and nothing of the scenes."""
+"""Stored runs of a renderer that is too slow to run each time: the sums over blocks, not the scenes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from svbrdfgan.testing.pairs.measure import QUANTITIES
 from svbrdfgan.testing.pairs.scenes import PairScene, same_scene
 
 RUNS = 32
-"""Independent runs that are kept apart, for the sake of the standard error; each round adds to all of them."""
+"""Independent runs stored apart, for the standard error; each round adds to all of them."""
 
 SHIPPED = Path(__file__).parent / "numpy.safetensors"
 """Made by `python -m svbrdfgan.testing.pairs.make_reference`."""
@@ -74,7 +74,7 @@ class Reference:
     stored: Mapping[tuple[str, str], Stored]
 
     def of(self, scene: PairScene) -> tuple[dict[str, Runs], str]:
-        """The runs in a scene by quantity; none, and why, if they are missing or of another scene of that name."""
+        """The runs in a scene by quantity. Empty, with a reason, if they are missing or the scene has changed."""
         remedy = "run `python -m svbrdfgan.testing.pairs.make_reference`"
         found = {name: self.stored[scene.name, name].runs for name in QUANTITIES if (scene.name, name) in self.stored}
         if not found:
@@ -111,7 +111,7 @@ def load_reference(path: Path = SHIPPED) -> Reference:
     Raises:
         AssetError: the file is missing, damaged, or of another kind.
     """
-    with stored_tensors(path, _FORMAT, "make it anew") as (tensors, words):
+    with stored_tensors(path, _FORMAT, "make it again") as (tensors, words):
         meta: dict[str, Any] = json.loads(words["about"])
         stored = {_split(key): _unpacked(tensors, key, about) for key, about in meta["stored"].items()}
         reference = Reference(meta["renderer"], meta["version"], meta["scenes"], stored)

@@ -1,4 +1,4 @@
-"""Runs of a renderer until their standard errors allow the test that is wanted: no more, no fewer.
+"""As many runs of a renderer as the wanted test needs, judged by their standard errors.
 
 The errors decide when to stop, never the differences, so stopping does not bias the test.
 """
@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from svbrdfgan.testing.pairs.compare import Runs, cells_of, limits
-from svbrdfgan.testing.pairs.measure import Quantity, Subject
+from svbrdfgan.testing.pairs.measure import Quantity, RenderedScene
 from svbrdfgan.testing.pairs.scenes import PairScene
 from svbrdfgan.testing.statistics import Estimate
 
@@ -27,7 +27,7 @@ _LEAST_SHARE = 0.1  # of the variance allowed in all: no reference is so coarse 
 
 @dataclass(frozen=True)
 class Profile:
-    """How much is promised.
+    """The biases that a comparison must detect.
 
     Attributes:
         of_sum, of_block: relative bias found with 95 % power in a quantity's sum, and in each block that is not small.
@@ -53,12 +53,12 @@ PROFILES: Mapping[str, Profile] = MappingProxyType({profile.name: profile for pr
 
 @dataclass(frozen=True)
 class Aim:
-    """What a renderer's runs of one quantity are for.
+    """The comparison that a renderer's runs of one quantity must allow.
 
     Attributes:
         family: comparisons in the whole table.
-        rivals: whether other renderers are sampled alike, so that each may have half of the variance only.
-        references: stored runs, which will be compared with these as they are.
+        rivals: whether other renderers are sampled too, so that each may have only half of the variance.
+        references: stored runs that these will be compared with.
     """
 
     profile: Profile
@@ -67,7 +67,7 @@ class Aim:
     references: Sequence[Runs] = ()
 
     def excess(self, quantity: Quantity, scene: PairScene, runs: Runs) -> float:
-        """By what factor the variance of the worst cell is too large for the comparison promised."""
+        """The factor by which the variance of the worst cell is too large for the profile."""
         cells = cells_of(quantity, scene, runs.values.mean(axis=0))
         found = runs.over(cells)
         freedom = np.maximum(found.freedom, self.profile.runs - 1.0)
@@ -82,30 +82,30 @@ class Aim:
         return float((found.error[promised] ** 2 / spend).max(initial=0.0))
 
 
-def sample(subject: Subject, quantity: Quantity, aim: Aim) -> Runs:
-    """Runs enough for the aim, or as many as its profile's limit allows."""
-    if not subject.renderer.capabilities.stochastic:
-        return _exact(subject, quantity)
-    seed = zlib.crc32(f"{subject.name}/{quantity.name}/{subject.scene.name}".encode()) % 2**12 << 16
-    pilot = _runs(subject, quantity, _PILOT, 1, seed)
-    need = _CAUTION * _PILOT * aim.excess(quantity, subject.scene, pilot)
-    spp = min(math.ceil(need / aim.profile.runs) or 1, max(1, _RUN_SAMPLES // subject.scene.pixels))
-    room = max(2, aim.profile.limit // (spp * subject.scene.pixels))
+def sample(rendered: RenderedScene, quantity: Quantity, aim: Aim) -> Runs:
+    """Enough runs for the aim, or as many as the profile's limit allows."""
+    if not rendered.renderer.capabilities.stochastic:
+        return _exact(rendered, quantity)
+    seed = zlib.crc32(f"{rendered.name}/{quantity.name}/{rendered.scene.name}".encode()) % 2**12 << 16
+    pilot = _runs(rendered, quantity, _PILOT, 1, seed)
+    need = _CAUTION * _PILOT * aim.excess(quantity, rendered.scene, pilot)
+    spp = min(math.ceil(need / aim.profile.runs) or 1, max(1, _RUN_SAMPLES // rendered.scene.pixels))
+    room = max(2, aim.profile.limit // (spp * rendered.scene.pixels))
     count = min(room, max(aim.profile.runs, math.ceil(need / spp)))
-    runs = _runs(subject, quantity, count, spp, seed + _PILOT)
-    while (excess := aim.excess(quantity, subject.scene, runs)) > 1.0 and count < room:
+    runs = _runs(rendered, quantity, count, spp, seed + _PILOT)
+    while (excess := aim.excess(quantity, rendered.scene, runs)) > 1.0 and count < room:
         more = min(room, math.ceil(count * min(1.05 * excess, 4.0)) + 1) - count
-        runs = runs.joined(_runs(subject, quantity, more, spp, seed + _PILOT + count))
+        runs = runs.joined(_runs(rendered, quantity, more, spp, seed + _PILOT + count))
         count += more
     return runs
 
 
-def _runs(subject: Subject, quantity: Quantity, count: int, spp: int, seed: int) -> Runs:
-    values = [quantity.measure(subject, spp, seed + run) for run in range(count)]
-    return Runs(np.stack(values), count * spp * subject.scene.pixels)
+def _runs(rendered: RenderedScene, quantity: Quantity, count: int, spp: int, seed: int) -> Runs:
+    values = [quantity.measure(rendered, spp, seed + run) for run in range(count)]
+    return Runs(np.stack(values), count * spp * rendered.scene.pixels)
 
 
-def _exact(subject: Subject, quantity: Quantity) -> Runs:
+def _exact(rendered: RenderedScene, quantity: Quantity) -> Runs:
     """A deterministic renderer's one answer, which has no error."""
-    spp = max(1, _RUN_SAMPLES // subject.scene.pixels)
-    return Runs(np.tile(quantity.measure(subject, spp, 0), (2, 1)), spp * subject.scene.pixels)
+    spp = max(1, _RUN_SAMPLES // rendered.scene.pixels)
+    return Runs(np.tile(quantity.measure(rendered, spp, 0), (2, 1)), spp * rendered.scene.pixels)

@@ -1,4 +1,4 @@
-"""The scenes in which renderers are compared: each is made where two of them may well disagree."""
+"""The scenes in which renderers are compared, each with something that renderers often get wrong."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _SAME = 5e-5  # by how much measures of one scene may differ
 
 
 class SceneUnavailableError(AssetError):
-    """What a scene is made of is not on this machine."""
+    """The files of a scene are not on this machine."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class PairScene:
         return self.view.width * self.view.height
 
     def fingerprint(self) -> str:
-        """What tells it from other scenes, for `same_scene`: a hash of all but the surface, and what measures that."""
+        """A fingerprint for `same_scene`: a hash of everything but the surface, and measures of the surface."""
         digest = hashlib.sha256(f"{self.groups} {self.max_bounces} {self.surface.repeat}".encode())
         for array in self._arrays():
             scale = float(np.abs(array).max()) or 1.0
@@ -214,7 +214,7 @@ SCENES: Mapping[str, Callable[[], PairScene]] = MappingProxyType(
         "real car": _real_car,
     }
 )
-"""What the table has rows for, in its order."""
+"""The scenes of the table, in its order."""
 
 
 @cache

@@ -15,7 +15,7 @@ from svbrdfgan.plugins import RENDERERS, list_plugins, load_renderer
 from svbrdfgan.plugins.probe import probe_all
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.testing.pairs.compare import Comparison, Runs, compare
-from svbrdfgan.testing.pairs.measure import QUANTITIES, Subject, offered
+from svbrdfgan.testing.pairs.measure import QUANTITIES, RenderedScene, offered
 from svbrdfgan.testing.pairs.references import Reference
 from svbrdfgan.testing.pairs.sampling import Aim, Profile, sample
 from svbrdfgan.testing.pairs.scenes import SCENES, PairScene, SceneUnavailableError, make_scene
@@ -23,16 +23,16 @@ from svbrdfgan.testing.pairs.scenes import SCENES, PairScene, SceneUnavailableEr
 Verdict = Literal["agree", "differ", "underpowered", "stale", "skipped"]
 
 STORED = "*"
-"""Follows the name of a renderer of which a reference is meant."""
+"""Marks the stored reference of a renderer, after its name."""
 
 LIVE_SCENES = ("convex", "occluding")
-"""Where a renderer that has a reference is held against it, in its sums alone: a reference of another time shows."""
+"""Scenes in which a renderer is compared with its own stored reference, in sums alone, to detect an outdated one."""
 
 _LIVE = Profile("live", of_sum=0.01, of_block=np.inf, runs=24, limit=2**21)
 
 Measured = Mapping[str, Runs]  # by quantity
 Maker = Callable[[int], "Renderer[Any] | None"]
-"""Makes a renderer whose paths have so many bounces; None if it cannot."""
+"""Makes a renderer with this `max_bounces`; None if it cannot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,11 +60,11 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """What is compared, and how strictly.
+    """The comparisons to make, and how strict they are.
 
     Attributes:
         makers: of every renderer to run, by name.
-        reference: stored runs of one renderer; it is then run only to see that they are still true.
+        reference: stored runs of one renderer, which is then run only to check that they are still valid.
         only: pairs that have none of these renderers are left out; empty means all.
     """
 
@@ -79,7 +79,7 @@ class Table:
 
     @cached_property
     def family(self) -> int:
-        """Comparisons in the whole table at most: it does not matter which of its rows are asked for."""
+        """The number of comparisons in the whole table, whichever rows are wanted."""
         return comparisons(len({*self.makers, self.stored_name} - {""}))
 
     def rows(self, scene_name: str) -> Iterator[Row]:
@@ -91,50 +91,56 @@ class Table:
             return
         stored, reason = self.reference.of(scene) if self.reference else ({}, "")
         live = [name for name in self.makers if name != self.stored_name]
-        subjects = [subject for subject in (prepared(name, self.makers[name], scene) for name in live) if subject]
+        rendered_scenes = [
+            rendered for rendered in (prepared(name, self.makers[name], scene) for name in live) if rendered
+        ]
         if reason:
             yield Row(scene_name, (self.stored_name,), "stale", reason=reason)
-        if len(subjects) + bool(stored) < 2 or not subjects:
-            names = ", ".join([subject.name for subject in subjects] + [self.stored_name + STORED] * bool(stored))
+        if len(rendered_scenes) + bool(stored) < 2 or not rendered_scenes:
+            names = ", ".join(
+                [rendered.name for rendered in rendered_scenes] + [self.stored_name + STORED] * bool(stored)
+            )
             reason = f"no two renderers follow {scene.max_bounces} bounces: only {names or 'none'}."
             yield Row(scene_name, (), "skipped", reason=reason)
         else:
-            yield from self._compared(scene, subjects, stored)
+            yield from self._compared(scene, rendered_scenes, stored)
         if stored and scene_name in LIVE_SCENES and self.stored_name in self.makers and self._wanted(self.stored_name):
             yield from self._against_itself(scene, stored)
 
     def _wanted(self, *pair: str) -> bool:
         return not self.only or bool(self.only & set(pair))
 
-    def _compared(self, scene: PairScene, subjects: Sequence[Subject], stored: Measured) -> Iterator[Row]:
-        """Each renderer is sampled once, well enough for all its pairs."""
+    def _compared(self, scene: PairScene, rendered_scenes: Sequence[RenderedScene], stored: Measured) -> Iterator[Row]:
+        """Rows of the pairs; each renderer is sampled once, well enough for all its pairs."""
         measured: dict[str, Measured] = {self.stored_name + STORED: stored} if stored else {}
-        for subject in subjects:
-            rivals = [rival for rival in subjects if rival is not subject and self._wanted(subject.name, rival.name)]
-            against = stored if self._wanted(subject.name, self.stored_name) else {}
+        for rendered in rendered_scenes:
+            rivals = [
+                rival for rival in rendered_scenes if rival is not rendered and self._wanted(rendered.name, rival.name)
+            ]
+            against = stored if self._wanted(rendered.name, self.stored_name) else {}
             if not rivals and not against:
                 continue
-            measured[subject.name] = self._measured(self.profile, subject, rivals, against)
+            measured[rendered.name] = self._measured(self.profile, rendered, rivals, against)
         for a, b in combinations(sorted(measured, key=lambda name: name.endswith(STORED)), 2):
             if self._wanted(a, b.removesuffix(STORED)):
                 yield self._row(self.profile, scene, (a, b), measured)
 
     def _against_itself(self, scene: PairScene, stored: Measured) -> Iterator[Row]:
         name = self.stored_name
-        if subject := prepared(name, self.makers[name], scene):
-            measured = {name: self._measured(_LIVE, subject, [], stored), name + STORED: stored}
+        if rendered := prepared(name, self.makers[name], scene):
+            measured = {name: self._measured(_LIVE, rendered, [], stored), name + STORED: stored}
             yield self._row(_LIVE, scene, (name, name + STORED), measured)
 
     def _measured(
-        self, profile: Profile, subject: Subject, rivals: Sequence[Subject], stored: Measured
+        self, profile: Profile, rendered: RenderedScene, rivals: Sequence[RenderedScene], stored: Measured
     ) -> dict[str, Runs]:
         """Runs of every quantity that another has too."""
         runs = {}
         for name, quantity in QUANTITIES.items():
             contested = any(offered(rival.renderer, quantity) for rival in rivals)
             references = [stored[name]] if name in stored else []
-            if offered(subject.renderer, quantity) and (contested or references):
-                runs[name] = sample(subject, quantity, Aim(profile, self.family, contested, references))
+            if offered(rendered.renderer, quantity) and (contested or references):
+                runs[name] = sample(rendered, quantity, Aim(profile, self.family, contested, references))
         return runs
 
     def _row(self, profile: Profile, scene: PairScene, pair: tuple[str, str], measured: Mapping[str, Measured]) -> Row:
@@ -148,21 +154,21 @@ class Table:
 
 
 def comparisons(renderers: int) -> int:
-    """How many a table of so many renderers makes at most: each pair, and one more for the reference's own."""
+    """The number of comparisons in a table of this many renderers: every pair, and one renderer with its reference."""
     scenes = [scene for scene in map(_available, SCENES) if scene]
     blocks = sum(quantity.size(scene) + 1 for scene in scenes for quantity in QUANTITIES.values())
     return blocks * (renderers * (renderers - 1) // 2 + 1)
 
 
 def installed_renderers(device: str | None = None) -> dict[str, Maker]:
-    """Makers of the renderers that work here, on the device if one is named. Each is tried in a process of its own."""
+    """Makers of the renderers that work here, on the device if one is named. Each is probed in its own process."""
     plugins = list_plugins(RENDERERS)
     probes = zip(plugins, probe_all(plugins, device), strict=True)
     return {plugin.name: maker(plugin.name, probe.options) for plugin, probe in probes if probe.status == "ok"}
 
 
 def maker(name: str, options: Mapping[str, object]) -> Maker:
-    """Makes the installed renderer of that name; what it is told of bounces, it may not understand."""
+    """A maker of the installed renderer of that name. It returns None if the renderer cannot do `max_bounces`."""
 
     def make(max_bounces: int) -> Renderer[Any] | None:
         try:
@@ -174,10 +180,10 @@ def maker(name: str, options: Mapping[str, object]) -> Maker:
     return make
 
 
-def prepared(name: str, make: Maker, scene: PairScene) -> Subject | None:
-    """The renderer, ready for the scene; None if it cannot follow as many bounces."""
+def prepared(name: str, make: Maker, scene: PairScene) -> RenderedScene | None:
+    """The renderer with the scene prepared; None if it cannot do the scene's `max_bounces`."""
     renderer = make(scene.max_bounces)
-    return None if renderer is None else Subject(name, renderer, renderer.prepare(scene.surface), scene)
+    return None if renderer is None else RenderedScene(name, renderer, renderer.prepare(scene.surface), scene)
 
 
 def _verdict(found: Sequence[Comparison]) -> Verdict:

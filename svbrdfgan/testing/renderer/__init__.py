@@ -13,15 +13,15 @@ from svbrdfgan.testing.renderer.radiometry import RadiometryTests
 from svbrdfgan.testing.renderer.randomness import RandomnessTests
 from svbrdfgan.testing.renderer.roughness import RoughnessTests
 from svbrdfgan.testing.renderer.shapes import ShapeTests
-from svbrdfgan.testing.renderer.side_effects import PurityTests
-from svbrdfgan.testing.renderer.stress import EnduranceTests
+from svbrdfgan.testing.renderer.side_effects import SideEffectTests
+from svbrdfgan.testing.renderer.stress import StressTests
 
 __all__ = ["RendererTests"]
 
 
 class RendererTests(
     ContractTests,
-    PurityTests,
+    SideEffectTests,
     ShapeTests,
     RadiometryTests,
     RoughnessTests,
@@ -30,6 +30,6 @@ class RendererTests(
     LayerTests,
     RandomnessTests,
     AgreementTests,
-    EnduranceTests,
+    StressTests,
 ):
     """What every renderer must do: `svbrdfgan.protocols` and `docs/conventions.md`."""

@@ -1,4 +1,4 @@
-"""The renderer against sums without chance, and against `numpy` where light goes from surface to surface."""
+"""The renderer against quadrature for direct light, and against `numpy` for interreflection."""
 
 from __future__ import annotations
 
@@ -13,21 +13,20 @@ from svbrdfgan.plugins import load_renderer
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import declared
 from svbrdfgan.testing.renderer import cases
-from svbrdfgan.testing.renderer.base import RendererKit
-from svbrdfgan.testing.renderer.cases import Setting, Stage
-from svbrdfgan.testing.renderer.statistical_assertions import Known, unbiased
+from svbrdfgan.testing.renderer.cases import Case, RenderedCase
+from svbrdfgan.testing.renderer.statistical_assertions import Known, StatisticalKit
 from svbrdfgan.testing.statistics import block_sums
 from svbrdfgan.types import Environment
 
 _BLOCK = 4
 
 
-class AgreementTests(RendererKit):
+class AgreementTests(StatisticalKit):
     """Pictures in blocks of 4 x 4 pixels, and gradients in blocks of texels and of the environment's pixels.
 
-    Every test finds an error of 3 % in pictures, and of 5 % in gradients and at several bounces (8 % in shadow and of
-    roughness), in any block and channel that holds 2 % of the sum, with a probability of 95 %; and is a false alarm
-    once in 10,000 times.
+    At full power every test detects, with probability 95 %, an error of 3 % in pictures and of 5 % in gradients and
+    at several bounces (8 % in shadow and of roughness), in any block and channel that holds 2 % of the sum. A right
+    renderer fails once in 10,000 times.
     """
 
     def test_image_of_a_textured_plane(self) -> None:
@@ -58,9 +57,9 @@ class AgreementTests(RendererKit):
 
     def test_texel_gradients_of_three_parts(self) -> None:
         """Every texel's gradient on three parts is as quadrature says, to 5 %."""
-        setting = cases.strips(scenes.random_light(rotation=0.9))
+        case = cases.strips(scenes.random_light(rotation=0.9))
         for part in range(3):
-            self._texels(setting, part, grid=8)
+            self._texels(case, part, grid=8)
 
     def test_texel_gradients_in_shadow(self) -> None:
         """Every texel's gradient on a half shadowed floor is as quadrature says, to 8 %."""
@@ -73,16 +72,16 @@ class AgreementTests(RendererKit):
     def test_roughness_gradients_of_gloss(self) -> None:
         """Every texel's gradient of roughness is as quadrature says, to 8 %."""
         declared("roughness" in self.capabilities.differentiable, "the gradient of roughness")
-        setting = cases.glossy(torch.tensor([[0.5, 0.9, 0.6], [0.7, 0.4, 0.8]])[..., None])
-        grads = (setting.smooth(), 1.0 + 0.5 * setting.random())
-        known = Known.by_quadrature(setting, lambda scene: scene.roughness_gradients(grads, 0), split=16)
+        case = cases.glossy(torch.tensor([[0.5, 0.9, 0.6], [0.7, 0.4, 0.8]])[..., None])
+        grads = (case.smooth(), 1.0 + 0.5 * case.random())
+        known = self.known(case, lambda scene: scene.roughness_gradients(grads, 0), split=16)
         largest = np.broadcast_to(known.size.max(axis=(1, 2, 3), keepdims=True), known.size.shape)
-        stage = Stage(self.renderer, setting)
+        rendered = RenderedCase(self.renderer, case)
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
-            return np.stack([stage.map_gradient(grad, "roughness", 0, spp=spp, seed=seed) for grad in grads])
+            return np.stack([rendered.map_gradient(grad, "roughness", 0, spp=spp, seed=seed) for grad in grads])
 
-        unbiased("gradient of roughness", stage, measure, replace(known, size=largest), claim=0.08, spp=64)
+        self.unbiased("gradient of roughness", rendered, measure, replace(known, size=largest), claim=0.08, spp=64)
 
     def test_environment_gradient_in_the_open(self) -> None:
         """The environment's gradient is as quadrature says, to 5 % in pairs of pixels."""
@@ -97,48 +96,48 @@ class AgreementTests(RendererKit):
         bounces = self.capabilities.max_bounces
         declared(bounces > 1, "a second bounce")
         declared(self.name != "numpy", "another renderer than numpy")
-        mine = Stage(self.renderer, cases.corner())
-        other = Stage(load_renderer("numpy", {"max_bounces": bounces}), mine.setting)
+        mine = RenderedCase(self.renderer, cases.corner())
+        other = RenderedCase(load_renderer("numpy", {"max_bounces": bounces}), mine.case)
         size = block_sums(other.image(spp=16), _BLOCK)
 
         def apart(spp: int, seed: int) -> Float[ndarray, "*shape"]:
             return block_sums(mine.image(spp=spp, seed=seed) - other.image(spp=spp, seed=seed + 10**6), _BLOCK)
 
-        unbiased("image less that of numpy", mine, apart, Known.zero(size), claim=0.05, spp=16)
+        self.unbiased("image less that of numpy", mine, apart, Known.zero(size), claim=0.05, spp=16)
 
-    def _image(self, setting: Setting, split: int = 4) -> None:
-        known = Known.by_quadrature(setting, lambda scene: block_sums(scene.image(), _BLOCK), split=split)
-        stage = Stage(self.renderer, setting)
-
-        def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
-            return block_sums(stage.image(spp=spp, seed=seed), _BLOCK)
-
-        unbiased("image, by blocks", stage, measure, known, claim=0.03, spp=16)
-
-    def _texels(self, setting: Setting, part: int, grid: int = 4, claim: float = 0.05) -> None:
-        grad = setting.smooth()
-        known = Known.by_quadrature(setting, lambda scene: scene.texel_gradients(grad)[part], grid)
-        stage = Stage(self.renderer, setting)
+    def _image(self, case: Case, split: int = 4) -> None:
+        known = self.known(case, lambda scene: block_sums(scene.image(), _BLOCK), split=split)
+        rendered = RenderedCase(self.renderer, case)
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
-            return stage.map_gradient(grad, "base_color", part, spp=spp, seed=seed)
+            return block_sums(rendered.image(spp=spp, seed=seed), _BLOCK)
 
-        unbiased(f"gradient of the base colour of part {part}", stage, measure, known, claim=claim, spp=16)
+        self.unbiased("image, by blocks", rendered, measure, known, claim=0.03, spp=16)
 
-    def _light(self, setting: Setting, grid: int = 4, claim: float = 0.05) -> None:
+    def _texels(self, case: Case, part: int, grid: int = 4, claim: float = 0.05) -> None:
+        grad = case.smooth()
+        known = self.known(case, lambda scene: scene.texel_gradients(grad)[part], grid)
+        rendered = RenderedCase(self.renderer, case)
+
+        def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
+            return rendered.map_gradient(grad, "base_color", part, spp=spp, seed=seed)
+
+        self.unbiased(f"gradient of the base colour of part {part}", rendered, measure, known, claim=claim, spp=16)
+
+    def _light(self, case: Case, grid: int = 4, claim: float = 0.05) -> None:
         declared("environment" in self.capabilities.differentiable, "the environment's gradient")
-        grad = setting.smooth()
-        known = Known.by_quadrature(setting, lambda scene: _pairs(scene.environment_gradient(grad)), grid, split=8)
-        stage = Stage(self.renderer, setting)
+        grad = case.smooth()
+        known = self.known(case, lambda scene: _pairs(scene.environment_gradient(grad)), grid, split=8)
+        rendered = RenderedCase(self.renderer, case)
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
-            return _pairs(stage.light_gradient(grad, spp=spp, seed=seed))
+            return _pairs(rendered.light_gradient(grad, spp=spp, seed=seed))
 
-        unbiased("gradient of the environment, by pairs of columns", stage, measure, known, claim=claim, spp=16)
+        self.unbiased("gradient of the environment, by pairs of columns", rendered, measure, known, claim=claim, spp=16)
 
 
 def _pairs(gradient: Float[ndarray, "rows cols 3"]) -> Float[ndarray, "rows pairs 3"]:
-    """Two columns at a time, so that each holds enough."""
+    """Sums over pairs of columns, so that each holds enough light."""
     rows, cols, channels = gradient.shape
     return gradient.reshape(rows, cols // 2, 2, channels).sum(axis=2)
 

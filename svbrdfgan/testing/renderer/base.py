@@ -1,4 +1,4 @@
-"""What every test of a renderer starts from."""
+"""The base class of all tests of a renderer."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from typing import Any
 from svbrdfgan.plugins import RENDERERS, load_renderer
 from svbrdfgan.protocols import Renderer, RendererCapabilities
 from svbrdfgan.testing.contract import PluginKit
-from svbrdfgan.testing.renderer.fixtures import Scene
+from svbrdfgan.testing.renderer.fixtures import ExampleScene
 from svbrdfgan.types import Materials, Rendering, Surface, View
 
 
 class RendererKit(PluginKit):
-    """A renderer under test: that of the entry point `name`, unless `make_renderer` says otherwise."""
+    """A renderer under test: the plugin of the entry point `name`, unless `make_renderer` is overridden."""
 
     group = RENDERERS
 
     def make_renderer(self) -> Renderer[Any]:
-        """A renderer of its own for each test; override to test one that is not installed."""
+        """A new renderer, for each test; override to test one that is not installed."""
         return load_renderer(self.name, self.options)
 
     def make_plugin(self) -> Renderer[Any]:
@@ -30,13 +30,13 @@ class RendererKit(PluginKit):
         return bool(self.name) and type(self).make_renderer is RendererKit.make_renderer
 
     def results(self, plugin: Renderer[Any]) -> dict[str, Any]:
-        """A picture: gradients need not be the same bit for bit on every device."""
-        rendering = Scene().render(plugin)
+        """A picture; gradients are left out, as some devices do not reproduce them bit for bit."""
+        rendering = ExampleScene().render(plugin)
         return {"image": rendering.image, "coverage": rendering.coverage}
 
     def uses(self, plugin: Renderer[Any]) -> Iterator[object]:
         """Picture, gradients and transport."""
-        return Scene().uses(plugin)
+        return ExampleScene().uses(plugin)
 
     @cached_property
     def renderer(self) -> Renderer[Any]:
@@ -47,5 +47,5 @@ class RendererKit(PluginKit):
         return self.renderer.capabilities
 
     def render(self, surface: Surface, materials: Materials, view: View, *, spp: int = 16, seed: int = 0) -> Rendering:
-        """The surface, prepared and rendered."""
+        """Prepares and renders the surface."""
         return self.renderer.render(self.renderer.prepare(surface), materials, view, spp=spp, seed=seed)

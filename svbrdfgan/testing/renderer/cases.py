@@ -1,4 +1,4 @@
-"""What gradients and means are tested on: small settings, and a renderer before one of them."""
+"""Small scenes on which gradients and means are tested, and a renderer with one of them prepared."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ Picture = Float[ndarray, "height width 3"]
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
+class Case:
     """A surface, its materials and a view of it."""
 
     surface: Surface
     materials: Materials
     view: View
 
-    def with_map(self, part: int, name: str, value: Tensor) -> Setting:
-        """The same, but for one map of one part."""
+    def with_map(self, part: int, name: str, value: Tensor) -> Case:
+        """A copy with another map in one part."""
         parts = list(self.materials.parts)
         parts[part] = Material({**parts[part].maps, name: value})
         return replace(self, materials=Materials(tuple(parts)))
 
-    def lit_by(self, radiance: Tensor) -> Setting:
-        """The same under other light."""
+    def lit_by(self, radiance: Tensor) -> Case:
+        """A copy with other radiance in the environment."""
         environment = Environment(radiance, self.view.environment.rotation)
         return replace(self, view=replace(self.view, environment=environment))
 
@@ -52,26 +52,24 @@ class Setting:
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
-    """A renderer with a surface prepared; what it says comes in NumPy, double precision."""
+class RenderedCase:
+    """A renderer with the surface of a case prepared. It returns NumPy arrays in double precision."""
 
     renderer: Renderer[Any]
-    setting: Setting
+    case: Case
 
     @cached_property
     def prepared(self) -> Any:
-        return self.renderer.prepare(self.setting.surface)
+        return self.renderer.prepare(self.case.surface)
 
-    def image(self, setting: Setting | None = None, *, spp: int = 4, seed: int = 3) -> Picture:
-        """The picture; if of another setting, then one with this surface."""
-        shown = setting or self.setting
+    def image(self, case: Case | None = None, *, spp: int = 4, seed: int = 3) -> Picture:
+        """The picture of this case, or of another one with the same surface."""
+        shown = case or self.case
         return numbers(self.renderer.render(self.prepared, shown.materials, shown.view, spp=spp, seed=seed).image)
 
-    def gradients(
-        self, grad: Picture, *wrt: str, setting: Setting | None = None, spp: int = 4, seed: int = 3
-    ) -> Gradients:
+    def gradients(self, grad: Picture, *wrt: str, case: Case | None = None, spp: int = 4, seed: int = 3) -> Gradients:
         """The gradient of sum(image * grad)."""
-        shown, names, cotangent = setting or self.setting, frozenset(wrt), torch.from_numpy(grad).float()
+        shown, names, cotangent = case or self.case, frozenset(wrt), torch.from_numpy(grad).float()
         return self.renderer.render_vjp(
             self.prepared, shown.materials, shown.view, cotangent, wrt=names, spp=spp, seed=seed
         )
@@ -87,7 +85,7 @@ class Stage:
 
 
 def flat(gradients: Gradients) -> dict[str, ndarray]:
-    """All of them, by names such as "part 0 base_color" and "environment"."""
+    """All gradients by name, such as "part 0 base_color" and "environment"."""
     maps = {
         f"part {part} {name}": numbers(value)
         for part, material in enumerate(gradients.materials)
@@ -98,7 +96,7 @@ def flat(gradients: Gradients) -> dict[str, ndarray]:
 
 
 def differentiable(capabilities: RendererCapabilities) -> list[str]:
-    """What these settings hold, of all that a renderer declares."""
+    """What the renderer can differentiate, of the inputs that these cases have."""
     return sorted(capabilities.differentiable & {"base_color", "roughness", "environment"})
 
 
@@ -108,20 +106,20 @@ def soft_light(rows: int = 4, cols: int = 8, rotation: float = 0.6) -> Environme
     return replace(light, radiance=light.radiance + 0.3)
 
 
-def sheet(light: Environment | None = None, size: int = 8, texels: tuple[int, int] = (4, 4)) -> Setting:
+def sheet(light: Environment | None = None, size: int = 8, texels: tuple[int, int] = (4, 4)) -> Case:
     """A textured plane that fills the picture."""
     view = scenes.front_view(light or soft_light(), width=size, height=size, vertical_fov=0.5)
-    return Setting(scenes.plane(2.0), scenes.lambertian(scenes.random_texture(*texels)), view)
+    return Case(scenes.plane(2.0), scenes.lambertian(scenes.random_texture(*texels)), view)
 
 
-def whole_sheet(repeat: tuple[bool, bool]) -> Setting:
+def whole_sheet(repeat: tuple[bool, bool]) -> Case:
     """A textured plane with its edges in the picture, whose texture repeats or not."""
     view = scenes.front_view(soft_light(), width=12, height=12, vertical_fov=0.7)
     surface = replace(scenes.plane(2.0), repeat=repeat)
-    return Setting(surface, scenes.lambertian(scenes.random_texture(3, 4)), view)
+    return Case(surface, scenes.lambertian(scenes.random_texture(3, 4)), view)
 
 
-def strips(light: Environment | None = None) -> Setting:
+def strips(light: Environment | None = None) -> Case:
     """Three parts side by side that fill the picture: two with textures shaped alike, one constant.
 
     They meet between pixels, where no quadrature errs.
@@ -131,40 +129,40 @@ def strips(light: Environment | None = None) -> Setting:
     places = ((-4.0 * pixel, 3.0 * pixel), (-pixel, 3.0 * pixel), (2.0 * pixel, 3.0 * pixel))
     parts = [scenes.quad((x, -1.0, 0.0), (width, 0.0, 0.0), (0.0, 2.0, 0.0)) for x, width in places]
     textures = [scenes.random_texture(2, 3, seed) for seed in (0, 1)]
-    return Setting(scenes.joined(*parts), scenes.lambertian(*textures, (0.3, 0.5, 0.7)), view)
+    return Case(scenes.joined(*parts), scenes.lambertian(*textures, (0.3, 0.5, 0.7)), view)
 
 
-def corner() -> Setting:
+def corner() -> Case:
     """Three parts that light one another, where paths have several bounces."""
     colors: Sequence[Tensor] = (scenes.random_texture(2, 3), torch.tensor([0.9, 0.5, 0.3]), scenes.random_texture(2, 2))
-    return Setting(scenes.corner_box(), scenes.lambertian(*colors), scenes.corner_view(soft_light(), 8, 8))
+    return Case(scenes.corner_box(), scenes.lambertian(*colors), scenes.corner_view(soft_light(), 8, 8))
 
 
-def rich(gloss: bool) -> Setting:
+def rich(gloss: bool) -> Case:
     """`corner`, with all maps that there may be."""
     texture = 0.3 + 0.6 * scenes.random_texture(3, 2, seed=3)[..., :1]
     return corner().with_map(0, "roughness", texture) if gloss else corner()
 
 
-def screened() -> Setting:
+def screened() -> Case:
     """A plane (part 0) of which the picture shows the middle, and a larger one behind it, which it hides whole."""
     behind = scenes.quad((-1.5, -1.5, -1.0), (3.0, 0.0, 0.0), (0.0, 3.0, 0.0))
     materials = scenes.lambertian(scenes.random_texture(8, 8), scenes.random_texture(4, 4))
     view = scenes.front_view(soft_light(), 1.0, width=8, height=8, vertical_fov=0.8)
-    return Setting(scenes.joined(scenes.plane(2.0), behind), materials, view)
+    return Case(scenes.joined(scenes.plane(2.0), behind), materials, view)
 
 
-def lidded(light: Environment | None = None) -> Setting:
+def lidded(light: Environment | None = None) -> Case:
     """A floor from above, half of it beneath a black lid, so that nothing but shadow depends on the lid."""
     camera = Camera((0.0, 3.0, 0.0), up=(0.0, 0.0, -1.0), vertical_fov=0.5)
     materials = scenes.lambertian(scenes.random_texture(4, 4), (0.0, 0.0, 0.0))
-    return Setting(scenes.occluder(), materials, View(camera, light or soft_light(), 8, 8))
+    return Case(scenes.occluder(), materials, View(camera, light or soft_light(), 8, 8))
 
 
-def glossy(roughness: Tensor | float, light: Environment | None = None) -> Setting:
+def glossy(roughness: Tensor | float, light: Environment | None = None) -> Case:
     """`sheet` as a dielectric, seen aslant."""
-    setting = sheet(light)
+    case = sheet(light)
     camera = Camera((1.5, 0.6, 2.0), vertical_fov=0.35)
     value = torch.as_tensor(roughness, dtype=torch.float32)
     value = value.reshape(1) if value.ndim == 0 else value
-    return replace(setting.with_map(0, "roughness", value), view=replace(setting.view, camera=camera))
+    return replace(case.with_map(0, "roughness", value), view=replace(case.view, camera=camera))

@@ -1,4 +1,4 @@
-"""The protocol itself: found, typed, honest about its powers, and clear about what it refuses."""
+"""The protocol: methods, capabilities, and clear errors for inputs that must be refused."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LONGEST = 400
 
 
 class ContractTests(PluginTests, RendererKit):
-    """Protocol, capabilities, refusals."""
+    """Protocol, capabilities, errors."""
 
     def test_it_is_a_renderer(self) -> None:
         """It has every member of `Renderer`, and its device is a torch.device."""
@@ -36,10 +36,10 @@ class ContractTests(PluginTests, RendererKit):
 
     def test_methods_take_the_protocols_parameters(self) -> None:
         """Its methods take the protocol's parameters, by name and by kind."""
-        powers: list[tuple[type, str]] = [(Renderer, "prepare"), (Renderer, "render"), (Renderer, "render_vjp")]
-        powers += [(TransportRenderer, "transport")] if self.capabilities.transport else []
-        powers += [(PullbackRenderer, "render_pullback")] if self.capabilities.pullback else []
-        for protocol, name in powers:
+        methods: list[tuple[type, str]] = [(Renderer, "prepare"), (Renderer, "render"), (Renderer, "render_vjp")]
+        methods += [(TransportRenderer, "transport")] if self.capabilities.transport else []
+        methods += [(PullbackRenderer, "render_pullback")] if self.capabilities.pullback else []
+        for protocol, name in methods:
             wanted = list(inspect.signature(getattr(protocol, name)).parameters.values())[1:]
             found = list(inspect.signature(getattr(self.renderer, name)).parameters.values())
             extra = [p.name for p in found[len(wanted) :] if p.default is p.empty]
@@ -63,15 +63,15 @@ class ContractTests(PluginTests, RendererKit):
         check(isinstance(bounces, int) and bounces >= 1, f"max_bounces is {bounces!r}; wanted 1 or more.")
 
     def test_transport_is_there_where_declared(self) -> None:
-        """Declared `transport` yields samples; undeclared, it is not to be had."""
+        """Declared `transport` yields samples; undeclared, it is absent or raises."""
         prepared = self.renderer.prepare(scenes.plane())
-        if self._power("transport", TransportRenderer, self.capabilities.transport):
+        if self._has_declared("transport", TransportRenderer, self.capabilities.transport):
             samples = list(_call(self.renderer, "transport", prepared)())
             check(bool(samples), "transport is declared, and yields nothing.")
 
     def test_pullback_is_there_where_declared(self) -> None:
-        """Declared `render_pullback` can be had; undeclared, it cannot."""
-        self._power("render_pullback", PullbackRenderer, self.capabilities.pullback)
+        """Declared `render_pullback` exists; undeclared, it is absent or raises."""
+        self._has_declared("render_pullback", PullbackRenderer, self.capabilities.pullback)
 
     def test_maps_it_lacks_are_refused(self) -> None:
         """A material with a map that is not declared raises `UnsupportedError`."""
@@ -88,8 +88,8 @@ class ContractTests(PluginTests, RendererKit):
 
     def test_gradients_are_of_what_is_asked(self) -> None:
         """Gradients hold what `wrt` names, and nothing else."""
-        prepared, powers = self.renderer.prepare(scenes.plane()), self.capabilities.differentiable
-        for wrt in (frozenset[str](), *(frozenset({name}) for name in sorted(powers))):
+        prepared, known = self.renderer.prepare(scenes.plane()), self.capabilities.differentiable
+        for wrt in (frozenset[str](), *(frozenset({name}) for name in sorted(known))):
             for name in self._having(*_OF_GRADIENTS):
                 gradients = _call(self.renderer, name, prepared, wrt=wrt)()
                 found, wanted = [set(part) for part in gradients.materials], [set(wrt & {"base_color"})]
@@ -126,8 +126,8 @@ class ContractTests(PluginTests, RendererKit):
             what = f"grad_image of shape {shape} for a film of 4 x 6"
             self._require_refused(SvbrdfganError, what, *_OF_GRADIENTS, wrt=wrt, grad_image=torch.ones(shape))
 
-    def _power(self, name: str, protocol: type, given: bool) -> bool:
-        """Whether it is declared; fails if the method says otherwise."""
+    def _has_declared(self, name: str, protocol: type, given: bool) -> bool:
+        """Whether the method is declared; fails if it is missing, or can be called undeclared."""
         if given:
             check(isinstance(self.renderer, protocol), f"{name} is declared, and there is no such method.")
         elif hasattr(self.renderer, name):
@@ -143,7 +143,7 @@ class ContractTests(PluginTests, RendererKit):
             _refused(wanted, f"{name} with {what}", _call(self.renderer, name, prepared, **inputs))
 
     def _having(self, *names: str) -> list[str]:
-        """Of these methods those that the renderer has."""
+        """Those of the methods that the renderer has."""
         optional = {"render_pullback": self.capabilities.pullback, "transport": self.capabilities.transport}
         return [name for name in names if optional.get(name, True)]
 
@@ -169,7 +169,7 @@ def _call(
     spp: int = 1,
     grad_image: Tensor = ONES,
 ) -> Callable[[], Any]:
-    """A method of the protocol with its inputs, to be called; of a pullback the gradient is asked for."""
+    """A call of a protocol's method with these inputs; of a pullback, it asks for the gradient."""
     wrt = frozenset({"base_color"}) & renderer.capabilities.differentiable if wrt is None else wrt
     scene, chance = (prepared, materials, view), {"spp": spp, "seed": 0}
     found: dict[str, Callable[[], Any]] = {

@@ -1,4 +1,4 @@
-"""A small scene, and all that a renderer can do with it."""
+"""A small scene, and every method of a renderer run on it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from svbrdfgan.testing import scenes
 from svbrdfgan.types import Gradients, Rendering, Surface
 
 
-class Scene:
-    """Two parts, one of them textured, in light that is nowhere the same."""
+class ExampleScene:
+    """Two parts, one of them textured, in light of different radiance in every pixel."""
 
     def __init__(self) -> None:
         self.texture = scenes.random_texture(5, 4)
@@ -25,7 +25,7 @@ class Scene:
         self.grad_image = torch.randn(5, 8, 3, generator=torch.Generator().manual_seed(0))
 
     def held(self) -> dict[str, Tensor]:
-        """Everything in it that could be written to, the arrays as tensors on the same memory."""
+        """Every array and tensor in it; arrays as tensors that share their memory."""
         arrays = {name: getattr(self.surface, name) for name in ("positions", "normals", "uv", "faces", "face_part")}
         tensors = {
             "texture": self.texture,
@@ -39,17 +39,17 @@ class Scene:
         return renderer.render(renderer.prepare(self.surface), self.materials, self.view, spp=2, seed=1)
 
     def uses(self, renderer: Any) -> Iterator[Tensor]:
-        """Picture, gradient, both by a pullback, and transport, one after the other: the tensors of each."""
-        prepared, powers = renderer.prepare(self.surface), renderer.capabilities
+        """The tensors of a picture, a gradient, both by a pullback, and transport, one step at a time."""
+        prepared, capabilities = renderer.prepare(self.surface), renderer.capabilities
         yield from _pictures(renderer.render(prepared, self.materials, self.view, spp=2, seed=1))
-        wrt = powers.differentiable
+        wrt = capabilities.differentiable
         vjp = partial(renderer.render_vjp, prepared, self.materials, self.view, self.grad_image)
         yield from _gradients(vjp(wrt=wrt, spp=2, seed=1))
-        if powers.pullback:
+        if capabilities.pullback:
             kept, pullback = renderer.render_pullback(prepared, self.materials, self.view, wrt=wrt, spp=2, seed=1)
             yield from _pictures(kept)
             yield from _gradients(pullback(self.grad_image))
-        if powers.transport:
+        if capabilities.transport:
             yield from (samples.weight for samples in renderer.transport(prepared, self.view, spp=2, seed=1))
 
 

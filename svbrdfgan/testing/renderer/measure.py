@@ -1,4 +1,4 @@
-"""Brightness, measured over independent seeds, and compared with what it should be."""
+"""Brightness, measured over independent seeds and compared with known values."""
 
 from __future__ import annotations
 
@@ -13,54 +13,54 @@ from numpy import ndarray
 from svbrdfgan.testing.kit import check
 from svbrdfgan.testing.quadrature import Quadrature
 from svbrdfgan.testing.renderer.base import RendererKit
-from svbrdfgan.testing.statistics import Estimate, estimate, margin
+from svbrdfgan.testing.statistics import Estimate, estimate, fewer, margin
 from svbrdfgan.types import Materials, Rendering, Surface, View
 
-Case = tuple[Surface, Materials, View]
+Inputs = tuple[Surface, Materials, View]
 Radiances = Float[ndarray, "runs cases 3"]
 Brightnesses = Float[ndarray, "runs cases"]
 
 RUNS = 16
 ROUNDING = 2e-3
-"""Beside chance, a value may be off by this share of it: single precision, and rays that start beside the surface."""
+"""The relative error allowed beside noise: single precision, and rays that start off the surface."""
 GRAIN = 2e-2
-"""The same for renderers without chance, whose samples lie on some grid."""
+"""The same for deterministic renderers, whose samples lie on a grid."""
 
 
 class MeasuredKit(RendererKit):
-    """A renderer whose pictures are compared with known answers, by their means over seeds."""
+    """Tests that compare means over seeds with known answers."""
 
     @cached_property
     def seeds(self) -> Iterator[int]:
-        """A fresh seed for each picture, so that all of them are independent."""
+        """A new seed for each picture, so that all are independent."""
         return itertools.count(1)
 
     @property
     def slack(self) -> float:
         return ROUNDING if self.capabilities.stochastic else GRAIN
 
-    def pictures(self, *cases: Case, spp: int = 16, runs: int = RUNS) -> list[list[Rendering]]:
-        """For each run a picture of each case, each with a seed of its own."""
-        runs = runs if self.capabilities.stochastic else 2
+    def pictures(self, *cases: Inputs, spp: int = 16, runs: int = RUNS) -> list[list[Rendering]]:
+        """For each run a picture of each case, each with its own seed."""
+        runs, spp = fewer(runs, spp, self.power) if self.capabilities.stochastic else (2, spp)
         ready = [(self.renderer.prepare(surface), materials, view) for surface, materials, view in cases]
         return [[self.renderer.render(*case, spp=spp, seed=next(self.seeds)) for case in ready] for _ in range(runs)]
 
-    def radiances(self, *cases: Case, spp: int = 16, runs: int = RUNS) -> Radiances:
-        """The mean over the film of each picture; the views should show nothing but surface."""
+    def radiances(self, *cases: Inputs, spp: int = 16, runs: int = RUNS) -> Radiances:
+        """The mean over the film of each picture. The surface must fill the views."""
         pictures = self.pictures(*cases, spp=spp, runs=runs)
         return np.array([[p.image.double().mean(dim=(0, 1)).cpu().numpy() for p in run] for run in pictures])
 
-    def brightnesses(self, *cases: Case, spp: int = 16, runs: int = RUNS) -> Brightnesses:
+    def brightnesses(self, *cases: Inputs, spp: int = 16, runs: int = RUNS) -> Brightnesses:
         """As `radiances`, the mean of the channels."""
         return self.radiances(*cases, spp=spp, runs=runs).mean(axis=-1)
 
     def check_values(self, runs: ndarray, truth: Sequence[float] | ndarray, message: str) -> None:
-        """Fails unless the mean over the runs is the truth, but for chance and rounding."""
+        """Fails unless the mean over the runs is the truth, within noise and rounding."""
         wanted = np.asarray(truth, dtype=np.float64)
         _compare(estimate(list(runs)), wanted, self.slack * np.abs(wanted).max(), message)
 
     def check_ratios(self, runs: Brightnesses, truth: Sequence[float] | ndarray, message: str) -> None:
-        """Fails unless the cases are to one another as the truth says, whatever the scale of all."""
+        """Fails unless the ratios between the cases are those of the truth; a common factor does not matter."""
         wanted = np.asarray(truth, dtype=np.float64)
         total = runs.mean(axis=0).sum()
         check(bool(np.isfinite(total) and total > 0.0), f"All is black or not finite (sum of means {total:.4g}).")
@@ -70,8 +70,8 @@ class MeasuredKit(RendererKit):
         _compare(found, share, self.slack * share.max(), message)
 
 
-def expected(*cases: Case, split: int = 16) -> Float[ndarray, "cases 3"]:
-    """What `radiances` should be, by quadrature of direct light."""
+def expected(*cases: Inputs, split: int = 16) -> Float[ndarray, "cases 3"]:
+    """The true values of `radiances`, by quadrature of direct light."""
     pictures = [Quadrature(*case, grid=1, split=split).image() for case in cases]
     return np.array([picture.mean(axis=(0, 1)) for picture in pictures])
 
@@ -90,7 +90,7 @@ def _compare(found: Estimate, wanted: ndarray, slack: float, message: str) -> No
 
 
 def _worst(found: ndarray, wanted: ndarray, allowed: ndarray, count: int = 3) -> tuple[ndarray, ndarray, ndarray]:
-    """Those entries that are furthest off, as flat arrays."""
+    """The entries with the largest errors, as flat arrays."""
     found, wanted, allowed = (values.ravel() for values in np.broadcast_arrays(found, wanted, allowed))
     excess = np.nan_to_num(np.abs(found - wanted) / np.maximum(allowed, 1e-12), nan=np.inf)
     order = np.argsort(-excess)[:count]

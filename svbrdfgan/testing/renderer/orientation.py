@@ -1,4 +1,4 @@
-"""Which way everything points. No test here asks how bright things are, only which of them are brighter."""
+"""Directions and orders of axes. These tests compare brightnesses, and state none."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check
-from svbrdfgan.testing.renderer.measure import Case, MeasuredKit, expected
+from svbrdfgan.testing.renderer.measure import Inputs, MeasuredKit, expected
 from svbrdfgan.testing.statistics import numbers
 from svbrdfgan.types import Camera, Environment, Rendering, View
 
@@ -216,7 +216,7 @@ def _check_lights(
         kit.check_ratios(kit.brightnesses(*cases), expected(*cases).mean(axis=-1), message)
 
 
-def _lit(normal: Float[ndarray, 3] | tuple[float, float, float], light: Environment) -> Case:
+def _lit(normal: Float[ndarray, 3] | tuple[float, float, float], light: Environment) -> Inputs:
     return scenes.square(tuple(normal)), WHITE, scenes.spot_view((0.0, 0.0, 0.0), tuple(normal), light)
 
 

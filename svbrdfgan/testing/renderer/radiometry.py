@@ -1,4 +1,4 @@
-"""How bright things are: pictures with known answers. Most compare brightnesses, so that one fault fails one test.
+"""Brightness: pictures with known answers. Most tests compare brightnesses, so that one fault fails one test.
 
 Lights are the same from all sides and surfaces face the camera, so that no fault of orientation shows here.
 """
@@ -15,7 +15,7 @@ from torch import Tensor
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check, declared
-from svbrdfgan.testing.renderer.measure import Brightnesses, Case, MeasuredKit, check_zero, expected
+from svbrdfgan.testing.renderer.measure import Brightnesses, Inputs, MeasuredKit, check_zero, expected
 from svbrdfgan.testing.statistics import numbers
 from svbrdfgan.types import Camera, Environment, Materials, Surface, View
 
@@ -34,7 +34,7 @@ class RadiometryTests(MeasuredKit):
     def test_a_convex_body_does_not_shadow_itself(self) -> None:
         """A white box is as bright as a white plane, at any size and place."""
         light, camera = scenes.constant_light(), np.array([1.5, 1.2, 1.8])
-        cases: list[Case] = [_facing(light)]
+        cases: list[Inputs] = [_facing(light)]
         for size, away in ((1.0, 0.0), (0.01, 0.0), (100.0, 0.0), (1.0, 50.0)):
             origin, target = away + size * camera, (away + 0.0,) * 3
             view = View(Camera(_vector(origin), target, vertical_fov=0.3), light, 8, 8)
@@ -236,7 +236,7 @@ def _texture_at(
     return seen / white if white > 0.0 else math.nan
 
 
-def _facing(light: Environment) -> Case:
+def _facing(light: Environment) -> Inputs:
     return scenes.plane(2.0), WHITE, _filled(light)
 
 
@@ -245,7 +245,7 @@ def _filled(light: Environment) -> View:
     return scenes.front_view(light, 1.0, 8, 8, 0.5)
 
 
-def _spot(surface: Surface, normal: tuple[float, float, float], light: Environment) -> Case:
+def _spot(surface: Surface, normal: tuple[float, float, float], light: Environment) -> Inputs:
     return surface, WHITE, scenes.spot_view((0.0, 0.0, 0.0), normal, light)
 
 

@@ -1,4 +1,4 @@
-"""Chance: it comes from the seed alone, is independent from seed to seed, and cancels out on average."""
+"""Noise: it depends on the seed alone, is independent from seed to seed, and is zero on average."""
 
 from __future__ import annotations
 
@@ -12,19 +12,18 @@ from numpy import ndarray
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.testing.renderer import cases
-from svbrdfgan.testing.renderer.base import RendererKit
-from svbrdfgan.testing.renderer.cases import Setting, Stage, flat
-from svbrdfgan.testing.renderer.statistical_assertions import Known, unbiased
+from svbrdfgan.testing.renderer.cases import Case, RenderedCase, flat
+from svbrdfgan.testing.renderer.statistical_assertions import StatisticalKit
 from svbrdfgan.testing.statistics import Estimate, block_sums, difference, estimate, margin, numbers
 
 _SEEDS = (0, 1, 2**31, 2**32, 2**32 + 1, 2**63 - 1)
 _SIGMAS = 5.0
 _ATOMICS = 1e-5
-"""What the order of additions may change, of the largest value, on devices that do not fix it."""
+"""The relative difference allowed on devices that do not fix the order of additions."""
 
 
-class RandomnessTests(RendererKit):
-    """The picture and its gradient as functions of the seed. Deterministic renderers ignore it, and are right."""
+class RandomnessTests(StatisticalKit):
+    """The picture and its gradient as functions of the seed. A deterministic renderer may ignore the seed."""
 
     def test_same_seed_same_picture(self) -> None:
         """The same seed gives the same picture; on the CPU bit for bit."""
@@ -33,7 +32,7 @@ class RandomnessTests(RendererKit):
             check(off <= slack, f"Twice with seed 7, {name} differs by up to {off:.3g}; wanted at most {slack:.3g}.")
 
     def test_other_seeds_other_pictures(self) -> None:
-        """Another seed gives another picture and gradient where chance is declared."""
+        """Another seed gives another picture and gradient if the renderer is declared stochastic."""
         for name, once, other in self._twice(7, 8):
             same = float(abs(once - other).max()) <= self._slack * float(abs(once).max())
             given = "stochastic" if self.capabilities.stochastic else "deterministic"
@@ -44,8 +43,8 @@ class RandomnessTests(RendererKit):
 
     def test_large_seeds(self) -> None:
         """Seeds from 0 to 2^63 - 1 are accepted, and no two of them taken for one."""
-        stage = Stage(self.renderer, cases.strips())
-        images = [stage.image(seed=seed) for seed in _SEEDS]
+        rendered = RenderedCase(self.renderer, cases.strips())
+        images = [rendered.image(seed=seed) for seed in _SEEDS]
         for i, one in enumerate(images):
             check(bool(np.isfinite(one).all()), f"Seed {_SEEDS[i]} gives a picture that is not finite.")
             for j in range(i) if self.capabilities.stochastic else ():
@@ -87,14 +86,14 @@ class RandomnessTests(RendererKit):
     def test_gradients_of_one_sample_are_unbiased(self) -> None:
         """Gradients of one sample per pixel are right on average, to 5 % in texels."""
         declared("base_color" in self.capabilities.differentiable, "the gradient of base_color")
-        setting = cases.sheet(size=64, texels=(2, 2))
-        stage, grad = Stage(self.renderer, setting), setting.smooth()
-        known = Known.by_quadrature(setting, lambda scene: scene.texel_gradients(grad)[0], grid=2)
+        case = cases.sheet(size=64, texels=(2, 2))
+        rendered, grad = RenderedCase(self.renderer, case), case.smooth()
+        known = self.known(case, lambda scene: scene.texel_gradients(grad)[0], grid=2)
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
-            return stage.map_gradient(grad, "base_color", 0, spp=spp, seed=seed)
+            return rendered.map_gradient(grad, "base_color", 0, spp=spp, seed=seed)
 
-        unbiased("gradient of the base colour", stage, measure, known, claim=0.05, spp=1, fixed=True)
+        self.unbiased("gradient of the base colour", rendered, measure, known, claim=0.05, spp=1, fixed=True)
 
     def test_error_falls_with_samples(self) -> None:
         """16 times the samples leave at most a quarter of the noise."""
@@ -112,20 +111,20 @@ class RandomnessTests(RendererKit):
         With one sample per pixel, shared samples would add the derivative of the picture's variance: finds 10 %.
         """
         declared("base_color" in self.capabilities.differentiable, "the gradient of base_color")
-        setting = cases.sheet(size=32, texels=(2, 2))
-        stage, layer = Stage(self.renderer, setting), RenderLayer(self.renderer, spp=1, spp_grad=1)
-        known = Known.by_quadrature(setting, lambda scene: scene.texel_gradients(scene.image())[0], grid=2)
-        texture = setting.materials[0].base_color
+        case = cases.sheet(size=32, texels=(2, 2))
+        rendered, layer = RenderedCase(self.renderer, case), RenderLayer(self.renderer, spp=1, spp_grad=1)
+        known = self.known(case, lambda scene: scene.texel_gradients(scene.image())[0], grid=2)
+        texture = case.materials[0].base_color
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
             learned = texture.clone().requires_grad_()
-            materials = setting.with_map(0, "base_color", learned).materials
-            image = layer(stage.prepared, materials, setting.view, seed=seed).image
+            materials = case.with_map(0, "base_color", learned).materials
+            image = layer(rendered.prepared, materials, case.view, seed=seed).image
             (0.5 * image.square()).sum().backward()
             check(learned.grad is not None, "torch has no gradient of the base colour.")
             return numbers(torch.zeros_like(learned) if learned.grad is None else learned.grad)
 
-        unbiased("gradient of the squared picture", stage, measure, known, claim=0.1, spp=1, fixed=True)
+        self.unbiased("gradient of the squared picture", rendered, measure, known, claim=0.1, spp=1, fixed=True)
 
     @property
     def _slack(self) -> float:
@@ -133,37 +132,37 @@ class RandomnessTests(RendererKit):
 
     def _twice(self, one: int, other: int) -> list[tuple[str, ndarray, ndarray]]:
         """The picture and every gradient, with each of two seeds, by renderers of their own."""
-        setting = cases.rich("roughness" in self.capabilities.maps)
+        case = cases.rich("roughness" in self.capabilities.maps)
         wrt, found = cases.differentiable(self.capabilities), []
         for seed in (one, other):
-            stage = Stage(self.make_renderer(), setting)
-            gradients = flat(stage.gradients(setting.random(), *wrt, seed=seed))
+            rendered = RenderedCase(self.make_renderer(), case)
+            gradients = flat(rendered.gradients(case.random(), *wrt, seed=seed))
             found.append(
-                {"the picture": stage.image(seed=seed)} | {f"the gradient of {n}": g for n, g in gradients.items()}
+                {"the picture": rendered.image(seed=seed)} | {f"the gradient of {n}": g for n, g in gradients.items()}
             )
         return [(name, found[0][name], found[1][name]) for name in found[0]]
 
     def _noise(self) -> Float[ndarray, "seeds height width"]:
         """Of neighbouring seeds, with mean 0 and variance 1 in each pixel."""
         declared(self.capabilities.stochastic, "chance")
-        stage = Stage(self.renderer, cases.sheet(size=16))
-        images = np.stack([stage.image(seed=seed, spp=4).mean(axis=-1) for seed in range(32)])
+        rendered = RenderedCase(self.renderer, cases.sheet(size=16))
+        images = np.stack([rendered.image(seed=seed, spp=4).mean(axis=-1) for seed in range(32)])
         spread = images.std(axis=0, ddof=0)
         check(bool((spread > 0.0).all()), "Some pixels are the same for 32 seeds of a stochastic renderer.")
         return np.asarray((images - images.mean(axis=0)) / spread)
 
     def _mean_square(self, spp: int) -> Estimate:
         """The noise's variance, over the film, from pairs of seeds."""
-        stage, first = Stage(self.renderer, cases.sheet()), 100 * spp
-        pairs = [[stage.image(spp=spp, seed=first + 2 * i + j) for j in (0, 1)] for i in range(24)]
+        rendered, first = RenderedCase(self.renderer, cases.sheet()), 100 * spp
+        pairs = [[rendered.image(spp=spp, seed=first + 2 * i + j) for j in (0, 1)] for i in range(self.count(24))]
         return estimate([np.array(((one - other) ** 2).mean() / 2.0) for one, other in pairs])
 
     def _unbiased_image(self, spp: int, size: int) -> None:
-        setting: Setting = cases.sheet(size=size)
-        stage = Stage(self.renderer, setting)
-        known = Known.by_quadrature(setting, lambda scene: block_sums(scene.image(), size // 2), grid=2)
+        case: Case = cases.sheet(size=size)
+        rendered = RenderedCase(self.renderer, case)
+        known = self.known(case, lambda scene: block_sums(scene.image(), size // 2), grid=2)
 
         def measure(spp: int, seed: int) -> Float[ndarray, "*shape"]:
-            return block_sums(stage.image(spp=spp, seed=seed), size // 2)
+            return block_sums(rendered.image(spp=spp, seed=seed), size // 2)
 
-        unbiased("image, by quarters", stage, measure, known, claim=0.05, spp=spp, fixed=True)
+        self.unbiased("image, by quarters", rendered, measure, known, claim=0.05, spp=spp, fixed=True)

@@ -10,14 +10,14 @@ from torch import Tensor
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check, declared
-from svbrdfgan.testing.renderer.measure import Case, MeasuredKit, expected
+from svbrdfgan.testing.renderer.measure import Inputs, MeasuredKit, expected
 from svbrdfgan.types import Environment, Material, Materials, View
 
 GREY = scenes.lambertian((0.1, 0.1, 0.1))
 
 
 class RoughnessTests(MeasuredKit):
-    """The value of the formula, its bound, and the map's place among the others."""
+    """Values of the formula, its lower bound, and the lookup of the map."""
 
     def test_gloss_shines_at_the_mirror_angle(self) -> None:
         """At the mirror angle gloss is as bright as F D G / (4 cos cos) says."""
@@ -82,8 +82,8 @@ def _picture(kit: MeasuredKit, materials: Materials, view: View) -> Float[Tensor
     return kit.render(scenes.floor(), materials, view, spp=16, seed=4).image
 
 
-def _check_beside_grey(kit: MeasuredKit, cases: list[Case], view: View, message: str) -> None:
-    every: list[Case] = [*cases, (scenes.floor(), GREY, view)]
+def _check_beside_grey(kit: MeasuredKit, cases: list[Inputs], view: View, message: str) -> None:
+    every: list[Inputs] = [*cases, (scenes.floor(), GREY, view)]
     kit.check_ratios(kit.brightnesses(*every, spp=32), expected(*every, split=8).mean(axis=-1), message)
 
 

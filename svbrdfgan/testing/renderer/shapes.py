@@ -1,4 +1,4 @@
-"""Sizes, shapes, dtypes, devices and ranges of what goes in and of what comes out."""
+"""Sizes, shapes, dtypes, devices and ranges of inputs and results."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class ShapeTests(RendererKit):
             )
 
     def test_a_surface_out_of_sight_is_nothing(self) -> None:
-        """Of what is behind the camera, picture and gradient are zero."""
+        """What lies behind the camera has no picture and no gradient."""
         behind = scenes.quad((0.0, 0.0, 9.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
         view, prepared = scenes.front_view(scenes.random_light(), width=6, height=4), self.renderer.prepare(behind)
         rendering = self.renderer.render(prepared, WHITE, view, spp=2, seed=0)
@@ -179,7 +179,7 @@ def _transport(kit: RendererKit, light: Environment) -> Iterator[tuple[View, Tra
 
 
 def _material(kit: RendererKit, shape: tuple[int, ...]) -> Material:
-    """A material of every map that the renderer reads, each of that many rows and columns, or constant."""
+    """A material with every map that the renderer reads, each of these rows and columns, or constant."""
     return Material({name: torch.full((*shape, CHANNELS[name]), 0.5) for name in sorted(kit.capabilities.maps)})
 
 

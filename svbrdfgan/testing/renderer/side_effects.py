@@ -1,4 +1,4 @@
-"""Rendering is a function of its arguments: it leaves the process, its settings and its inputs as they were."""
+"""Rendering has no side effects on the process, its settings and the inputs."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.testing.renderer import cases
 from svbrdfgan.testing.renderer.base import RendererKit
-from svbrdfgan.testing.renderer.cases import Stage, flat
-from svbrdfgan.testing.renderer.fixtures import Scene
+from svbrdfgan.testing.renderer.cases import RenderedCase, flat
+from svbrdfgan.testing.renderer.fixtures import ExampleScene
 from svbrdfgan.testing.renderer.statistical_assertions import exactly
 
 
-class PurityTests(RendererKit):
-    """Nothing global is changed or read, no input is written to, and results are plain numbers."""
+class SideEffectTests(RendererKit):
+    """Nothing global is changed or read, no input is written to, and results carry no autograd graph."""
 
     def test_the_process_is_left_alone(self) -> None:
         """Working directory, environment variables and module path stay."""
@@ -51,7 +51,7 @@ class PurityTests(RendererKit):
 
     def test_inputs_are_only_read(self) -> None:
         """Surface, textures, environment and grad_image are only read."""
-        scene = Scene()
+        scene = ExampleScene()
         held = scene.held()
         before = {name: values.clone() for name, values in held.items()}
         for _ in scene.uses(self.renderer):
@@ -61,7 +61,7 @@ class PurityTests(RendererKit):
 
     def test_results_do_not_share_memory_with_inputs(self) -> None:
         """Writing into a result changes no input, and no later result."""
-        scene = Scene()
+        scene = ExampleScene()
         prepared = self.renderer.prepare(scene.surface)
         first = self.renderer.render(prepared, scene.materials, scene.view, spp=2, seed=1)
         kept = first.image.clone(), first.coverage.clone(), scene.texture.clone()
@@ -76,19 +76,19 @@ class PurityTests(RendererKit):
         declared(self.capabilities.pullback, "pullback")
         assert isinstance(self.renderer, PullbackRenderer)
         wrt, gloss = cases.differentiable(self.capabilities), "roughness" in self.capabilities.maps
-        setting = cases.glossy(torch.full((2, 3, 1), 0.4)) if gloss else cases.sheet()
-        stage, grad = Stage(self.renderer, setting), setting.random()
-        wanted = flat(stage.gradients(grad, *wrt))
-        scene = stage.prepared, setting.materials, setting.view
+        case = cases.glossy(torch.full((2, 3, 1), 0.4)) if gloss else cases.sheet()
+        rendered, grad = RenderedCase(self.renderer, case), case.random()
+        wanted = flat(rendered.gradients(grad, *wrt))
+        scene = rendered.prepared, case.materials, case.view
         _, pullback = self.renderer.render_pullback(*scene, wrt=frozenset(wrt), spp=4, seed=3)
-        for values in (*setting.materials[0].maps.values(), setting.view.environment.radiance):
+        for values in (*case.materials[0].maps.values(), case.view.environment.radiance):
             values.fill_(0.9)
         for place, found in flat(pullback(torch.from_numpy(grad).float())).items():
             exactly(f"the gradient for {place}, after inputs were written into,", found, wanted[place])
 
     def test_results_carry_no_autograd_graph(self) -> None:
         """Inputs may require gradients; results are plain tensors."""
-        scene = Scene()
+        scene = ExampleScene()
         scene.texture.requires_grad_(True)
         scene.view.environment.radiance.requires_grad_(True)
         for result in scene.uses(self.renderer):
@@ -97,9 +97,9 @@ class PurityTests(RendererKit):
 
     def test_settings_of_the_caller_do_not_matter(self) -> None:
         """Pictures are the same under no_grad and a float64 default dtype."""
-        plain = Scene().render(self.renderer).image
+        plain = ExampleScene().render(self.renderer).image
         contexts: dict[str, Any] = {"no_grad": torch.no_grad(), "a float64 default dtype": _float64_default()}
-        scene = Scene()
+        scene = ExampleScene()
         for name, context in contexts.items():
             with context:
                 image = scene.render(self.renderer).image

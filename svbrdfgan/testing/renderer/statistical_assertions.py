@@ -1,7 +1,8 @@
-"""Whether what a renderer says is true: exactly, or on average over seeds and with eyes open."""
+"""Assertions on results: equal up to rounding, or unbiased over seeds with a stated detectable error."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -11,18 +12,51 @@ from numpy import ndarray
 
 from svbrdfgan.testing.kit import check
 from svbrdfgan.testing.quadrature import Quadrature
-from svbrdfgan.testing.renderer.cases import Setting, Stage
-from svbrdfgan.testing.statistics import Estimate, estimate, least_bias, margin
+from svbrdfgan.testing.renderer.base import RendererKit
+from svbrdfgan.testing.renderer.cases import Case, RenderedCase
+from svbrdfgan.testing.statistics import LEAST_RUNS, Estimate, estimate, fewer, least_bias, margin
 
 RUNS = 24
 EXACT = 5e-4
 """What single precision may lose in a sum over a small picture, of its largest term."""
 
+_COARSE = 0.25  # power at which half as fine a quadrature is as good, beside the claim
 _FIRST_SEED, _SAMPLES = 1000, 1_000_000
 _ROUNDS, _SHARE, _ROUNDING = 4, 0.02, 2e-5
 
 Measure = Callable[[int, int], Float[ndarray, "*shape"]]
-"""Something measured with so many samples per pixel, and a seed."""
+"""A measurement with a number of samples per pixel and a seed."""
+
+
+class StatisticalKit(RendererKit):
+    """Tests of means over seeds, at the kit's power."""
+
+    def known(
+        self, case: Case, measure: Callable[[Quadrature], Float[ndarray, "*shape"]], grid: int = 4, split: int = 4
+    ) -> Known:
+        """`Known.by_quadrature`; with little power half as fine, as the errors to be found are larger."""
+        if self.power <= _COARSE:
+            grid, split = max(2, grid // 2), max(4, split // 2)  # both stay even, so that they can be halved again
+        return Known.by_quadrature(case, measure, grid, split)
+
+    def unbiased(
+        self,
+        what: str,
+        rendered: RenderedCase,
+        measure: Measure,
+        known: Known,
+        *,
+        claim: float,
+        spp: int,
+        fixed: bool = False,
+    ) -> None:
+        """`unbiased` with the kit's share of the samples, of which a larger error can be claimed to be found."""
+        runs, few = (self.count(RUNS), spp) if fixed else fewer(RUNS, spp, self.power)
+        unbiased(what, rendered, measure, known, claim=claim / math.sqrt(self.power), spp=few, runs=runs, fixed=fixed)
+
+    def count(self, runs: int) -> int:
+        """The kit's share of the runs, where their samples are fixed."""
+        return max(LEAST_RUNS, round(self.power * runs))
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +64,8 @@ class Known:
     """True values.
 
     Attributes:
-        doubt: how far the truth may be off itself.
-        size: what a relative error is relative to.
+        doubt: the error bound of the truth itself.
+        size: the values that relative errors refer to.
     """
 
     truth: Float[ndarray, "*shape"]
@@ -40,10 +74,14 @@ class Known:
 
     @classmethod
     def by_quadrature(
-        cls, setting: Setting, measure: Callable[[Quadrature], Float[ndarray, "*shape"]], grid: int = 4, split: int = 4
+        cls,
+        case: Case,
+        measure: Callable[[Quadrature], Float[ndarray, "*shape"]],
+        grid: int = 4,
+        split: int = 4,
     ) -> Known:
-        """What a quadrature of direct light says, as sure as one half as fine in every direction agrees with it."""
-        scene = setting.surface, setting.materials, setting.view
+        """Values by quadrature of direct light. Their doubt is the difference from a quadrature half as fine."""
+        scene = case.surface, case.materials, case.view
         fine, coarse = (measure(Quadrature(*scene, grid // n, split // n)) for n in (1, 2))
         return cls(fine, abs(fine - coarse) + _ROUNDING * abs(fine).max(), abs(fine))
 
@@ -54,7 +92,7 @@ class Known:
 
 
 def exactly(what: str, found: Float[ndarray, "*shape"], wanted: Float[ndarray, "*shape"], *, hint: str = "") -> None:
-    """Fails unless two arrays agree but for rounding; says in what manner they differ, and gives a hint."""
+    """Fails unless two arrays agree up to rounding. The message says how they differ."""
     check(found.shape == wanted.shape, f"{what} has shape {found.shape}; wanted {wanted.shape}.")
     check(bool(np.isfinite(found).all()), f"{what} holds values that are not finite.")
     scale = abs(wanted).max()
@@ -75,23 +113,30 @@ def _manner(found: ndarray, wanted: ndarray) -> str:
 
 
 def unbiased(
-    what: str, stage: Stage, measure: Measure, known: Known, *, claim: float, spp: int, fixed: bool = False
+    what: str,
+    rendered: RenderedCase,
+    measure: Measure,
+    known: Known,
+    *,
+    claim: float,
+    spp: int,
+    runs: int = RUNS,
+    fixed: bool = False,
 ) -> None:
-    """Fails where the mean over seeds is not the truth, and where a relative bias of `claim` could go unseen.
+    """Fails where the mean over seeds is not the truth, or where a relative bias of `claim` might not be detected.
 
-    That is asked of all values that make up a fiftieth of the total or more. Takes `spp` samples per pixel; where
-    those are too few, as many as it needs, or, where they are fixed, more seeds. A renderer without chance has to be
-    right within the claim.
+    The claim is for all values that make up a fiftieth of the total or more. Starts with `spp` samples per pixel and
+    takes more if these are too few, or more seeds if `fixed`. A deterministic renderer must be right within the claim.
     """
-    if not stage.renderer.capabilities.stochastic:
+    if not rendered.renderer.capabilities.stochastic:
         none = np.zeros_like(known.truth)
         loose = Known(known.truth, known.doubt + claim * np.maximum(known.size, _SHARE * known.size.sum()), known.size)
         return _judge(what, Estimate(measure(spp, 0), none, none + 1.0), loose, "without chance")
-    runs, seed = RUNS, _FIRST_SEED
+    seed = _FIRST_SEED
     for _ in range(_ROUNDS):
         found = _over_seeds(measure, spp, runs, seed)
         blind = _blindness(found, known, claim)
-        more = (spp, _more(stage, blind, runs, spp)) if fixed else (_more(stage, blind, spp, runs), runs)
+        more = (spp, _more(rendered, blind, runs, spp)) if fixed else (_more(rendered, blind, spp, runs), runs)
         if blind <= 1.0 or more == (spp, runs):
             break
         (spp, runs), seed = more, seed + runs
@@ -107,14 +152,14 @@ def _over_seeds(measure: Measure, spp: int, runs: int, first: int) -> Estimate:
     return estimate([measure(spp, first + run) for run in range(runs)])
 
 
-def _more(stage: Stage, blind: float, have: int, each: int) -> int:
-    """As many as should do, with something to spare, but for more samples than anybody wants to wait for."""
-    most = _SAMPLES // (each * stage.setting.view.height * stage.setting.view.width)
+def _more(rendered: RenderedCase, blind: float, have: int, each: int) -> int:
+    """The number needed, with half of it to spare, and at most _SAMPLES camera samples in all."""
+    most = _SAMPLES // (each * rendered.case.view.height * rendered.case.view.width)
     return max(have, min(most, int(1.5 * have * min(blind, 1e3) ** 2)))
 
 
 def _blindness(found: Estimate, known: Known, claim: float) -> float:
-    """The least error that would be seen, over the one that should be, in the worst value that counts."""
+    """The least detectable error divided by the claimed one, for the worst value that counts."""
     large = known.size >= _SHARE * known.size.sum()
     wanted = np.maximum(claim * known.size - known.doubt, 1e-6 * known.size.max())
     return float((least_bias(found) / wanted)[large].max(initial=0.0))

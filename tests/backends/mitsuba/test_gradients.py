@@ -167,7 +167,7 @@ def test_every_pixel_of_the_light_has_its_gradient(renderer: MitsubaRenderer) ->
     assert torch.allclose(gradient[:, :5], gradient[:, 11:].flip(1), rtol=0.2, atol=2e-3)
 
 
-@pytest.mark.parametrize("max_bounces", [1, 2])
+@pytest.mark.parametrize("max_bounces", [1, pytest.param(2, marks=pytest.mark.full)])
 def test_roughness_s_gradient_is_that_of_finite_differences(view: View, max_bounces: int) -> None:
     renderer = MitsubaRenderer("cpu", max_bounces)
     prepared = renderer.prepare(scenes.corner_box())

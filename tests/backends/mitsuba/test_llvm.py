@@ -62,6 +62,7 @@ def test_an_old_library_is_refused_before_it_is_used(old_library: Path) -> None:
     assert "libLLVM-15.so', which is LLVM 15; wanted 19 or later" in done.stderr.splitlines()[-1]
 
 
+@pytest.mark.full
 def test_what_is_no_library_is_refused(tmp_path: Path) -> None:
     (tmp_path / "libLLVM.so").write_text("not at all")
     assert llvm.library_version(tmp_path / "libLLVM.so") is None

@@ -86,7 +86,7 @@ for part in (slice(None, image), slice(image, None)):
 """
 
 
-@pytest.mark.parametrize("max_bounces", [1, 3])
+@pytest.mark.parametrize("max_bounces", [1, pytest.param(3, marks=pytest.mark.full)])
 def test_pictures_and_gradients_are_those_of_mitsuba_s_path_replay(max_bounces: int) -> None:
     path = os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])
     command = [sys.executable, "-c", CODE, str(max_bounces)]

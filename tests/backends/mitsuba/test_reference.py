@@ -49,7 +49,7 @@ def pictures(
     return stack.double().mean(dim=0), stack.double().var(dim=0) / SEEDS
 
 
-@pytest.mark.parametrize("max_bounces", [1, 3])
+@pytest.mark.parametrize("max_bounces", [1, pytest.param(3, marks=pytest.mark.full)])
 @pytest.mark.parametrize("name", SCENES)
 def test_it_agrees_with_the_reference(name: str, max_bounces: int) -> None:
     reference = pytest.importorskip("svbrdfgan_numpy").NumpyRenderer(max_bounces)

@@ -67,7 +67,7 @@ def stress(max_bounces: int, count: int, growth: float) -> None:
     assert memory[-1] - memory[count // 2] < growth
 
 
-@pytest.mark.parametrize("max_bounces", [1, 3])
+@pytest.mark.parametrize("max_bounces", [1, pytest.param(3, marks=pytest.mark.full)])
 def test_changing_scenes_need_no_new_kernels(max_bounces: int) -> None:
     stress(max_bounces, 30, growth=20.0)
 

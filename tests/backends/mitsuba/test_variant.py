@@ -61,6 +61,7 @@ def pictures() -> dict[str, str]:
     return {name: run(START + code) for name, code in CASES.items()}
 
 
+@pytest.mark.full
 def test_it_is_left_as_it_was_and_changes_no_picture(pictures: dict[str, str]) -> None:
     assert pictures["none set"].strip()
     assert pictures["scalar_rgb"] == pictures["llvm_ad_rgb"] == pictures["none set"]

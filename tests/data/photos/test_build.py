@@ -74,6 +74,7 @@ def rendered(exemplars: Exemplars, index: int, materials: Callable[[Subject], Ma
     return renderer.render(renderer.prepare(subject.surface), materials(subject), view, spp=1024, seed=5)
 
 
+@pytest.mark.full
 def test_an_exemplar_is_the_linear_picture_up_to_exposure_and_gloss(photographs: Photographs, tmp_path: Path) -> None:
     """Compared with the true radiance, rendered from the exemplar's camera: within 12 % of the mean.
 
@@ -95,6 +96,7 @@ def test_an_exemplar_is_the_linear_picture_up_to_exposure_and_gloss(photographs:
         assert torch.allclose(shown.mean(dim=0), wanted.mean(dim=0), rtol=0.03)
 
 
+@pytest.mark.full
 def test_outlines_are_the_mesh_s_with_a_mask_and_without(exemplars: Exemplars) -> None:
     """So exemplars and fakes have the same outlines. Pixels beside the mask have the colour of the nearest inside."""
     for index in range(len(exemplars)):
@@ -150,6 +152,7 @@ def test_masks_agree_with_good_cameras_and_not_with_bad_ones(photographs: Photog
     assert "correct the camera or the mask" in records[0].doubts[0]
 
 
+@pytest.mark.full
 def test_exposure_of_the_photograph_does_not_matter(photographs: Photographs, tmp_path: Path) -> None:
     """Under the mean light, a picture of half the linear brightness gives the same exemplar."""
     from svbrdfgan.io import load_image, save_exr
@@ -169,6 +172,7 @@ def test_exposure_of_the_photograph_does_not_matter(photographs: Photographs, tm
     assert {scene.environment.asset.path for scene in plain.scenes} == {"assets/environments/mean of the pool.exr"}
 
 
+@pytest.mark.full
 def test_a_light_is_the_same_every_time(photographs: Photographs, imported: Any, tmp_path: Path) -> None:
     import_pictures(declared(photographs, light="estimated"), tmp_path / "own", base=photographs[0])
     for number in range(4):
@@ -203,6 +207,7 @@ def test_it_trains_and_cannot_be_scored(
         evaluate(tmp_path / "run", split="train", oracle=False, device="cpu")
 
 
+@pytest.mark.full
 def test_meshes_named_in_test_are_kept_from_training(photographs: Photographs, tmp_path: Path) -> None:
     import_pictures(declared(photographs, test=[photographs[1][0].mesh]), tmp_path / "own", base=photographs[0])
     plan = DatasetIndex.load(tmp_path / "own")
@@ -211,6 +216,7 @@ def test_meshes_named_in_test_are_kept_from_training(photographs: Photographs, t
     assert len(load_exemplars(Dataset.open(tmp_path / "own"), "test")) == 2
 
 
+@pytest.mark.full
 def test_views_may_differ_from_mesh_to_mesh(photographs: Photographs, tmp_path: Path) -> None:
     """And pictures of one mesh follow each other, in any order of the manifest."""
     entries = load_yaml(photographs[0] / "manifest.yaml")["pictures"]

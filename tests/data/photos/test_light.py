@@ -163,6 +163,7 @@ def test_the_light_of_a_picture_of_a_mesh_is_estimated(scene: Scene) -> None:
     assert float((mean[seen] / true[seen] - 1).abs().median()) > 0.3
 
 
+@pytest.mark.full
 def test_a_larger_picture_is_downsampled_first(scene: Scene) -> None:
     render, clean, learnable = scene
     picture = render(clean, gradient())

@@ -37,15 +37,17 @@ def box(width: float, height: float, length: float) -> Mesh:
 
 
 @pytest.fixture(scope="session")
-def boxes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Twenty boxes, five views of each. CachedRendering may be added to it, and nothing else."""
+def boxes(built_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
+    """Twenty boxes, five views of each. Cached transports may be added to it, and nothing else."""
     pytest.importorskip("warp", reason="the warp renderer needs warp-lang")
-    base = tmp_path_factory.mktemp("boxes")
-    rng = np.random.default_rng(0)
-    for number in range(20):
-        save_mesh_glb(base / f"box{number:02d}.glb", box(*rng.uniform((1.5, 1.2, 3.5), (2.1, 2.0, 5.0))))
-    generate(validate(DatasetConfig, BOXES, "boxes"), base / "dataset", base=base)
-    return base / "dataset"
+
+    def fill(base: Path) -> None:
+        rng = np.random.default_rng(0)
+        for number in range(20):
+            save_mesh_glb(base / f"box{number:02d}.glb", box(*rng.uniform((1.5, 1.2, 3.5), (2.1, 2.0, 5.0))))
+        generate(validate(DatasetConfig, BOXES, "boxes"), base / "dataset", base=base)
+
+    return built_once("boxes", fill) / "dataset"
 
 
 @pytest.fixture(scope="session")

@@ -32,7 +32,7 @@ def tried(report: LeakageReport) -> set[str]:
     return {name for name, finding in report.alone.items() if finding.share}
 
 
-@pytest.mark.parametrize("guide", [True, False])
+@pytest.mark.parametrize("guide", [pytest.param(True, marks=pytest.mark.full), False])
 def test_matched_scenes_come_out_at_chance(guide: bool, training: Training) -> None:
     report = probe_shortcuts(training(guide=guide)).report
     share = report.together.share
@@ -57,6 +57,7 @@ LIT_RED: dict[str, Any] = {"environment": {"files": ["red.exr"]}, "camera": {}}
 """And cameras redrawn from the exemplars' own distribution, which nothing can tell."""
 
 
+@pytest.mark.full
 def test_other_light_is_told_and_named(training: Training, red: Path) -> None:
     report = probe_shortcuts(training(dataset="dataset", scenes=LIT_RED), base=red).report
     assert tried(report) == {"pose", "light"}
@@ -66,6 +67,7 @@ def test_other_light_is_told_and_named(training: Training, red: Path) -> None:
     assert report.lines() == [f"light {report.alone['light'].verdict}. {REMEDIES['light']}"]
 
 
+@pytest.mark.full
 def test_neither_light_nor_pose_is_told_by_reflectance(training: Training, red: Path) -> None:
     """Nor by its guide, where cameras differ as much as the light."""
     scenes = LIT_RED | HIGH
@@ -74,6 +76,7 @@ def test_neither_light_nor_pose_is_told_by_reflectance(training: Training, red: 
     assert leaking(report) <= {"noise"}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("spp", [2, 8])
 def test_noise_is_told_by_reflectance_however_many_samples_fakes_have(spp: int, training: Training) -> None:
     report = probe_shortcuts(training("reflectance", spp=spp)).report
@@ -81,6 +84,7 @@ def test_noise_is_told_by_reflectance_however_many_samples_fakes_have(spp: int, 
     assert report.alone["noise"].differs == "8 samples per pixel in exemplars, no noise in fakes"
 
 
+@pytest.mark.full
 def test_other_samples_are_told_and_named(training: Training) -> None:
     report = probe_shortcuts(training(spp=2)).report
     assert (tried(report), leaking(report)) == ({"noise"}, {"noise"})
@@ -88,11 +92,13 @@ def test_other_samples_are_told_and_named(training: Training) -> None:
     assert report.alone["noise"].share == report.together.share
 
 
+@pytest.mark.full
 def test_other_cameras_are_told_without_transports_too(training: Training) -> None:
     fresh = training(scenes=HIGH, rendering="fresh", guide=False)
     assert leaking(probe_shortcuts(fresh).report) == {"pose"}
 
 
+@pytest.mark.full
 def test_another_renderer_is_told_and_named(training: Training, monkeypatch: pytest.MonkeyPatch) -> None:
     """One that made the exemplars half as bright again, which the others' trials do not see."""
 
@@ -110,6 +116,7 @@ def test_another_renderer_is_told_and_named(training: Training, monkeypatch: pyt
     )
 
 
+@pytest.mark.full
 def test_the_same_seed_is_the_same_probe(training: Training) -> None:
     one, again = (probe_shortcuts(training(scenes=HIGH)) for _ in range(2))
     clock = {"pictures_seconds", "learning_seconds"}
@@ -129,6 +136,7 @@ def test_the_files(training: Training, tmp_path: Path) -> None:
     assert (above - below).abs().mean() > 0.01
 
 
+@pytest.mark.full
 def test_training_finds_what_the_probe_stored(training: Training, boxes: Path, tmp_path: Path) -> None:
     """The transports of the exemplars' own scenes and of the perturbed ones; none of the scenes in between."""
     folder = shutil.copytree(boxes, tmp_path / "dataset", ignore=shutil.ignore_patterns("transports"))

@@ -51,6 +51,11 @@ class Wrong:
     whole: bool
     reason: str
 
+    @property
+    def size(self) -> str:
+        """What is wrong, and by how much: the renderer's docstring."""
+        return " ".join((self.renderer.__doc__ or "").split())
+
     def expects(self, failed: Set[str]) -> bool:
         """Whether these are the tests that should fail."""
         others = failed - self.tests

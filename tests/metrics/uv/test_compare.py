@@ -71,6 +71,7 @@ def test_medians_the_worst_and_failures(folder: Path) -> None:
     assert {"area", "seen"}.isdisjoint(summary)
 
 
+@pytest.mark.full
 def test_json_holds_all_of_it(folder: Path) -> None:
     found = measure_embedding(FromTheFront(), mesh_files(folder), 64, lambda _: None)
     data = json.loads(json.dumps(as_json({"front": found}), allow_nan=False))["front"]

@@ -84,6 +84,7 @@ def test_the_wrap_of_a_car_meets_the_numbers_of_the_issue(least: Chart, angle: C
     assert (triangles.area * triangles.determinants(least.uv)).sum() >= 0.75
 
 
+@pytest.mark.full
 def test_every_place_of_the_outside_lies_where_the_wrap_puts_it(surface: Surface) -> None:
     corners = surface.positions[surface.faces].mean(axis=1)
     uv = surface.uv[surface.faces].mean(axis=1)
@@ -146,6 +147,7 @@ def test_a_mesh_that_is_a_surface_is_spread_out_itself() -> None:
     assert (np.linalg.det(np.stack([uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]], axis=1)) > 0).all()
 
 
+@pytest.mark.full
 def test_seams_cut_a_wrap_too(car: Mesh) -> None:
     whole, cut = (StretchEmbedding(cells=16, seams=n).chart(car) for n in (0, 2))
     assert len(cut.disk.border) > len(whole.disk.border)
