@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from svbrdfgan.rendering.compositing import composite, over
     from svbrdfgan.rendering.render_layer import RenderLayer
     from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
-    from svbrdfgan.report import write_report
+    from svbrdfgan.report.page import write_report
     from svbrdfgan.scene.asset import Subject, make_subject
     from svbrdfgan.scene.description import Scene
     from svbrdfgan.training.config import TrainConfig, train_config
@@ -104,7 +104,7 @@ _MODULES = {
     "training.trainer": ("train",),
     "training.run": ("load_model",),
     "evaluation.evaluate": ("evaluate",),
-    "report": ("write_report",),
+    "report.page": ("write_report",),
     "inference.apply": ("paint",),
     "inference.export": ("write_picture", "write_weathered"),
     "config.yaml_files": ("load_yaml",),

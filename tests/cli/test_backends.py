@@ -74,5 +74,5 @@ def test_renderers() -> None:
 
 
 def test_the_table_shows_options() -> None:
-    told = CliRunner(env={"COLUMNS": "200"}).invoke(main, ["backends"]).stdout
-    assert "options: max_bounces=1" in told
+    output = CliRunner(env={"COLUMNS": "200"}).invoke(main, ["backends"]).stdout
+    assert "options: max_bounces=1" in output

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from svbrdfgan.report import write_hero
+from svbrdfgan.report.hero import write_hero
 
 
 @pytest.mark.parametrize(("names", "rows"), [(("a",), 1), (("a", "b", "c"), 3), (tuple("abcdefg"), 4)])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from svbrdfgan.report import write_report
+from svbrdfgan.report.page import write_report
 from svbrdfgan.training.state import State
 
 JOURNAL = [
