@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from svbrdfgan.cli.display import progress
 from svbrdfgan.cli.options import key_values
 
 
@@ -24,19 +25,23 @@ def command(mesh: Path, embedding: str, options: tuple[str, ...], resolution: in
     card.json and card.png measure the map of what is seen from outside: stretch, distortion of angles and areas,
     mirrored and overlapping area, coverage, seams, and whether neighbours stay neighbours.
     """
-    from svbrdfgan.geometry.bake import bake, write_bake
-    from svbrdfgan.geometry.layers import hide_inner_layers
-    from svbrdfgan.io import load_mesh
-    from svbrdfgan.plugins import load_embedding
-    from svbrdfgan.report.uv_card import write_card
+    with progress(f"loading {mesh}") as display:
+        from svbrdfgan.geometry.bake import bake, write_bake
+        from svbrdfgan.geometry.layers import hide_inner_layers
+        from svbrdfgan.io import load_mesh
+        from svbrdfgan.plugins import load_embedding
+        from svbrdfgan.report.uv_card import write_card
 
-    loaded = load_mesh(mesh)
-    chosen = load_embedding(embedding, key_values(options))
-    surface = chosen.embed(loaded)
-    if not chosen.capabilities.injective:
-        surface = hide_inner_layers(surface, resolution)
-    written = write_bake(out, loaded, surface, bake(surface, resolution, resolution))
-    card = write_card(out, surface, f"{embedding}, {mesh.stem}")
+        loaded = load_mesh(mesh)
+        chosen = load_embedding(embedding, key_values(options))
+        display.stage(f"embedding {len(loaded.faces)} faces by {embedding}")
+        surface = chosen.embed(loaded)
+        if not chosen.capabilities.injective:
+            surface = hide_inner_layers(surface, resolution)
+        display.stage("baking the geometry buffer")
+        written = write_bake(out, loaded, surface, bake(surface, resolution, resolution))
+        display.stage("measuring and drawing the map of what is seen from outside")
+        card = write_card(out, surface, f"{embedding}, {mesh.stem}")
     _tell(written)
     click.echo("the map of what is seen from outside:")
     _tell(card.flat())
