@@ -58,7 +58,7 @@ def _table(report: LeakageReport) -> Table:
     from rich.table import Table
 
     title = f"share of {report.judged} pairs of unweathered pictures in which the real one was recognised"
-    table = Table("nuisance", "real and fake", "verdict", "99 % interval", title=title)
+    table = Table("confounder", "real and fake", "verdict", "99 % interval", title=title)
     for name, finding in (*report.alone.items(), ("all together", report.together)):
         share = finding.share
         interval = "" if share is None else f"{share.low:.0%} to {share.high:.0%}"

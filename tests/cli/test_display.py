@@ -117,13 +117,13 @@ class TestTables:
         assert re.search(rf"^renderer 'numpy' {LONG} +stored forward \+ backward +500 ", text, re.MULTILINE)
 
     def test_probe(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-        table = Table("nuisance", "real and fake", title=f"title of {LONG}")
+        table = Table("confounder", "real and fake", title=f"title of {LONG}")
         table.add_row("pose", LONG)
         monkeypatch.setattr(probe, "_table", lambda diagnosis: table)
-        probed = type("Probed", (), {"diagnosis": type("None", (), {"lines": lambda self: [LONG]})()})()
+        probed = type("Probed", (), {"report": type("None", (), {"lines": lambda self: [LONG]})()})()
         monkeypatch.setattr("svbrdfgan.evaluation.leakage.probe_shortcuts", lambda *_, **__: probed)
         (tmp_path / "train.yaml").write_text("dataset: data\n")
-        lines = [f"title of {LONG}", "nuisance  real and fake", f"pose      {LONG}", LONG]
+        lines = [f"title of {LONG}", "confounder  real and fake", f"pose        {LONG}", LONG]
         assert self.printed("probe", tmp_path / "train.yaml").splitlines() == lines
 
 

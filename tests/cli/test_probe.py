@@ -26,10 +26,10 @@ def test_a_table_and_two_files(training_data: Data, tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     title, head, *rows = [re.split(r"\s{2,}", line) for line in result.stdout.splitlines()[:7]]
     assert title == ["share of 2 pairs of unweathered pictures in which the real one was recognised"]
-    assert head == ["nuisance", "real and fake", "verdict", "99 % interval"]
+    assert head == ["confounder", "real and fake", "verdict", "99 % interval"]
     assert [row[0] for row in rows] == ["pose", "light", "noise", "renderer", "all together"]
-    assert "the exemplars' own distribution" in rows[1][1]
-    assert "told: " in rows[1][2]
+    assert rows[1][1] == "fakes' lights are drawn again from the exemplars' distribution"
+    assert re.fullmatch(r"(leaks|no leak): \d+%", rows[1][2])
     assert rows[0][2] == "the same on both sides"
     assert result.stdout.splitlines()[-1] == f"written to {tmp_path / 'out'}"
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["pairs.png", "probe.json"]
