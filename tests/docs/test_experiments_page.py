@@ -6,7 +6,7 @@ from pathlib import Path
 
 from svbrdfgan.experiments.columns import speeds, verdicts
 from svbrdfgan.experiments.definition import Experiment, experiment_names, load_experiment
-from svbrdfgan.experiments.run_matrix import Design
+from svbrdfgan.experiments.run_matrix import RunMatrix
 
 LISTED = re.compile(r"^\| `([a-z-]+)` \| [^|]*\| (\d+) \| (\d+) \| (\d+) \|", re.MULTILINE)
 
@@ -17,7 +17,7 @@ def page(repository: Path) -> str:
 
 def size(name: str) -> tuple[int, int, int]:
     """Rows, runs and minutes of training at most, in the profile gpu."""
-    design = Design.load(name, "gpu")
+    design = RunMatrix.load(name, "gpu")
     cells = design.cells()
     return len(design.experiment.rows), len(cells), round(sum(cell.spec.train.minutes or 0.0 for cell in cells))
 
@@ -31,7 +31,7 @@ def test_the_example_is_an_experiment(code_blocks: Callable[[str, str], list[str
     (block,) = code_blocks("docs/experiments.md", "yaml")
     path = tmp_path / "cameras.yaml"
     path.write_text(block, encoding="utf-8")
-    runs = [len(Design.load(str(path), profile).cells()) for profile in ("cpu", "gpu")]
+    runs = [len(RunMatrix.load(str(path), profile).cells()) for profile in ("cpu", "gpu")]
     assert runs == [2, 4]
 
 
