@@ -5,7 +5,7 @@ import pytest
 from svbrdfgan_igl.boundary_barrier import BoundaryBarrier
 from svbrdfgan_igl.collision_barrier import SelfCollisionBarrier
 from svbrdfgan_igl.crossing import loop_crosses_itself
-from svbrdfgan_igl.energy import stretch
+from svbrdfgan_igl.energy import DistortionEnergy, RestTriangles, stretch
 from svbrdfgan_igl.flatten import Boundary, conformal, least_stretch, one_to_one, packed
 from svbrdfgan_igl.topology import Disk
 from svbrdfgan_igl.tutte import tutte
