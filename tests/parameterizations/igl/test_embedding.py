@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from svbrdfgan_igl import LscmEmbedding, StretchEmbedding
 from svbrdfgan_igl.chart import Chart
-from svbrdfgan_igl.energy import stretch
+from svbrdfgan_igl.energy import RestTriangles, stretch
 from svbrdfgan_igl.flatten import one_to_one
 
 from svbrdfgan.errors import ConfigError, EmbeddingError
@@ -80,7 +80,7 @@ def test_a_wrap_is_a_disk_close_to_the_mesh_and_one_to_one(name: str, request: p
 def test_the_wrap_of_a_car_meets_the_numbers_of_the_issue(least: Chart, angle: Chart) -> None:
     stretches = [stretch(chart.disk.positions, chart.disk.faces, chart.uv) for chart in (least, angle)]
     assert stretches[0] <= min(1.10, stretches[1])
-    triangles = Triangles.of(least.disk.positions, least.disk.faces)
+    triangles = RestTriangles.of(least.disk.positions, least.disk.faces)
     assert (triangles.area * triangles.determinants(least.uv)).sum() >= 0.75
 
 
