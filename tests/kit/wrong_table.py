@@ -17,14 +17,15 @@ from svbrdfgan.testing.kit import FAST
 
 HEADER = """# Which wrong renderers the kit catches
 
-`tests/kit/wrong` holds renderers with one mistake each, and names the tests of the kit that are meant to catch it. The fast tier of the
-tests runs the kit with an eighth of the samples (`Kit.power`), the full tier with all of them. The fast tier checks that each wrong renderer
-is caught by one of its tests at least, the full tier that it is caught by all. `python tests/kit/wrong_table.py` makes this page.
+`tests/kit/wrong` holds renderers with one mistake each, and names the tests of the kit that are meant to catch it.
+The fast tier of the tests runs the kit with an eighth of the samples (`Kit.power`), the full tier with all of them.
+The fast tier checks that each wrong renderer is caught by one of its tests at least, the full tier that it is caught
+by all. `python tests/kit/wrong_table.py` makes this page.
 
-With fewer samples, errors must be larger to be found. A right renderer passes every test with a probability of 99.99 % at any power.
-The tests of the gradient of base colour, of transport and of the contract compare exact numbers, so power does not change them; nor does it
-change the kit of UV embeddings, whose 46 wrong embeddings both tiers catch by the same tests. Statistical tests find, with a
-probability of 95 %, errors of
+With fewer samples, errors must be larger to be found. A right renderer passes every test with a probability of 99.99 %
+at any power. The tests of the base colour's gradient, of transport and of the contract compare exact numbers, so power
+does not change them. Nor does it change the kit of UV embeddings, whose 46 wrong embeddings both tiers catch by the
+same tests. Statistical tests find, with a probability of 95 %, errors of:
 """
 CLAIMS = {
     "pictures, in blocks": 0.03,
