@@ -1,17 +1,38 @@
-"""`python tests/kit/wrong_table.py`: which wrong renderers the kit catches at little and at full power, as Markdown.
+"""`python tests/kit/wrong_table.py > docs/wrong-renderers.md`: which wrong renderers the kit catches at which power.
 
 Takes about five minutes on one core. `--fast` leaves out full power.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 import time
+from collections.abc import Iterator
 
 from wrong import WRONG, Wrong
 from wrong.running import failures
 
 from svbrdfgan.testing.kit import FAST
+
+HEADER = """# Which wrong renderers the kit catches
+
+`tests/kit/wrong` holds renderers with one mistake each, and names the tests of the kit that are meant to catch it.
+The fast tier of the tests runs the kit with an eighth of the samples (`Kit.power`), the full tier with all of them.
+The fast tier checks that each wrong renderer is caught by one of its tests at least, the full tier that it is caught
+by all. `python tests/kit/wrong_table.py` makes this page.
+
+With fewer samples, errors must be larger to be found. A right renderer passes every test with a probability of 99.99 %
+at any power. The tests of the base colour's gradient, of transport and of the contract compare exact numbers, so power
+does not change them. Nor does it change the kit of UV embeddings, whose 46 wrong embeddings both tiers catch by the
+same tests. Statistical tests find, with a probability of 95 %, errors of:
+"""
+CLAIMS = {
+    "pictures, in blocks": 0.03,
+    "gradients, and pictures of several bounces": 0.05,
+    "gradients in shadow, and of roughness": 0.08,
+    "the environment's gradient against the change of the picture": 0.10,
+}
 
 
 def row(wrong: Wrong, *powers: float) -> str:
@@ -29,9 +50,20 @@ def _caught(wrong: Wrong, power: float) -> str:
     return f"{count}, not by {', '.join(f'`{name}`' for name in sorted(missed))}" if missed else count
 
 
+def claims(*powers: float) -> Iterator[str]:
+    """The errors that statistical tests find with probability 95 %, for each power."""
+    yield from _table("what", *(f"power {power:g}" for power in powers))
+    for what, claim in CLAIMS.items():
+        yield f"| {what} | {' | '.join(f'{claim / math.sqrt(power):.0%}' for power in powers)} |"
+
+
+def _table(*columns: str) -> Iterator[str]:
+    yield f"| {' | '.join(columns)} |"
+    yield f"|{'---|' * len(columns)}"
+
+
 if __name__ == "__main__":
-    powers = (FAST,) if "--fast" in sys.argv else (FAST, 1.0)
-    print("| wrong renderer | what is wrong |", " | ".join(f"tests that catch it at power {p:g}" for p in powers), "|")
-    print("|---|---|", "|".join("---" for _ in powers), "|")
-    for wrong in WRONG:
-        print(row(wrong, *powers), "|")
+    chosen = (FAST,) if "--fast" in sys.argv else (FAST, 1.0)
+    lines = [HEADER, *claims(*chosen), "", f"The {len(WRONG)} wrong renderers:", ""]
+    lines += _table("wrong renderer", "what is wrong", *(f"caught by, at power {power:g}" for power in chosen))
+    print(*lines, *(f"{row(wrong, *chosen)} |" for wrong in WRONG), sep="\n")

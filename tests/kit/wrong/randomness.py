@@ -16,7 +16,7 @@ from wrong.table import SLOPES, caught_by
 
 @caught_by("test_large_seeds")
 class SeedsAreShort(Right):
-    """Of the seed 32 bits count."""
+    """Only 32 bits of the seed count."""
 
     def asked(self, call: Call) -> Call:
         return replace(call, seed=call.seed % 2**32)
@@ -37,7 +37,7 @@ class SeedsShareSamples(Right):
 )
 @dataclass(frozen=True)
 class SeedsItself(Right):
-    """Each renderer starts with a seed of its own."""
+    """Each renderer has its own first seed."""
 
     start: int = field(default_factory=itertools.count().__next__)
 
@@ -77,7 +77,7 @@ class DoublesByDefault(Right):
     reason="A loss and its gradient at one sample are wrong with the picture.",
 )
 class DarkPicturesOfOneSample(Right):
-    """Bright samples are cut off, which shows where there are few: in pictures."""
+    """Pictures of one sample per pixel are 20 % too dark, as where bright samples are cut off."""
 
     def picture(self, rendering: Rendering, call: Call) -> Rendering:
         return scaled(rendering, 0.8) if call.spp == 1 else rendering
@@ -89,7 +89,7 @@ class DarkPicturesOfOneSample(Right):
     reason="A loss and its gradient at one sample are wrong with this.",
 )
 class FlatGradientsOfOneSample(Right):
-    """Bright samples are cut off, which shows where there are few: in gradients."""
+    """Gradients of one sample per pixel are 20 % too small, as where bright samples are cut off."""
 
     def cotangent(self, grad_image: Tensor, call: Call) -> Tensor:
         return grad_image * 0.8 if call.spp == 1 else grad_image
@@ -97,7 +97,7 @@ class FlatGradientsOfOneSample(Right):
 
 @caught_by("test_pixels_are_independent")
 class PixelsShareTheirNoise(Right):
-    """Pixels use the same random numbers."""
+    """All pixels have 4 % of their noise in common, as where they use the same random numbers."""
 
     def picture(self, rendering: Rendering, call: Call) -> Rendering:
         return scaled(rendering, self.noise(call))
@@ -115,7 +115,7 @@ class PixelsShareTheirNoise(Right):
 
 @caught_by("test_error_falls_with_samples", whole=True, reason="Whole pictures stay too noisy to tell.")
 class AtMostSixteenSamples(Right):
-    """More samples are not taken, though asked for."""
+    """At most 16 samples per pixel are taken, however many are asked for."""
 
     def asked(self, call: Call) -> Call:
         return replace(call, spp=min(call.spp, 16))
@@ -137,7 +137,7 @@ class GradientOfOtherSamples(Right):
 @caught_by("test_backward_samples_are_independent")
 @dataclass(frozen=True)
 class GradientOfTheLastPicture(Right):
-    """Gradients take the samples of the last picture, which were kept, whatever seed is asked for."""
+    """Gradients take the samples of the last picture, whatever their seed."""
 
     last: dict[int, int] = field(default_factory=dict)
 
