@@ -31,20 +31,20 @@ def main() -> None:
     parser.add_argument("--spp", type=int, default=16)
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--variant", help="else cuda_ad_rgb where there is a GPU, and llvm_ad_rgb where there is none")
-    asked = parser.parse_args()
+    given = parser.parse_args()
     if library := next(Path(sys.prefix, "lib").glob("libLLVM.so*"), None):
         os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(library))  # read when drjit is first imported
     import drjit as dr
     import mitsuba as mi
 
-    variant = asked.variant or ("cuda_ad_rgb" if dr.has_backend(dr.JitBackend.CUDA) else "llvm_ad_rgb")
+    variant = given.variant or ("cuda_ad_rgb" if dr.has_backend(dr.JitBackend.CUDA) else "llvm_ad_rgb")
     mi.set_variant(variant)
     start = time.perf_counter()
-    with np.load(asked.scene) as arrays:
+    with np.load(given.scene) as arrays:
         scene = _scene(mi, arrays)
     prepare = time.perf_counter() - start
-    forward, both = _timed(dr, mi, scene, asked.spp, asked.repeats)
-    line = {"peer": f"mitsuba {mi.__version__} {variant}", "spp": asked.spp, "prepare_s": prepare}
+    forward, both = _timed(dr, mi, scene, given.spp, given.repeats)
+    line = {"peer": f"mitsuba {mi.__version__} {variant}", "spp": given.spp, "prepare_s": prepare}
     print(json.dumps({**line, "forward_s": forward, "forward_backward_s": both}))
 
 

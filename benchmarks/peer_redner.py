@@ -23,18 +23,18 @@ def main():
     parser.add_argument("scene")
     parser.add_argument("--spp", type=int, default=16)
     parser.add_argument("--repeats", type=int, default=3)
-    asked = parser.parse_args()
+    given = parser.parse_args()
     pyredner.set_use_gpu(False)
     pyredner.set_print_timing(False)
-    with np.load(asked.scene) as arrays:
+    with np.load(given.scene) as arrays:
         arrays = {name: arrays[name] for name in arrays.files}
     texture = torch.tensor(arrays["texture"], requires_grad=True)
     prepare, forward, both = [], [], []
-    for seed in range(asked.repeats + 1):
+    for seed in range(given.repeats + 1):
         start = time.perf_counter()
         scene = _scene(arrays, texture)
         built = time.perf_counter()
-        image = pyredner.render_pathtracing(scene, num_samples=(asked.spp, asked.spp), max_bounces=1, seed=seed)
+        image = pyredner.render_pathtracing(scene, num_samples=(given.spp, given.spp), max_bounces=1, seed=seed)
         pictured = time.perf_counter()
         (image * image).mean().backward()
         done = time.perf_counter()
@@ -43,7 +43,7 @@ def main():
         both.append(done - built)
     medians = {"prepare_s": prepare, "forward_s": forward, "forward_backward_s": both}
     line = {name: statistics.median(seconds[1:]) for name, seconds in medians.items()}
-    print(json.dumps(dict(line, peer="redner 0.4.28 cpu", spp=asked.spp)))
+    print(json.dumps(dict(line, peer="redner 0.4.28 cpu", spp=given.spp)))
 
 
 def _scene(arrays, texture):

@@ -1,8 +1,8 @@
-"""The surface that `lscm` and `stretch` spread out, over a folder: what they promise is promised there.
+"""Measures of the surface that `lscm` and `stretch` unwrap, over a folder of meshes: their guarantees hold there.
 
     python benchmarks/wraps.py DIR
 
-`svbrdfgan embeddings --compare DIR` measures the same on the meshes' own faces, after these are carried to it.
+`svbrdfgan embeddings --compare DIR` measures the same on the meshes' own faces, after the UV transfer.
 """
 
 from __future__ import annotations
@@ -14,16 +14,17 @@ from pathlib import Path
 
 import click
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 from svbrdfgan_igl import LscmEmbedding, StretchEmbedding
 
+from svbrdfgan.cli.display import print_table, progress
 from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.io import load_mesh
 from svbrdfgan.metrics.uv.compare import mesh_files, sample_pairs
 from svbrdfgan.metrics.uv.neighbours import similarity
 from svbrdfgan.metrics.uv.summary import UVSummary
 from svbrdfgan.metrics.uv.visibility import VisibleSurface
+from svbrdfgan.utils.display import Display
 
 EMBEDDINGS = {"stretch": StretchEmbedding, "lscm": LscmEmbedding}
 SHOWN = ("stretch_l2", "stretch_linf", "angle_mean", "area_mean", "flipped", "overlapping", "coverage")
@@ -39,14 +40,16 @@ def main(folder: Path, file: Path | None) -> None:
     meshes = mesh_files(folder)
     rows: dict[str, Rows] = {}
     alike: dict[str, list[float]] = {}
-    for name in EMBEDDINGS:
-        rows[name], alike[name] = _measured(name, meshes)
+    with progress("opening the meshes") as display:
+        for name in EMBEDDINGS:
+            display.begin(name, len(meshes))
+            rows[name], alike[name] = _measured(name, meshes, display)
     table = Table("median / least / greatest", *rows)
     for key in (*SHOWN, "seconds"):
         table.add_row(key, *(_cell([row[key] for row in found.values()]) for found in rows.values()))
     table.add_row("similarity", *map(_cell, alike.values()))
     table.add_row("failed", *(f"{len(meshes) - len(found)} of {len(meshes)}" for found in rows.values()))
-    Console().print(table)
+    print_table(table)
     ours, theirs = (rows[name] for name in EMBEDDINGS)
     worse = [name for name in ours if name in theirs and ours[name]["stretch_l2"] > theirs[name]["stretch_l2"]]
     click.echo(f"stretch has more L2 stretch than lscm on: {', '.join(worse) or 'none'}")
@@ -54,10 +57,11 @@ def main(folder: Path, file: Path | None) -> None:
         file.write_text(json.dumps({"meshes": rows, "similarity": alike}, indent=1) + "\n", encoding="utf-8")
 
 
-def _measured(name: str, meshes: dict[str, Path]) -> tuple[Rows, list[float]]:
+def _measured(name: str, meshes: dict[str, Path], display: Display) -> tuple[Rows, list[float]]:
     rows: Rows = {}
     found: dict[str, VisibleSurface] = {}
     for file, path in meshes.items():
+        display.advance(1, file)
         mesh = load_mesh(path)
         start = time.perf_counter()
         try:

@@ -1,6 +1,6 @@
 """One of our renderers as a program to be timed: `python -m svbrdfgan.bench.backend NAME SCENE --spp N`.
 
-It speaks as a peer does: its last line is JSON, with the seconds of each step.
+Like a peer's, its last line of output is JSON with the seconds of each step.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from svbrdfgan.plugins import load_renderer
 
 
 def figures(name: str, scene: BenchScene, spp: int, batch: int, repeats: int) -> dict[str, object]:
-    """What the program prints: `STEP_s`, `STEP_bytes` and, on a GPU, `STEP_torch_bytes` of each step."""
+    """The object that the program prints: `STEP_s`, `STEP_bytes` and, on a GPU, `STEP_torch_bytes` of each step."""
     renderer = load_renderer(name)
     meter = measure(renderer, scene, spp, batch, repeats)
     device = renderer.device
@@ -35,10 +35,10 @@ def main() -> None:
     parser.add_argument("scene")
     for option, default in (("--spp", 16), ("--batch", 1), ("--repeats", 5)):
         parser.add_argument(option, type=int, default=default)
-    asked = parser.parse_args()
+    given = parser.parse_args()
     try:
-        scene = BenchScene.load(asked.scene)
-        print(json.dumps(figures(asked.name, scene, asked.spp, asked.batch, asked.repeats)))
+        scene = BenchScene.load(given.scene)
+        print(json.dumps(figures(given.name, scene, given.spp, given.batch, given.repeats)))
     except SvbrdfganError as error:
         sys.exit(str(error))
 

@@ -1,4 +1,4 @@
-"""What is measured: pictures of one size each, and those that differ from the standard scene along one axis."""
+"""The cases that are measured: the standard scene, a vehicle, and cases that differ along one axis."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 STANDARD = "standard"
+VERTICES, PIXELS, TEXELS = 1_000_000, 256, 512
+"""Of the standard scene: vertices, pixels and texels along a side."""
 
 _FACTORS: Mapping[str, tuple[float, ...]] = MappingProxyType(
     {
@@ -16,7 +18,7 @@ _FACTORS: Mapping[str, tuple[float, ...]] = MappingProxyType(
         "batch": (1, 4, 16, 64),
     }
 )
-"""Of the case that the axes cross in. The last of each is left out on a CPU, where it takes minutes."""
+"""Multiples of the value in the case through which the axes run. On a CPU the last takes minutes and is left out."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +27,10 @@ class Case:
 
     Attributes:
         scene: "standard", or the name of a mesh.
-        vertices: of the standard scene, about; a mesh has what it has, and None here.
+        vertices: approximate number in the standard scene; None for a mesh.
         pixels: along each side of the picture.
         spp: samples per pixel.
-        batch: pictures at once.
+        batch: pictures rendered together.
     """
 
     scene: str

@@ -1,4 +1,4 @@
-"""One renderer on one scene: fresh pictures, the stored transport, and the gradients of both."""
+"""Times one renderer on one scene: rendered pictures, pictures of the stored transport, and gradients of both."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from svbrdfgan.bench.errors import BenchError
+from svbrdfgan.bench import BenchError
 from svbrdfgan.bench.meter import Meter
 from svbrdfgan.bench.scene import BenchScene
 from svbrdfgan.protocols import Renderer
@@ -18,16 +18,17 @@ from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_
 from svbrdfgan.types import View
 
 TOLERANCE = 1e-3
-"""How far the stored transport's picture may be from the renderer's, in parts of the brightest value."""
+"""Largest allowed difference between the transport's picture and the renderer's, relative to the brightest value."""
 
 
 def measure(renderer: Renderer[Any], scene: BenchScene, spp: int, batch: int, repeats: int) -> Meter:
-    """Each step of `batch` pictures, each of a texture of its own; a surface is prepared, and a transport built, once.
+    """Time and memory of each step for `batch` pictures, each with its own texture.
 
-    The memory of stored steps is the transports' and the products', without the surface's and the renderer's.
+    Preparing the surface and building a transport are done once. The memory of `stored_` steps is that of transports
+    and products, without the surface and the renderer.
 
     Raises:
-        BenchError: the stored transport's picture is not the renderer's own of the same seed.
+        BenchError: the transport's picture differs from the renderer's picture of the same seed.
     """
     surface, view = scene.surface(), scene.view()
     textures = [torch.tensor(scene.texture, device=renderer.device, requires_grad=True) for _ in range(batch)]
@@ -50,7 +51,7 @@ def measure(renderer: Renderer[Any], scene: BenchScene, spp: int, batch: int, re
 
 
 def _both_passes(meter: Meter, prefix: str, render: Callable[[], Tensor], textures: Sequence[Tensor]) -> None:
-    """The pictures alone, and with the gradient of their mean square."""
+    """Measures the pictures alone, and with the gradient of their mean square."""
 
     def forward() -> Tensor:
         with torch.no_grad():
@@ -64,7 +65,7 @@ def _both_passes(meter: Meter, prefix: str, render: Callable[[], Tensor], textur
 
 
 def _transport(renderer: Any, prepared: Any, scene: BenchScene, view: View, spp: int) -> LightTransport:
-    """With the seed of the first fresh picture."""
+    """The transport of the first rendered picture, whose seed is 0."""
     texture = torch.from_numpy(scene.texture)
     return build_transport(
         renderer.transport(prepared, view, spp=spp, seed=0),
@@ -78,7 +79,7 @@ def _transport(renderer: Any, prepared: Any, scene: BenchScene, view: View, spp:
 
 
 def _copy(transport: LightTransport) -> LightTransport:
-    """In memory of its own, as another view would be: no cache may serve a batch twice."""
+    """A copy in other memory, like the transport of another view, so that no cache serves two pictures of a batch."""
     changes: dict[str, Any] = {name: tensor.clone() for name, tensor in transport.tensors().items()}
     return replace(transport, **changes)
 

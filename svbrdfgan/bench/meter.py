@@ -1,24 +1,33 @@
-"""Seconds and peak memory of steps, by one rule for every device and library."""
+"""Seconds and peak memory of steps, measured alike for every device and library."""
 
 from __future__ import annotations
 
+import ctypes
+import gc
+import os
 import statistics
 import time
+import timeit
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from threading import Event, Thread
+from types import TracebackType
 from typing import TypeVar
 
 import torch
 
-from svbrdfgan.bench.memory import PeakMemory, release, used_bytes
-
 Result = TypeVar("Result")
 
 _SAMPLE_SECONDS = 0.02
-"""A sample lasts about so long: of shorter work it is many calls in a row, as in a loop that waits for none of them."""
+"""The least length of a sample. One of shorter work is many calls in a row that are not waited for one by one."""
 _STEP_SECONDS = 3.0
-"""After so long no further sample is begun."""
+"""After this time no further sample begins."""
 _MOST_CALLS = 1000
+_PAGES = Path("/proc/self/statm")
+_LOOK_EVERY_SECONDS = 0.002
 
 
 @dataclass
@@ -27,10 +36,10 @@ class Meter:
 
     Attributes:
         repeats: samples behind each median.
-        seconds: median of one call, after one that does not count.
-        peak_bytes: the most memory in use during the call that does not count, above what was in use at the start;
-            so what an earlier step keeps, later ones have too.
-        torch_bytes: of that, what torch's allocator gave out, on a GPU.
+        seconds: median of one call, after a first call that is not timed.
+        peak_bytes: the most memory in use during that first call, above what was in use at the start. What an earlier
+            step keeps counts in later steps too.
+        torch_bytes: the part of it that torch's allocator gave out, on a GPU.
     """
 
     device: torch.device
@@ -43,7 +52,7 @@ class Meter:
         self.start()
 
     def start(self, kept: int = 0) -> None:
-        """From now on memory counts from here; the bytes that are `kept` of what there is count as well."""
+        """Memory is measured from the present level on; `kept` bytes of what is in use now still count."""
         self._kept = kept
         release(self.device)
         if self.device.type == "cuda":
@@ -51,7 +60,7 @@ class Meter:
         self._level = used_bytes(self.device) - kept
 
     def step(self, name: str, action: Callable[[], Result]) -> Result:
-        """Measures, and gives the result of the first call."""
+        """The result of the first call. Measures it and further ones."""
         if self.device.type == "cuda":
             torch.cuda.reset_peak_memory_stats(self.device)
         with PeakMemory(self.device) as peak:
@@ -67,38 +76,82 @@ class Meter:
 
 
 def median_seconds(action: Callable[[], object], device: torch.device, repeats: int) -> float:
-    """Of one call, over `repeats` samples, or fewer where they take more than three seconds."""
+    """Of one call, over `repeats` samples; over fewer if they take more than three seconds."""
+    # timeit would stop the garbage collector, so that pictures in reference cycles filled the memory
+    timer = timeit.Timer(action, "import gc; gc.enable()", partial(_clock, device))
     start = time.perf_counter()
-    first = _sample(action, device, 1)
+    first = timer.timeit(1)
     calls = min(_MOST_CALLS, int(_SAMPLE_SECONDS / max(first, 1e-9)))
     samples = [] if calls > 1 else [first]
     while len(samples) < repeats and (not samples or time.perf_counter() - start < _STEP_SECONDS):
-        samples.append(_sample(action, device, max(1, calls)))
+        samples.append(timer.timeit(max(1, calls)) / max(1, calls))
     return statistics.median(samples)
 
 
-def _sample(action: Callable[[], object], device: torch.device, calls: int) -> float:
-    """Mean seconds of so many calls in a row; on a GPU by CUDA events.
-
-    Warp and Dr.Jit may work in streams of their own, so the whole device is waited for before the second event.
-    """
+def _clock(device: torch.device) -> float:
+    """Seconds, read once the device is idle."""
     wait(device)
-    if device.type != "cuda":
-        start = time.perf_counter()
-        for _ in range(calls):
-            action()
-        return (time.perf_counter() - start) / calls
-    before, after = (torch.cuda.Event(enable_timing=True) for _ in range(2))
-    before.record()
-    for _ in range(calls):
-        action()
-    wait(device)
-    after.record()
-    after.synchronize()
-    return before.elapsed_time(after) / 1e3 / calls
+    return time.perf_counter()
 
 
 def wait(device: torch.device) -> None:
-    """Until all that the device was given, in whatever stream, is done."""
+    """Returns when the device has done its work in all streams: Warp and Dr.Jit use streams of their own."""
     if device.type == "cuda":
         torch.cuda.synchronize(device)
+
+
+def used_bytes(device: torch.device) -> int:
+    """The memory in use: of a GPU, by all libraries and processes; of the CPU, by this process.
+
+    The CPU's is read from /proc, which Linux has; elsewhere it is zero.
+    """
+    if device.type == "cuda":
+        free, total = torch.cuda.mem_get_info(device)
+        return total - free
+    try:
+        return int(_PAGES.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return 0
+
+
+def release(device: torch.device) -> None:
+    """Makes torch's and glibc's allocators return free memory to the system, so that its next use is seen."""
+    gc.collect()
+    if device.type == "cuda":
+        torch.cuda.synchronize(device)
+        torch.cuda.empty_cache()
+    with suppress(AttributeError, OSError, TypeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+class PeakMemory:
+    """Measures the memory in use every two milliseconds, in a thread, during the `with` block.
+
+    Attributes:
+        bytes: the most in use so far.
+    """
+
+    def __init__(self, device: torch.device) -> None:
+        self._device, self._over = device, Event()
+        self._thread = Thread(target=self._watch, daemon=True)
+        self.bytes = 0
+
+    def look(self) -> None:
+        """Measures now: call it after short work, before its memory is freed."""
+        self.bytes = max(self.bytes, used_bytes(self._device))
+
+    def __enter__(self) -> PeakMemory:
+        self.look()
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._over.set()
+        self._thread.join()
+        self.look()
+
+    def _watch(self) -> None:
+        while not self._over.wait(_LOOK_EVERY_SECONDS):
+            self.look()

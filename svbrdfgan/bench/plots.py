@@ -1,4 +1,4 @@
-"""Figures as pictures."""
+"""Plots of the figures."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from svbrdfgan.io.atomic import atomic_path
 
 _TIMES = (("forward_backward", "fresh", "-"), ("stored_forward_backward", "stored", "--"))
 _MEMORY = (*_TIMES, ("transport", "building", ":"))
-"""Steps, what they are called, and how their lines are drawn."""
+"""Steps, their names in legends, and their line styles."""
 
 
 def plot_times(path: Path, results: Sequence[Result]) -> None:
-    """A point for each program, fresh and stored, in one panel for each result; the scale is logarithmic.
+    """Writes a PNG: a panel for each result, with a point for each program and kind of step, on a logarithmic scale.
 
     Raises:
-        AssetError: the disk refuses.
+        AssetError: the file cannot be written.
     """
     from matplotlib.figure import Figure
 
@@ -43,10 +43,10 @@ def plot_times(path: Path, results: Sequence[Result]) -> None:
 
 
 def plot_scaling(path: Path, axes: Mapping[str, Sequence[Result]]) -> None:
-    """Time and peak memory along each axis, a line for each program; all scales are logarithmic.
+    """Writes a PNG of time and peak memory along each axis, a line for each program; all scales are logarithmic.
 
     Raises:
-        AssetError: the disk refuses.
+        AssetError: the file cannot be written.
     """
     from matplotlib.figure import Figure
 
@@ -75,7 +75,7 @@ def _lines(
     steps: Sequence[tuple[str, str, str]],
     value: Callable[[Figures, str], float],
 ) -> None:
-    """A line for each program and step. What a program does not say, or is nothing, has no point."""
+    """Draws a line for each program and step. Missing or zero values have no point."""
     names = list(dict.fromkeys(figures.name for result in results for figures in result.programs))
     for number, name in enumerate(names):
         for step, kind, style in steps:
@@ -94,7 +94,7 @@ def _lines(
 
 
 def _points(result: Result) -> dict[str, float]:
-    """Milliseconds, by the program's name and what it does."""
+    """Milliseconds, by the program's name and kind of step."""
     return {
         f"{figures.name}, {kind}": 1e3 * figures.seconds[step]
         for figures in result.programs

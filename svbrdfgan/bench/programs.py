@@ -1,7 +1,7 @@
-"""Programs that are timed, each in a process of its own: our renderers and their peers, by one protocol.
+"""Programs to time, each in its own process: our renderers and peers, by one protocol.
 
-A program's command may have {scene}, {spp}, {batch} and {repeats} in it, which are replaced. Its last line is JSON:
-"peer" (its name), "spp", "forward_s" and "forward_backward_s" (seconds), and what else it knows of `STEPS`.
+{scene}, {spp}, {batch} and {repeats} in a program's command are replaced. Its last line of output is JSON: "peer" (its
+name), "spp", "forward_s" and "forward_backward_s" (seconds), and optionally the seconds and bytes of further `STEPS`.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from svbrdfgan.bench.cases import STANDARD, Case
-from svbrdfgan.bench.errors import BenchError
-from svbrdfgan.bench.standard import PIXELS, VERTICES
+from svbrdfgan.bench import BenchError
+from svbrdfgan.bench.cases import PIXELS, STANDARD, VERTICES, Case
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.utils.processes import import_path
 
@@ -30,10 +29,10 @@ _ARGUMENTS = ("{scene}", "--spp", "{spp}", "--batch", "{batch}", "--repeats", "{
 
 @dataclass(frozen=True)
 class Figures:
-    """What a program says of one case; the mappings are by step, as in `STEPS`.
+    """The figures of a program for one case, by step as in `STEPS`.
 
     Attributes:
-        device: a GPU's name, or "cpu"; empty where it does not say.
+        device: a GPU's name, or "cpu"; empty if the program does not say.
         peak_bytes, torch_bytes: as in `Meter`.
     """
 
@@ -46,7 +45,7 @@ class Figures:
 
 @dataclass(frozen=True)
 class Program:
-    """A command, what messages call it, and environment variables that it needs."""
+    """A command, its title for messages, and environment variables that it needs."""
 
     title: str
     words: tuple[str, ...]
@@ -59,10 +58,10 @@ class Program:
 
     @classmethod
     def peer(cls, command: str) -> Program:
-        """Any other program, by the command that a shell would take.
+        """Any other program, by its command line for a shell.
 
         Raises:
-            ConfigError: the command has no words, or a quotation that does not end.
+            ConfigError: the command is empty, or a quotation in it does not end.
         """
         try:
             words = tuple(shlex.split(command))
@@ -73,9 +72,10 @@ class Program:
         return cls(f"peer {command!r}", words)
 
     def fits(self, case: Case, spp: int) -> bool:
-        """Whether it can be given the case: one that cannot be told the scene has the standard one, as it is.
+        """Whether it can run the case.
 
-        One that cannot be told the samples per pixel is taken to draw `spp`.
+        A command without {scene} always renders the standard scene, one without {spp} takes `spp` samples per pixel,
+        and one without {batch} renders single pictures.
         """
         standard = (case.scene, case.vertices, case.pixels) == (STANDARD, VERTICES, PIXELS)
         return (
@@ -85,10 +85,10 @@ class Program:
         )
 
     def run(self, case: Case, scene: Path, repeats: int) -> Figures:
-        """Its figures.
+        """Runs it and gives its figures.
 
         Raises:
-            BenchError: it failed, printed none, or did other work.
+            BenchError: it failed, printed no figures, or did other work.
         """
         values = {"{scene}": scene, "{spp}": case.spp, "{batch}": case.batch, "{repeats}": repeats}
         words = [_filled(word, values) for word in self.words]
@@ -108,14 +108,14 @@ class Program:
         try:
             return _read(json.loads(_last(done.stdout)), case.spp)
         except (ValueError, KeyError, TypeError) as error:
-            raise BenchError(f"{self.title} gave no figures in its last line: {_fault(error)}.") from error
+            raise BenchError(f"{self.title} gave no figures in its last line: {_describe(error)}.") from error
 
     def _takes(self, name: str) -> bool:
         return any(name in word for word in self.words)
 
 
 def faster(before: Figures, after: Figures) -> Figures:
-    """Of two runs of the same work, the lesser seconds of each step."""
+    """The figures of `before`, each step with the lesser seconds of both runs."""
     seconds = {step: min(value, after.seconds.get(step, value)) for step, value in before.seconds.items()}
     return Figures(before.name, before.device, seconds, before.peak_bytes, before.torch_bytes)
 
@@ -130,7 +130,7 @@ def _read(line: Any, spp: int) -> Figures:
     if not isinstance(line, dict):
         raise TypeError(f"{line!r} is not an object")
     if line["spp"] != spp:
-        raise ValueError(f"it took {line['spp']} samples per pixel, wanted {spp}; tell it by {{spp}} in its command")
+        raise ValueError(f"it took {line['spp']} samples per pixel, wanted {spp}; pass {{spp}} in its command")
     _ = line["forward_s"], line["forward_backward_s"]
     device = line.get("device", "")
     return Figures(str(line["peer"]), str(device), *(_values(line, suffix) for suffix in ("s", "bytes", "torch_bytes")))
@@ -150,7 +150,7 @@ def _last(text: str) -> str:
     return lines[-1].strip() if lines else "it printed nothing"
 
 
-def _fault(error: Exception) -> str:
+def _describe(error: Exception) -> str:
     if isinstance(error, json.JSONDecodeError):
         return f"{error.doc[:80]!r} is not JSON"
     return f"{error} is missing" if isinstance(error, KeyError) else str(error)

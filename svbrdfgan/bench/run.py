@@ -1,4 +1,4 @@
-"""All programs on all cases, in one run."""
+"""Runs all programs on all cases."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from svbrdfgan.plugins.probe import probe_all
 from svbrdfgan.utils.display import Display
 
 SLOW = ("numpy",)
-"""Minutes on the standard scene; measured if named."""
+"""Renderers that take minutes on the standard scene, and are measured only if named."""
 
 log = logging.getLogger(__name__)
 
@@ -26,12 +26,12 @@ Maker = Callable[[Case], BenchScene]
 
 @dataclass(frozen=True)
 class Result:
-    """What became of one case.
+    """The figures of one case.
 
     Attributes:
-        vertices, faces: of the scene as it was.
+        vertices, faces: numbers in the scene.
         embedding_s: as in `BenchScene`.
-        backends, peers: figures of those that took part.
+        backends, peers: figures of the programs that ran.
     """
 
     case: Case
@@ -43,18 +43,18 @@ class Result:
 
     @property
     def programs(self) -> tuple[Figures, ...]:
-        """All that took part, peers first."""
+        """All figures, peers first."""
         return (*self.peers, *self.backends)
 
 
 @dataclass(frozen=True)
 class Bench:
-    """What is to be measured.
+    """Everything to measure.
 
     Attributes:
-        makers: of the scenes that cases name.
+        makers: make the scenes, by the name that cases have for them.
         repeats: samples behind each median.
-        spp: samples per pixel of peers that cannot be told them.
+        spp: samples per pixel of peers whose command has no {spp}.
     """
 
     makers: Mapping[str, Maker]
@@ -64,7 +64,7 @@ class Bench:
     spp: int
 
     def results(self, cases: Iterable[Case], display: Display) -> Iterator[Result]:
-        """Those of each case once, as they are done. Peers run before and after ours; their faster figures count.
+        """The result of each case, as soon as it is measured. Peers run before and after ours; the faster times count.
 
         Raises:
             ConfigError: a peer fits no case.
@@ -75,14 +75,14 @@ class Bench:
         for peer in self.peers:
             if not any(peer.fits(case, self.spp) for case in cases):
                 raise ConfigError(
-                    f"{peer.title} fits nothing that is measured; put {{scene}} into its command, which becomes "
-                    "the path of the scene's file, and --spp {spp}."
+                    f"{peer.title} can run none of the cases; put {{scene}} into its command, which becomes the path "
+                    "of the scene's file, and --spp {spp}."
                 )
         display.begin("programs", sum(self._runs(case) for case in cases))
         with tempfile.TemporaryDirectory(prefix="svbrdfgan-bench-") as folder:
             scenes = _Scenes(Path(folder), self.makers)
             for first in {case.scene: case for case in reversed(cases)}.values():
-                scenes.get(first)  # so that a mesh that cannot be used is told before anything is measured
+                scenes.get(first)  # a mesh that cannot be used fails here, before anything is measured
             for case in cases:
                 yield self._result(case, scenes, display)
 
@@ -108,7 +108,7 @@ class Bench:
 
 @dataclass
 class _Scenes:
-    """Scenes in memory and in files, each made once."""
+    """Scenes, in memory and in files; each is made once."""
 
     folder: Path
     makers: Mapping[str, Maker]
@@ -126,7 +126,7 @@ class _Scenes:
 
 
 def working_backends() -> tuple[str, ...]:
-    """The installed renderers that work here, but for slow ones. Each is tried in a process of its own.
+    """The installed renderers that work here, without the slow ones. Each is tried in its own process.
 
     Raises:
         ConfigError: there is none.
@@ -137,7 +137,9 @@ def working_backends() -> tuple[str, ...]:
         if outcome.status != "ok":
             log.warning("%s is left out: %s", name, outcome.reason)
     if not (names := tuple(name for name, outcome in outcomes.items() if outcome.status == "ok")):
-        raise ConfigError(f"no renderer works here but {', '.join(SLOW)}, which takes minutes; name it with --backend.")
+        raise ConfigError(
+            f"no renderer works here except {', '.join(SLOW)}, which takes minutes; name it with --backend."
+        )
     return names
 
 

@@ -1,4 +1,4 @@
-"""What the programs of one run are timed on: plain arrays, in a file that each of them can read."""
+"""The scene that programs are timed on: plain arrays, in a file that any program can read."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from svbrdfgan.types import Camera, Environment, Material, Materials, Part, Surf
 
 @dataclass(frozen=True, eq=False)
 class BenchScene:
-    """One picture to take. `save` writes NumPy's .npz, an array for each attribute; numbers are arrays of no axis.
+    """A scene to render. `save` writes a NumPy .npz file with an array for each attribute; numbers have no axes.
 
-    Meanings are those of `docs/conventions.md`.
+    Conventions are those of `docs/conventions.md`.
 
     Attributes:
-        positions, normals, uv, faces, face_part: as in `Surface`, in single precision and 32-bit integers.
+        positions, normals, uv, faces, face_part: as in `Surface`, as float32 and int32.
         repeat: as in `Surface`.
-        base_color: linear reflectance of each part. Part 0 has the texture instead.
-        texture: what the gradient is taken with respect to, linear reflectance, row 0 at v = 0.
+        base_color: linear reflectance of each part; that of part 0 is replaced by the texture.
+        texture: linear reflectance, row 0 at v = 0. Gradients are taken with respect to it.
         radiance, rotation: as in `Environment`, the rotation in radians.
         camera: rows are its origin, its target and its up direction.
         vertical_fov: full angle over the picture's height, radians.
         width, height: of the picture, in pixels.
-        embedding_s: seconds that the embedding and its geometry buffer took; zero where there is none.
+        embedding_s: seconds that embedding and baking took; 0 for a scene that was made with UVs.
     """
 
     positions: Float[ndarray, "vertices 3"]
@@ -78,7 +78,7 @@ class BenchScene:
         )
 
     def with_film(self, pixels: int) -> BenchScene:
-        """The same with so many pixels along both sides of the picture."""
+        """The same scene in a picture of `pixels` x `pixels`."""
         return replace(self, width=pixels, height=pixels)
 
     def surface(self) -> Surface:
@@ -103,7 +103,7 @@ class BenchScene:
         return View(camera, environment, int(self.width), int(self.height))
 
     def materials(self, texture: Float[torch.Tensor, "rows cols 3"]) -> Materials:
-        """Those of all parts, with this texture on part 0."""
+        """The materials of all parts, with this texture on part 0."""
         plain = [Material.lambertian(torch.from_numpy(color)) for color in self.base_color[1:]]
         return Materials((Material.lambertian(texture), *plain))
 

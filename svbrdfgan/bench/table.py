@@ -1,4 +1,4 @@
-"""Figures as tables, for the terminal and for documents."""
+"""Tables of figures, for the terminal and for documents."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ _COMPARED = ("forward", "forward_backward")
 
 
 @dataclass(frozen=True)
-class Grid:
-    """A table of text; an empty row parts one program from the next."""
+class TextTable:
+    """A table of text; an empty row separates programs."""
 
     title: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
     def rich(self) -> Table:
-        """Without the title, which may be wider."""
+        """The table without the title, which may be wider."""
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
         for at, name in enumerate(self.head):
             table.add_column(escape(name), justify="right" if at > 1 else "left", no_wrap=at < 3)
@@ -44,7 +44,7 @@ class Grid:
         return f"{self.title}\n\n{text}"
 
 
-def case_grid(result: Result) -> Grid:
+def case_table(result: Result) -> TextTable:
     """Each step of each program: milliseconds, peak memory, and how many times as long the others take.
 
     The others are the peers, or where there are none the first of ours.
@@ -56,11 +56,11 @@ def case_grid(result: Result) -> Grid:
         rows += [("embedding", "embed, bake", milliseconds(result.embedding_s), "", *("" for _ in references)), ()]
     for figures in result.programs:
         rows += [*_steps(figures, references), ()]
-    return Grid(_title(result), head, tuple(rows[:-1]))
+    return TextTable(_title(result), head, tuple(rows[:-1]))
 
 
-def axis_grid(axis: str, results: Sequence[Result], centre: Result) -> Grid:
-    """Milliseconds of the pictures with their gradient, for each program, fresh and stored, along one axis."""
+def axis_table(axis: str, results: Sequence[Result], centre: Result) -> TextTable:
+    """Milliseconds of pictures with their gradient along one axis, rendered and stored, for each program."""
     names = dict.fromkeys(figures.name for result in results for figures in result.programs)
     rows = []
     for name in names:
@@ -69,11 +69,11 @@ def axis_grid(axis: str, results: Sequence[Result], centre: Result) -> Grid:
             if any(cells):
                 rows.append((name, kind, *cells))
     head = ("forward + backward, ms", "", *(f"{along(axis, result):,}" for result in results))
-    return Grid(f"Along {axis}. Else: {_title(centre)}", head, tuple(rows))
+    return TextTable(f"Along {axis}. Else: {_title(centre)}", head, tuple(rows))
 
 
 def along(axis: str, result: Result) -> int:
-    """Where the result lies on the axis: vertices are those that the scene has."""
+    """The result's value on the axis; vertices are those of the actual scene."""
     value: int = result.vertices if axis == "vertices" else getattr(result.case, axis)
     return value
 
@@ -91,7 +91,7 @@ def _steps(figures: Figures, references: Sequence[Figures]) -> Iterator[tuple[st
 
 
 def _ratios(step: str, seconds: float, references: Sequence[Figures]) -> list[str]:
-    """Of pictures against pictures, and of both passes against both; other steps have no counterpart."""
+    """How many times as long each reference takes for the same passes; empty for steps that it does not have."""
     counterpart = step.removeprefix("stored_")
     if counterpart not in _COMPARED:
         return [""] * len(references)
@@ -110,7 +110,7 @@ def _seconds(result: Result, name: str, step: str) -> float | None:
 
 
 def milliseconds(seconds: float | None) -> str:
-    """Without the unit; nothing where there is no figure."""
+    """Milliseconds as text without the unit; empty if there is no figure."""
     return "" if seconds is None else _significant(seconds * 1e3)
 
 

@@ -1,10 +1,11 @@
-"""The command line. Each command lives in a module of its own, imported when the command is run and not before."""
+"""The command line. Each command is in a module of its own, which is imported only when the command is run."""
 
 from __future__ import annotations
 
 import importlib
 import logging
 import os
+import sys
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -16,39 +17,44 @@ from svbrdfgan.errors import SvbrdfganError
 
 COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
-        "demo": ("svbrdfgan.cli.demo:command", "The whole loop on procedural vehicles, with a report, in minutes."),
+        "demo": ("svbrdfgan.cli.demo:command", "Run the whole loop on procedural vehicles, in minutes."),
         "backends": (
             "svbrdfgan.cli.backends:backends",
-            "The installed renderers: whether they work, what they can do.",
+            "List the installed renderers and what they can do.",
         ),
-        "embeddings": ("svbrdfgan.cli.backends:embeddings", "The installed UV embeddings, likewise."),
+        "embeddings": (
+            "svbrdfgan.cli.backends:embeddings",
+            "List the installed UV embeddings, or compare them.",
+        ),
         "check": ("svbrdfgan.cli.check:command", "Run the conformance kit on an installed plugin."),
         "bake": ("svbrdfgan.cli.bake:command", "Unwrap a mesh and write its geometry buffer."),
         "weather": ("svbrdfgan.cli.weather:command", "Weather a mesh by a procedural recipe."),
         "dataset": ("svbrdfgan.cli.dataset:command", "Make exemplar images with their scenes."),
-        "probe": ("svbrdfgan.cli.probe:command", "What could tell real from fake besides texture, before training."),
+        "probe": (
+            "svbrdfgan.cli.probe:command",
+            "Find what besides texture would tell real from fake.",
+        ),
         "train": ("svbrdfgan.cli.train:command", "Train a generator on a data set; resume with --resume."),
         "evaluate": ("svbrdfgan.cli.evaluate:command", "Score a trained generator on vehicles it never saw."),
         "experiment": (
             "svbrdfgan.cli.experiment:command",
-            "The thesis's experiments and ours, each to a table and pictures.",
+            "Run the thesis's experiments and ours.",
         ),
         "texture": ("svbrdfgan.cli.texture:command", "Weather a mesh with a trained generator."),
         "render": ("svbrdfgan.cli.render:command", "Render a stored scene to PNG or EXR."),
-        "bench": ("svbrdfgan.cli.bench:command", "Time the renderers beside each other and other programs."),
+        "bench": ("svbrdfgan.cli.bench:command", "Time the renderers and other programs."),
     }
 )
 """Where each command is, and what `--help` says of it."""
 
-
-_PATIENCE = ("GOMP_SPINCOUNT", "3000")
-"""Lets torch's threads sleep when they have waited some microseconds for each other; by default they spin far longer.
-On two cores that other programs use as well, a training step then took ten times as long; alone it takes no less.
-It counts only if set before torch is imported."""
+_SPIN_COUNT = ("GOMP_SPINCOUNT", "3000")
+"""Lets torch's threads sleep after some microseconds of waiting for each other; by default they spin far longer. On two
+cores that other programs used as well, spinning made a training step ten times as long; on idle cores it gains nothing.
+The variable has an effect only if it is set before torch is imported."""
 
 
 class LazyGroup(click.Group):
-    """A group that lists its commands from `COMMANDS`, imports one to run it, and tells errors in one sentence."""
+    """A group that lists its commands from `COMMANDS`, imports one to run it, and prints errors as one sentence."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -75,7 +81,7 @@ class LazyGroup(click.Group):
             formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
 
     def invoke(self, ctx: click.Context) -> Any:
-        os.environ.setdefault(*_PATIENCE)
+        os.environ.setdefault(*_SPIN_COUNT)
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
@@ -94,20 +100,29 @@ class LazyGroup(click.Group):
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("-v", "--verbose", count=True, help="Say what is being done; twice for more.")
-@click.option("--debug", is_flag=True, envvar="SVBRDFGAN_DEBUG", help="Show the traceback of an error.")
+@click.option("-v", "--verbose", count=True, help="Log what is being done; twice for more.")
+@click.option(
+    "--debug",
+    is_flag=True,
+    envvar="SVBRDFGAN_DEBUG",
+    help="Show the traceback of an error.",
+)
 @click.version_option(__version__, prog_name="svbrdfgan")
 def main(verbose: int, debug: bool) -> None:
-    """Learn how surfaces weather, from pictures, through a differentiable renderer.
+    """Learn from pictures how surfaces weather, through a differentiable renderer.
 
-    `svbrdfgan demo` shows all of it; `svbrdfgan COMMAND --help` tells more of each command.
+    Start with `svbrdfgan demo`. `svbrdfgan COMMAND --help` explains a command.
     """
     if verbose or debug:
         log_to_terminal(logging.DEBUG if verbose > 1 else logging.INFO, show_path=debug)
 
 
 def log_to_terminal(level: int, show_path: bool) -> None:
-    """Sends what the program logs to stderr, in colour where that is a terminal."""
+    """Logs to stderr: in colour if that is a terminal, else as plain lines that nothing wraps."""
+    if not sys.stderr.isatty():
+        place = " (%(pathname)s:%(lineno)d)" if show_path else ""
+        logging.basicConfig(level=level, format=f"%(asctime)s %(levelname)s %(message)s{place}", datefmt="%X")
+        return
     from rich.console import Console
     from rich.logging import RichHandler
 

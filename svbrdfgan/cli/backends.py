@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from svbrdfgan.cli.display import print_table, progress
 from svbrdfgan.plugins import EMBEDDINGS, RENDERERS, Plugin, list_plugins
 from svbrdfgan.plugins.probe import Probe, probe_all
 
@@ -20,7 +20,7 @@ _STYLES = {"ok": "green", "missing": "yellow", "broken": "red"}
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print a list of objects instead of a table.")
 def backends(as_json: bool) -> None:
-    """List the installed renderers. Each is tried in a process of its own, so a broken one disturbs nothing."""
+    """List the installed renderers. Each is tried in its own process, so that a broken one stops no other."""
     _show(RENDERERS, as_json)
 
 
@@ -31,14 +31,15 @@ def backends(as_json: bool) -> None:
     "folder",
     metavar="DIR",
     type=click.Path(path_type=Path, file_okay=False),
-    help="Measure them over the meshes in DIR instead: medians and worst; minutes for tens of meshes.",
+    help="Instead, measure them on the meshes in DIR: median and worst of each measure. Tens of meshes take minutes.",
 )
 @click.option(
     "--embedding",
     "names",
     multiple=True,
     metavar="NAME[,KEY=VALUE]...",
-    help="With --compare: one to measure, with its options; repeatable. Else all that work, and xatlas if installed.",
+    help="With --compare: an embedding to measure, with its options; repeatable.  "
+    "[default: all that work, and xatlas if installed]",
 )
 @click.option(
     "--resolution",
@@ -50,7 +51,7 @@ def backends(as_json: bool) -> None:
 def embeddings(as_json: bool, folder: Path | None, names: tuple[str, ...], resolution: int) -> None:
     """List the installed UV embeddings, or measure them side by side with --compare.
 
-    Each is tried in a process of its own, so a broken one disturbs nothing.
+    Each is tried in its own process, so that a broken one stops no other.
     """
     if folder is not None:
         from svbrdfgan.cli.uv_comparison import compare
@@ -63,8 +64,9 @@ def embeddings(as_json: bool, folder: Path | None, names: tuple[str, ...], resol
 
 
 def _show(group: str, as_json: bool) -> None:
-    plugins = list_plugins(group)
-    rows = list(zip(plugins, probe_all(plugins), strict=True))
+    with progress("trying each plugin in its own process"):
+        plugins = list_plugins(group)
+        rows = list(zip(plugins, probe_all(plugins), strict=True))
     if as_json:
         click.echo(json.dumps([_record(*row) for row in rows], indent=2))
         return
@@ -72,7 +74,7 @@ def _show(group: str, as_json: bool) -> None:
     for plugin, probe in rows:
         status = f"[{_STYLES[probe.status]}]{probe.status}[/]"
         table.add_row(plugin.name, plugin.origin, status, probe.device or "", escape(_details(probe)))
-    Console().print(table)
+    print_table(table)
 
 
 def _record(plugin: Plugin, probe: Probe) -> dict[str, Any]:
@@ -89,12 +91,12 @@ def _record(plugin: Plugin, probe: Probe) -> dict[str, Any]:
 
 
 def _details(probe: Probe) -> str:
-    """The capabilities in words, as they are with the default options, and those; or the reason why there are none."""
+    """The capabilities in words, with default options, and the options; or why the plugin does not work."""
     if probe.reason is not None:
         return probe.reason
-    able = "; ".join(_in_words(name, value) for name, value in (probe.capabilities or {}).items())
+    capabilities = "; ".join(_in_words(name, value) for name, value in (probe.capabilities or {}).items())
     options = ", ".join(f"{name}={json.dumps(value).strip(chr(34))}" for name, value in probe.defaults.items())
-    return f"{able}\noptions: {options or 'none'}"
+    return f"{capabilities}\noptions: {options or 'none'}"
 
 
 def _in_words(name: str, value: object) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from svbrdfgan.cli.display import progress
 from svbrdfgan.cli.options import key_values
 
 
@@ -24,20 +25,21 @@ def command(mesh: Path, embedding: str, options: tuple[str, ...], resolution: in
     card.json and card.png measure the map of what is seen from outside: stretch, distortion of angles and areas,
     mirrored and overlapping area, coverage, seams, and whether neighbours stay neighbours.
     """
-    from svbrdfgan.geometry.bake import bake, write_bake
-    from svbrdfgan.geometry.layers import embed_and_rasterize
-    from svbrdfgan.io import load_mesh
-    from svbrdfgan.plugins import load_embedding
-    from svbrdfgan.report.uv_summary import write_summary
+    with progress(f"loading {mesh}") as display:
+        from svbrdfgan.geometry.bake import bake, write_bake
+        from svbrdfgan.geometry.layers import embed_and_rasterize
+        from svbrdfgan.io import load_mesh
+        from svbrdfgan.plugins import load_embedding
+        from svbrdfgan.report.uv_summary import write_summary
 
-    loaded = load_mesh(mesh)
-    chosen = load_embedding(embedding, key_values(options))
-    click.echo(f"embedding {len(loaded.faces)} faces by {embedding}", err=True)
-    fragments = embed_and_rasterize(chosen, loaded, resolution)
-    click.echo(f"writing the geometry buffer of {len(fragments.surface.faces)} faces", err=True)
-    written = write_bake(out, loaded, fragments, bake(fragments))
-    click.echo("measuring and drawing the map of what is seen from outside", err=True)
-    summary = write_summary(out, fragments.surface, f"{embedding}, {mesh.stem}")
+        loaded = load_mesh(mesh)
+        chosen = load_embedding(embedding, key_values(options))
+        display.stage(f"embedding {len(loaded.faces)} faces by {embedding}")
+        fragments = embed_and_rasterize(chosen, loaded, resolution)
+        display.stage(f"writing the geometry buffer of {len(fragments.surface.faces)} faces")
+        written = write_bake(out, loaded, fragments, bake(fragments))
+        display.stage("measuring and drawing the map of what is seen from outside")
+        summary = write_summary(out, fragments.surface, f"{embedding}, {mesh.stem}")
     _print(written)
     click.echo("the map of what is seen from outside:")
     _print(summary.flat())

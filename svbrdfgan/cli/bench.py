@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from svbrdfgan.cli.display import print_table, progress
+
 if TYPE_CHECKING:
     from svbrdfgan.bench.report import Report
     from svbrdfgan.bench.run import Maker
-
-_WIDE = 120
-"""Columns where there is no terminal."""
 
 
 @click.command("bench")
@@ -22,14 +21,18 @@ _WIDE = 120
     "spps",
     multiple=True,
     type=click.IntRange(1),
-    help="Samples per pixel; repeatable. 16, and on a GPU 200 too; axes of --scaling cross at the first.",
+    help="Samples per pixel; repeatable. --scaling uses the first.  [default: 16, and on a GPU 200 too]",
 )
 @click.option("--repeats", default=5, show_default=True, type=click.IntRange(1), help="Samples behind each median.")
-@click.option("--backend", "names", multiple=True, metavar="NAME", help="Repeatable; else all that work, but numpy.")
-@click.option("--peer", "peers", multiple=True, metavar="COMMAND", help="Another program, in quotes; repeatable.")
-@click.option("--mesh", type=click.Path(path_type=Path), help="Measure this vehicle too.")
-@click.option("--environment", type=click.Path(path_type=Path), help="The light on it, .hdr or .exr.")
-@click.option("--embedding", default="hemispherical", show_default=True, help="Its UVs.")
+@click.option(
+    "--backend", "names", multiple=True, metavar="NAME", help="Repeatable.  [default: all that work, except numpy]"
+)
+@click.option(
+    "--peer", "peers", multiple=True, metavar="COMMAND", help="Another program to time, in quotes; repeatable."
+)
+@click.option("--mesh", type=click.Path(path_type=Path), help="Measure this vehicle too; needs --environment.")
+@click.option("--environment", type=click.Path(path_type=Path), help="The vehicle's environment light, .hdr or .exr.")
+@click.option("--embedding", default="hemispherical", show_default=True, help="The vehicle's UV embedding.")
 @click.option("--scaling", is_flag=True, help="Also vary vertices, pixels, spp and batch, one at a time.")
 @click.option("--vertices", default=1_000_000, show_default=True, type=click.IntRange(9), help="Of the standard scene.")
 @click.option("--pixels", default=256, show_default=True, type=click.IntRange(1), help="Along a side of the picture.")
@@ -51,42 +54,38 @@ def command(
 ) -> None:
     """Time the renderers, and the stored transport, on a standard scene and on a vehicle.
 
-    A peer's last line is JSON with "peer", "spp", "forward_s" and "forward_backward_s". Its COMMAND may have {scene},
-    {spp}, {batch} and {repeats} in it. It runs before and after ours; its faster figures count. Every program runs in
-    a process of its own. `docs/performance.md` explains the figures.
+    Every program runs in its own process. A peer's COMMAND may contain {scene}, {spp}, {batch} and {repeats}, and its
+    last line of output is JSON with "peer", "spp", "forward_s" and "forward_backward_s". Peers run before and after
+    our renderers, and the faster of both times counts. `docs/performance.md` explains the figures.
     """
     if (mesh is None) != (environment is None):
         raise click.UsageError("--mesh and --environment go together.")
-    from rich.console import Console
+    with progress("trying the renderers") as display:
+        from svbrdfgan.bench.programs import Program
+        from svbrdfgan.bench.run import Bench, backend_programs, working_backends
 
-    from svbrdfgan.bench.programs import Program
-    from svbrdfgan.bench.run import Bench, backend_programs, working_backends
-    from svbrdfgan.cli.display import terminal_display
-
-    makers = _makers(mesh, environment, embedding, texels)
-    report = _report(list(makers), spps, vertices, pixels, repeats, scaling)
-    programs = backend_programs(names or working_backends())
-    bench = Bench(makers, programs, tuple(map(Program.peer, peers)), repeats, report.cases[0].spp)
-    with terminal_display(Console(stderr=True)) as display:
+        makers = _makers(mesh, environment, embedding, texels)
+        report = _report(list(makers), spps, vertices, pixels, repeats, scaling)
+        programs = backend_programs(names or working_backends())
+        bench = Bench(makers, programs, tuple(map(Program.peer, peers)), repeats, report.cases[0].spp)
         for result in bench.results(report.all_cases(), display):
             report.results[result.case] = result
             if out:
                 report.write_figures(out)
-    terminal = Console()
-    console = terminal if terminal.is_terminal else Console(width=_WIDE)
-    for grid in report.grids():
-        console.print(grid.title, style="bold", markup=False, highlight=False)
-        console.print(grid.rich())
+        if out:
+            display.stage(f"writing {out}")
+            report.write_tables_and_plots(out)
+    for table in report.tables():
+        click.secho(table.title, bold=True)
+        print_table(table.rich())
     if out:
-        report.write_tables_and_plots(out)
         click.echo(f"written to {out}")
 
 
 def _makers(mesh: Path | None, environment: Path | None, embedding: str, texels: int) -> dict[str, Maker]:
     """How each scene is made, by its name; a mesh's is its file's."""
-    from svbrdfgan.bench.cases import STANDARD
-    from svbrdfgan.bench.standard import VERTICES, standard_scene
-    from svbrdfgan.bench.vehicle import vehicle_scene
+    from svbrdfgan.bench.cases import STANDARD, VERTICES
+    from svbrdfgan.bench.scenes import standard_scene, vehicle_scene
     from svbrdfgan.plugins import load_embedding
 
     makers: dict[str, Maker] = {
@@ -101,7 +100,7 @@ def _makers(mesh: Path | None, environment: Path | None, embedding: str, texels:
 def _report(
     scenes: Sequence[str], spps: Sequence[int], vertices: int, pixels: int, repeats: int, scaling: bool
 ) -> Report:
-    """Nothing measured yet, but all that is to be."""
+    """A report of all cases to measure, without results yet."""
     import torch
 
     from svbrdfgan.bench.cases import STANDARD, Case, axes

@@ -1,4 +1,4 @@
-"""`svbrdfgan check`: the conformance kit on an installed plugin."""
+"""`svbrdfgan check`: the conformance kit on an installed plugin, and installed renderers against each other."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from rich import box
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from svbrdfgan.cli.display import output_console, print_table, progress
 from svbrdfgan.cli.options import key_values
 from svbrdfgan.errors import ConfigError, PluginError
 from svbrdfgan.plugins import EMBEDDINGS, RENDERERS, Plugin, find_plugin, list_plugins
@@ -22,6 +22,7 @@ from svbrdfgan.plugins import EMBEDDINGS, RENDERERS, Plugin, find_plugin, list_p
 if TYPE_CHECKING:
     from svbrdfgan.testing import Outcome
     from svbrdfgan.testing.kit import Kit, Status
+    from svbrdfgan.testing.pairs.table import Row
 
 _STYLES: Mapping[Status, str] = {
     "passed": "green",
@@ -34,10 +35,17 @@ _GROUPS = {"renderer": RENDERERS, "embedding": EMBEDDINGS}
 
 @click.command("check")
 @click.argument("name", required=False)
-@click.option("--renderer", "kind", flag_value="renderer", help="NAME is a renderer, where an embedding shares it.")
-@click.option("--embedding", "kind", flag_value="embedding", help="NAME is a UV embedding, likewise.")
+@click.option(
+    "--renderer", "kind", flag_value="renderer", help="NAME is a renderer; needed if an embedding has that name too."
+)
+@click.option(
+    "--embedding",
+    "kind",
+    flag_value="embedding",
+    help="NAME is a UV embedding; needed if a renderer has that name too.",
+)
 @click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the plugin; repeatable.")
-@click.option("--only", default="", metavar="TEXT", help="Only tests whose group.name contains TEXT.")
+@click.option("--only", default="", metavar="TEXT", help="Run only the tests whose group.name contains TEXT.")
 @click.option(
     "--power",
     type=click.FloatRange(0.0, 1.0, min_open=True),
@@ -47,9 +55,11 @@ _GROUPS = {"renderer": RENDERERS, "embedding": EMBEDDINGS}
 )
 @click.option("--json", "as_json", is_flag=True, help="Print a list of objects instead of a table.")
 @click.option("--pairs", is_flag=True, help="Compare the installed renderers with each other, or NAME with all others.")
-@click.option("--profile", type=click.Choice(["ci", "slow"]), help="Of --pairs.  [default: ci]")
-@click.option("--scene", "scenes", multiple=True, metavar="SCENE", help="One of those of --pairs; repeatable.")
-@click.option("--markdown", is_flag=True, help="Print the table of --pairs as Markdown.")
+@click.option(
+    "--profile", type=click.Choice(["ci", "slow"]), help="With --pairs: how many samples are taken.  [default: ci]"
+)
+@click.option("--scene", "scenes", multiple=True, metavar="SCENE", help="With --pairs: only this scene; repeatable.")
+@click.option("--markdown", is_flag=True, help="With --pairs: print the table as Markdown.")
 def command(
     name: str | None,
     kind: str | None,
@@ -62,35 +72,31 @@ def command(
     scenes: tuple[str, ...],
     markdown: bool,
 ) -> None:
-    """Run the conformance kit on the renderer or UV embedding NAME, and say what holds and what does not.
+    """Run the conformance kit on the renderer or UV embedding NAME, and print which of its claims hold.
 
-    It is tried in a process of its own first, so that one that aborts is told from one that fails. Exits with 1 where
-    a test failed. With --pairs it is the table of `docs/consistency.md`: whether renderers agree with each other.
+    The plugin is tried in its own process first, so that a plugin that aborts is reported as such. Exits with 1 if a
+    test failed. --pairs prints the table of `docs/consistency.md` instead: whether renderers agree with each other.
     """
     if pairs and (options or only or power != 1.0):
         raise click.UsageError("--option, --only and --power are for one plugin: leave them out, or --pairs.")
     if not pairs and (scenes or markdown or profile is not None):
-        raise click.UsageError("--profile, --scene and --markdown are of --pairs: give it too.")
+        raise click.UsageError("--profile, --scene and --markdown need --pairs.")
     if pairs:
-        from svbrdfgan.cli.pairs import show_pairs
-
-        return show_pairs(name, profile or "ci", scenes, "json" if as_json else "markdown" if markdown else "table")
+        return _show_pairs(name, profile or "ci", scenes, "json" if as_json else "markdown" if markdown else "table")
     if name is None:
-        raise click.UsageError("say the NAME of a renderer or UV embedding, or --pairs.")
-    plugin = _plugin(name, kind)
-    outcomes = _outcomes(_kit(plugin, key_values(options), power), plugin, only)
+        raise click.UsageError("give the NAME of a renderer or UV embedding, or --pairs.")
+    outcomes = _outcomes(_plugin(name, kind), key_values(options), power, only)
     if as_json:
         click.echo(json.dumps([dataclasses.asdict(outcome) for outcome in outcomes], indent=2))
     else:
-        console = Console()
-        console.print(table(outcomes))
-        console.print(summary(outcomes), highlight=False)
+        print_table(table(outcomes))
+        output_console().print(summary(outcomes), highlight=False)
     if any(outcome.status == "failed" for outcome in outcomes):
         raise click.exceptions.Exit(1)
 
 
 def table(outcomes: Sequence[Outcome]) -> Table:
-    """A row for each test: what it claims, what became of it, and beneath the claim why it did not pass."""
+    """A row for each test: its claim, its status and seconds; beneath the claim, why it did not pass."""
     result = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
     result.add_column("what holds")
     result.add_column("status", no_wrap=True)
@@ -105,14 +111,14 @@ def table(outcomes: Sequence[Outcome]) -> Table:
 
 
 def summary(outcomes: Sequence[Outcome]) -> str:
-    """How many of each status, in one line."""
+    """The number of tests of each status, in one line."""
     counts = Counter(outcome.status for outcome in outcomes)
     parts = [f"[{style}]{counts[status]} {status}[/]" for status, style in _STYLES.items() if counts[status]]
     return f"{', '.join(parts)} in {sum(outcome.seconds for outcome in outcomes):.1f} s"
 
 
 def _claim(outcome: Outcome) -> Table:
-    """What the test claims, and beneath it why it failed, and how to run it again; after a dash, lines in a column."""
+    """The claim after a dash; beneath it, aligned, why it failed and how to run it again."""
     style = {"failed": "bold", "not declared": "dim"}.get(outcome.status, "")
     lines = Table.grid(padding=(0, 1))
     lines.add_row(Text("-", "dim"), Text(outcome.claim, style))
@@ -125,7 +131,7 @@ def _claim(outcome: Outcome) -> Table:
 
 
 def _plugin(name: str, kind: str | None) -> Plugin:
-    """The plugin of that name, of the only kind that has it unless one is named."""
+    """The plugin of that name; `kind` is needed only if both kinds have one."""
     names = {noun: sorted(plugin.name for plugin in list_plugins(group)) for noun, group in _GROUPS.items()}
     having = [kind] if kind else [noun for noun in _GROUPS if name in names[noun]]
     if len(having) > 1:
@@ -137,7 +143,7 @@ def _plugin(name: str, kind: str | None) -> Plugin:
 
 
 def _kit(plugin: Plugin, options: dict[str, Any], power: float) -> type[Kit]:
-    """The tests of the plugin, once it has shown that it can be made with the options."""
+    """The tests of the plugin, after it was made with the options in a process of its own and in this one."""
     from svbrdfgan.plugins import make
     from svbrdfgan.plugins.probe import probe
 
@@ -151,17 +157,56 @@ def _kit(plugin: Plugin, options: dict[str, Any], power: float) -> type[Kit]:
     return type("Checked", (tests,), {"name": plugin.name, "options": options, "power": power})
 
 
-def _outcomes(kit: type[Kit], plugin: Plugin, only: str) -> list[Outcome]:
-    """What became of each test, with a bar on the terminal meanwhile."""
-    from svbrdfgan.cli.display import terminal_display
-    from svbrdfgan.testing.kit import names_of_tests, run_kit
-
+def _outcomes(plugin: Plugin, options: dict[str, Any], power: float, only: str) -> list[Outcome]:
+    """The outcome of each test."""
     outcomes: list[Outcome] = []
-    with terminal_display(Console(stderr=True)) as display:
+    with progress(f"trying {plugin.title} in its own process") as display:
+        from svbrdfgan.testing.kit import names_of_tests, run_kit
+
+        kit = _kit(plugin, options, power)
         display.begin(plugin.title, None if only else len(names_of_tests(kit)))
         for outcome in run_kit(kit, only):
             outcomes.append(outcome)
-            display.advance()
+            display.advance(1, f"after {outcome.group}.{outcome.name}")
     if not outcomes:
         raise ConfigError(f"--only {only!r} names no test; run without it to see their groups.")
     return outcomes
+
+
+def _show_pairs(name: str | None, profile: str, scenes: Sequence[str], output: str) -> None:
+    """Prints the table as "table", "markdown" or "json"; with a name, the pairs of that renderer alone.
+
+    Raises:
+        PluginError: there is no renderer of that name, or it does not work.
+        click.exceptions.Exit: a pair disagrees, or was not compared well enough to tell.
+    """
+    rows: list[Row] = []
+    with progress("trying the renderers, each in its own process") as display:
+        from svbrdfgan.testing.pairs import show
+        from svbrdfgan.testing.pairs.references import load_reference
+        from svbrdfgan.testing.pairs.sampling import PROFILES
+        from svbrdfgan.testing.pairs.scenes import SCENES
+        from svbrdfgan.testing.pairs.table import Table as PairsTable
+        from svbrdfgan.testing.pairs.table import installed_renderers
+
+        makers = installed_renderers()
+        if name and name not in makers:
+            raise PluginError(
+                f"{find_plugin(RENDERERS, name).title} does not work here; `svbrdfgan backends` says why."
+            )
+        table = PairsTable(PROFILES[profile], makers, load_reference(), frozenset({name} if name else ()))
+        display.begin(f"pairs of renderers, {profile} profile", len(scenes or SCENES))
+        for scene in scenes or SCENES:
+            display.advance(0, scene)
+            rows += table.rows(scene)
+            display.advance()
+    if output == "json":
+        click.echo(show.as_json(rows))
+    elif output == "markdown":
+        click.echo(show.markdown(rows), nl=False)
+    else:
+        print_table(show.rich_table(rows, output_console().width))
+        for line in show.explanations(rows):
+            click.echo(line)
+    if any(row.failed for row in rows):
+        raise click.exceptions.Exit(1)

@@ -1,4 +1,4 @@
-"""`svbrdfgan dataset`: exemplars from declared distributions (thesis 4.2, A.2)."""
+"""`svbrdfgan dataset`: exemplars whose scenes are sampled from distributions (thesis 4.2, A.2)."""
 
 from __future__ import annotations
 
@@ -7,14 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.options import read_config
+
 if TYPE_CHECKING:
     from svbrdfgan.data.config import DatasetConfig
 
 
 class _Dataset(click.Command):
-    """The command, unless the first word is `import`: then that one, which makes a data set of what is there already.
+    """This command, or `dataset import` if the first word is `import`.
 
-    A group would take CONFIG for the name of a command. A CONFIG that is itself named so is `./import`.
+    A group would take CONFIG for the name of a command. A CONFIG of that name is given as `./import`.
     """
 
     def make_context(
@@ -28,14 +31,18 @@ class _Dataset(click.Command):
 
 
 @click.command(
-    "dataset", cls=_Dataset, epilog="`svbrdfgan dataset import MANIFEST` makes one of your own pictures instead."
+    "dataset", cls=_Dataset, epilog="`svbrdfgan dataset import MANIFEST` makes a data set of your own pictures."
 )
 @click.argument("config", type=click.Path(path_type=Path, dir_okay=False))
 @click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder to write.")
 @click.option("--devices", default=1, show_default=True, type=click.IntRange(1), help="Processes, one for each GPU.")
-@click.option("--workers", type=click.IntRange(1), help="Processes that embed and bake meshes.  [default: one a core]")
-@click.option("--dry-run", is_flag=True, help="Make a few exemplars elsewhere and say what all would take.")
+@click.option(
+    "--workers", type=click.IntRange(1), help="Processes that unwrap and bake meshes.  [default: one for each core]"
+)
+@click.option(
+    "--dry-run", is_flag=True, help="Estimate time, disk and memory from a few exemplars; write nothing into OUT."
+)
 @click.option(
     "--preview", is_flag=True, help="Write one exemplar beside its unweathered twin as preview.png, and stop."
 )
@@ -48,47 +55,49 @@ def command(
     dry_run: bool,
     preview: bool,
 ) -> None:
-    """Make the data set that CONFIG declares. Run again, it makes what is missing.
+    """Make the data set that the YAML file CONFIG describes. Run again, it makes what is missing.
 
     KEY=VALUE replaces a value of CONFIG, such as `spp=16` or `splits.train.views=4`.
     """
-    from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
-    from svbrdfgan.data.config import dataset_config
     from svbrdfgan.utils.processes import cores
 
     if dry_run and preview:
         raise click.UsageError("--dry-run and --preview each stop before the data set is made: choose one.")
-    declared = dataset_config(apply_overrides(load_yaml(config), overrides), str(config))
     if dry_run:
-        _dry_run(declared, config.parent)
+        _dry_run(config, overrides)
     elif preview:
-        _preview(declared, config.parent, out)
+        _preview(config, overrides, out)
     else:
-        _generate(declared, config.parent, out, devices, workers or cores())
+        _generate(config, overrides, out, devices, workers or cores())
 
 
-def _generate(declared: DatasetConfig, base: Path, out: Path, devices: int, workers: int) -> None:
-    from rich.console import Console
+def _read(config: Path, overrides: tuple[str, ...]) -> DatasetConfig:
+    from svbrdfgan.data.config import dataset_config
 
-    from svbrdfgan.cli.display import terminal_display
-    from svbrdfgan.data.generate import generate
+    return dataset_config(read_config(config, overrides), str(config))
 
+
+def _generate(path: Path, overrides: tuple[str, ...], out: Path, devices: int, workers: int) -> None:
     try:
-        with terminal_display(Console(stderr=True)) as display:
-            plan = generate(declared, out, base=base, devices=devices, workers=workers, display=display)
+        with progress("unwrapping and baking the meshes") as display:
+            from svbrdfgan.data.generate import generate
+
+            config = _read(path, overrides)
+            plan = generate(config, out, base=path.parent, devices=devices, workers=workers, display=display)
     except KeyboardInterrupt:
-        click.echo(f"{out}: stopped; the same command goes on.", err=True)
+        click.echo(f"{out}: stopped; the same command continues.", err=True)
         raise
-    for split in declared.splits:
+    for split in config.splits:
         click.echo(f"{split}: {len(plan.sampler(split))} exemplars of {len(plan.meshes[split])} meshes")
     painted = sorted({name for meshes in plan.meshes.values() for mesh in meshes for name in mesh.painted})
     click.echo(f"parts with a layer: {', '.join(painted)}")
 
 
-def _dry_run(declared: DatasetConfig, base: Path) -> None:
-    from svbrdfgan.data.estimate import estimate
+def _dry_run(path: Path, overrides: tuple[str, ...]) -> None:
+    with progress("making a few exemplars to estimate the rest"):
+        from svbrdfgan.data.estimate import estimate
 
-    needs = estimate(declared, base)
+        needs = estimate(_read(path, overrides), path.parent)
     click.echo(f"exemplars: {needs.exemplars} of {needs.meshes} meshes")
     click.echo(f"time:      about {needs.seconds / 60:.1f} minutes on one process")
     click.echo(
@@ -97,10 +106,10 @@ def _dry_run(declared: DatasetConfig, base: Path) -> None:
     click.echo(f"memory:    about {needs.memory / 2**20:.0f} MiB to train on it, beside the networks")
 
 
-def _preview(declared: DatasetConfig, base: Path, out: Path) -> None:
-    from svbrdfgan.data.estimate import preview
-    from svbrdfgan.io import save_image
+def _preview(path: Path, overrides: tuple[str, ...], out: Path) -> None:
+    with progress("rendering the preview"):
+        from svbrdfgan.data.estimate import preview
+        from svbrdfgan.io import save_image
 
-    path = out / "preview.png"
-    save_image(path, preview(declared, base))
-    click.echo(str(path))
+        save_image(out / "preview.png", preview(_read(path, overrides), path.parent))
+    click.echo(str(out / "preview.png"))

@@ -6,20 +6,26 @@ from pathlib import Path
 
 import click
 
+from svbrdfgan.cli.display import progress
+
 
 @click.command("demo")
-@click.option("--out", default="out/demo", show_default=True, type=click.Path(path_type=Path, file_okay=False))
+@click.option(
+    "--out",
+    default="out/demo",
+    show_default=True,
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder to write.",
+)
 def command(out: Path) -> None:
-    """Make a data set, train on it, weather a vehicle that was never seen, and write it with a report.
+    """Make a data set, train on it, weather a vehicle of the test split, and write it with a report.
 
-    Ten minutes on two CPU cores. Run again, it goes on where it was stopped; choose another folder to start afresh.
+    Takes ten minutes on two CPU cores. Run again, it continues where it was stopped; another --out starts from
+    nothing.
     """
-    from rich.console import Console
+    with progress("starting the demo") as display:
+        from svbrdfgan.experiments.demo import run_demo
 
-    from svbrdfgan.cli.display import terminal_display
-    from svbrdfgan.experiments.demo.run import run_demo
-
-    with terminal_display(Console(stderr=True)) as display:
         result = run_demo(out, display)
     for line in result.evaluation.lines():
         click.echo(line)

@@ -1,4 +1,4 @@
-"""`svbrdfgan evaluate`: the verdict on a run, and its report."""
+"""`svbrdfgan evaluate`: the scores of a run, and its report."""
 
 from __future__ import annotations
 
@@ -7,13 +7,23 @@ from typing import Literal
 
 import click
 
+from svbrdfgan.cli.display import progress
+
 
 @click.command("evaluate")
 @click.argument("run", type=click.Path(path_type=Path))
-@click.option("--split", default="test", show_default=True, type=click.Choice(["train", "validation", "test"]))
-@click.option("--no-oracle", is_flag=True, help="Leave out the supervised oracle, which takes minutes the first time.")
-@click.option("--dataset", type=click.Path(path_type=Path), help="Where the run's data set is now, if it was moved.")
-@click.option("--device", default="auto", show_default=True, type=click.Choice(["auto", "cpu", "cuda"]))
+@click.option(
+    "--split",
+    default="test",
+    show_default=True,
+    type=click.Choice(["train", "validation", "test"]),
+    help="The data to score it on.",
+)
+@click.option("--no-oracle", is_flag=True, help="Leave out the supervised oracle, whose training takes minutes.")
+@click.option("--dataset", type=click.Path(path_type=Path), help="The run's data set, if it was moved.")
+@click.option(
+    "--device", default="auto", show_default=True, type=click.Choice(["auto", "cpu", "cuda"]), help="Where to compute."
+)
 def command(
     run: Path,
     split: Literal["train", "validation", "test"],
@@ -21,18 +31,17 @@ def command(
     dataset: Path | None,
     device: Literal["auto", "cpu", "cuda"],
 ) -> None:
-    """Score RUN on a split it was not trained on; write evaluation.json and report.html into it.
+    """Score the generator of the folder RUN on a split, and write evaluation.json and report.html into RUN.
 
-    Those of another split than test are named after it: report.validation.html.
+    For splits other than test, the files are named after the split: report.validation.html.
     """
-    from rich.console import Console
+    with progress(f"opening {run}") as display:
+        from svbrdfgan.evaluation.evaluate import evaluate
+        from svbrdfgan.report.page import write_report
 
-    from svbrdfgan.cli.display import terminal_display
-    from svbrdfgan.evaluation.evaluate import evaluate
-    from svbrdfgan.report.page import write_report
-
-    with terminal_display(Console(stderr=True)) as display:
         evaluated = evaluate(run, split=split, oracle=not no_oracle, device=device, dataset=dataset, display=display)
+        display.stage("writing the report")
+        report = write_report(run, evaluated)
     for line in evaluated.evaluation.lines():
         click.echo(line)
-    click.echo(str(write_report(run, evaluated)))
+    click.echo(str(report))

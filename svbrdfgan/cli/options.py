@@ -1,57 +1,145 @@
-"""What several commands read from their command line."""
+"""What several commands share: options, checks of paths, and the files that `weather` and `texture` write."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from svbrdfgan.config.yaml_files import apply_overrides
+from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
 from svbrdfgan.errors import ConfigError
 
 if TYPE_CHECKING:
+    from jaxtyping import Float
+    from torch import Tensor
+
     from svbrdfgan.config.choices import PartSelection
     from svbrdfgan.scene.asset import Subject
+
+    Layer = Float[Tensor, "rows cols channels"]
+
+Command = TypeVar("Command", bound=Callable[..., None])
+_SKY_SEED = 7
 
 learnable_option = click.option(
     "--learnable",
     multiple=True,
     metavar="PATTERN",
-    help="Parts that carry the layer, as 'body*'; repeatable.  [default: all but glass, wheels, lights and the like]",
+    help="Parts that carry the layer, such as 'body*'; repeatable.  "
+    "[default: all but glass, wheels, lights and the like]",
 )
 
 
-def key_values(pairs: tuple[str, ...]) -> dict[str, Any]:
-    """Options from KEY=VALUE words, the values as in YAML.
+def picture_options(command: Command) -> Command:
+    """Adds `picture`, `environment` and `renderer` to a command's options."""
+    path = click.Path(path_type=Path, dir_okay=False)
+    for option in (
+        click.option("--renderer", default="auto", show_default=True, help="For --picture; see `svbrdfgan backends`."),
+        click.option("--environment", type=path, help="For --picture: .hdr or .exr.  [default: a cloudy sky]"),
+        click.option("--picture", type=path, help="Also render the mesh from two sides, to a .png or .jpg file."),
+    ):
+        command = option(command)
+    return command
+
+
+def key_values(words: tuple[str, ...]) -> dict[str, Any]:
+    """Options from KEY=VALUE words; values are read as YAML.
 
     Raises:
         ConfigError: a word is not of that form.
     """
-    return apply_overrides({}, pairs)
+    return apply_overrides({}, words)
+
+
+def read_config(path: Path, overrides: tuple[str, ...]) -> dict[str, Any]:
+    """The contents of a YAML file, with KEY=VALUE words put in.
+
+    Raises:
+        ConfigError: the file is not a YAML mapping, or a word is not of that form.
+    """
+    return apply_overrides(load_yaml(path), overrides)
 
 
 def selected(patterns: tuple[str, ...]) -> PartSelection | None:
-    """The parts that `--learnable` names; None where it was not given."""
+    """The parts that `--learnable` names; None if it was not given."""
     from svbrdfgan.config.choices import PartSelection
 
     return PartSelection(include=patterns, exclude=()) if patterns else None
 
 
 def require_apart(mesh: Path, out: Path) -> None:
-    """Refuses to write over the mesh that is read.
+    """Refuses an output path that is the input mesh.
 
     Raises:
-        ConfigError: both are one file.
+        ConfigError: both are the same file.
     """
     if out.exists() and mesh.exists() and out.samefile(mesh):
-        raise ConfigError(f"{out} is the mesh itself, of which the result keeps little: choose another name.")
+        raise ConfigError(f"{out} is the input mesh, which the output would overwrite; choose another path.")
 
 
-def tell_parts(subject: Subject) -> None:
-    """Says on stderr which parts carry the layer, since names alone decide that."""
+def writer(
+    out: Path, picture: Path | None, environment: Path | None, renderer: str, maps: Mapping[str, float]
+) -> Callable[[Subject, Layer], list[Path]]:
+    """A function that writes a weathered mesh and gives the paths written. Checks paths and renderer beforehand.
+
+    Raises:
+        ConfigError: a file cannot be written there.
+        PluginError: the renderer does not work, or cannot read the maps.
+    """
+    _require_writable(out, ".glb")
+    write_picture = _picture_writer(picture, environment, renderer, maps)
+
+    def write(subject: Subject, layer: Layer) -> list[Path]:
+        from svbrdfgan.inference.export import write_weathered
+
+        return [out, write_weathered(out, subject, layer, maps), *write_picture(subject, layer)]
+
+    return write
+
+
+def report_weathered(subject: Subject, written: list[Path]) -> None:
+    """Prints the paths written; and on stderr which parts carry the layer, since part names alone decide that."""
     parts = [(part.name, number in subject.learnable) for number, part in enumerate(subject.surface.parts)]
     carrying, clean = (", ".join(name for name, learnable in parts if learnable is wanted) for wanted in (True, False))
     click.echo(f"layer on: {carrying}; left clean: {clean or 'none'}", err=True)
-    for told in subject.overlooked():
-        click.echo(f"warning: {told}", err=True)
+    for warning in subject.overlooked():
+        click.echo(f"warning: {warning}", err=True)
+    click.echo("\n".join(map(str, written)))
+
+
+def _require_writable(path: Path, *suffixes: str) -> None:
+    """Refuses a path without one of the suffixes, and makes its folder."""
+    if path.suffix.lower() not in suffixes:
+        raise ConfigError(f"{path}: wanted a name that ends in {' or '.join(suffixes)}.")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be written: {error.strerror}.") from error
+
+
+def _picture_writer(
+    picture: Path | None, environment: Path | None, renderer: str, maps: Mapping[str, float]
+) -> Callable[[Subject, Layer], list[Path]]:
+    """A function that writes the picture, if one is wanted, and gives the paths written."""
+    if picture is None:
+        if environment is not None or renderer != "auto":
+            raise click.UsageError("--environment and --renderer need --picture.")
+        return lambda subject, layer: []
+    _require_writable(picture, ".png", ".jpg", ".jpeg")
+
+    from svbrdfgan.config.choices import PluginChoice
+    from svbrdfgan.inference.export import write_picture
+    from svbrdfgan.io import load_environment
+    from svbrdfgan.plugins.select import resolve_renderer
+    from svbrdfgan.procedural import build_sky, sample_sky
+
+    chosen, _ = resolve_renderer(PluginChoice(name=renderer), maps=maps)
+    light = build_sky(sample_sky(_SKY_SEED)) if environment is None else load_environment(environment)
+
+    def write(subject: Subject, layer: Layer) -> list[Path]:
+        write_picture(picture, subject, layer, chosen, light, maps)
+        return [picture]
+
+    return write

@@ -1,4 +1,4 @@
-"""`svbrdfgan probe`: what a discriminator could cheat with, before a training run is spent on it."""
+"""`svbrdfgan probe`: what besides texture a discriminator could tell real from fake by, found before training."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+from svbrdfgan.cli.display import print_table, progress
+from svbrdfgan.cli.options import read_config
+
 if TYPE_CHECKING:
     from rich.table import Table
 
     from svbrdfgan.evaluation.leakage.report import LeakageReport
-
-_WIDE = 140
 
 
 @click.command("probe")
@@ -24,44 +25,41 @@ _WIDE = 140
 @click.option(
     "--minutes",
     type=click.FloatRange(min=0, min_open=True),
-    help="Most time for learning, over all probes; pictures are made first.",
+    help="Limit on the learning of all probes together; rendering comes before and is not counted.",
 )
 @click.option("--device", type=click.Choice(["auto", "cpu", "cuda"]), help="Instead of CONFIG's.")
 def command(
     config: Path, overrides: tuple[str, ...], out: Path | None, minutes: float | None, device: str | None
 ) -> None:
-    """Find what would tell real from fake besides the texture, if one trained as CONFIG says.
+    """Find what besides texture would tell real from fake in a training run with the YAML file CONFIG.
 
-    A discriminator learns to tell clean, unweathered renders in the exemplars' scenes from clean ones in the fakes'
-    scenes, and is judged on vehicles that it did not learn from. 50 % is chance: nothing to cheat with.
+    A discriminator learns to tell unweathered renders of the exemplars' scenes from unweathered renders of the fakes'
+    scenes, and is judged on vehicles that it did not learn from. 50 % is chance: nothing but texture tells them apart.
+    KEY=VALUE replaces a value of CONFIG.
     """
-    from rich.console import Console
+    with progress("opening the data set") as display:
+        from svbrdfgan.evaluation.leakage import probe_shortcuts
+        from svbrdfgan.training.config import train_config
 
-    from svbrdfgan.cli.display import terminal_display
-    from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
-    from svbrdfgan.evaluation.leakage import probe_shortcuts
-    from svbrdfgan.training.config import train_config
-
-    words = (*overrides, f"device={device}") if device else overrides
-    declared = train_config(apply_overrides(load_yaml(config), words), str(config))
-    with terminal_display(Console(stderr=True)) as display:
-        probed = probe_shortcuts(declared, base=config.parent, minutes=minutes, display=display)
-    terminal = Console()
-    console = terminal if terminal.is_terminal else Console(width=_WIDE)
-    console.print(_table(probed.report))
+        words = (*overrides, f"device={device}") if device else overrides
+        training = train_config(read_config(config, words), str(config))
+        probed = probe_shortcuts(training, base=config.parent, minutes=minutes, display=display)
+        if out:
+            display.stage(f"writing {out}")
+            probed.save(out)
+    print_table(_table(probed.report))
     for line in probed.report.lines():
         click.echo(line)
     if out:
-        probed.save(out)
         click.echo(f"written to {out}")
 
 
-def _table(diagnosis: LeakageReport) -> Table:
+def _table(report: LeakageReport) -> Table:
     from rich.table import Table
 
-    judged = f"the exemplar's picture was picked in so many of {diagnosis.judged} pairs of clean pictures"
-    table = Table("nuisance", "real and fake", "verdict", "99 % interval", title=judged)
-    for name, finding in (*diagnosis.alone.items(), ("all together", diagnosis.together)):
+    title = f"share of {report.judged} pairs of unweathered pictures in which the real one was recognised"
+    table = Table("confounder", "real and fake", "verdict", "99 % interval", title=title)
+    for name, finding in (*report.alone.items(), ("all together", report.together)):
         share = finding.share
         interval = "" if share is None else f"{share.low:.0%} to {share.high:.0%}"
         table.add_row(name, finding.differs or "-", finding.verdict, interval)

@@ -1,4 +1,4 @@
-"""`svbrdfgan train`: the GAN of thesis 4.3."""
+"""`svbrdfgan train`: trains the GAN of thesis 4.3."""
 
 from __future__ import annotations
 
@@ -6,32 +6,33 @@ from pathlib import Path
 
 import click
 
+from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.options import read_config
+
 
 @click.command("train")
 @click.argument("config", type=click.Path(path_type=Path, dir_okay=False))
 @click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder of the run.")
 @click.option(
-    "--resume", is_flag=True, help="Go on from the latest checkpoint; on a CPU to the same weights as if never stopped."
+    "--resume",
+    is_flag=True,
+    help="Continue from the latest checkpoint; on a CPU, to the same weights as without the interruption.",
 )
 def command(config: Path, overrides: tuple[str, ...], out: Path, resume: bool) -> None:
-    """Train a generator as CONFIG says.
+    """Train a generator as the YAML file CONFIG says.
 
     KEY=VALUE replaces a value of CONFIG, such as `steps=500` or `loss.r1=0.1`.
     """
-    from rich.console import Console
-
-    from svbrdfgan.cli.display import terminal_display
-    from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
-    from svbrdfgan.training.config import train_config
-    from svbrdfgan.training.trainer import train
-
-    declared = train_config(apply_overrides(load_yaml(config), overrides), str(config))
     try:
-        with terminal_display(Console(stderr=True)) as display:
-            state = train(declared, out, base=config.parent, resume=resume, display=display)
+        with progress("opening the data set") as display:
+            from svbrdfgan.training.config import train_config
+            from svbrdfgan.training.trainer import train
+
+            training = train_config(read_config(config, overrides), str(config))
+            state = train(training, out, base=config.parent, resume=resume, display=display)
     except KeyboardInterrupt:
-        click.echo(f"{out}: stopped; the same command with --resume goes on.", err=True)
+        click.echo(f"{out}: stopped; the same command with --resume continues.", err=True)
         raise
     best = f", validation recovered {state.best[0]:.3f} at step {state.best[1]}" if state.history else ""
     click.echo(f"{out}: {state.step} steps in {state.seconds / 60:.1f} minutes{best}")

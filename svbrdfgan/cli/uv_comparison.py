@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from svbrdfgan.cli.display import print_table, progress
 from svbrdfgan.cli.options import key_values
 from svbrdfgan.errors import PluginError
 from svbrdfgan.metrics.uv.compare import Measured, as_json, measure_embedding, mesh_files
@@ -55,8 +55,8 @@ def compare(folder: Path, names: Sequence[str], resolution: int, print_json: boo
 
 def _measured(name: str, embedding: UVEmbedding, meshes: Mapping[str, Path], resolution: int) -> Measured:
     """What was measured; while that goes on, the terminal shows at which mesh it is."""
-    with Console(stderr=True).status("") as status:
-        return measure_embedding(embedding, meshes, resolution, lambda at: status.update(f"{name}: {escape(at)}"))
+    with progress(name) as display:
+        return measure_embedding(embedding, meshes, resolution, lambda at: display.stage(f"{name}: {at}"))
 
 
 def _embeddings(names: Sequence[str]) -> dict[str, UVEmbedding]:
@@ -85,7 +85,7 @@ def _show(results: Mapping[str, Measured], meshes: int) -> None:
         cells = [_cell(summary.get(key)) for summary in summaries.values()]
         table.add_row(heading, *cells)
     table.add_row("meshes that failed", *(f"{len(measured.failures)} of {meshes}" for measured in results.values()))
-    Console().print(table)
+    print_table(table)
     pairs = max((len(measured.similarities) for measured in results.values()), default=0)
     click.echo("Stretch and distortion: 1 is none. Shares are of the area that is seen from outside.")
     click.echo(f"Similarity: pairs of meshes measured: {pairs}, the same ones at every call.")

@@ -1,4 +1,4 @@
-"""`svbrdfgan weather`: a mesh under one of the procedural recipes (G0)."""
+"""`svbrdfgan weather`: weathers a mesh by one of the procedural recipes (G0)."""
 
 from __future__ import annotations
 
@@ -6,25 +6,37 @@ from pathlib import Path
 
 import click
 
-from svbrdfgan.cli.options import key_values, learnable_option, require_apart, selected
-from svbrdfgan.cli.weathered import picture_options, writer
+from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.options import (
+    key_values,
+    learnable_option,
+    picture_options,
+    report_weathered,
+    require_apart,
+    selected,
+    writer,
+)
 
 
 @click.command("weather")
 @click.argument("mesh", type=click.Path(path_type=Path))
 @click.option("--recipe", default="road-dirt", show_default=True, help="road-dirt, dust or rust.")
 @click.option("--amount", default=1.0, show_default=True, type=click.FloatRange(0, 1), help="0 is clean.")
-@click.option("--seed", default=0, show_default=True, help="Another seed, another pattern.")
+@click.option("--seed", default=0, show_default=True, help="Each seed gives another pattern.")
 @click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the recipe; repeatable.")
 @click.option(
-    "--map", "maps", multiple=True, metavar="NAME=BARE", help="Paint this map too, as roughness=0.3; repeatable."
+    "--map",
+    "maps",
+    multiple=True,
+    metavar="NAME=BARE",
+    help="Weather this map too, from its value on the bare surface, such as roughness=0.3; repeatable.",
 )
 @click.option("--embedding", default="hemispherical", show_default=True, help="See `svbrdfgan embeddings`.")
 @learnable_option
 @click.option(
     "--resolution", default=512, show_default=True, type=click.IntRange(16, 8192), help="Texels along a side."
 )
-@click.option("-o", "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="GLB to write.")
+@click.option("-o", "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="GLB file to write.")
 @picture_options
 def command(
     mesh: Path,
@@ -41,18 +53,24 @@ def command(
     environment: Path | None,
     renderer: str,
 ) -> None:
-    """Weather MESH by a recipe; write it as GLB, and the layer by itself as PNG beside it."""
-    from svbrdfgan.config.choices import PartSelection
-    from svbrdfgan.io import load_mesh
-    from svbrdfgan.plugins import load_embedding
-    from svbrdfgan.scene.asset import make_subject
-    from svbrdfgan.scene.description import map_values
-    from svbrdfgan.weathering import recipe_from_options, weather
-
+    """Weather MESH by a recipe; write it as GLB, and the layer alone as PNG beside it."""
     require_apart(mesh, out)
-    bare = map_values(key_values(maps), "--map")
-    chosen = recipe_from_options(recipe, {"amount": amount, "seed": seed, **key_values(options)})
-    write = writer(out, picture, environment, renderer, bare)
-    selection = selected(learnable) or PartSelection()
-    subject = make_subject(load_mesh(mesh), load_embedding(embedding), resolution, selection)
-    write(subject, weather(subject.surface, subject.buffer, chosen, bare))
+    with progress(f"loading {mesh}") as display:
+        from svbrdfgan.config.choices import PartSelection
+        from svbrdfgan.io import load_mesh
+        from svbrdfgan.plugins import load_embedding
+        from svbrdfgan.scene.asset import make_subject
+        from svbrdfgan.scene.description import map_values
+        from svbrdfgan.weathering import recipe_from_options, weather
+
+        bare = map_values(key_values(maps), "--map")
+        chosen = recipe_from_options(recipe, {"amount": amount, "seed": seed, **key_values(options)})
+        write = writer(out, picture, environment, renderer, bare)
+        loaded = load_mesh(mesh)
+        display.stage(f"unwrapping {mesh}")
+        subject = make_subject(loaded, load_embedding(embedding), resolution, selected(learnable) or PartSelection())
+        display.stage(f"weathering {mesh}")
+        layer = weather(subject.surface, subject.buffer, chosen, bare)
+        display.stage(f"writing {out}")
+        written = write(subject, layer)
+    report_weathered(subject, written)

@@ -1,1 +1,1 @@
-"""What users write: strictly checked records, YAML files, distributions, and sentences for what is wrong."""
+"""Configuration: strict models, YAML files, distributions, plugin and part choices, and error messages."""

@@ -1,4 +1,4 @@
-"""What both data sets and scenes name in their files: plugins, parts of a mesh, maps that layers paint."""
+"""Keys that data sets, scenes and training have in common: plugins, parts of a mesh, further maps of a layer."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from svbrdfgan.types import Part
 from svbrdfgan.types.material import CHANNELS
 
 FURTHER_MAPS = tuple(name for name, channels in CHANNELS.items() if channels == 1)
-"""Maps that layers may paint beside base_color: those of one number in [0, 1]."""
+"""Maps that layers may have besides base_color: those with one channel in [0, 1]."""
 
 T = TypeVar("T")
 
 
 def _in_order(maps: dict[str, T]) -> dict[str, T]:
-    """As ordered in `CHANNELS`, however written: that is how the channels of a layer lie."""
+    """The maps in the order of `CHANNELS`, which is the order of a layer's channels."""
     for name in maps:
         if name not in FURTHER_MAPS:
             raise ValueError(
-                f"{name!r} is not a map that is painted beside base_color; known: {', '.join(FURTHER_MAPS)}"
+                f"{name!r} is not a map that layers have besides base_color; known: {', '.join(FURTHER_MAPS)}"
             )
     return {name: maps[name] for name in FURTHER_MAPS if name in maps}
 
 
 FurtherMaps = Annotated[dict[str, T], AfterValidator(_in_order)]
-"""Something for each of the maps that layers paint beside base_color."""
+"""A value for each of the maps that a layer has besides base_color."""
 
 
 class PluginChoice(StrictModel):
@@ -39,7 +39,7 @@ class PluginChoice(StrictModel):
 
 
 def _named(value: Any) -> Any:
-    """`warp` and `{name: warp, device: cpu}` as users write them; `{name, options}` as files keep them."""
+    """Reads `warp` and `{name: warp, device: cpu}` as users write them, and `{name, options}` as files store them."""
     if isinstance(value, str):
         return {"name": value}
     if isinstance(value, dict) and "options" not in value:
@@ -47,7 +47,8 @@ def _named(value: Any) -> Any:
     return value
 
 
-Plugin = Annotated[PluginChoice, BeforeValidator(_named)]
+PluginField = Annotated[PluginChoice, BeforeValidator(_named)]
+"""The type of a key that names a renderer or embedding."""
 
 
 class PartSelection(StrictModel):

@@ -1,4 +1,4 @@
-"""Distributions as they are written in a configuration file.
+"""Distributions, as written in a configuration file.
 
 `5` or `{fixed: 5}` · `{uniform: [0, 360]}` · `{normal: [20, 5]}` (mean, standard deviation) · `{choice: [a, b, c]}`
 """
@@ -43,7 +43,7 @@ class Choice(StrictModel, Generic[T]):
 
 
 class Uniform(StrictModel):
-    """Any number between two, equally likely."""
+    """Any number between two bounds, equally likely."""
 
     uniform: tuple[float, float]
 
@@ -58,7 +58,7 @@ class Uniform(StrictModel):
 
 
 class Normal(StrictModel):
-    """A number from a Gaussian: mean, standard deviation."""
+    """A number from a Gaussian, given by its mean and standard deviation."""
 
     normal: tuple[float, float]
 
@@ -73,7 +73,7 @@ class Normal(StrictModel):
 
 
 def _kind(value: Any) -> str | None:
-    """Which distribution is meant, so that a fault is told of that one alone."""
+    """The distribution that is meant, so that errors are reported for that one only."""
     if isinstance(value, dict):
         return next(iter(value)) if len(value) == 1 and next(iter(value)) in _KINDS else None
     return type(value).__name__.partition("[")[0].lower() if isinstance(value, StrictModel) else "plain"
@@ -99,7 +99,7 @@ Number = Annotated[
 
 
 def within(low: float, high: float = math.inf) -> AfterValidator:
-    """Refuses values, ends of `uniform` and choices that are not in [low, high]. What `normal` draws is clamped."""
+    """Refuses values, bounds of `uniform` and choices outside [low, high]. The sampler clamps what `normal` draws."""
 
     def check(declared: Any) -> Any:
         match declared:

@@ -1,4 +1,4 @@
-"""Sentences for what is wrong with a configuration."""
+"""Error messages for what is wrong in a configuration."""
 
 from __future__ import annotations
 
@@ -30,35 +30,35 @@ _WANTED = {
     "too_short": "at least {min_length} values",
     "tuple_type": "a list",
 }
-"""What pydantic's types of error wish for, in the user's words; its own words serve for the rest."""
+"""What is wanted, in the user's words, by pydantic's type of error. pydantic's own words serve for other types."""
 
 Location = Sequence[int | str]
 
 
 def explain(error: ValidationError, model: type, data: object) -> list[tuple[str, str]]:
-    """Path of the key, and sentence, of each fault that the model found in the data; a union is one fault."""
-    faults: list[tuple[str, str]] = []
-    wishes: dict[tuple[str, str], list[str]] = {}
+    """For each error, the path of its key and a sentence. The errors of a union's members become one."""
+    messages: list[tuple[str, str]] = []
+    wanted: dict[tuple[str, str], list[str]] = {}
     for detail in error.errors(include_url=False):
         location, context = detail["loc"], detail.get("ctx", {})
         if detail["type"] == "extra_forbidden":
-            faults.append((_path(location[:-1], data), _unknown(str(location[-1]), _keys(model, location[:-1]))))
+            messages.append((_path(location[:-1], data), _unknown(str(location[-1]), _keys(model, location[:-1]))))
         elif detail["type"] == "missing" and isinstance(location[-1], int):
-            wishes.setdefault((_path(location[:-1], data), _shown(detail["input"])), []).append("more values")
+            wanted.setdefault((_path(location[:-1], data), as_text(detail["input"])), []).append("more values")
         elif detail["type"] == "missing":
-            faults.append((_path(location[:-1], data), f"key {str(location[-1])!r} is missing."))
+            messages.append((_path(location[:-1], data), f"key {str(location[-1])!r} is missing."))
         elif "error" in context:
-            faults.append((_path(location, data), str(context["error"])))
+            messages.append((_path(location, data), str(context["error"])))
         else:
-            wishes.setdefault((_path(location, data), _shown(detail["input"])), []).append(_wish(detail))
-    return faults + [
-        (path, f"{given} is not allowed; wanted {' or '.join(dict.fromkeys(wished))}.")
-        for (path, given), wished in wishes.items()
+            wanted.setdefault((_path(location, data), as_text(detail["input"])), []).append(_wanted(detail))
+    return messages + [
+        (path, f"{given} is not allowed; wanted {' or '.join(dict.fromkeys(several))}.")
+        for (path, given), several in wanted.items()
     ]
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """ "; did you mean 'x'?" for the closest of the known names, or nothing if none is close."""
+    """ "; did you mean 'x'?" for the closest of the known names; empty if none is close."""
     close = difflib.get_close_matches(name, list(known), n=1)
     return f"; did you mean {close[0]!r}?" if close else ""
 
@@ -69,7 +69,7 @@ def _unknown(key: str, known: Iterable[str]) -> str:
     return f"unknown key {key!r}{hint}"
 
 
-def _wish(detail: ErrorDetails) -> str:
+def _wanted(detail: ErrorDetails) -> str:
     context = detail.get("ctx", {})
     template = _WANTED.get(detail["type"])
     if template is None:
@@ -82,13 +82,14 @@ def _closest_choice(detail: ErrorDetails) -> str:
     return did_you_mean(given, detail["ctx"]["expected"].split("'")[1::2]).rstrip("?") if isinstance(given, str) else ""
 
 
-def _shown(value: object) -> str:
+def as_text(value: object) -> str:
+    """A value of a configuration as YAML has it, cut after 60 characters."""
     text = {True: "true", False: "false", None: "nothing"}.get(value) if isinstance(value, bool | None) else repr(value)
     return text if text and len(text) <= 60 else f"{str(text)[:57]}..."
 
 
 def _path(location: Location, data: object) -> str:
-    """The location as the user would write it; pydantic's own labels of a union's members are left out."""
+    """The location as the user would write it, without pydantic's labels of a union's members."""
     path = ""
     for step in location:
         if isinstance(data, Mapping) and step in data:
@@ -99,7 +100,7 @@ def _path(location: Location, data: object) -> str:
 
 
 def _keys(model: Any, location: Location) -> Iterator[str]:
-    """The keys of the record that lies at the location within a type."""
+    """The keys of the model at the location within a type."""
     fields = getattr(model, "model_fields", None)
     if fields is None:
         for inner in get_args(model):

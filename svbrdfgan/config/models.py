@@ -1,7 +1,7 @@
-"""Strict checking of what users write: configuration records, and the options of plugins.
+"""Strict validation of what users write: configuration models, and the options of plugins.
 
-Nothing is converted but what YAML cannot say: an integer where a number is wanted, a list where a tuple is. Every fault
-becomes one line that names the key, what was given and what would be right.
+Only two conversions are made, for things that YAML cannot express: integer to float, and list to tuple. Every error
+becomes one line that names the key, the given value and what is wanted.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ Made = TypeVar("Made")
 
 
 class StrictModel(BaseModel):
-    """Base of configuration records: frozen, no unknown keys, no conversions, no infinities."""
+    """Base of configuration models: frozen, without unknown keys, conversions or infinities."""
 
     model_config = _STRICT
 
 
 def validate(model: type[Model], data: object, source: str) -> Model:
-    """The record that the data describe; `source`, such as the file's name, opens every message.
+    """The model that the data describe; `source`, such as the file's name, begins every message.
 
     Raises:
-        ConfigError: one line for each fault.
+        ConfigError: the data are wrong; one line for each error.
     """
     text = _as_json(data, source)
     try:
         return model.model_validate_json(text)
     except ValidationError as error:
         lines = [
-            f"{source}: {path}: {fault}" if path else f"{source}: {fault}"
-            for path, fault in explain(error, model, data)
+            f"{source}: {path}: {message}" if path else f"{source}: {message}"
+            for path, message in explain(error, model, data)
         ]
         raise ConfigError("\n".join(lines)) from error
     except ConfigError as error:
@@ -49,11 +49,11 @@ def validate(model: type[Model], data: object, source: str) -> Model:
 
 
 def build(factory: Callable[..., Made], options: Mapping[str, object], path: str) -> Made:
-    """`factory(**options)`, once the options fit its annotated keyword parameters; `path` leads to them in messages.
+    """`factory(**options)`, if the options fit its annotated keyword parameters; messages name them by `path`.
 
     Raises:
         ConfigError: an option is unknown, missing, of the wrong type, or refused by the factory itself.
-        TypeError: the factory's annotations cannot be resolved, or are no types.
+        TypeError: the factory's annotations cannot be resolved, or are not types.
     """
     model, names = _options_model(factory)
     text = _as_json(dict(options), path)
@@ -61,7 +61,8 @@ def build(factory: Callable[..., Made], options: Mapping[str, object], path: str
         checked = model.model_validate_json(text)
     except ValidationError as error:
         lines = [
-            f"{path}.{key}: {fault}" if key else f"{path}: {fault}" for key, fault in explain(error, model, options)
+            f"{path}.{key}: {message}" if key else f"{path}: {message}"
+            for key, message in explain(error, model, options)
         ]
         raise ConfigError("\n".join(lines)) from error
     given = {name: getattr(checked, field) for field, name in names.items() if field in checked.model_fields_set}
@@ -72,29 +73,29 @@ def build(factory: Callable[..., Made], options: Mapping[str, object], path: str
 
 
 def default_options(factory: Callable[..., object]) -> dict[str, object]:
-    """The options that `build` takes for a factory and that have defaults, with those."""
+    """The options that `build` accepts for a factory, with their defaults; options without a default are left out."""
     return {p.name: p.default for p in _usable(inspect.signature(factory)) if p.default is not p.empty}
 
 
 def differences(mine: Mapping[str, Any], its: Mapping[str, Any], path: str = "") -> list[str]:
-    """Dotted keys whose values differ between two dumps of records, sorted, each with both: `loss.r1 0.1, not 1.0`."""
+    """The differences between two dumps of models, sorted by dotted key, such as `loss.r1 0.1, not 1.0`."""
     found: list[str] = []
     for key in sorted(mine.keys() | its.keys()):
         a, b, name = mine.get(key), its.get(key), f"{path}{key}"
         if isinstance(a, dict) and isinstance(b, dict):
             found += differences(a, b, f"{name}.")
         elif a != b:
-            found.append(f"{name} {_shown(a)}, not {_shown(b)}")
+            found.append(f"{name} {_abbreviated(a)}, not {_abbreviated(b)}")
     return found
 
 
-def _shown(value: object) -> str:
+def _abbreviated(value: object) -> str:
     text = json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _options_model(factory: Callable[..., object]) -> tuple[type[BaseModel], dict[str, str]]:
-    """A record with one aliased field for each keyword parameter, and the parameter that each field stands for."""
+    """A model with one aliased field for each keyword parameter, and the parameter of each field."""
     try:
         usable = _usable(inspect.signature(factory, eval_str=True))
     except NameError as error:
@@ -116,7 +117,7 @@ def _default(parameter: inspect.Parameter) -> Any:
 
 
 def _as_json(data: object, source: str) -> str:
-    """JSON, because pydantic's strict rules for it are those wanted here: a list may become a tuple, "3" no number."""
+    """The data as JSON, for which pydantic's strict rules are right: a list may become a tuple, "3" is not a number."""
     try:
         return json.dumps(data)
     except (TypeError, ValueError, RecursionError) as error:

@@ -1,7 +1,7 @@
 """YAML files as mappings, and `key=value` overrides of them.
 
-Plain values are read by the rules of YAML 1.2, without the traps of 1.1: `1e-3` is a number; `no`, `010`, `1:30` and
-`2024-01-01` are text.
+Plain values are read by the rules of YAML 1.2: `1e-3` is a number; `no`, `010`, `1:30` and `2024-01-01` are text. By
+PyYAML's own rules, those of 1.1, all five are something else; ruamel.yaml makes numbers of `010` and objects of dates.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ def load_yaml(path: Path) -> dict[str, Any]:
 
 
 def apply_overrides(data: Mapping[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
-    """A copy of the data with each "dotted.key=value" put in; values are read as YAML.
+    """A copy of the data with each "dotted.key=value" set; values are read as YAML.
 
     Raises:
-        ConfigError: an override has no key or no `=`, its value is not YAML, or its key leads through something else.
+        ConfigError: an override has no key or no `=`, its value is not YAML, or a part of its key is not a mapping.
     """
     changed = dict(data)
     for override in overrides:
@@ -71,12 +71,12 @@ def _parse(text: str, source: str) -> Any:
         mark = error.problem_mark
         where = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
         raise ConfigError(f"{source}{where}: {error.problem}.") from error
-    except (yaml.YAMLError, RecursionError) as error:
+    except (yaml.YAMLError, RecursionError, ValueError) as error:  # ValueError: a tag that does not fit, as !!int x
         raise ConfigError(f"{source}: is not YAML: {str(error).splitlines()[0]}.") from error
 
 
 class _Loader(yaml.SafeLoader):
-    """The safe loader, with the plain values of YAML 1.2 and without repeated keys."""
+    """The safe loader, with the plain values of YAML 1.2; refuses repeated keys and keys that are not text."""
 
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # replaces the rules of 1.1
 

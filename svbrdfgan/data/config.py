@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from svbrdfgan.config.choices import FurtherMaps, PartSelection, Plugin, PluginChoice
+from svbrdfgan.config.choices import FurtherMaps, PartSelection, PluginChoice, PluginField
 from svbrdfgan.config.distributions import Choice, Color, Fixed, Integer, Number, Paint, Uniform, within
 from svbrdfgan.config.models import StrictModel, validate
 
@@ -98,8 +98,8 @@ class DatasetConfig(StrictModel):
     image: tuple[Annotated[int, Field(ge=8, le=8192)], Annotated[int, Field(ge=8, le=8192)]] = (256, 256)
     texture: int = Field(default=256, ge=16, le=4096, multiple_of=4)
     spp: int = Field(default=64, ge=1)
-    renderer: Plugin = PluginChoice(name="auto")
-    embedding: Plugin = PluginChoice(name="hemispherical")
+    renderer: PluginField = PluginChoice(name="auto")
+    embedding: PluginField = PluginChoice(name="hemispherical")
     learnable: PartSelection = PartSelection()
     paint: Annotated[Paint, within(0, 1)] | None = Choice[Color](choice=PAINTS)
     maps: FurtherMaps[Annotated[Number, within(0, 1)]] = {}

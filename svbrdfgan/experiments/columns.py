@@ -1,4 +1,4 @@
-"""The numbers of the table: what each is, and what it comes to over the seeds."""
+"""The columns of the table: what each number means, and its mean and deviation over the seeds."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from svbrdfgan.experiments.definition import Measure
-from svbrdfgan.experiments.outcome import Outcome
+from svbrdfgan.experiments.outcome import RunOutcome
 
 
 @dataclass(frozen=True)
@@ -15,8 +15,9 @@ class Statistic:
     """A number over seeds.
 
     Attributes:
-        deviation: the sample's; None for fewer than two.
-        count, of: how many runs have the number, of how many.
+        deviation: standard deviation of the sample; None for fewer than two values.
+        count: runs that have the number.
+        of: all runs.
     """
 
     mean: float
@@ -27,17 +28,17 @@ class Statistic:
 
 @dataclass(frozen=True)
 class Column:
-    """A number that every outcome has, or may have; `absent` stands where none has it."""
+    """A number that outcomes may have. `absent` is printed where none has it; `form` is its format specification."""
 
     key: str
     heading: str
     meaning: str
-    value: Callable[[Outcome], float | None]
+    value: Callable[[RunOutcome], float | None]
     form: str = ".3f"
     absent: str = ""
 
-    def over(self, outcomes: Sequence[Outcome]) -> Statistic | None:
-        """None if no outcome has the number."""
+    def over(self, outcomes: Sequence[RunOutcome]) -> Statistic | None:
+        """The number over the outcomes; None if no outcome has it."""
         values = [value for value in map(self.value, outcomes) if value is not None]
         if not values:
             return None
@@ -55,7 +56,7 @@ _VERDICTS = (
     Column(
         "oracle",
         "oracle",
-        "`recovered` of the same network on the same data, told the truth: the ceiling",
+        "`recovered` of the same network trained on the true layers of the same data: the ceiling",
         lambda outcome: outcome.evaluation.oracle,
     ),
     Column(
@@ -84,7 +85,7 @@ _MEASURES: dict[Measure, Column] = {
     "shown": Column(
         "shown",
         "recovered, shown",
-        "`recovered` on that part of the learnable area that pictures taken from where the training's were would show",
+        "`recovered` on the part of the learnable area that the training's cameras would see",
         lambda outcome: outcome.measures.get("shown"),
     ),
     "unseen": Column(
@@ -96,7 +97,8 @@ _MEASURES: dict[Measure, Column] = {
     "gradient_noise": Column(
         "gradient_noise",
         "gradient noise",
-        "variance over samples of the gradient of a picture's error in the layer, relative to the squared gradient",
+        "variance, over samples, of the gradient of a picture's error with respect to the layer, relative to the "
+        "squared gradient",
         lambda outcome: outcome.measures.get("gradient_noise"),
         ".3g",
     ),
@@ -104,12 +106,12 @@ _MEASURES: dict[Measure, Column] = {
 
 
 def verdicts(measures: Sequence[Measure]) -> list[Column]:
-    """How well was learned."""
+    """Columns that say how well was learned."""
     return [*_VERDICTS, *(_MEASURES[name] for name in measures)]
 
 
 def speeds(images: int, seconds: float) -> list[Column]:
-    """How fast was learned; `images` and `seconds` are what every run saw and trained for, at least."""
+    """Columns that say how fast was learned. Every run saw at least `images` and trained for at least `seconds`."""
     return [
         Column(
             "images",
@@ -130,7 +132,7 @@ def speeds(images: int, seconds: float) -> list[Column]:
         Column(
             "half_seconds",
             "seconds to half",
-            "likewise",
+            "of training until the validation score reached half the oracle's",
             lambda outcome: None if (half := outcome.half_way()) is None else half.seconds,
             ",.0f",
             "never",
@@ -138,15 +140,15 @@ def speeds(images: int, seconds: float) -> list[Column]:
         Column(
             "at_images",
             f"at {images:,} images",
-            "the best validation score by then: as many images as every run saw at least",
+            "the best validation score within as many images as every run saw",
             lambda outcome: outcome.best_within(images=images),
             absent="no score yet",
         ),
         Column(
             "at_seconds",
             f"at {seconds:,.0f} s",
-            "the best validation score by then: as long as every run trained at least",
-            lambda outcome: outcome.best_in_time(seconds=seconds),
+            "the best validation score within as many seconds as every run trained",
+            lambda outcome: outcome.best_within(seconds=seconds),
             absent="no score yet",
         ),
     ]

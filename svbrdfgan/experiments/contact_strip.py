@@ -1,4 +1,4 @@
-"""Held-out vehicles and their layers beside the truth: a strip for each run, and a sheet of strips."""
+"""Contact strips: held-out vehicles and their layers beside the truth, one strip a run; and sheets of strips."""
 
 from __future__ import annotations
 
@@ -9,21 +9,20 @@ from typing import TYPE_CHECKING
 from svbrdfgan.evaluation.evaluate import Evaluated, pictures
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.metrics.flip import display
-from svbrdfgan.report.pictures import Picture, framed, over_checker, upright
-from svbrdfgan.report.sheet import INK, PAPER, cell, font
+from svbrdfgan.report.pictures import INK, PAPER, Picture, cell, font, framed, over_checker, upright
 from svbrdfgan.report.vehicles import choose_views
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-STRIP = "strip.png"
+CONTACT_STRIP = "strip.png"
 _WIDTHS = {"truth": 240, "learned": 240, "true layer": 160, "learned layer": 160}
 _HEIGHT, _GAP, _LABEL, _HEAD, _VEHICLES = 160, 8, 280, 32, 2
 _STRIP = _VEHICLES * (sum(_WIDTHS.values()) + len(_WIDTHS) * _GAP) - _GAP
 
 
-def write_strip(path: Path, evaluated: Evaluated) -> None:
-    """Writes a PNG: two vehicles of the split, each by truth and learned render, G0's layer and the learned one.
+def write_contact_strip(path: Path, evaluated: Evaluated) -> None:
+    """Writes a PNG of two vehicles of the split: each one's true picture, learned picture, true and learned layer.
 
     Raises:
         AssetError: it cannot be written.
@@ -38,8 +37,8 @@ def write_strip(path: Path, evaluated: Evaluated) -> None:
     _save(path, strip)
 
 
-def write_sheet(path: Path, strips: Mapping[str, Path]) -> None:
-    """Writes a PNG with the strips beneath each other, each behind its label.
+def write_contact_sheet(path: Path, strips: Mapping[str, Path]) -> None:
+    """Writes a PNG of the strips, one beneath the other, each to the right of its label.
 
     Raises:
         AssetError: it cannot be written.

@@ -1,4 +1,4 @@
-"""What an experiment is, as written in its YAML file; and the profiles: how large and how long it is to be."""
+"""An experiment, as written in its YAML file; and the profiles, which set the size of data and training."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ Record = TypeVar("Record", bound=StrictModel)
 
 
 class Changes(StrictModel):
-    """Values put into the data set's and the training's configuration, by dotted key, each whole."""
+    """Values that replace those of the data set's and the training's configuration, by dotted key."""
 
     dataset: dict[str, Any] = {}
     train: dict[str, Any] = {}
 
     def overrides(self) -> list[str]:
-        """As KEY=VALUE, with keys that begin with `dataset.` or `train.`."""
+        """The changes as KEY=VALUE; keys begin with `dataset.` or `train.`."""
         groups = {"dataset": self.dataset, "train": self.train}
         return [
             f"{group}.{key}={json.dumps(value)}" for group, changes in groups.items() for key, value in changes.items()
@@ -37,7 +37,7 @@ class Changes(StrictModel):
 
 
 class _Changed(Changes):
-    """Changes in every profile, and further ones in one."""
+    """Changes in every profile, and further changes in one profile."""
 
     cpu: Changes = Changes()
     gpu: Changes = Changes()
@@ -46,12 +46,12 @@ class _Changed(Changes):
         return self.overrides() + (self.cpu if profile == "cpu" else self.gpu).overrides()
 
 
-class Row(_Changed):
+class ExperimentRow(_Changed):
     """A row of the table.
 
     Attributes:
-        about: what a reader of the table must know of it.
-        recipes: what it is trained by, and with which seeds; None for what the experiment says.
+        about: what it changes, for readers of the table.
+        recipes: training recipes and the seeds of each; None for those of the experiment.
     """
 
     about: str
@@ -59,10 +59,10 @@ class Row(_Changed):
 
 
 class Experiment(_Changed):
-    """An experiment: what all rows share, and the rows.
+    """An experiment: what all rows have in common, and the rows.
 
     Attributes:
-        figure: of the thesis, which it reproduces.
+        figure: the figure or section of the thesis that it reproduces.
         thesis: what the thesis found.
         measures: further columns of the table.
     """
@@ -72,17 +72,17 @@ class Experiment(_Changed):
     thesis: str
     recipes: dict[Recipe, tuple[int, ...]] = {"default": (0,), "thesis": (0,)}
     measures: tuple[Measure, ...] = ()
-    rows: dict[str, Row] = Field(min_length=1)
+    rows: dict[str, ExperimentRow] = Field(min_length=1)
 
 
-class Profile(StrictModel):
-    """How large and how long experiments are to be.
+class ExperimentProfile(StrictModel):
+    """The size of data and training.
 
     Attributes:
         about: the vehicles, the light and the budget of a run, in words.
-        seeds: the most that are taken of each row's.
-        oracle_steps: the most that the oracle takes, plateau or not.
-        dataset, train: the configurations that experiments change.
+        seeds: limit on the seeds of each row.
+        oracle_steps: limit on the oracle's steps, also if its score still rises.
+        dataset, train: configurations that experiments change.
     """
 
     about: str
@@ -93,15 +93,15 @@ class Profile(StrictModel):
 
 
 def experiment_names() -> list[str]:
-    """The experiments that are shipped."""
+    """Names of the shipped experiments, sorted."""
     return sorted(_stem(file) for file in (_shipped() / "definitions").iterdir() if file.name.endswith(".yaml"))
 
 
 def load_experiment(name: str) -> Experiment:
-    """A shipped experiment by its name, or one's own by the path of its YAML file.
+    """A shipped experiment by its name, or one of the user's by the path of its YAML file.
 
     Raises:
-        ConfigError: there is none, or its file is wrong: one line for each fault.
+        ConfigError: there is none, or its file is wrong; one line for each error.
     """
     if name.endswith((".yaml", ".yml")):
         return validate(Experiment, load_yaml(Path(name)), name)
@@ -112,9 +112,9 @@ def load_experiment(name: str) -> Experiment:
     return _read(Experiment, "definitions", name)
 
 
-def load_profile(name: ProfileName) -> Profile:
+def load_profile(name: ProfileName) -> ExperimentProfile:
     """A shipped profile."""
-    return _read(Profile, "profiles", name)
+    return _read(ExperimentProfile, "profiles", name)
 
 
 def _read(model: type[Record], folder: str, name: str) -> Record:

@@ -1,19 +1,45 @@
-"""`python -m svbrdfgan.experiments.job PARENT`: does the task that stdin describes, for the process of that number."""
+"""The process of one task: `python -m svbrdfgan.experiments.job PARENT` reads the task, as JSON, from stdin."""
 
 from __future__ import annotations
 
 import logging
+import os
+import signal
 import sys
+import time
+from threading import Thread
 
 from svbrdfgan.errors import SvbrdfganError
-from svbrdfgan.experiments.parent_death_guard import end_with_parent
-from svbrdfgan.experiments.tasks import Order
+
+_PARENT_CHECK_SECONDS = 0.5
+
+
+def end_with_parent(parent: int) -> None:
+    """From now on, kills this process and its children as soon as its parent is dead. Does nothing outside POSIX.
+
+    Without it, the children of a killed `svbrdfgan experiment` would go on and write into the folders in which the
+    next call works.
+
+    Args:
+        parent: number of the process that started this one; it may be dead already. This process must lead a process
+            group of its own.
+    """
+    if os.name == "posix":
+        Thread(target=_watch, args=[parent], daemon=True).start()
+
+
+def _watch(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(_PARENT_CHECK_SECONDS)
+    os.killpg(0, signal.SIGKILL)
 
 
 def main() -> None:
     end_with_parent(int(sys.argv[1]))
+    from svbrdfgan.experiments.tasks import TASK  # imports torch for seconds, in which the parent may die
+
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", stream=sys.stdout)
-    task = Order.model_validate_json(sys.stdin.read()).task
+    task = TASK.validate_json(sys.stdin.read())
     try:
         task.work()
     except SvbrdfganError as error:

@@ -1,4 +1,4 @@
-"""Further measures of a run, which some experiments need."""
+"""Further measures of a run, which some experiments have in their tables."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _VIEWS, _DRAWS = 4, 16
 
 
 def measure(evaluated: Evaluated) -> dict[Measure, float]:
-    """All measures of a run. Gradients have noise only where pictures are rendered online."""
+    """All measures that a run can have: gradients have noise only if its pictures are rendered online."""
     found: dict[Measure, float] = {}
     if (seen := seen_by_training(evaluated)) is not None:
         with suppress(AssetError):
             found["shown"] = recovered_where(evaluated, seen, lambda shown: shown)
-        with suppress(AssetError):  # the pictures show everything
+        with suppress(AssetError):  # raised if the pictures show everything
             found["unseen"] = recovered_where(evaluated, seen, lambda shown: ~shown)
     scenes = evaluated.source.fake_scenes
     if isinstance(scenes, OnlineRendering):
@@ -42,9 +42,10 @@ def measure(evaluated: Evaluated) -> dict[Measure, float]:
 
 
 def seen_by_training(evaluated: Evaluated) -> SeenTexels | None:
-    """The texels that pictures of the split would show if its cameras were those of the training split.
+    """The texels of the scored split that cameras of the training split's distribution would see.
 
-    None where the cameras differ and scenes are rendered online, which gives texels of the exemplars' cameras alone.
+    None if the split's cameras are of another distribution and scenes are rendered online: what an exemplar shows is
+    known there, what another camera would see is not.
     """
     source, declared = evaluated.source, evaluated.config.dataset
     camera, own = declared.camera_of("train"), source.own_scenes
@@ -56,10 +57,10 @@ def seen_by_training(evaluated: Evaluated) -> SeenTexels | None:
 
 
 def recovered_where(evaluated: Evaluated, seen: SeenTexels, chosen: Callable[[Bool[Tensor, "*size"]], Tensor]) -> float:
-    """`recovered` on that part of the learnable area that is chosen by whether any picture of the subject shows it.
+    """`recovered` on the texels that `chosen` picks, given which texels any picture of the subject shows.
 
     Raises:
-        AssetError: there is no such part.
+        AssetError: it picks none.
     """
     source, layers = evaluated.source, evaluated.layers
     exemplars = source.exemplars
@@ -74,9 +75,9 @@ def recovered_where(evaluated: Evaluated, seen: SeenTexels, chosen: Callable[[Bo
 
 
 def gradient_noise(source: BatchSource, layers: Float[Tensor, "subjects rows cols channels"]) -> float:
-    """The variance of a layer's gradient over samples, relative to the gradient's square; summed over a few scenes.
+    """The variance of a layer's gradient over samples, relative to the squared gradient; both summed over a few scenes.
 
-    The gradient is that of half the squared difference between an exemplar and its scene under the layer.
+    The gradient is that of half the squared difference between an exemplar and the render of its scene with the layer.
     """
     noise, signal = 0.0, 0.0
     for index in choose_views(source.exemplars, _VIEWS):
@@ -87,7 +88,7 @@ def gradient_noise(source: BatchSource, layers: Float[Tensor, "subjects rows col
         draws = torch.stack([_gradient(source, index, layer, difference, draw) for draw in range(1, _DRAWS + 1)])
         variance = float(draws.var(dim=0).sum())
         noise += variance
-        signal += float(draws.mean(dim=0).square().sum()) - variance / _DRAWS  # the mean's own noise, taken out
+        signal += float(draws.mean(dim=0).square().sum()) - variance / _DRAWS  # without the noise of the mean itself
     return noise / max(signal, 1e-30)
 
 

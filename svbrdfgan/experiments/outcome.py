@@ -1,7 +1,8 @@
-"""What became of one run: its verdict, and how its score rose; and the ceiling that an oracle set it."""
+"""The stored results of a run, and of the oracle that bounds what it can reach."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from pydantic import Field
@@ -15,19 +16,19 @@ OUTCOME, CEILING = "outcome.json", "ceiling.json"
 
 
 class Ceiling(StrictModel):
-    """The contents of `ceiling.json`: what an oracle recovered, so that runs can be judged where its weights are not.
+    """The contents of `ceiling.json`: an oracle's scores, by which runs are judged where its weights are missing.
 
     Attributes:
-        evaluation: on the test split, of the oracle beside a run that had learned nothing.
+        evaluation: of an untrained run on the test split, with the oracle's scores in it.
     """
 
     evaluation: Evaluation
 
-    def over(self, verdict: Evaluation) -> Evaluation:
-        """The verdict on a run, with the oracle's scores put in."""
-        told = ("oracle", "oracle_at_poles", "oracle_validation", "oracle_plateau", "oracle_steps", "flip_oracle")
-        its = {name: getattr(self.evaluation, name) for name in told}
-        return verdict.model_copy(update={**its, "fraction": share(verdict.recovered, self.evaluation.oracle)})
+    def over(self, evaluation: Evaluation) -> Evaluation:
+        """The evaluation of a run, with the oracle's scores put in."""
+        names = ("oracle", "oracle_at_poles", "oracle_validation", "oracle_plateau", "oracle_steps", "flip_oracle")
+        its = {name: getattr(self.evaluation, name) for name in names}
+        return evaluation.model_copy(update={**its, "fraction": share(evaluation.recovered, self.evaluation.oracle)})
 
     def save(self, oracle: Path) -> None:
         save_record(oracle / CEILING, self)
@@ -43,8 +44,8 @@ class Ceiling(StrictModel):
         return load_record(cls, oracle / CEILING)
 
 
-class Point(StrictModel):
-    """A score on the validation split, on the way.
+class ScorePoint(StrictModel):
+    """A score on the validation split during training.
 
     Attributes:
         images: exemplars shown to the discriminator so far, in all its updates.
@@ -56,17 +57,17 @@ class Point(StrictModel):
     recovered: float
 
 
-class Outcome(StrictModel):
-    """The contents of `outcome.json`: where it is, the run is over.
+class RunOutcome(StrictModel):
+    """The contents of `outcome.json`, which a run has once it is complete.
 
     Attributes:
         evaluation: on the test split.
         history: oldest first.
-        jobs: how many runs shared the device, so that seconds can be compared.
+        jobs: runs that shared the device, without which seconds cannot be compared.
     """
 
     evaluation: Evaluation
-    history: tuple[Point, ...] = Field(min_length=1)
+    history: tuple[ScorePoint, ...] = Field(min_length=1)
     measures: dict[Measure, float] = {}
     device: str
     jobs: int
@@ -80,28 +81,25 @@ class Outcome(StrictModel):
     def seconds(self) -> float:
         return self.history[-1].seconds
 
-    def half_way(self) -> Point | None:
-        """Where the score first reached half the oracle's; None if it never did, or the oracle learned nothing."""
+    def half_way(self) -> ScorePoint | None:
+        """The first point with half the oracle's score; None if there is none, or if the oracle learned nothing."""
         half = (self.evaluation.oracle_validation or 0.0) / 2
         return next((point for point in self.history if point.recovered >= half > 0), None)
 
-    def best_within(self, *, images: int) -> float | None:
-        """The best score on the validation split within so many images: that of the model a shorter run had kept."""
-        return max((point.recovered for point in self.history if point.images <= images), default=None)
-
-    def best_in_time(self, *, seconds: float) -> float | None:
-        """Likewise within so many seconds."""
-        return max((point.recovered for point in self.history if point.seconds <= seconds), default=None)
+    def best_within(self, *, images: float = math.inf, seconds: float = math.inf) -> float | None:
+        """The best score within a budget, which a run of that length would have kept; None before the first score."""
+        scores = (point.recovered for point in self.history if point.images <= images and point.seconds <= seconds)
+        return max(scores, default=None)
 
     def save(self, run: Path) -> None:
         save_record(run / OUTCOME, self)
 
     @classmethod
-    def load(cls, run: Path) -> Outcome:
+    def load(cls, run: Path) -> RunOutcome:
         """Reads what `save` wrote.
 
         Raises:
-            AssetError: the run is not over, or the file is damaged.
+            AssetError: the run is not complete, or the file is damaged.
             ConfigError: it is of another version.
         """
         return load_record(cls, run / OUTCOME)

@@ -1,4 +1,8 @@
-"""Tasks in processes of their own, several at once: one that fails, or aborts, disturbs no other."""
+"""Runs tasks, each in its own process, several at once, so that a task that fails or aborts stops no other.
+
+Libraries that were tried lack something: in `concurrent.futures`, one aborted process breaks the whole pool; doit has
+no time limit, and its children outlive it if it is killed.
+"""
 
 from __future__ import annotations
 
@@ -7,22 +11,51 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import torch
 
-from svbrdfgan.experiments.schedule import Schedule
-from svbrdfgan.experiments.tasks import Order, Task
+from svbrdfgan.experiments.tasks import TASK, Task
 from svbrdfgan.utils.display import Display
 from svbrdfgan.utils.processes import cores, import_path
 
 OUTPUT = "output.txt"
-_PAUSE = 0.2
+_POLL_SECONDS = 0.2
 _VISIBLE = "CUDA_VISIBLE_DEVICES"
 
+
+class Schedule:
+    """Tasks in order of preference, each to be taken once those that it needs have ended. The taker reports the end."""
+
+    def __init__(self, tasks: Iterable[Task]) -> None:
+        self._waiting = {task.folder: task for task in tasks}
+        self._open = set(self._waiting)
+
+    def __len__(self) -> int:
+        """The number of tasks that have not ended."""
+        return len(self._open)
+
+    def take(self) -> Task | None:
+        """The first task whose needs have ended; None if there is none now."""
+        for task in self._waiting.values():
+            if not self._open & set(task.needs):
+                return self._waiting.pop(task.folder)
+        return None
+
+    def end(self, task: Task, reason: str | None) -> Iterator[tuple[Task, str | None]]:
+        """Ends a task, which failed if there is a reason. Yields it, and then all that fail because they need it."""
+        self._open.discard(task.folder)
+        yield task, reason
+        if reason is None:
+            return
+        for other in list(self._waiting.values()):
+            if task.folder in other.needs and self._waiting.pop(other.folder, None) is not None:
+                yield from self.end(other, f"{task.title}: {reason}")
+
+
 Execute = Callable[[Schedule, int, float, Display], Generator[tuple[Task, str | None], None, None]]
-"""Does what is scheduled, so many at once, until then, and yields each that ends, with the reason if it failed."""
+"""Runs tasks: the schedule, tasks at once, when to stop, the display. Yields each task that ends, and why it failed."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +65,7 @@ class _Child:
     gpu: str | None
 
     def reason(self) -> str | None:
-        """Why it failed: the last line that it wrote; None if it did not."""
+        """Why it failed: the last line of its output. None if it succeeded."""
         code = self.process.returncode
         if code == 0:
             return None
@@ -42,7 +75,7 @@ class _Child:
         return lines[-1].strip() if lines else f"it ended with exit code {code}"
 
     def terminate(self) -> None:
-        """Ends it and the processes that it started, if it has not ended."""
+        """Ends the process and its children, if it still runs."""
         if self.process.poll() is not None:
             return
         if os.name == "posix":
@@ -52,27 +85,27 @@ class _Child:
 
 
 def gpus() -> list[str]:
-    """The names of those that this process may use, as `CUDA_VISIBLE_DEVICES` has them."""
-    told = os.environ.get(_VISIBLE)
-    if told is None:
+    """The GPUs that this process may use, named as in `CUDA_VISIBLE_DEVICES`."""
+    visible = os.environ.get(_VISIBLE)
+    if visible is None:
         return [str(number) for number in range(torch.cuda.device_count())]
-    return [name.strip() for name in told.split(",") if name.strip()]
+    return [name.strip() for name in visible.split(",") if name.strip()]
 
 
 def execute(
     schedule: Schedule, jobs: int, until: float, display: Display
 ) -> Generator[tuple[Task, str | None], None, None]:
-    """Does tasks, spread over the GPUs; what a task prints goes to `output.txt` in its folder.
+    """Runs tasks, spread over the GPUs. The output of a task goes to `output.txt` in its folder.
 
-    When `until`, by `time.monotonic`, is over, or whoever asked stops asking, all that run are ended.
+    At the time `until` of `time.monotonic`, or when the generator is closed, all running tasks are ended.
     """
-    running, places = list[_Child](), gpus()
+    running, devices = list[_Child](), gpus()
     try:
         while len(schedule) and time.monotonic() < until:
             while len(running) < jobs and (task := schedule.take()) is not None:
-                running.append(_start(task, jobs, _least_used(places, running)))
+                running.append(_start(task, jobs, _least_used(devices, running)))
                 display.advance(0, task.title)
-            time.sleep(_PAUSE)
+            time.sleep(_POLL_SECONDS)
             for child in [child for child in running if child.process.poll() is not None]:
                 running.remove(child)
                 yield from schedule.end(child.task, child.reason())
@@ -83,15 +116,15 @@ def execute(
             child.process.wait()
 
 
-def _least_used(places: Sequence[str], running: Sequence[_Child]) -> str | None:
-    taken = [child.gpu for child in running]
-    return min(places, key=taken.count, default=None)
+def _least_used(devices: Sequence[str], running: Sequence[_Child]) -> str | None:
+    used = [child.gpu for child in running]
+    return min(devices, key=used.count, default=None)
 
 
 def _start(task: Task, jobs: int, gpu: str | None) -> _Child:
-    """Several at once share the cores out among them."""
-    shared = {"OMP_NUM_THREADS": str(max(1, cores() // jobs))} if jobs > 1 else {}
-    placed = {} if gpu is None else {_VISIBLE: gpu}
+    """Starts the process of a task, with its share of the cores."""
+    threads = {"OMP_NUM_THREADS": str(max(1, cores() // jobs))} if jobs > 1 else {}
+    device = {} if gpu is None else {_VISIBLE: gpu}
     task.path.mkdir(parents=True, exist_ok=True)
     with (task.path / OUTPUT).open("wb") as output:
         process = subprocess.Popen(
@@ -99,10 +132,10 @@ def _start(task: Task, jobs: int, gpu: str | None) -> _Child:
             stdin=subprocess.PIPE,
             stdout=output,
             stderr=subprocess.STDOUT,
-            env={**shared, **os.environ, **placed, "PYTHONPATH": import_path()},
-            process_group=0 if os.name == "posix" else None,
+            env={**threads, **os.environ, **device, "PYTHONPATH": import_path()},
+            process_group=0 if os.name == "posix" else None,  # so that its children are ended with it
         )
     assert process.stdin is not None
-    process.stdin.write(Order(task=task).model_dump_json().encode())
+    process.stdin.write(TASK.dump_json(task))
     process.stdin.close()
     return _Child(task, process, gpu)

@@ -1,4 +1,4 @@
-"""From an experiment's file to the runs it takes: every row crossed with its recipes and seeds, resolved."""
+"""The runs of an experiment: every row with each of its recipes and seeds, and the resolved configuration of each."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, Split, datas
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.experiments.definition import (
     Experiment,
-    Profile,
+    ExperimentProfile,
+    ExperimentRow,
     ProfileName,
     Recipe,
-    Row,
     experiment_names,
     load_experiment,
     load_profile,
 )
 from svbrdfgan.training.config import TrainConfig, resolved, train_config
 
-_ELSEWHERE = "dataset"
-"""Stands for the data set's folder, which is chosen when the run is placed."""
+_PLACEHOLDER = "dataset"
+"""Stands for the data set's folder, which is chosen when the run gets its own."""
 
 
 class DatasetSpec(StrictModel):
-    """All that a data set depends on."""
+    """Everything that a data set depends on."""
 
     dataset: DatasetConfig
 
 
 class OracleSpec(StrictModel):
-    """All that an oracle depends on: the data, and the run of a single step whose oracle it is."""
+    """Everything that an oracle depends on: the data, and the run of one step whose oracle it is."""
 
     dataset: DatasetConfig
     train: TrainConfig
@@ -45,7 +45,7 @@ class OracleSpec(StrictModel):
 
 
 class RunSpec(StrictModel):
-    """All that the outcome of a run depends on. Paths in it are relative to the assets."""
+    """Everything that the outcome of a run depends on. Paths are relative to the assets."""
 
     train: TrainConfig
     oracle: OracleSpec
@@ -56,7 +56,7 @@ class RunSpec(StrictModel):
 
     @property
     def files(self) -> list[str]:
-        """The patterns of the files that it needs."""
+        """Patterns of the files that it needs."""
         config, scenes = self.dataset, self.train.scenes
         sources = [split.meshes for split in config.splits.values()]
         lights = [config.environments, *(split.environments for split in config.splits.values()), scenes.environment]
@@ -66,7 +66,7 @@ class RunSpec(StrictModel):
 
 @dataclass(frozen=True)
 class Cell:
-    """One run of an experiment, which is known by its name."""
+    """One run of an experiment."""
 
     experiment: str
     row: str
@@ -79,28 +79,28 @@ class Cell:
         return f"{self.row}, {self.recipe}, seed {self.seed}"
 
     def matches(self, pattern: str) -> bool:
-        """Whether it is one of those that EXPERIMENT/ROW/RECIPE/SEED means, or as much of that as is said."""
+        """Whether EXPERIMENT/ROW/RECIPE/SEED, or a beginning of that, names it. Parts may be shell patterns."""
         mine, wanted = (self.experiment, self.row, self.recipe, str(self.seed)), pattern.split("/")
         return len(wanted) <= len(mine) and all(map(fnmatchcase, mine, wanted))
 
 
 @dataclass(frozen=True)
-class Design:
+class RunMatrix:
     """An experiment in a profile.
 
     Attributes:
-        overrides: KEY=VALUE, with keys that begin with `dataset.` or `train.`; rows change what these leave.
+        overrides: KEY=VALUE, with keys that begin with `dataset.` or `train.`. Changes of rows come after them.
     """
 
     name: str
     experiment: Experiment
     profile_name: ProfileName
-    profile: Profile
+    profile: ExperimentProfile
     overrides: tuple[str, ...] = ()
 
     @classmethod
-    def load(cls, name: str, profile: ProfileName, overrides: Sequence[str] = ()) -> Design:
-        """The design of a shipped experiment, or of one's own by its file.
+    def load(cls, name: str, profile: ProfileName, overrides: Sequence[str] = ()) -> RunMatrix:
+        """The matrix of a shipped experiment, or of the user's own by its file.
 
         Raises:
             ConfigError: there is none, or its file is wrong.
@@ -115,7 +115,7 @@ class Design:
         """The runs, in the order of the table.
 
         Args:
-            seeds: instead of those that the rows name.
+            seeds: replace those that the rows name.
 
         Raises:
             ConfigError: the configuration of a row is wrong.
@@ -131,29 +131,29 @@ class Design:
         """One run.
 
         Raises:
-            ConfigError: one line for each fault of its configuration.
+            ConfigError: its configuration is wrong; one line for each error.
         """
         data = apply_overrides(self._base, self.changes(name))
         source = f"{self.name}, row {name}"
         dataset = dataset_config(data["dataset"], source)
         lacking = [split for split in get_args(Split) if split not in dataset.splits]
         if lacking:
-            raise ConfigError(f"{source}: dataset.splits lacks {' and '.join(lacking)}, on which scores are taken.")
-        told = {"recipe": recipe, "seed": seed, "dataset": _ELSEWHERE}
-        train = resolved(train_config({**data["train"], **told}, source), dataset.spp)
+            raise ConfigError(f"{source}: dataset.splits lacks {' and '.join(lacking)}, on which runs are scored.")
+        fixed = {"recipe": recipe, "seed": seed, "dataset": _PLACEHOLDER}
+        train = resolved(train_config({**data["train"], **fixed}, source), dataset.spp)
         return Cell(self.name, name, recipe, seed, RunSpec(train=train, oracle=self._oracle(dataset, train)))
 
     def changes(self, name: str) -> list[str]:
-        """What a row changes, as KEY=VALUE."""
+        """The changes of a row, as KEY=VALUE."""
         return self.experiment.rows[name].overrides_in(self.profile_name)
 
     @property
     def common(self) -> list[str]:
-        """What all rows change in the profile, likewise."""
+        """The changes that all rows share, as KEY=VALUE."""
         return [*self.experiment.overrides_in(self.profile_name), *self.overrides]
 
-    def recipes(self, row: Row) -> dict[Recipe, tuple[int, ...]]:
-        """What a row is trained by, and with which seeds."""
+    def recipes(self, row: ExperimentRow) -> dict[Recipe, tuple[int, ...]]:
+        """The recipes that train a row, and the seeds of each."""
         return self.experiment.recipes if row.recipes is None else row.recipes
 
     @cached_property
@@ -162,27 +162,27 @@ class Design:
         return apply_overrides(base, self.common)
 
     def _oracle(self, dataset: DatasetConfig, train: TrainConfig) -> OracleSpec:
-        """The same wherever data and generator are, whatever else an experiment or a row changes."""
+        """The oracle depends on data and generator alone, so that rows with other changes share it."""
         base = apply_overrides({"train": self.profile.train}, (o for o in self.overrides if o.startswith("train.")))
-        told = {"seed": 0, "dataset": _ELSEWHERE, "steps": 1, "minutes": None}
-        same = train_config({**base["train"], **told}, self.name).model_copy(update={"generator": train.generator})
+        fixed = {"seed": 0, "dataset": _PLACEHOLDER, "steps": 1, "minutes": None}
+        same = train_config({**base["train"], **fixed}, self.name).model_copy(update={"generator": train.generator})
         return OracleSpec(dataset=dataset, train=same, steps=self.profile.oracle_steps)
 
 
-def choose(cells: Sequence[Cell], patterns: Sequence[str]) -> list[Cell]:
-    """Those that match, in the order of the patterns; all if there are none.
+def select_cells(cells: Sequence[Cell], patterns: Sequence[str]) -> list[Cell]:
+    """The cells that match, in the order of the patterns; all cells if there are no patterns.
 
     Raises:
-        ConfigError: a pattern matches none.
+        ConfigError: a pattern matches no cell.
     """
     if not patterns:
         return list(cells)
-    chosen: list[Cell] = []
+    selected: list[Cell] = []
     for pattern in patterns:
         matching = [cell for cell in cells if cell.matches(pattern)]
         if not matching:
             known = list(dict.fromkeys(f"{cell.experiment}/{cell.row}" for cell in cells))
             hint = did_you_mean(pattern, known) or f"; there are {', '.join(known)}."
             raise ConfigError(f"no run matches {pattern!r}{hint}")
-        chosen += [cell for cell in matching if cell not in chosen]
-    return chosen
+        selected += [cell for cell in matching if cell not in selected]
+    return selected

@@ -1,4 +1,7 @@
-"""Folders that are known by what was made in them: equal specifications share one, also between experiments."""
+"""Folders of data sets, oracles and runs, found by the specification of what was made in them.
+
+Equal specifications share a folder, also between experiments.
+"""
 
 from __future__ import annotations
 
@@ -6,20 +9,21 @@ import re
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from svbrdfgan.config.models import StrictModel
-from svbrdfgan.errors import SvbrdfganError
+from svbrdfgan.config.models import StrictModel, differences
+from svbrdfgan.errors import ConfigError, SvbrdfganError
+from svbrdfgan.experiments.run_matrix import RunMatrix, RunSpec
 from svbrdfgan.io.records import load_record, save_record
 
-SPEC = "spec.json"
+SPEC, DEFINITION = "spec.json", "definition.json"
 
 Spec = TypeVar("Spec", bound=StrictModel)
 
 
-class Shelf(Generic[Spec]):
-    """The folders below one, each made to the specification in its `spec.json`.
+class RunStore(Generic[Spec]):
+    """The folders below one folder, each with its specification in `spec.json`.
 
-    Specifications are compared as read by this version, so that a key that is new, at its default, makes no difference.
-    Folders of specifications that this version cannot read are left alone.
+    Specifications are compared as this version reads them, so that a new key with its default value makes no
+    difference. Folders whose specification this version cannot read are ignored.
     """
 
     def __init__(self, folder: Path, model: type[Spec]) -> None:
@@ -32,11 +36,11 @@ class Shelf(Generic[Spec]):
                 continue
 
     def find(self, spec: Spec) -> Path | None:
-        """Where it was made, or begun."""
+        """The folder in which it was made or begun; None if there is none."""
         return next((self.folder / name for name, held in self.specs.items() if held == spec), None)
 
     def place(self, spec: Spec, name: str) -> Path:
-        """Where it was made or begun, or is to be: a new folder of that name, or one like it.
+        """The folder in which it was made or begun; else a new one of that name, numbered if the name is taken.
 
         Raises:
             AssetError: the disk cannot be written.
@@ -51,3 +55,35 @@ class Shelf(Generic[Spec]):
         save_record(self.folder / free / SPEC, spec)
         self.specs[free] = spec
         return self.folder / free
+
+
+class Provenance(StrictModel):
+    """The contents of `definition.json`: the specification of every row by every recipe, with seed 0."""
+
+    profile: str
+    rows: dict[str, RunSpec]
+
+
+def record_provenance(matrix: RunMatrix, root: Path) -> None:
+    """Writes what the results in `root/NAME` will be of, unless they exist already.
+
+    Raises:
+        ConfigError: the existing results are of another definition.
+    """
+    rows = {f"{cell.row}/{cell.recipe}": cell.spec for cell in matrix.cells(seeds=[0])}
+    mine = Provenance(profile=matrix.profile_name, rows=rows)
+    folder = root / matrix.name
+    path = folder / DEFINITION
+    if not path.is_file():
+        save_record(path, mine)
+        return
+    try:
+        its = load_record(Provenance, path)
+        changed = differences(mine.model_dump(mode="json"), its.model_dump(mode="json"))
+    except SvbrdfganError:
+        changed = ["a key that this version does not know"]
+    if changed:
+        raise ConfigError(
+            f"{folder} holds results of another definition ({changed[0]}); choose another folder, or delete {folder}: "
+            f"runs that fit are taken from {root / 'runs'}."
+        )

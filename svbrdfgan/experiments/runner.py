@@ -1,4 +1,4 @@
-"""Does an experiment: makes what is missing, and leaves a table, whatever stops it or fails."""
+"""Runs experiments: makes what is missing, and writes the tables after every task that ends."""
 
 from __future__ import annotations
 
@@ -11,12 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.experiments.processes import Execute, execute, gpus
-from svbrdfgan.experiments.provenance import keep_definition
+from svbrdfgan.experiments.processes import Execute, Schedule, execute, gpus
 from svbrdfgan.experiments.results import FAILED, Results, gather
-from svbrdfgan.experiments.run_matrix import Cell, DatasetSpec, Design, OracleSpec, RunSpec, choose
-from svbrdfgan.experiments.run_store import Shelf
-from svbrdfgan.experiments.schedule import Schedule
+from svbrdfgan.experiments.run_matrix import Cell, DatasetSpec, OracleSpec, RunMatrix, RunSpec, select_cells
+from svbrdfgan.experiments.run_store import RunStore, record_provenance
 from svbrdfgan.experiments.table import write_results
 from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask, Task
 from svbrdfgan.utils.display import Display, SilentDisplay
@@ -25,7 +23,7 @@ from svbrdfgan.utils.processes import cores
 
 @dataclass(frozen=True)
 class _Work:
-    """The tasks of one cell; each needs those before it."""
+    """The tasks of one cell; each needs the ones before it."""
 
     dataset: DatasetTask
     oracle: OracleTask
@@ -33,7 +31,7 @@ class _Work:
 
 
 def run_experiments(
-    designs: Sequence[Design],
+    matrices: Sequence[RunMatrix],
     root: Path,
     *,
     assets: Path | None = None,
@@ -44,43 +42,43 @@ def run_experiments(
     display: Display | None = None,
     execute: Execute = execute,
 ) -> list[Results]:
-    """Makes the data sets, oracles and runs that are missing, and writes the results of each design into `root/NAME`.
+    """The results of each matrix, which are also written into `root/NAME`, once all that is missing was made.
 
-    Data sets, oracles and runs lie in `root` itself, where equal ones are shared.
+    Data sets, oracles and runs are in `root` itself, where the matrices share equal ones.
 
     Args:
-        assets: what file patterns are relative to.
+        assets: folder that file patterns are relative to.
         jobs: processes at once, spread over the GPUs.
-        only: patterns of EXPERIMENT/ROW/RECIPE/SEED; runs that match, in this order.
-        seeds: instead of those that the rows name.
-        minutes: so long; what is not done by then is left as it is, and goes on another time.
-        execute: does the tasks.
+        only: patterns of EXPERIMENT/ROW/RECIPE/SEED; only matching runs are made, in this order.
+        seeds: replace those that the rows name.
+        minutes: time limit; the next call continues what is not complete by then.
+        execute: runs the tasks.
 
     Raises:
-        ConfigError: a configuration is wrong, files are wanted but no assets given, or `root/NAME` holds the results of
+        ConfigError: a configuration is wrong, files are needed but `assets` is None, or `root/NAME` holds results of
             another definition.
     """
     until = time.monotonic() + 60 * minutes
-    cells = choose([cell for design in designs for cell in design.cells(seeds)], only)
+    cells = select_cells([cell for matrix in matrices for cell in matrix.cells(seeds)], only)
     _require_assets(cells, assets)
-    for design in designs:
-        keep_definition(design, root)
-    runs = Shelf(root / "runs", RunSpec)
+    for matrix in matrices:
+        record_provenance(matrix, root)
+    runs = RunStore(root / "runs", RunSpec)
     work = [each for each in _work(cells, root, runs, assets or Path(), jobs) if not each.run.done()]
     schedule = Schedule(_missing(work, jobs))
-    results = [_report(design, root, runs) for design in designs]
-    shown = display or SilentDisplay()
-    shown.begin("data sets, oracles and runs", len(schedule))
-    with closing(execute(schedule, jobs, until, shown)) as ended:
+    results = [_report(matrix, root, runs) for matrix in matrices]
+    display = display or SilentDisplay()
+    display.begin("data sets, oracles and runs", len(schedule))
+    with closing(execute(schedule, jobs, until, display)) as ended:
         for task, reason in ended:
-            shown.advance(1, task.title if reason is None else f"{task.title} FAILED")
+            display.advance(1, task.title if reason is None else f"{task.title} FAILED")
             _note(task.path / FAILED, reason)
-            results = [_report(design, root, runs) for design in designs]
+            results = [_report(matrix, root, runs) for matrix in matrices]
     return results
 
 
-def _work(cells: Sequence[Cell], root: Path, runs: Shelf[RunSpec], assets: Path, jobs: int) -> Iterator[_Work]:
-    datasets, oracles = Shelf(root / "datasets", DatasetSpec), Shelf(root / "oracles", OracleSpec)
+def _work(cells: Sequence[Cell], root: Path, runs: RunStore[RunSpec], assets: Path, jobs: int) -> Iterator[_Work]:
+    datasets, oracles = RunStore(root / "datasets", DatasetSpec), RunStore(root / "oracles", OracleSpec)
     where: dict[str, Any] = {"root": str(root), "assets": str(assets)}
     sharing = math.ceil(jobs / max(1, len(gpus())))
     for cell in cells:
@@ -98,7 +96,7 @@ def _work(cells: Sequence[Cell], root: Path, runs: Shelf[RunSpec], assets: Path,
 
 
 def _missing(work: Iterable[_Work], jobs: int) -> list[Task]:
-    """What is not done, each once, in the order in which runs are wanted; data sets share the cores among them."""
+    """The tasks that are not done, each once, in the order of the runs. Data sets share the cores."""
     tasks: dict[str, Task] = {task.folder: task for each in work for task in (each.dataset, each.oracle, each.run)}
     missing = [task for task in tasks.values() if not task.done()]
     datasets = sum(isinstance(task, DatasetTask) for task in missing)
@@ -106,14 +104,14 @@ def _missing(work: Iterable[_Work], jobs: int) -> list[Task]:
     return [t.model_copy(update={"workers": workers}) if isinstance(t, DatasetTask) else t for t in missing]
 
 
-def _report(design: Design, root: Path, runs: Shelf[RunSpec]) -> Results:
-    results = gather(design, runs)
-    write_results(root / design.name, results)
+def _report(matrix: RunMatrix, root: Path, runs: RunStore[RunSpec]) -> Results:
+    results = gather(matrix, runs)
+    write_results(root / matrix.name, results)
     return results
 
 
 def _note(path: Path, reason: str | None) -> None:
-    """Keeps why a task failed; forgets it when it no longer does."""
+    """Writes why a task failed; deletes the file if it did not."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if reason is None:
         path.unlink(missing_ok=True)
@@ -124,4 +122,4 @@ def _note(path: Path, reason: str | None) -> None:
 def _require_assets(cells: Iterable[Cell], assets: Path | None) -> None:
     patterns = [pattern for cell in cells for pattern in cell.spec.files]
     if patterns and assets is None:
-        raise ConfigError(f"files are wanted, such as {patterns[0]}; give --assets, the folder that they are in.")
+        raise ConfigError(f"files are needed, such as {patterns[0]}; give --assets, the folder that holds them.")

@@ -1,4 +1,4 @@
-"""The results as files that people read: `table.md`, its pictures, and `results.json` for programs."""
+"""The files of results: `table.md` and its pictures for people, `results.json` for programs."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from svbrdfgan.experiments.columns import Column
-from svbrdfgan.experiments.contact_strip import STRIP, write_sheet
-from svbrdfgan.experiments.results import Line, Results
+from svbrdfgan.experiments.contact_strip import CONTACT_STRIP, write_contact_sheet
+from svbrdfgan.experiments.results import Results, TableLine
 from svbrdfgan.io.atomic import atomic_path
 
 TABLE, RESULTS, SHEET, PICTURES = "table.md", "results.json", "pictures.png", "pictures"
 
 
 def write_results(folder: Path, results: Results) -> None:
-    """Writes all of them, over those of an earlier state.
+    """Writes all files into the folder, over those of earlier results.
 
     Raises:
         AssetError: the disk cannot be written.
@@ -24,19 +24,19 @@ def write_results(folder: Path, results: Results) -> None:
     _write(folder / RESULTS, json.dumps(results.record(), indent=1) + "\n")
     strips = _strips(folder / PICTURES, results.lines)
     if strips:
-        write_sheet(folder / SHEET, strips)
+        write_contact_sheet(folder / SHEET, strips)
     _write(folder / TABLE, page(results, pictures=bool(strips)))
 
 
 def page(results: Results, *, pictures: bool) -> str:
     """The page in Markdown."""
-    design, columns = results.design, [*results.verdicts(), *results.speeds()]
-    experiment = design.experiment
+    matrix, columns = results.matrix, [*results.verdicts(), *results.speeds()]
+    experiment = matrix.experiment
     parts = [
         f"# {experiment.title}",
         f"Reproduces {experiment.figure} of the thesis. The thesis: {experiment.thesis.strip()}",
-        f"Profile `{design.profile_name}`: {design.profile.about.strip()}",
-        _changed("All rows differ from that by", design.common),
+        f"Profile `{matrix.profile_name}`: {matrix.profile.about.strip()}",
+        _changed("All rows differ from that by", matrix.common),
         "## How well each row learned",
         _table(results.verdicts(), results.lines),
         _spread(results),
@@ -58,7 +58,7 @@ def page(results: Results, *, pictures: bool) -> str:
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def _table(columns: Sequence[Column], lines: Iterable[Line]) -> str:
+def _table(columns: Sequence[Column], lines: Iterable[TableLine]) -> str:
     head = ["row", "recipe", "seeds", *(column.heading for column in columns)]
     rows = [
         [line.row, line.recipe, str(len(line.outcomes)), *(_cell(column, line) for column in columns)]
@@ -69,8 +69,8 @@ def _table(columns: Sequence[Column], lines: Iterable[Line]) -> str:
     return "\n".join("| " + " | ".join(row) + " |" for row in [head, ruler, *rows])
 
 
-def _cell(column: Column, line: Line) -> str:
-    """Mean and deviation; with how many runs have the number, where not all do."""
+def _cell(column: Column, line: TableLine) -> str:
+    """Mean and deviation, and how many runs have the number if not all do."""
     statistic = column.over(line.outcomes)
     if statistic is None:
         return column.absent
@@ -80,13 +80,13 @@ def _cell(column: Column, line: Line) -> str:
 
 
 def _row(results: Results, name: str) -> str:
-    about = results.design.experiment.rows[name].about.strip()
-    return f"- **{name}**: {about} {_changed('Sets', results.design.changes(name))}".rstrip()
+    about = results.matrix.experiment.rows[name].about.strip()
+    return f"- **{name}**: {about} {_changed('Sets', results.matrix.changes(name))}".rstrip()
 
 
 def _changed(intro: str, overrides: Iterable[str]) -> str:
-    told = ", ".join(f"`{override}`" for override in overrides)
-    return f"{intro} {told}." if told else ""
+    listed = ", ".join(f"`{override}`" for override in overrides)
+    return f"{intro} {listed}." if listed else ""
 
 
 def _spread(results: Results) -> str:
@@ -94,19 +94,19 @@ def _spread(results: Results) -> str:
     return "Mean ± standard deviation over the seeds." if several else "One seed each: small differences mean nothing."
 
 
-def _rising(lines: Iterable[Line]) -> str:
-    """Which ceilings are too low."""
+def _rising(lines: Iterable[TableLine]) -> str:
+    """Which oracles are too low a ceiling."""
     found = [_label(line) for line in lines if any(not o.evaluation.oracle_plateau for o in line.outcomes)]
     return f" Its steps ran out while it was still rising in: {'; '.join(found)}." if found else ""
 
 
-def _absent(lines: Iterable[Line]) -> str:
+def _absent(lines: Iterable[TableLine]) -> str:
     found = [_label(line) for line in lines if not line.runs]
     return f"Not run yet: {'; '.join(found)}." if found else ""
 
 
 def _machines(results: Results) -> str:
-    """On what, and how many at once: seconds of different ones cannot be compared. And by which versions."""
+    """The devices, runs at once and versions. Seconds compare only if device and runs at once are equal."""
     found = dict.fromkeys(f"{o.device}, {o.jobs} at once" for o in results.outcomes)
     mixed = " These differ, so compare seconds only where they agree." if len(found) > 1 else ""
     made = dict.fromkeys(", ".join(f"{name} {of}" for name, of in o.versions.items()) for o in results.outcomes)
@@ -114,26 +114,28 @@ def _machines(results: Results) -> str:
     return f"Seconds are those of runs on {'; '.join(found)}.{mixed}{several}" if found else ""
 
 
-def _runs(lines: Iterable[Line]) -> Iterable[str]:
+def _runs(lines: Iterable[TableLine]) -> Iterable[str]:
     for line in lines:
         for run in line.runs:
-            told = f"[report](../runs/{run.folder.name}/report.html)" if run.reason is None else f"failed: {run.reason}"
-            yield f"- {_label(line)}, seed {run.seed}: {told}"
+            result = (
+                f"[report](../runs/{run.folder.name}/report.html)" if run.reason is None else f"failed: {run.reason}"
+            )
+            yield f"- {_label(line)}, seed {run.seed}: {result}"
 
 
-def _label(line: Line) -> str:
+def _label(line: TableLine) -> str:
     return f"{line.row}, {line.recipe}"
 
 
-def _strips(folder: Path, lines: Iterable[Line]) -> dict[str, Path]:
-    """A copy of the strip of each line's first run, by its label."""
+def _strips(folder: Path, lines: Iterable[TableLine]) -> dict[str, Path]:
+    """Copies of the contact strip of each line's first run, by the line's label."""
     strips = {}
     for line in lines:
-        first = next((run for run in line.runs if (run.folder / STRIP).is_file()), None)
+        first = next((run for run in line.runs if (run.folder / CONTACT_STRIP).is_file()), None)
         if first is not None:
             strips[_label(line)] = path = folder / f"{line.row}-{line.recipe}.png"
             folder.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(first.folder / STRIP, path)
+            shutil.copyfile(first.folder / CONTACT_STRIP, path)
     return strips
 
 

@@ -1,4 +1,4 @@
-"""What processes of their own do: make a data set, train its oracle, train and judge a run."""
+"""The tasks that experiments consist of: make a data set, train its oracle, train and evaluate a run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import torch
-from pydantic import Field
+from pydantic import Field, TypeAdapter
 
 from svbrdfgan.config.models import StrictModel
 from svbrdfgan.data.config import DatasetConfig, EnvironmentSource
@@ -17,9 +17,9 @@ from svbrdfgan.data.generate import generate, missing
 from svbrdfgan.data.index import INDEX, DatasetIndex
 from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
-from svbrdfgan.experiments.contact_strip import STRIP, write_strip
+from svbrdfgan.experiments.contact_strip import CONTACT_STRIP, write_contact_strip
 from svbrdfgan.experiments.measures import measure
-from svbrdfgan.experiments.outcome import CEILING, OUTCOME, Ceiling, Outcome, Point
+from svbrdfgan.experiments.outcome import CEILING, OUTCOME, Ceiling, RunOutcome, ScorePoint
 from svbrdfgan.experiments.run_matrix import OracleSpec, RunSpec
 from svbrdfgan.report.page import write_report
 from svbrdfgan.training.config import TrainConfig
@@ -29,13 +29,13 @@ from svbrdfgan.training.trainer import train
 
 
 class _Task(StrictModel):
-    """What is to be made.
+    """Something to be made in a folder.
 
     Attributes:
         title: for people.
-        root: the folder of all experiments, which holds data sets, oracles and runs.
-        folder: where it is made, relative to the root.
-        assets: what patterns of files are relative to.
+        root: folder of all experiments, which holds data sets, oracles and runs.
+        folder: relative to the root.
+        assets: folder that file patterns are relative to.
     """
 
     title: str
@@ -49,12 +49,12 @@ class _Task(StrictModel):
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The folders of those tasks that must be done before."""
+        """Folders of the tasks that must be done before."""
         return ()
 
 
 class DatasetTask(_Task):
-    """A data set. `workers` embed and bake meshes."""
+    """A data set; `workers` processes unwrap and bake meshes."""
 
     kind: Literal["dataset"] = "dataset"
     config: DatasetConfig
@@ -68,7 +68,7 @@ class DatasetTask(_Task):
 
 
 class OracleTask(_Task):
-    """The oracle of a data set and a generator: that of a run of one step."""
+    """The oracle of a data set and a generator: the oracle of a run of one step."""
 
     kind: Literal["oracle"] = "oracle"
     spec: OracleSpec
@@ -90,7 +90,7 @@ class OracleTask(_Task):
 
 
 class RunTask(_Task):
-    """A run, and the verdict on it."""
+    """A run, and its evaluation against the oracle; `jobs` runs share the device."""
 
     kind: Literal["run"] = "run"
     spec: RunSpec
@@ -108,10 +108,10 @@ class RunTask(_Task):
     def work(self) -> None:
         state = _train(self, self.spec.train, self.dataset)
         ceiling = Ceiling.load(Path(self.root) / self.oracle)
-        evaluated = self._judge(ceiling)
+        evaluated = self._evaluate(ceiling)
         write_report(self.path, evaluated)
-        write_strip(self.path / STRIP, evaluated)
-        Outcome(
+        write_contact_strip(self.path / CONTACT_STRIP, evaluated)
+        RunOutcome(
             evaluation=evaluated.evaluation,
             history=tuple(map(partial(_point, self.spec.train), state.history)),
             measures=measure(evaluated),
@@ -121,8 +121,8 @@ class RunTask(_Task):
         ).save(self.path)
         _forget_checkpoints(self.path)
 
-    def _judge(self, ceiling: Ceiling) -> Evaluated:
-        """Beside the oracle where its weights are; else beside its scores, which were carried here without them."""
+    def _evaluate(self, ceiling: Ceiling) -> Evaluated:
+        """With the oracle if its weights are here; else with its scores, which may have been copied without them."""
         oracle = Path(self.root) / self.oracle
         if (oracle / ORACLE).is_file() and (oracle / ORACLE_NOTES).is_file():
             for name in (ORACLE, ORACLE_NOTES):
@@ -136,15 +136,12 @@ class RunTask(_Task):
 
 Task = Annotated[DatasetTask | OracleTask | RunTask, Field(discriminator="kind")]
 
-
-class Order(StrictModel):
-    """A task as it is handed to its process."""
-
-    task: Task
+TASK: TypeAdapter[Task] = TypeAdapter(Task)
+"""Reads and writes a task of any kind as JSON."""
 
 
 def _train(task: OracleTask | RunTask, config: TrainConfig, dataset: str) -> State:
-    """Trains, or goes on. Other lights are among the assets, not in the root."""
+    """Trains, or continues. Files of lights other than the data set's are relative to the assets, not to the root."""
     scenes = config.scenes
     if isinstance(scenes.environment, EnvironmentSource):
         files = tuple(str(Path(task.assets).resolve() / pattern) for pattern in scenes.environment.files)
@@ -153,11 +150,11 @@ def _train(task: OracleTask | RunTask, config: TrainConfig, dataset: str) -> Sta
     return train(placed, task.path, base=Path(task.root), resume=(task.path / CONFIG).is_file())
 
 
-def _point(config: TrainConfig, entry: dict[str, float]) -> Point:
-    shown = round(entry["step"]) * config.images_per_step
-    return Point(images=shown, seconds=entry["seconds"], recovered=entry["recovered"])
+def _point(config: TrainConfig, entry: dict[str, float]) -> ScorePoint:
+    images = round(entry["step"]) * config.images_per_step
+    return ScorePoint(images=images, seconds=entry["seconds"], recovered=entry["recovered"])
 
 
 def _forget_checkpoints(run: Path) -> None:
-    """They are several times as large as the model, and the run is over."""
+    """Deletes the checkpoints of a complete run, which are several times as large as its model."""
     shutil.rmtree(run / "checkpoints", ignore_errors=True)

@@ -1,4 +1,4 @@
-"""Renderers and UV embeddings by entry point: found (`registry`), tried (`probe`) and chosen (`select`)."""
+"""Renderers and UV embeddings as plugins: listed and made (`registry`), tried (`probe`) and selected (`select`)."""
 
 from svbrdfgan.plugins.registry import (
     EMBEDDINGS,

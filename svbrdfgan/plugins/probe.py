@@ -1,7 +1,7 @@
-"""Whether plugins work here, each tried in a process of its own: a bad driver can abort one, or hang it.
+"""Whether plugins work here. Each is tried in its own process, since a bad driver can abort or hang a process.
 
 `python -m svbrdfgan.plugins.probe GROUP NAME DEVICE RESULT` is that process. It writes JSON to the file RESULT, because
-a plugin may print what it likes.
+plugins may print to stdout.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ TIMEOUT_SECONDS = 120.0
 
 @dataclass(frozen=True)
 class Probe:
-    """What became of one plugin.
+    """Whether a plugin works, and what it can do.
 
     Attributes:
-        reason: why it is not ok, one sentence; None if it is.
+        reason: why it is not ok, in one sentence; None if it is.
         capabilities: its capability record as JSON values, sets as sorted lists; None unless it is ok.
-        device: the type of a renderer's device, such as "cpu"; None for embeddings.
-        options: those it was made with.
+        device: type of a renderer's device, such as "cpu"; None for embeddings.
+        options: options with which it was tried.
         defaults: all options that it takes, with their defaults as JSON values.
     """
 
@@ -50,14 +50,14 @@ class Probe:
 
 
 def probe(plugin: Plugin, device: str | None = None, timeout: float = TIMEOUT_SECONDS) -> Probe:
-    """The plugin tried with its default options, and on `device` if one is named. Takes as long as importing it."""
+    """Tries the plugin with its default options, on `device` if one is given. Takes as long as importing it."""
     return probe_all([plugin], device, timeout)[0]
 
 
 def probe_all(
     plugins: Iterable[Plugin], device: str | None = None, timeout: float = TIMEOUT_SECONDS
 ) -> tuple[Probe, ...]:
-    """As `probe`, all at once; none takes longer than `timeout` seconds."""
+    """As `probe`, for all plugins at once; each has `timeout` seconds."""
     deadline = time.monotonic() + timeout
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder, ExitStack() as stack:
         trials = [
@@ -110,7 +110,7 @@ def _trial(plugin: Plugin, device: str | None, result: Path) -> Iterator[_Trial]
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """Ends the process, and on POSIX whatever it started."""
+    """Kills the process, and on POSIX its children."""
     if os.name == "posix":
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)

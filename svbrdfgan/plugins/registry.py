@@ -1,7 +1,7 @@
-"""Renderers and UV embeddings by name: what is installed, and the one that is chosen.
+"""Renderers and UV embeddings by name: listing the installed ones, and making one.
 
-Names and origins are read from installed metadata alone; nothing of a plugin is imported until it is chosen. Each
-distribution is read on its own, so that a damaged one is reported and disturbs no other.
+Listing reads installed metadata only; a plugin is imported when it is made. Each distribution is read on its own, so
+that a damaged one is reported and hides no other.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class Plugin:
     """One entry point, as its distribution's metadata declares it.
 
     Attributes:
-        target: "module:object", or nothing where the metadata cannot be read; `name` is then the distribution's.
-        problem: why it cannot be chosen; None if metadata alone shows no reason.
+        target: "module:object"; empty if the metadata cannot be read, and then `name` is the distribution's.
+        problem: why it cannot be made, as far as metadata shows; None if nothing is wrong.
     """
 
     name: str
@@ -66,7 +66,7 @@ class Plugin:
 
 
 def list_plugins(group: str) -> tuple[Plugin, ...]:
-    """Every installed plugin of the group, sorted by name. Imports none of them."""
+    """All installed plugins of the group, sorted by name. Imports none of them."""
     found = [plugin for distribution, text in _distributions() for plugin in _read(group, distribution, text)]
     return tuple(sorted(_refuse_clashes(found), key=lambda plugin: (plugin.name, plugin.distribution)))
 
@@ -78,18 +78,18 @@ def find_plugin(group: str, name: str) -> Plugin:
         PluginError: no plugin has the name, two distributions claim it, or its metadata is damaged.
     """
     plugins = list_plugins(group)
-    chosen = next((plugin for plugin in plugins if plugin.name == name), None)
-    if chosen is None:
+    found = next((plugin for plugin in plugins if plugin.name == name), None)
+    if found is None:
         raise PluginError(_unknown(group, name, plugins))
-    if chosen.problem:
-        raise PluginError(f"{chosen.title} cannot be used: {chosen.problem}")
-    return chosen
+    if found.problem:
+        raise PluginError(f"{found.title} cannot be used: {found.problem}")
+    return found
 
 
 def load_renderer(name: str, options: Mapping[str, object] = _NO_OPTIONS, path: str | None = None) -> Renderer[Any]:
-    """The renderer of that name, made with the options; its defaults hold for the rest.
+    """The renderer of that name, made with the options, and with its defaults for the others.
 
-    `path` leads to the options in messages, such as "train.yaml: renderer.options"; else it is the name.
+    Messages name options by `path`, such as "train.yaml: renderer.options"; by default it is the plugin's name.
 
     Raises:
         PluginError: it is unknown, claimed twice, broken, or lacks a dependency.
@@ -99,7 +99,7 @@ def load_renderer(name: str, options: Mapping[str, object] = _NO_OPTIONS, path: 
 
 
 def load_embedding(name: str, options: Mapping[str, object] = _NO_OPTIONS, path: str | None = None) -> UVEmbedding:
-    """The UV embedding of that name; as `load_renderer`."""
+    """The UV embedding of that name; arguments and errors are as for `load_renderer`."""
     return cast("UVEmbedding", make(find_plugin(EMBEDDINGS, name), options, path))
 
 
@@ -113,7 +113,7 @@ def import_factory(plugin: Plugin) -> Callable[..., object]:
 
 
 def make(plugin: Plugin, options: Mapping[str, object] = _NO_OPTIONS, path: str | None = None) -> object:
-    """The plugin's object, made with validated options and checked against its protocol."""
+    """The plugin's object, made with options that are validated, and checked against its protocol."""
     factory = import_factory(plugin)
     with _as_plugin_errors(plugin, "be made"):
         made = build(factory, options, path or plugin.name)
@@ -164,7 +164,7 @@ def _unknown(group: str, name: str, plugins: tuple[Plugin, ...]) -> str:
 
 
 def _distributions() -> Iterator[tuple[entrypoints.Distribution, str]]:
-    """Each installed distribution once, the first on the path, with the text of its entry_points.txt."""
+    """Each installed distribution, the first of its name on the path, with the text of its entry_points.txt."""
     seen: set[str] = set()
     for folder in sys.path:
         for label, info in _metadata_folders(Path(folder or ".")):
@@ -177,7 +177,7 @@ def _distributions() -> Iterator[tuple[entrypoints.Distribution, str]]:
 
 
 def _metadata_folders(folder: Path) -> list[tuple[str, Path | zipfile.Path]]:
-    """The metadata folders of the distributions in a directory, a zip file or an egg, with their "name-version"."""
+    """The "name-version" and metadata folder of each distribution in a directory, a zip file or an egg."""
     try:
         zipped = folder.is_file() and zipfile.is_zipfile(folder)
         root = zipfile.Path(folder) if zipped else folder

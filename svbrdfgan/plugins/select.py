@@ -20,10 +20,11 @@ if TYPE_CHECKING:
 RANKING: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"cuda": ("warp", "mitsuba", "numpy"), "cpu": ("mitsuba", "warp", "numpy")}
 )
-"""Fastest first. Measured for 64x64 pixels and 16 samples of a vehicle of 17,768 faces on two CPU cores, in one run:
-`warp` takes 6 times as long as `mitsuba` for a picture, 8 times for its gradient and 1.3 times for its transport, and
-`numpy` some twenty times as long as `warp`. On an H200, for the standard scene, `mitsuba` takes 1.5 times as long as
-`warp`. Names not listed come last, in alphabetical order."""
+"""Renderers by device, fastest first; others follow in alphabetical order.
+
+Measured on two CPU cores, for 64x64 pixels and 16 samples of a vehicle of 17,768 faces: `warp` takes 6 times as long as
+`mitsuba` for a picture, 8 times for its gradient and 1.3 times for its transport; `numpy` takes twenty times as long as
+`warp`. Measured on an H200, for the standard scene: `mitsuba` takes 1.5 times as long as `warp`."""
 
 log = logging.getLogger(__name__)
 
@@ -52,7 +53,7 @@ def resolve_renderer(
         kind: Literal["auto", "cpu", "cuda"] = "auto"
         if device is not None:
             kind = "cuda" if device.type == "cuda" else "cpu"
-        best = choose_renderer(kind, maps, differentiable=differentiable)
+        best = select_renderer(kind, maps, differentiable=differentiable)
         return load_renderer(best.name, best.options), PluginChoice(name=best.name)
     renderer = load_renderer(choice.name, choice.options)
     able = renderer.capabilities.maps & renderer.capabilities.differentiable
@@ -65,21 +66,19 @@ def resolve_renderer(
     return renderer, choice
 
 
-def choose_renderer(
+def select_renderer(
     device: Literal["auto", "cpu", "cuda"] = "auto", maps: Collection[str] = (), *, differentiable: bool = False
 ) -> PluginChoice:
-    """The first renderer in `RANKING` that works on the device, and the options that put it there.
+    """The first renderer in `RANKING` that works on the device, and its options. For "auto", GPUs come before the CPU.
 
-    "auto" means a GPU where some renderer works on one, else the CPU.
-
-    Each candidate is tried in a process of its own until one works.
+    Each candidate is tried in its own process, until one works.
 
     Args:
-        maps: those that it must read.
-        differentiable: whether it must have gradients for them, too.
+        maps: maps that it must read.
+        differentiable: whether it must have gradients with respect to these maps.
 
     Raises:
-        PluginError: none works, and why.
+        PluginError: none works; the message says why for each.
     """
     reasons = []
     for wanted in _devices() if device == "auto" else (device,):
@@ -89,13 +88,13 @@ def choose_renderer(
             if reason is None:
                 log.info("renderer: %s on %s", plugin.title, wanted)
                 return PluginChoice(name=plugin.name, options=dict(outcome.options))
-            log.info("renderer %r is passed over on %s: %s", plugin.name, wanted, reason)
+            log.info("renderer %r is not used on %s: %s", plugin.name, wanted, reason)
             reasons.append(f"\n  {plugin.name} on {wanted}: {reason}")
     raise PluginError(f"no installed renderer works on {device!r}:{''.join(reasons) or ' none is installed.'}")
 
 
 def _lack(outcome: Probe, maps: Collection[str], differentiable: bool) -> str | None:
-    """What a renderer that works cannot do of what is asked."""
+    """What the renderer lacks of what is asked; None if it lacks nothing."""
     able = outcome.capabilities or {}
     for ability, needed in (("maps", True), ("differentiable", differentiable)):
         lacking = sorted(set(maps) - set(able[ability])) if needed else []

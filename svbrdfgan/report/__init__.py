@@ -1,1 +1,1 @@
-"""What a run leaves for people to look at: one self-contained HTML page, and one picture. Importing it is free."""
+"""The report of a run: a self-contained HTML page, an overview picture, and what both consist of."""

@@ -1,4 +1,4 @@
-"""Curves of a training run as SVG, drawn in the colours and type of the page that they stand in."""
+"""Charts of a training run as SVG, in the colours and type of the page that contains them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ from dataclasses import dataclass, field
 from io import StringIO
 from typing import Any
 
+from svbrdfgan.evaluation.record import Evaluation
+from svbrdfgan.report.facts import MetricsLog
+from svbrdfgan.training.config import TrainConfig
+
 _STAND_INS = {
     "#010203": "var(--ink-soft)",
     "#010204": "var(--line)",
@@ -16,10 +20,12 @@ _STAND_INS = {
     "#010207": "var(--series-3)",
     "#010208": "var(--series-4)",
 }
-"""Colours that matplotlib writes, and the page's own that replace them."""
+"""Colours that matplotlib writes, and the page's CSS variables that replace them."""
 
 INK, LINE, *SERIES = _STAND_INS
 _FEW = 12
+"""Below this number of values, they are drawn as points."""
+_IMAGES = "images seen"
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
@@ -41,7 +47,7 @@ _STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Curve:
-    """A line of a chart; `smooth` draws its running mean over the faint line itself."""
+    """A line of a chart; with `smooth`, its running mean is drawn over a faint line."""
 
     name: str
     x: Sequence[float]
@@ -61,11 +67,11 @@ class Level:
 
 
 @dataclass(frozen=True)
-class Chart:
-    """What to draw.
+class LineChart:
+    """A chart to draw.
 
     Attributes:
-        steps_per_x: steps of training in one unit of x, for a second axis; None for no such axis.
+        steps_per_x: training steps in one unit of x, for a second axis; None for no second axis.
     """
 
     title: str
@@ -77,7 +83,56 @@ class Chart:
     size: tuple[float, float] = (5.4, 2.9)
 
 
-def draw(chart: Chart) -> str:
+def charts(log: MetricsLog, evaluation: Evaluation, config: TrainConfig) -> list[LineChart]:
+    """The charts for which the log has numbers."""
+    images_per_step = config.images_per_step
+    made = [
+        _recovered(log, evaluation, images_per_step),
+        _lines("Losses", {"g_loss": "generator", "d_loss": "discriminator"}, log, images_per_step),
+        _lines("Discriminator accuracy", {"d_accuracy": "pairs told apart"}, log, images_per_step, (0.0, 1.03)),
+        _lines("Images per second", {"images_per_second": "images per second"}, log, images_per_step, (0.0, None)),
+    ]
+    return [chart for chart in made if chart is not None]
+
+
+def _recovered(log: MetricsLog, evaluation: Evaluation, images_per_step: int) -> LineChart | None:
+    scored = [line for line in log if "recovered" in line]
+    if not scored:
+        return None
+    x, y = [line["step"] * images_per_step for line in scored], [line["recovered"] for line in scored]
+    levels = [Level(f"model on {evaluation.split}", evaluation.recovered, SERIES[1], x[y.index(max(y))])]
+    if evaluation.oracle is not None:
+        levels.append(Level(f"oracle on {evaluation.split}", evaluation.oracle, INK))
+    least = max(-0.25, min(y)) if max(y) > 0 else min(y)  # cuts off a bad start, but not a run that is bad throughout
+    low = min(0.0, least - 0.03, evaluation.recovered - 0.03)
+    return LineChart(
+        title="Recovered",
+        x_label=_IMAGES,
+        curves=(Curve("validation", x, y),),
+        levels=tuple(levels),
+        limits=(low, 1.0),
+        steps_per_x=1 / images_per_step,
+        size=(11.0, 3.8),
+    )
+
+
+def _lines(
+    title: str,
+    names: dict[str, str],
+    log: MetricsLog,
+    images_per_step: int,
+    limits: tuple[float | None, float | None] = (None, None),
+) -> LineChart | None:
+    curves = []
+    for (key, name), color in zip(names.items(), SERIES, strict=False):
+        found = [line for line in log if key in line]
+        if found:
+            x, y = [line["step"] * images_per_step for line in found], [line[key] for line in found]
+            curves.append(Curve(name, x, y, color, smooth=True))
+    return LineChart(title, _IMAGES, tuple(curves), limits=limits, size=(4.4, 2.9)) if curves else None
+
+
+def draw(chart: LineChart) -> str:
     """The chart as an SVG element for HTML, without its title. matplotlib's global state stays as it was."""
     import matplotlib
     from matplotlib.figure import Figure
@@ -93,7 +148,7 @@ def draw(chart: Chart) -> str:
     return _for_page(stream.getvalue(), chart.title)
 
 
-def _plot(axes: Any, chart: Chart) -> None:
+def _plot(axes: Any, chart: LineChart) -> None:
     from matplotlib.ticker import MaxNLocator
 
     for curve in chart.curves:
@@ -139,14 +194,14 @@ def _add_steps(axes: Any, per_x: float) -> None:
 
 
 def _running_mean(values: Sequence[float]) -> list[float]:
-    """The mean over a tenth of all values about each."""
+    """The mean over a tenth of all values, around each value."""
     reach = max(1, len(values) // 20)
     windows = [values[max(0, n - reach) : n + reach + 1] for n in range(len(values))]
     return [sum(window) / len(window) for window in windows]
 
 
 def _for_page(svg: str, title: str) -> str:
-    """The SVG element alone, without fixed size, metadata or fonts, its colours the page's."""
+    """The SVG element alone, without fixed size, metadata and fonts, in the page's colours."""
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r' (width|height)="[\d.]+pt"', "", svg, count=2)

@@ -1,4 +1,4 @@
-"""The numbers of a run in plain words."""
+"""The numbers of a run, with their meaning in words."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ HELD_OUT = {"train": "Training vehicles", "validation": "Validation vehicles", "
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A number of the verdict, its name, and one sentence on what it means."""
+class KeyFigure:
+    """A figure at the head of the page: a number, its name, and what it means in one sentence."""
 
     label: str
     value: str
@@ -26,17 +26,17 @@ class Figure:
 
 @dataclass(frozen=True)
 class Bar:
-    """A number to compare by its length, in percent of the longest."""
+    """A number as a bar; `percent` is its length, of the longest bar."""
 
     label: str
     value: str
     percent: float
 
 
-def verdict(evaluation: Evaluation, config: TrainConfig, journal: MetricsLog) -> list[Figure]:
-    """The figures at the head of the page; those that are not known are left out."""
+def verdict(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> list[KeyFigure]:
+    """The figures at the head of the page; unknown ones are left out."""
     found = [
-        Figure(
+        KeyFigure(
             "recovered",
             f"{evaluation.recovered:.3f}",
             "How much of the true layers the generator learned from pictures alone: "
@@ -44,44 +44,46 @@ def verdict(evaluation: Evaluation, config: TrainConfig, journal: MetricsLog) ->
         )
     ]
     if evaluation.oracle is not None:
-        found.append(Figure("oracle", f"{evaluation.oracle:.3f}", _oracle_meaning(evaluation)))
+        found.append(KeyFigure("oracle", f"{evaluation.oracle:.3f}", _oracle_meaning(evaluation)))
     if evaluation.fraction is not None:
         meaning = "Recovered as a share of the oracle: what learning from pictures costs."
-        found.append(Figure("of the oracle", f"{evaluation.fraction:.0%}", meaning))
+        found.append(KeyFigure("of the oracle", f"{evaluation.fraction:.0%}", meaning))
     found.append(
-        Figure(
+        KeyFigure(
             "FLIP",
             f"{evaluation.flip:.3f}",
             "How different renders look from the stored pictures, to the eye: 0 is no difference at all.",
         )
     )
     found.append(
-        Figure(
+        KeyFigure(
             "area seen",
             f"{evaluation.seen:.0%}",
-            "Of the learnable area, what some picture shows; only that is scored.",
+            "The share of the learnable area that some picture shows; only that is scored.",
         )
     )
-    half = half_way(evaluation, config, journal)
+    half = half_way(evaluation, config, log)
     return found if half is None else [*found, half]
 
 
-def half_way(evaluation: Evaluation, config: TrainConfig, journal: MetricsLog) -> Figure | None:
-    """Images and time until the validation score passed half the oracle's; None if it never did, or is unknown."""
+def half_way(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> KeyFigure | None:
+    """Images and time until the validation score passed half the oracle's; None if it never did or is unknown."""
     if evaluation.oracle_validation is None:
         return None
-    for line in journal:
+    for line in log:
         if line.get("recovered", -1.0) >= evaluation.oracle_validation / 2 > 0:
             images = line["step"] * config.images_per_step
             took = duration(line["seconds"])
-            return Figure(
-                "images to half", f"{images:,.0f}", f"Seen until validation passed half the oracle, in {took}."
+            return KeyFigure(
+                "images to half",
+                f"{images:,.0f}",
+                f"Seen until the validation score passed half the oracle's, in {took}.",
             )
     return None
 
 
 def flip_bars(evaluation: Evaluation) -> list[Bar]:
-    """FLIP under each layer, side by side."""
+    """FLIP of the pictures under each layer."""
     values = {
         "best constant layer": evaluation.flip_constant,
         "learned": evaluation.flip,
@@ -94,38 +96,38 @@ def flip_bars(evaluation: Evaluation) -> list[Bar]:
 
 
 def title(config: RunConfig, plan: DatasetIndex | None) -> str:
-    """What was learned, and from what; without a plan, the data set is gone."""
+    """What was learned from what. The plan is None if the data set is gone."""
     what = _recipe(config).replace("-", " ").capitalize()
     if plan is None:
         return f"{what}, learned from pictures"
     return f"{what}, learned from {len(plan.sampler('train')):,} pictures of {len(plan.meshes['train']):,} vehicles"
 
 
-def summary(evaluated: Evaluated, plan: DatasetIndex | None, journal: MetricsLog) -> list[tuple[str, str]]:
-    """What was learned, from what, and for how long."""
+def summary(evaluated: Evaluated, plan: DatasetIndex | None, log: MetricsLog) -> list[tuple[str, str]]:
+    """Labels and values: what was learned, from what, and for how long."""
     config = evaluated.config
     dataset, train = config.dataset, config.train
     width, height = dataset.image
-    told = [("vehicles", _counts(plan, evaluated.evaluation)), ("weathering", _recipe(config))]
-    told.append(("embedding", dataset.embedding.name))
-    told.append(("pictures", f"{width} x {height}, {dataset.spp} samples per pixel"))
-    told.append(("texture", f"{dataset.texture} x {dataset.texture}"))
-    told.append(("loss", f"{train.loss.name}, batch {train.batch_size}"))
-    if journal:
-        steps, seconds = journal[-1]["step"], journal[-1].get("seconds")
+    entries = [("vehicles", _counts(plan, evaluated.evaluation)), ("weathering", _recipe(config))]
+    entries.append(("embedding", dataset.embedding.name))
+    entries.append(("pictures", f"{width} x {height}, {dataset.spp} samples per pixel"))
+    entries.append(("texture", f"{dataset.texture} x {dataset.texture}"))
+    entries.append(("loss", f"{train.loss.name}, batch {train.batch_size}"))
+    if log:
+        steps, seconds = log[-1]["step"], log[-1].get("seconds")
         images = f"{steps:,.0f} steps, {steps * train.images_per_step:,.0f} images"
-        told.append(("trained", images if seconds is None else f"{images} in {duration(seconds)}"))
-    return told
+        entries.append(("trained", images if seconds is None else f"{images} in {duration(seconds)}"))
+    return entries
 
 
 def _recipe(config: RunConfig) -> str:
-    """What the exemplars were weathered by."""
+    """The recipe that weathered the exemplars."""
     weathering = config.dataset.weathering
     return "unknown weathering" if weathering is None else weathering.recipe
 
 
 def duration(seconds: float) -> str:
-    """As people say it."""
+    """In seconds, minutes or hours, whichever suits."""
     if seconds < 120:
         return f"{seconds:.0f} s"
     minutes = seconds / 60
@@ -133,21 +135,21 @@ def duration(seconds: float) -> str:
 
 
 def _oracle_meaning(evaluation: Evaluation) -> str:
-    ceiling = "The same network taught with the true layers themselves: the ceiling."
+    ceiling = "The same network trained on the true layers themselves: the ceiling."
     steps = "" if evaluation.oracle_steps is None else f" after {evaluation.oracle_steps:,} steps"
     if evaluation.oracle_plateau:
         return f"{ceiling} At its plateau{steps}."
     return f"{ceiling} Still rising{steps}, so the true ceiling is higher."
 
 
-def _counts(plan: DatasetIndex | None, judged: Evaluation) -> str:
-    """Vehicles and pictures of each split; of the one that was scored, where the data set is gone."""
+def _counts(plan: DatasetIndex | None, evaluation: Evaluation) -> str:
+    """Vehicles of each split; if the data set is gone, those of the scored split and its pictures."""
     if plan is None:
-        return f"{judged.subjects} {judged.split} in {judged.exemplars} pictures"
+        return f"{evaluation.subjects} {evaluation.split} in {evaluation.exemplars} pictures"
     return ", ".join(f"{len(plan.meshes[split])} {split}" for split in plan.config.splits)
 
 
 def find_plan(config: RunConfig) -> DatasetIndex | None:
-    """What the run's data set is; None where it is gone."""
+    """The plan of the run's data set; None if the data set is gone."""
     folder = Path(config.dataset_folder)
     return DatasetIndex.load(folder) if (folder / INDEX).is_file() else None

@@ -1,4 +1,4 @@
-"""One picture of what a run can do, for a README or a slide."""
+"""The overview picture of a run, for a README or a slide."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from svbrdfgan.evaluation.evaluate import Evaluated, pictures
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.metrics.flip import display
-from svbrdfgan.report.pictures import Picture, framed, over_checker, signed_as_color, upright
-from svbrdfgan.report.sheet import INK, PAPER, cell, font
+from svbrdfgan.report.pictures import INK, PAPER, Picture, cell, font, framed, over_checker, signed_as_color, upright
 from svbrdfgan.report.vehicles import choose_views
 
 if TYPE_CHECKING:
@@ -18,14 +17,14 @@ if TYPE_CHECKING:
 
 _GAP, _HEAD, _HEIGHT = 12, 40, 234
 _COLUMNS = {"geometry": 232, "truth": 350, "learned from pictures": 350, "layer painted": 232}
-"""Names and widths, in pixels."""
+"""Names and widths of the columns, in pixels."""
 
 WIDTH = sum(_COLUMNS.values()) + _GAP * (len(_COLUMNS) - 1)
 _BYTES = 400_000
 
 
 def write_hero(run: Path, evaluated: Evaluated, path: Path, *, rows: int = 4) -> None:
-    """Writes a PNG, 1200 pixels wide and under 400 kB: a row for each of a few vehicles, from geometry to picture.
+    """Writes a PNG of 1200 pixels width and under 400 kB: for each of a few vehicles, a row from geometry to layer.
 
     Raises:
         AssetError: it cannot be written.
@@ -52,7 +51,7 @@ def _row(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
 
 
 def _sheet(rows: list[tuple[Picture, ...]]) -> Image:
-    """The pictures in a grid beneath the names of the columns."""
+    """The rows of pictures beneath the names of the columns."""
     from PIL import Image as PillowImage
     from PIL import ImageDraw
 
@@ -67,7 +66,7 @@ def _sheet(rows: list[tuple[Picture, ...]]) -> Image:
 
 
 def _small_png(sheet: Image) -> bytes:
-    """The picture as PNG: in full colour if that is small enough, else in the most colours that are, dithered."""
+    """The picture as PNG: in full colour if that is small enough, else dithered, in as many colours as fit."""
     data = _png(sheet)
     for colors in (256, 128, 64, 32, 16):
         if len(data) <= _BYTES:

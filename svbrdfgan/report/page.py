@@ -1,4 +1,4 @@
-"""The report: one HTML page that needs nothing but itself."""
+"""The report: an HTML page that needs no other files."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from svbrdfgan.config.models import StrictModel
 from svbrdfgan.evaluation.evaluate import Evaluated
 from svbrdfgan.evaluation.record import of_split
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.report.curves import draw
+from svbrdfgan.report.curves import charts, draw
 from svbrdfgan.report.facts import HELD_OUT, find_plan, flip_bars, summary, title, verdict
 from svbrdfgan.report.patches import patch_maps
 from svbrdfgan.report.pictures import data_uri
-from svbrdfgan.report.progress import charts
 from svbrdfgan.report.vehicles import choose_views, error_scale, rendered, textured
 from svbrdfgan.training.metrics_log import read_metrics
 
@@ -24,9 +23,9 @@ _VEHICLES, _TEXTURES, _JUDGED = 6, 3, 3
 
 
 def write_report(run: Path, evaluated: Evaluated) -> Path:
-    """Writes the run's `report.html`, or beside it that of another split than `test`, and gives its path.
+    """The path of the run's report, which it writes: `report.html`, or for splits other than test `report.SPLIT.html`.
 
-    What the run does not have is left out, with a word about it.
+    The page says what it leaves out because the run does not have it.
 
     Raises:
         AssetError: the page cannot be written.
@@ -43,22 +42,22 @@ def _contents(run: Path, evaluated: Evaluated) -> dict[str, Any]:
     views = choose_views(evaluated.source.exemplars, _VEHICLES)
     textures = views[:_TEXTURES]
     top = error_scale(evaluated, textures)
-    journal, plan = read_metrics(run), find_plan(config)
-    drawn = charts(journal, evaluation, config.train)
+    log, plan = read_metrics(run), find_plan(config)
+    drawn = charts(log, evaluation, config.train)
     return {
         "name": run.resolve().name,
         "title": title(config, plan),
         "evaluation": evaluation,
         "subjects_title": HELD_OUT[evaluation.split],
-        "summary": summary(evaluated, plan, journal),
-        "verdict": verdict(evaluation, config.train, journal),
+        "summary": summary(evaluated, plan, log),
+        "verdict": verdict(evaluation, config.train, log),
         "flip_bars": flip_bars(evaluation),
         "vehicles": [rendered(evaluated, index) for index in views],
         "textures": [textured(evaluated, index, top) for index in textures],
         "error_top": f"{top:.2f}",
         "patches": patch_maps(run, evaluated, views[:_JUDGED]),
         "charts": [(chart, draw(chart)) for chart in drawn],
-        "scored": any("recovered" in line for line in journal),
+        "scored": any("recovered" in line for line in log),
         "versions": config.versions,
         "dataset_yaml": _yaml(config.dataset),
         "train_yaml": _yaml(config.train),
@@ -81,5 +80,5 @@ def _render(contents: dict[str, Any]) -> str:
 
 
 def _yaml(config: StrictModel) -> str:
-    """As users write it."""
+    """The configuration as users write it."""
     return yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, allow_unicode=True, width=100)

@@ -1,4 +1,4 @@
-"""What the discriminator thinks, patch by patch (thesis figure 3-2: yellow is real, cyan is fake)."""
+"""How real each patch looks to the discriminator (thesis figure 3-2: yellow is real, cyan is fake)."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
-    """A real picture and a fake one, display-referred, with the logits of their patches."""
+class PatchLogits:
+    """A real picture and a fake one, both display-referred, with the logits of their patches."""
 
     real: Picture
     fake: Picture
@@ -42,32 +42,32 @@ class Judged:
 
 @dataclass(frozen=True, eq=False)
 class PatchMaps:
-    """The opinion of the discriminator of a step, and what its colours mean."""
+    """Pictures under the discriminator's logits at a step; `legend` says what the colours mean."""
 
     step: int
-    told: str
+    legend: str
     vehicles: tuple[Vehicle, ...]
 
 
 def patch_maps(run: Path, evaluated: Evaluated, indices: Sequence[int]) -> PatchMaps | None:
-    """Exemplars and renders under the map of the run's latest discriminator; None where there is none."""
+    """Exemplars and renders under the logits of the run's latest discriminator; None if the run has no checkpoint."""
     found = checkpoints(run)
     if not found or not indices:
         return None
     try:
         discriminator, step = load_discriminator(found[-1], evaluated.config.train.discriminator)
     except SvbrdfganError as error:
-        log.warning("the discriminator is left out of the report: %s", error)
+        log.warning("the report has no patch maps: %s", error)
         return None
     discriminator.to(evaluated.source.real.image.device)
     judged = [judge(evaluated, discriminator, index) for index in indices]
     names = [subject_name(evaluated.source.exemplars.scenes[index]) for index in indices]
     scale = Scale.make(evaluated.config.train.loss.name, judged)
-    return PatchMaps(step, scale.told, tuple(_row(n, pair, scale) for n, pair in zip(names, judged, strict=True)))
+    return PatchMaps(step, scale.legend, tuple(_row(n, pair, scale) for n, pair in zip(names, judged, strict=True)))
 
 
-def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> Judged:
-    """Shows the discriminator an exemplar and the generator's layer in the same scene, by as many samples for both."""
+def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> PatchLogits:
+    """The logits of an exemplar, and of the generator's layer in the same scene with as many samples."""
     source, number = evaluated.source, int(evaluated.source.exemplars.subject_of[index])
     device = source.real.image.device
     layers, background = evaluated.layers["generated"][number : number + 1], torch.full((1, 3), _GREY, device=device)
@@ -76,7 +76,7 @@ def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> Jud
         pair = make_pair(source, [index], scenes, layers.to(device))
         real, fake = (discriminator(side.tone_mapped(background))[0].cpu() for side in pair)
     first, second = (display(side.image[0].cpu().float(), _GREY, side.coverage[0].cpu().float()) for side in pair)
-    return Judged(first, second, real, fake)
+    return PatchLogits(first, second, real, fake)
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,8 @@ class Scale:
     """From logits to colours.
 
     Attributes:
-        middle: the logit that is neither real nor fake; a critic's own has no meaning, so that the mean is taken.
-        reach: distance from it at which colours are full: nearly the farthest that any patch shown lies.
+        middle: the logit between real and fake. A critic's logits have no such value, so it is their mean.
+        reach: distance from the middle at which colours are full; nearly the largest of all patches.
     """
 
     loss: str
@@ -93,8 +93,8 @@ class Scale:
     reach: float
 
     @classmethod
-    def make(cls, loss: str, judged: Sequence[Judged]) -> Scale:
-        """The scale that serves all these pictures."""
+    def make(cls, loss: str, judged: Sequence[PatchLogits]) -> Scale:
+        """The scale for all these pictures."""
         real = torch.cat([pair.real_logits.flatten() for pair in judged])
         fake = torch.cat([pair.fake_logits.flatten() for pair in judged])
         middle = {"vanilla": 0.0, "lsgan": 0.5}.get(loss, float(real.mean() + fake.mean()) / 2)
@@ -102,8 +102,8 @@ class Scale:
         return cls(loss, middle, max(reach, 1e-6))
 
     @property
-    def told(self) -> str:
-        """What full colour means, in words."""
+    def legend(self) -> str:
+        """The meaning of full colour, in a sentence."""
         if self.loss == "vanilla":
             sure = 1 / (1 + math.exp(-self.reach))
             return f"Full colour means {sure:.1%} sure."
@@ -113,18 +113,18 @@ class Scale:
         return f"Under the {self.loss} loss logits have no zero of their own: grey is the mean, {far}."
 
     def leaning(self, logits: Tensor) -> Tensor:
-        """How far patches lean to real (1) or to fake (-1)."""
+        """From -1 (fake) to 1 (real)."""
         return ((logits - self.middle) / self.reach).clamp(-1, 1)
 
     def note(self, logits: Tensor) -> str:
-        """Of a whole picture, in a few words."""
+        """The opinion on a whole picture, in a few words."""
         if self.loss == "vanilla":
             return f"{float(torch.sigmoid(logits).mean()):.1%} real"
         return f"mean logit {float(logits.mean()):+.3f}"
 
 
 def overlay(picture: Picture, leaning: Float[Tensor, "rows cols"]) -> Picture:
-    """The picture in grey under its patches: yellow where they look real, cyan where fake, grey between."""
+    """The picture in grey, tinted by patch: yellow for real, cyan for fake, untinted between."""
     height, width = picture.shape[:2]
     patches = F.interpolate(leaning[None, None], size=(height, width), mode="nearest")[0, 0].unsqueeze(-1)
     grey = luminance(picture[..., :3]).unsqueeze(-1)
@@ -132,12 +132,12 @@ def overlay(picture: Picture, leaning: Float[Tensor, "rows cols"]) -> Picture:
     return torch.lerp(grey, color, _TINT * patches.abs())
 
 
-def _row(name: str, pair: Judged, scale: Scale) -> Vehicle:
+def _row(name: str, pair: PatchLogits, scale: Scale) -> Vehicle:
     rows, cols = pair.real_logits.shape
-    shown = (
+    columns = (
         Titled("Real", pair.real),
         Titled("Real, judged", overlay(pair.real, scale.leaning(pair.real_logits)), scale.note(pair.real_logits)),
         Titled("Fake", pair.fake),
         Titled("Fake, judged", overlay(pair.fake, scale.leaning(pair.fake_logits)), scale.note(pair.fake_logits)),
     )
-    return Vehicle(name, f"{rows} x {cols} patches", shown)
+    return Vehicle(name, f"{rows} x {cols} patches", columns)

@@ -1,9 +1,10 @@
-"""Display-referred pictures, ready to be embedded: sRGB in [0, 1], three channels or four, row 0 on top."""
+"""Display-referred pictures for reports and sheets: sRGB in [0, 1], three channels or four, row 0 on top."""
 
 from __future__ import annotations
 
 import base64
 from io import BytesIO
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import torch
@@ -15,8 +16,11 @@ from svbrdfgan.rendering.compositing import composite
 
 if TYPE_CHECKING:
     from PIL.Image import Image
+    from PIL.ImageFont import FreeTypeFont
 
 Picture = Float[Tensor, "height width channels"]
+PAPER, WELL, INK = (255, 255, 255), (238, 238, 240), (60, 60, 66)
+"""Colours of sheets of pictures: background, background of a cell, text."""
 _CHECKS, _DARK, _LIGHT = 16, 0.20, 0.32
 
 
@@ -33,21 +37,21 @@ def to_pillow(picture: Picture, least: int = 256) -> Image:
 
 
 def data_uri(picture: Picture, least: int = 256) -> str:
-    """The picture as an address that holds the picture itself, as PNG."""
+    """The picture as a data URI of a PNG."""
     stream = BytesIO()
     to_pillow(picture, least).save(stream, format="PNG", optimize=True)
     return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
 
 
 def upright(texture: Float[Tensor, "rows cols 3"], shown: Bool[Tensor, "rows cols"]) -> Picture:
-    """A texture's display values as a picture with v upwards, transparent where nothing is to be shown."""
+    """A texture's display values as a picture with v upwards, transparent where `shown` is false."""
     return torch.cat([texture, shown.unsqueeze(-1).float()], dim=-1).flip(0)
 
 
 def framed(picture: Picture, coverage: Float[Tensor, "height width"], aspect: float = 1.5) -> Picture:
     """The part of a picture that shows the surface, with a margin, as wide as `aspect` times its height.
 
-    What lies beyond the picture has the colour of its upper left corner.
+    Beyond the picture it has the colour of the picture's upper left corner.
     """
     used = coverage.cpu() > 0.05
     if not used.any():
@@ -78,7 +82,27 @@ def over_checker(layer: Float[Tensor, "rows cols channels"]) -> Float[Tensor, "r
 
 
 def heat(values: Float[Tensor, "rows cols"], top: float) -> Float[Tensor, "rows cols 3"]:
-    """Values from 0 to `top` in matplotlib's "magma"."""
+    """Values from 0 to `top` in matplotlib's colour map "magma"."""
     import matplotlib
 
     return torch.from_numpy(matplotlib.colormaps["magma"]((values / top).clamp(0, 1).numpy())[..., :3]).float()
+
+
+def cell(picture: Picture, width: int, height: int) -> Image:
+    """The picture centred in a cell of `width` x `height` pixels, as large as fits."""
+    from PIL import Image as PillowImage
+    from PIL import ImageOps
+
+    image = ImageOps.contain(to_pillow(picture), (width, height), PillowImage.Resampling.LANCZOS)
+    well = PillowImage.new("RGB", (width, height), WELL)
+    place = ((width - image.width) // 2, (height - image.height) // 2)
+    well.paste(image, place, image.getchannel("A") if image.mode == "RGBA" else None)
+    return well
+
+
+def font(size: int) -> FreeTypeFont:
+    """matplotlib's sans-serif font, since Pillow's own is not always scalable; the size is in pixels."""
+    import matplotlib
+    from PIL import ImageFont
+
+    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)

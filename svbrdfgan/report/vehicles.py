@@ -1,4 +1,4 @@
-"""Vehicles as the report shows them: the same scene under every layer, and the layers over the texture itself."""
+"""The report's rows of pictures: a scene under each layer, and the layers themselves as textures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from svbrdfgan.scene.description import Scene
 
 @dataclass(frozen=True, eq=False)
 class Titled:
-    """A picture, what it is, and what to say about it."""
+    """A picture with a title and a note."""
 
     title: str
     picture: Picture
@@ -30,7 +30,7 @@ class Titled:
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """A row or two of pictures of one subject."""
+    """One or two rows of pictures of one subject."""
 
     name: str
     note: str
@@ -38,9 +38,9 @@ class Vehicle:
 
 
 def choose_views(exemplars: Exemplars, limit: int) -> list[int]:
-    """A weathered exemplar of each of up to `limit` subjects, spread evenly, whatever was learned of them.
+    """A weathered exemplar of each of up to `limit` subjects, evenly spread, chosen regardless of what was learned.
 
-    Of a subject's, that which is nearest to middle grey as displayed: most of it is neither black nor white.
+    Picks each subject's view closest to mid-grey as displayed, since most of it is neither black nor white.
     """
     views = [exemplars.views_of(number) for number in range(len(exemplars.subjects))]
     weathered = [list(filter(exemplars.weathered, group)) for group in views]
@@ -51,7 +51,7 @@ def choose_views(exemplars: Exemplars, limit: int) -> list[int]:
 
 
 def _brightness(exemplars: Exemplars, index: int) -> float:
-    """Of what a picture covers, as displayed."""
+    """Mean brightness of the covered part of a picture, as displayed."""
     covered = exemplars.coverage[index].float().sum()
     return float(display(exemplars.images[index].float()).sum() / (3 * covered).clamp(min=1e-6))
 
@@ -62,7 +62,7 @@ def subject_name(scene: Scene) -> str:
 
 
 def rendered(evaluated: Evaluated, index: int) -> Vehicle:
-    """An exemplar beside renders of its scene under each layer, with the FLIP between them."""
+    """An exemplar beside renders of its scene under each layer, with the FLIP of each render."""
     exemplars = evaluated.source.exemplars
     truth = display(exemplars.images[index].float(), coverage=exemplars.coverage[index].float())
     bare = torch.zeros_like(evaluated.layers["generated"])
@@ -70,15 +70,15 @@ def rendered(evaluated: Evaluated, index: int) -> Vehicle:
     floor = f"noise alone {flip(truth, made['truth']):.3f}" if "truth" in made else ""
     titles = {"generated": "Learned", "oracle": "Oracle", "constant": "Best constant", "bare": "Unweathered"}
     coverage = exemplars.coverage[index]
-    shown = [Titled("Truth", framed(truth, coverage), floor)]
+    columns = [Titled("Truth", framed(truth, coverage), floor)]
     for name, title in titles.items():
         if name in made:
-            shown.append(Titled(title, framed(made[name], coverage), f"FLIP {flip(truth, made[name]):.3f}"))
-    return Vehicle(subject_name(exemplars.scenes[index]), _scene_note(exemplars.scenes[index]), tuple(shown))
+            columns.append(Titled(title, framed(made[name], coverage), f"FLIP {flip(truth, made[name]):.3f}"))
+    return Vehicle(subject_name(exemplars.scenes[index]), _scene_note(exemplars.scenes[index]), tuple(columns))
 
 
 def textured(evaluated: Evaluated, index: int, top: float) -> Vehicle:
-    """What the generator was given, what it painted, what G0 painted, and where they differ (black 0, bright `top`)."""
+    """The generator's input, its layer, G0's layer, and the errors, in colours from 0 (black) to `top` (bright)."""
     exemplars, number = evaluated.source.exemplars, int(evaluated.source.exemplars.subject_of[index])
     subject, truth = exemplars.subjects[number], exemplars.layers[index]
     assert truth is not None
@@ -104,7 +104,7 @@ def textured(evaluated: Evaluated, index: int, top: float) -> Vehicle:
 
 
 def error_scale(evaluated: Evaluated, indices: Sequence[int]) -> float:
-    """A round number that nearly all errors of albedo of these exemplars stay below: the top of their common scale."""
+    """A round number above nearly all albedo errors of these exemplars: the top of their colour scale."""
     errors = [error[scored] for scored, error in (_error(evaluated, index) for index in indices)]
     found = torch.cat([torch.zeros(0), *errors])
     high = float(torch.quantile(found[:: max(1, len(found) // 100_000)], 0.99)) if len(found) else 0.0
@@ -112,7 +112,7 @@ def error_scale(evaluated: Evaluated, indices: Sequence[int]) -> float:
 
 
 def _error(evaluated: Evaluated, index: int) -> tuple[Tensor, Tensor]:
-    """Which texels are scored, and the absolute error of the composited albedo at all."""
+    """The texels that are scored, and the absolute error of the composited albedo of all texels."""
     exemplars, number = evaluated.source.exemplars, int(evaluated.source.exemplars.subject_of[index])
     subject, truth = exemplars.subjects[number], exemplars.layers[index]
     assert truth is not None

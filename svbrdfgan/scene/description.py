@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from svbrdfgan.config.choices import FurtherMaps, PartSelection, Plugin, PluginChoice
+from svbrdfgan.config.choices import FurtherMaps, PartSelection, PluginChoice, PluginField
 from svbrdfgan.config.distributions import Color
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.io.records import load_record, save_record
@@ -77,8 +77,8 @@ class Scene(StrictModel):
     spp: int = Field(default=64, ge=1)
     seed: int = 0
     texture: int = Field(default=256, ge=16, multiple_of=4)
-    renderer: Plugin = PluginChoice(name="auto")
-    embedding: Plugin = PluginChoice(name="hemispherical")
+    renderer: PluginField = PluginChoice(name="auto")
+    embedding: PluginField = PluginChoice(name="hemispherical")
     learnable: PartSelection = PartSelection()
     materials: dict[str, Color] = {}
     maps: MapValues = {}

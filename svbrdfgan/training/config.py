@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from svbrdfgan.config.choices import Plugin, PluginChoice
+from svbrdfgan.config.choices import PluginChoice, PluginField
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.data.config import CameraDistribution, EnvironmentSource
 from svbrdfgan.networks import Norm, Upsampling
@@ -102,7 +102,7 @@ class TrainConfig(StrictModel):
     loss: LossConfig = LossConfig()
     optimizer: OptimizerConfig = OptimizerConfig()
     scenes: ScenesConfig = ScenesConfig()
-    renderer: Plugin = PluginChoice(name="auto")
+    renderer: PluginField = PluginChoice(name="auto")
     rendering: Literal["transport", "fresh"] = "transport"
     spp: int = Field(default=64, ge=1, description="samples per pixel of the pictures trained through")
     spp_grad: int | None = Field(default=None, ge=1, description="of their gradients; fresh rendering only")

@@ -3,7 +3,7 @@
 import pytest
 
 from svbrdfgan.bench.scene import BenchScene
-from svbrdfgan.bench.standard import standard_scene
+from svbrdfgan.bench.scenes import standard_scene
 
 
 @pytest.fixture(scope="session")

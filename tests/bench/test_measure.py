@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 import torch
 
+from svbrdfgan.bench import BenchError
 from svbrdfgan.bench import measure as measuring
 from svbrdfgan.bench.backend import figures
-from svbrdfgan.bench.errors import BenchError
 from svbrdfgan.bench.measure import measure
 from svbrdfgan.bench.meter import Meter, median_seconds
 from svbrdfgan.bench.programs import STEPS

@@ -13,7 +13,7 @@ import torch
 from svbrdfgan.bench.cases import Case
 from svbrdfgan.bench.programs import Program
 from svbrdfgan.bench.scene import BenchScene
-from svbrdfgan.bench.standard import standard_scene
+from svbrdfgan.bench.scenes import standard_scene
 from svbrdfgan.plugins import load_renderer
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="Mitsuba is not installed")

@@ -1,4 +1,4 @@
-"""Programs are told their work, and what they say is read."""
+"""Programs get their work by their command, and their output is read."""
 
 import json
 import shlex
@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from svbrdfgan.bench import BenchError
 from svbrdfgan.bench.cases import Case, axes
-from svbrdfgan.bench.errors import BenchError
 from svbrdfgan.bench.programs import Figures, Program, faster
 from svbrdfgan.errors import ConfigError
 

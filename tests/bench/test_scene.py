@@ -8,8 +8,7 @@ import pytest
 import torch
 
 from svbrdfgan.bench.scene import BenchScene
-from svbrdfgan.bench.standard import standard_scene
-from svbrdfgan.bench.vehicle import vehicle_scene
+from svbrdfgan.bench.scenes import standard_scene, vehicle_scene
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io import save_environment, save_mesh_glb
 from svbrdfgan.plugins import load_embedding, load_renderer
@@ -24,7 +23,7 @@ def test_the_file_keeps_all_of_it(tiny: BenchScene, tmp_path: Path) -> None:
     assert read.view().camera == tiny.view().camera
 
 
-def test_a_file_of_something_else_is_told(tmp_path: Path) -> None:
+def test_a_file_of_something_else_is_reported(tmp_path: Path) -> None:
     np.savez(tmp_path / "other.npz", a=np.zeros(1))
     (tmp_path / "damaged.npz").write_bytes(b"PK damaged")
     for name in ("other", "damaged", "missing"):

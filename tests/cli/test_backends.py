@@ -91,5 +91,5 @@ def test_renderers() -> None:
 
 @pytest.mark.full
 def test_the_table_shows_options() -> None:
-    told = CliRunner(env={"COLUMNS": "200"}).invoke(main, ["backends"]).stdout
-    assert "options: max_bounces=1" in told
+    output = CliRunner(env={"COLUMNS": "200"}).invoke(main, ["backends"]).stdout
+    assert "options: max_bounces=1" in output

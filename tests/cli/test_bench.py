@@ -154,7 +154,7 @@ def test_a_vehicle_has_a_table_of_its_own(tmp_path: Path) -> None:
     ("words", "said"),
     [
         (("--peer", peer("print('fast')")), "gave no figures in its last line: 'fast' is not JSON."),
-        (("--peer", "quick --really"), "fits nothing that is measured; put {scene} into its command"),
+        (("--peer", "quick --really"), "can run none of the cases; put {scene} into its command"),
         (("--mesh", "none.glb", "--environment", "none.hdr"), "none.glb does not exist"),
         (("--mesh", "a.glb", "--environment", "a.hdr", "--embedding", "hemi"), "embedding 'hemi' is unknown"),
     ],
@@ -163,11 +163,11 @@ def test_mistakes_are_one_sentence(words: tuple[str, ...], said: str) -> None:
     failed(bench(*TINY, "--backend", "numpy", *words), said)
 
 
-def test_unknown_renderers_are_told_before_anything_is_measured() -> None:
+def test_unknown_renderers_are_reported_before_anything_is_measured() -> None:
     failed(bench(*TINY, "--backend", "numpi"), "renderer 'numpi' is unknown; did you mean 'numpy'?")
 
 
-def test_a_renderer_that_fails_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_renderer_that_fails_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     broken = Program("renderer 'numpy'", (sys.executable, "-S", "-c", "raise MemoryError('of the GPU')"))
     monkeypatch.setattr("svbrdfgan.bench.run.backend_programs", lambda names: (broken,))
     failed(bench(*TINY, "--backend", "numpy"), "renderer 'numpy' failed with exit code 1: MemoryError: of the GPU")

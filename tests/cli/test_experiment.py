@@ -20,7 +20,7 @@ def test_the_list_names_all(profile: str) -> None:
     result = invoke("--list", "--profile", profile)
     assert result.exit_code == 0, result.output
     for name in experiment_names():
-        assert f" {name} " in result.stdout
+        assert f"\n{name} " in result.stdout
 
 
 def test_a_name_and_a_folder_are_wanted(tmp_path: Path) -> None:
@@ -44,7 +44,9 @@ def test_a_name_and_a_folder_are_wanted(tmp_path: Path) -> None:
         (("training", "--seeds", "one"), 2, "'one' is no list such as 0,1,2."),
     ],
 )
-def test_a_mistake_is_told_and_nothing_written(words: tuple[str, ...], code: int, said: str, tmp_path: Path) -> None:
+def test_a_mistake_is_reported_and_nothing_written(
+    words: tuple[str, ...], code: int, said: str, tmp_path: Path
+) -> None:
     result = invoke(*words, "-o", tmp_path / "out")
     assert result.exit_code == code, result.output
     assert said in result.stderr

@@ -1,4 +1,4 @@
-"""The command line answers at once, and tells errors in one sentence."""
+"""The command line answers at once, and prints errors as one sentence."""
 
 import re
 import resource

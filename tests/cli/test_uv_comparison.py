@@ -1,6 +1,7 @@
 """`svbrdfgan embeddings --compare`, and the summary that `svbrdfgan bake` writes."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -25,9 +26,7 @@ def test_the_table(folder: Path) -> None:
     words = ["embeddings", "--compare", str(folder), "--embedding", "hemispherical", "--resolution", "64"]
     result = CliRunner(env={"COLUMNS": "120"}).invoke(main, words)
     assert result.exit_code == 0, result.output
-    rows = {
-        line.split("│")[1].strip(): line.split("│")[2].strip() for line in result.stdout.splitlines() if "│" in line
-    }
+    rows = dict(re.split(r"\s{2,}", line, maxsplit=1) for line in result.stdout.splitlines() if "  " in line)
     assert rows["meshes that failed"] == "1 of 3"
     assert float(rows["L2 stretch"].split(" / ")[0]) > 1.0
     assert "hemispherical: plane.obj: the mesh is flat" in result.stdout
@@ -44,18 +43,18 @@ def test_json(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "wanted"),
     [
         (["--embedding", "hemispherical"], "--embedding goes with --compare"),
         (["--compare", "nowhere"], "holds no mesh"),
         (["--compare", ".", "--embedding", "hemispheric"], "holds no mesh"),
     ],
 )
-def test_mistakes_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], told: str) -> None:
+def test_mistakes_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], wanted: str) -> None:
     monkeypatch.chdir(tmp_path)
     result = CliRunner().invoke(main, ["embeddings", *words])
     assert result.exit_code != 0
-    assert told in result.output
+    assert wanted in result.output
 
 
 @pytest.mark.full
@@ -67,7 +66,7 @@ def test_one_embedding_with_two_options(folder: Path) -> None:
     assert one["area_mean"] != other["area_mean"]
 
 
-def test_an_unknown_embedding_is_told(folder: Path) -> None:
+def test_an_unknown_embedding_is_reported(folder: Path) -> None:
     result = CliRunner().invoke(main, ["embeddings", "--compare", str(folder), "--embedding", "hemispheric"])
     assert result.exit_code != 0
     assert "did you mean 'hemispherical'" in result.output

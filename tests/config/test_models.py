@@ -46,13 +46,13 @@ class Tracer:
             raise ConfigError("device 'tpu' is not known; wanted cpu or cuda.")
 
 
-def fault(data: object) -> str:
+def message_for(data: object) -> str:
     with pytest.raises(ConfigError) as caught:
         validate(Config, data, "train.yaml")
     return str(caught.value)
 
 
-def option_fault(options: dict[str, object]) -> str:
+def option_message(options: dict[str, object]) -> str:
     with pytest.raises(ConfigError) as caught:
         build(Tracer, options, "renderer.options")
     return str(caught.value)
@@ -95,32 +95,32 @@ class TestValidate:
         ],
     )
     def test_says_what_is_wrong(self, training: object, wanted: str) -> None:
-        assert fault({"name": "x", "training": training}) == f"train.yaml: {wanted}"
+        assert message_for({"name": "x", "training": training}) == f"train.yaml: {wanted}"
 
     def test_a_choice_is_guessed(self) -> None:
-        assert fault({"name": "x", "training": {"loss": "lsgam"}}).endswith("did you mean 'lsgan'.")
+        assert message_for({"name": "x", "training": {"loss": "lsgam"}}).endswith("did you mean 'lsgan'.")
 
     def test_each_fault_has_a_line(self) -> None:
-        lines = fault({"training": {"batch_size": 0, "x": 1}}).splitlines()
+        lines = message_for({"training": {"batch_size": 0, "x": 1}}).splitlines()
         assert len(lines) == 3
         assert "train.yaml: key 'name' is missing." in lines
 
     def test_a_union_is_one_fault_without_inner_names(self) -> None:
-        text = fault({"name": "x", "training": {"fov": "wide"}})
+        text = message_for({"name": "x", "training": {"fov": "wide"}})
         assert text == "train.yaml: training.fov: 'wide' is not allowed; wanted a mapping of keys or a number."
 
     def test_an_unknown_key_in_a_union_is_guessed(self) -> None:
-        text = fault({"name": "x", "training": {"fov": {"low": 1, "high": 2, "hihg": 3}}})
+        text = message_for({"name": "x", "training": {"fov": {"low": 1, "high": 2, "hihg": 3}}})
         assert "training.fov: unknown key 'hihg'; did you mean 'high'?" in text
 
     def test_refuses_what_is_no_mapping(self) -> None:
-        assert fault([1]) == "train.yaml: [1] is not allowed; wanted a mapping of keys."
+        assert message_for([1]) == "train.yaml: [1] is not allowed; wanted a mapping of keys."
 
     def test_refuses_objects_and_cycles(self) -> None:
         cycle: dict[str, object] = {}
         cycle["a"] = cycle
-        assert fault(cycle).startswith("train.yaml: ")
-        assert fault({"name": object()}).startswith("train.yaml: ")
+        assert message_for(cycle).startswith("train.yaml: ")
+        assert message_for({"name": object()}).startswith("train.yaml: ")
 
 
 class TestBuild:
@@ -141,7 +141,7 @@ class TestBuild:
         ],
     )
     def test_says_what_is_wrong(self, options: dict[str, object], wanted: str) -> None:
-        assert option_fault(options) == wanted
+        assert option_message(options) == wanted
 
     def test_functions_and_missing_options(self) -> None:
         def factory(*, width: int, height: "int" = 2) -> tuple[int, int]:
@@ -173,6 +173,7 @@ class TestYaml:
             ("1: 2", "line 1, column 1: a key that is not text."),
             ("a: !!python/object/apply:os.getcwd []", "could not determine a constructor"),
             ("a: \x00", "is not YAML"),
+            ("a: !!int x", "is not YAML"),
         ],
     )
     def test_refuses_the_rest(self, tmp_path: Path, text: str, wanted: str) -> None:

@@ -70,7 +70,7 @@ def test_a_plugin_is_a_name_or_a_name_with_options(written: Any, dataset_data: D
         ({"splits": {"train": {"views": 0}}}, r"splits\.train\.views.*at least 1"),
         ({"environment_brightness": float("nan")}, "environment_brightness"),
         ({"maps": {"rough": 0.5}}, r"maps: 'rough' is not a map .* known: roughness, metallic"),
-        ({"maps": {"base_color": 0.5}}, "maps: 'base_color' is not a map that is painted beside base_color"),
+        ({"maps": {"base_color": 0.5}}, "maps: 'base_color' is not a map that layers have besides base_color"),
         ({"maps": {"roughness": "high"}}, r"maps\.roughness"),
         ({"maps": ["roughness"]}, "maps"),
     ],

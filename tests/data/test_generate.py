@@ -196,7 +196,7 @@ def test_processes_share_out_one_list(
 
 def test_what_auto_chose_is_recorded(tmp_path: Path, dataset_data: Data, monkeypatch: pytest.MonkeyPatch) -> None:
     best = PluginChoice(name="warp", options={"device": "cpu"})
-    monkeypatch.setattr(select, "choose_renderer", lambda *_, **__: best)
+    monkeypatch.setattr(select, "select_renderer", lambda *_, **__: best)
     data = dataset_data(renderer="auto", image=[8, 8], spp=1, splits={"train": {"views": 1}})
     generate(validate(DatasetConfig, data, "here"), tmp_path, base=Path())
     chosen = Scene.load(exemplar_paths(tmp_path, "train", 0)[1]).renderer

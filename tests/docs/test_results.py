@@ -4,9 +4,9 @@ import tarfile
 from pathlib import Path
 
 from svbrdfgan.experiments.definition import experiment_names
-from svbrdfgan.experiments.outcome import Outcome
-from svbrdfgan.experiments.run_matrix import Design, RunSpec
-from svbrdfgan.experiments.run_store import Shelf
+from svbrdfgan.experiments.outcome import RunOutcome
+from svbrdfgan.experiments.run_matrix import RunMatrix, RunSpec
+from svbrdfgan.experiments.run_store import RunStore
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results" / "gpu.tar.xz"
 
@@ -15,9 +15,9 @@ def test_kept_results_are_those_of_declared_rows(tmp_path: Path) -> None:
     """So `svbrdfgan experiment` can continue from them. After a default has changed, they must be run again."""
     with tarfile.open(RESULTS) as archive:
         archive.extractall(tmp_path, filter="data")
-    runs = Shelf(tmp_path / "runs", RunSpec)
+    runs = RunStore(tmp_path / "runs", RunSpec)
     kept = list((tmp_path / "runs").iterdir())
-    cells = [cell for name in experiment_names() for cell in Design.load(name, "gpu").cells()]
+    cells = [cell for name in experiment_names() for cell in RunMatrix.load(name, "gpu").cells()]
     found = {runs.find(cell.spec) for cell in cells} - {None}
     assert found == set(kept)
-    assert all(0 < Outcome.load(folder).evaluation.seen <= 1 for folder in kept)
+    assert all(0 < RunOutcome.load(folder).evaluation.seen <= 1 for folder in kept)

@@ -11,7 +11,7 @@ from svbrdfgan.config.models import validate
 from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.experiments import demo
-from svbrdfgan.experiments.demo.run import run_demo
+from svbrdfgan.experiments.demo import run_demo
 from svbrdfgan.training.config import train_config
 from svbrdfgan.utils.display import SilentDisplay
 
@@ -30,7 +30,7 @@ def test_the_shipped_configurations_are_right() -> None:
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_the_demonstration_recovers_something(tmp_path: Path) -> None:
-    """As shipped but smaller, on vehicles of the test split; run again, it goes on where it was and says the same."""
+    """As shipped but smaller, on vehicles of the test split; run again, it continues and prints the same."""
     import yaml
 
     smaller = {

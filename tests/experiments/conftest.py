@@ -12,9 +12,9 @@ import pytest
 import yaml
 
 from svbrdfgan.evaluation.record import Evaluation
-from svbrdfgan.experiments.outcome import Ceiling, Outcome, Point
-from svbrdfgan.experiments.run_matrix import Design
-from svbrdfgan.experiments.schedule import Schedule
+from svbrdfgan.experiments.outcome import Ceiling, RunOutcome, ScorePoint
+from svbrdfgan.experiments.processes import Schedule
+from svbrdfgan.experiments.run_matrix import RunMatrix
 from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask, Task
 from svbrdfgan.utils.display import Display
 
@@ -30,7 +30,7 @@ EXPERIMENT: dict[str, Any] = {
     },
 }
 
-MakeOutcome = Callable[..., Outcome]
+MakeOutcome = Callable[..., RunOutcome]
 
 
 def make_outcome(
@@ -39,15 +39,15 @@ def make_outcome(
     history: Sequence[tuple[int, float, float]] = ((100, 10.0, 0.2), (200, 20.0, 0.5), (300, 30.0, 0.45)),
     jobs: int = 1,
     plateau: bool = True,
-) -> Outcome:
+) -> RunOutcome:
     """An outcome; the history holds images, seconds and score."""
     evaluation = Evaluation(
         split="test", recovered=recovered, oracle=oracle, fraction=recovered / oracle, oracle_validation=oracle,
         oracle_plateau=plateau, oracle_steps=300, flip=0.1, flip_oracle=0.05, flip_constant=0.2, flip_truth=0.02,
         seen=0.9, constant=(0, 0, 0, 0), subjects=3, exemplars=6,
     )  # fmt: skip
-    points = tuple(Point(images=i, seconds=s, recovered=r) for i, s, r in history)
-    return Outcome(evaluation=evaluation, history=points, device="CPU", jobs=jobs, versions={})
+    points = tuple(ScorePoint(images=i, seconds=s, recovered=r) for i, s, r in history)
+    return RunOutcome(evaluation=evaluation, history=points, device="CPU", jobs=jobs, versions={})
 
 
 @pytest.fixture
@@ -56,15 +56,15 @@ def outcome() -> MakeOutcome:
 
 
 @pytest.fixture
-def make_design(tmp_path: Path) -> Callable[..., Design]:
+def make_matrix(tmp_path: Path) -> Callable[..., RunMatrix]:
     """The experiment above, with keys of it replaced, in the cpu profile with both seeds."""
 
-    def make(*overrides: str, name: str = "noise", **changes: Any) -> Design:
+    def make(*overrides: str, name: str = "noise", **changes: Any) -> RunMatrix:
         path = tmp_path / f"{name}.yaml"
         path.write_text(yaml.safe_dump({**EXPERIMENT, **changes}, sort_keys=False), encoding="utf-8")
-        design = Design.load(str(path), "cpu", overrides)
-        profile = design.profile.model_copy(update={"seeds": 2})
-        return Design(design.name, design.experiment, "cpu", profile, design.overrides)
+        matrix = RunMatrix.load(str(path), "cpu", overrides)
+        profile = matrix.profile.model_copy(update={"seeds": 2})
+        return RunMatrix(matrix.name, matrix.experiment, "cpu", profile, matrix.overrides)
 
     return make
 

@@ -11,7 +11,7 @@ from svbrdfgan.config.distributions import Uniform
 from svbrdfgan.data.config import EnvironmentSource
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.experiments.definition import ProfileName, experiment_names, load_experiment, load_profile
-from svbrdfgan.experiments.run_matrix import Cell, Design, choose
+from svbrdfgan.experiments.run_matrix import Cell, RunMatrix, select_cells
 from svbrdfgan.training.config import RECIPES, train_config
 
 NAMES = experiment_names()
@@ -19,7 +19,7 @@ PROFILES: tuple[ProfileName, ...] = ("cpu", "gpu")
 
 
 def cell(experiment: str, row: str, profile: ProfileName = "gpu") -> Cell:
-    return Design.load(experiment, profile).cell(row, "default", 0)
+    return RunMatrix.load(experiment, profile).cell(row, "default", 0)
 
 
 def test_the_names() -> None:
@@ -30,7 +30,7 @@ def test_the_names() -> None:
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("name", NAMES)
 def test_every_run_is_possible_and_like_no_other(name: str, profile: ProfileName) -> None:
-    cells = Design.load(name, profile).cells()
+    cells = RunMatrix.load(name, profile).cells()
     specs = [cell.spec.model_dump_json() for cell in cells]
     assert len(set(specs)) == len(specs)
     assert all(cell.spec.train.minutes for cell in cells)
@@ -54,7 +54,7 @@ def test_a_profile_leaves_the_recipes_as_they_are(profile: ProfileName) -> None:
     widths = {f"{group}.width" for group in ("generator", "discriminator")}
     said = {f"{group}.{key}" for group in RECIPES["thesis"] for key in dict(base.get(group, {}))}
     assert said <= widths
-    thesis = Design.load("training", profile).cell("matched", "thesis", 0).spec.train
+    thesis = RunMatrix.load("training", profile).cell("matched", "thesis", 0).spec.train
     alone = train_config({"dataset": "d", "recipe": "thesis"}, "alone")
     assert (thesis.loss, thesis.optimizer, thesis.batch_size) == (alone.loss, alone.optimizer, 1)
     if profile == "gpu":
@@ -73,7 +73,7 @@ def test_a_profile_leaves_the_recipes_as_they_are(profile: ProfileName) -> None:
     ],
 )
 def test_what_is_promised_takes_three_seeds(experiment: str, row: str) -> None:
-    cells = choose(Design.load(experiment, "gpu").cells(), [f"{experiment}/{row}"])
+    cells = select_cells(RunMatrix.load(experiment, "gpu").cells(), [f"{experiment}/{row}"])
     assert [c.seed for c in cells if c.recipe == "default"] == [0, 1, 2]
     assert [c.seed for c in cells if c.recipe == "thesis"] == [0]
 
@@ -143,12 +143,12 @@ def test_the_vehicles_and_lights_are_those_of_the_split(assets: Path) -> None:
     assert {Path(file).stem for file in spec.dataset.environments.files} == set(split["environments"]["a"])
     assert isinstance(spec.train.scenes.environment, EnvironmentSource)
     assert {Path(file).stem for file in spec.train.scenes.environment.files} == set(split["environments"]["b"])
-    every = {file for name in NAMES for c in Design.load(name, "gpu").cells() for file in c.spec.files}
+    every = {file for name in NAMES for c in RunMatrix.load(name, "gpu").cells() for file in c.spec.files}
     assert [file for file in every if not (assets / file).is_file()] == []
     trained = {
         f
         for name in NAMES
-        for c in Design.load(name, "gpu").cells()
+        for c in RunMatrix.load(name, "gpu").cells()
         for f in c.spec.dataset.splits["train"].meshes.files
     }
     assert {Path(file).stem for file in trained} == set(split["vehicles"]["train"])

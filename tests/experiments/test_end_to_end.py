@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from svbrdfgan.experiments.outcome import Outcome
+from svbrdfgan.experiments.outcome import RunOutcome
 from svbrdfgan.experiments.processes import execute
-from svbrdfgan.experiments.run_matrix import Design
+from svbrdfgan.experiments.run_matrix import RunMatrix
 from svbrdfgan.experiments.runner import run_experiments
 from svbrdfgan.training.run import load_model
 from svbrdfgan.utils.display import SilentDisplay
@@ -35,9 +35,9 @@ SMALL = (
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 def test_an_experiment_from_nothing_to_a_table(tmp_path: Path) -> None:
-    design = Design.load("training", "cpu", SMALL)
-    design = replace(design, profile=design.profile.model_copy(update={"oracle_steps": 100}))
-    (results,) = run_experiments([design], tmp_path, only=["training/matched"], jobs=2)
+    matrix = RunMatrix.load("training", "cpu", SMALL)
+    matrix = replace(matrix, profile=matrix.profile.model_copy(update={"oracle_steps": 100}))
+    (results,) = run_experiments([matrix], tmp_path, only=["training/matched"], jobs=2)
     assert results.failures == []
     assert [(line.row, line.recipe) for line in results.lines if line.outcomes] == [
         ("matched", "default"),
@@ -64,10 +64,10 @@ def test_an_experiment_from_nothing_to_a_table(tmp_path: Path) -> None:
         assert len(schedule) == 0
         yield from ()
 
-    (again,) = run_experiments([design], tmp_path, only=["*/matched"], execute=forbidden)
+    (again,) = run_experiments([matrix], tmp_path, only=["*/matched"], execute=forbidden)
     assert again.record() == results.record()
     (run / "outcome.json").unlink()  # as if stopped before the verdict was written
-    before = Outcome.load(tmp_path / "runs" / record["lines"][1]["runs"][0]["folder"])
+    before = RunOutcome.load(tmp_path / "runs" / record["lines"][1]["runs"][0]["folder"])
     done = []
 
     def watched(schedule, jobs, until, display):  # type: ignore[no-untyped-def]
@@ -75,7 +75,7 @@ def test_an_experiment_from_nothing_to_a_table(tmp_path: Path) -> None:
             done.append(task.title)
             yield task, reason
 
-    (resumed,) = run_experiments([design], tmp_path, only=["*/matched"], execute=watched)
+    (resumed,) = run_experiments([matrix], tmp_path, only=["*/matched"], execute=watched)
     assert done == ["matched, default, seed 0"]
     assert resumed.failures == []
     assert resumed.outcomes[1] == before

@@ -18,7 +18,7 @@ from svbrdfgan.data.config import CameraDistribution
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
 from svbrdfgan.experiments import measures
-from svbrdfgan.experiments.contact_strip import write_strip
+from svbrdfgan.experiments.contact_strip import write_contact_strip
 from svbrdfgan.experiments.measures import gradient_noise, measure, recovered_where, seen_by_training
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.training.batches import make_batch_source
@@ -54,12 +54,12 @@ def test_only_what_no_picture_shows_counts_as_unseen(evaluated: Evaluated) -> No
 
 
 def test_what_training_could_see_is_seen_by_its_cameras(evaluated: Evaluated) -> None:
-    """Pictures to train on are all taken from the right: what faces left counts as unseen, whatever the test shows."""
+    """All training pictures are taken from the right: what faces left is unseen, though test pictures show it."""
     dataset = evaluated.config.dataset
     right = {"azimuth_degrees": {"fixed": 90.0}, "elevation_degrees": {"fixed": 0.0}}
     train = dataset.splits["train"].model_copy(update={"camera": validate(CameraDistribution, right, "here")})
-    told = dataset.model_copy(update={"splits": {**dataset.splits, "train": train}})
-    one_sided = replace(evaluated, config=evaluated.config.model_copy(update={"dataset": told}))
+    changed = dataset.model_copy(update={"splits": {**dataset.splits, "train": train}})
+    one_sided = replace(evaluated, config=evaluated.config.model_copy(update={"dataset": changed}))
     assert seen_by_training(evaluated) == evaluated.source.seen
     seen = seen_by_training(one_sided)
     exemplars = evaluated.source.exemplars
@@ -100,7 +100,7 @@ def test_gradients_of_fresh_renders_are_noisy(
 
 
 def test_the_strip(evaluated: Evaluated, tmp_path: Path) -> None:
-    write_strip(tmp_path / "strip.png", evaluated)
+    write_contact_strip(tmp_path / "strip.png", evaluated)
     with Image.open(tmp_path / "strip.png") as image:
         assert image.size == (1656, 160)
         pixels = np.asarray(image.convert("RGB")).astype(float)

@@ -1,4 +1,4 @@
-"""What a run's history tells: when it was half way, and how far it was within a budget."""
+"""The history of a run: when it was half way, and its best score within a budget."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.experiments.outcome import Ceiling, Outcome
+from svbrdfgan.experiments.outcome import Ceiling, RunOutcome
 
 
 def test_it_is_read_as_written(outcome, tmp_path: Path) -> None:
     outcome().save(tmp_path)
-    assert Outcome.load(tmp_path) == outcome()
+    assert RunOutcome.load(tmp_path) == outcome()
     with pytest.raises(AssetError):
-        Outcome.load(tmp_path / "elsewhere")
+        RunOutcome.load(tmp_path / "elsewhere")
 
 
 def test_half_way_is_where_the_score_first_reached_half_the_oracle(outcome) -> None:
@@ -29,7 +29,7 @@ def test_half_way_is_where_the_score_first_reached_half_the_oracle(outcome) -> N
 @pytest.mark.parametrize(("images", "score"), [(99, None), (100, 0.2), (199, 0.2), (200, 0.5), (300, 0.5)])
 def test_within_a_budget_the_best_counts(outcome, images: int, score: float | None) -> None:
     assert outcome().best_within(images=images) == score
-    assert outcome().best_in_time(seconds=images / 10) == score
+    assert outcome().best_within(seconds=images / 10) == score
 
 
 def test_what_it_took_is_the_end_of_its_history(outcome) -> None:

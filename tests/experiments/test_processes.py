@@ -13,8 +13,7 @@ from pathlib import Path
 import pytest
 
 from svbrdfgan.data.config import dataset_config
-from svbrdfgan.experiments.processes import OUTPUT, execute, gpus
-from svbrdfgan.experiments.schedule import Schedule
+from svbrdfgan.experiments.processes import OUTPUT, Schedule, execute, gpus
 from svbrdfgan.experiments.tasks import DatasetTask
 from svbrdfgan.utils.display import SilentDisplay
 
@@ -33,15 +32,15 @@ def stand_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stand_In:
 
     def put(script: str) -> None:
         program = tmp_path / "python"
-        program.write_text(f"#!/bin/sh\ntold=$(cat)\n{script}\n")
+        program.write_text(f"#!/bin/sh\ntask=$(cat)\n{script}\n")
         program.chmod(0o755)
         monkeypatch.setattr(sys, "executable", str(program))
 
     return put
 
 
-def test_a_failure_is_told_by_its_last_line(stand_in: Stand_In, tmp_path: Path) -> None:
-    stand_in('case "$told" in *\'"title":"bad"\'*) echo much; echo "car.glb has no faces." >&2; exit 1;; esac')
+def test_the_reason_of_a_failure_is_its_last_line(stand_in: Stand_In, tmp_path: Path) -> None:
+    stand_in('case "$task" in *\'"title":"bad"\'*) echo much; echo "car.glb has no faces." >&2; exit 1;; esac')
     ended = {
         made.title: reason
         for made, reason in execute(
@@ -61,15 +60,15 @@ def test_a_process_that_aborts_is_a_failure(stand_in: Stand_In, tmp_path: Path) 
     assert reason == "it ended with exit code 3"
 
 
-def test_so_many_at_once(stand_in: Stand_In, tmp_path: Path) -> None:
+def test_as_many_at_once_as_jobs(stand_in: Stand_In, tmp_path: Path) -> None:
     stand_in(f'touch {tmp_path}/in.$$; ls {tmp_path} | grep -c "^in" ; sleep 0.3; rm {tmp_path}/in.$$')
     tasks = [task(tmp_path, f"t{number}") for number in range(5)]
     assert len(list(execute(Schedule(tasks), 2, math.inf, SilentDisplay()))) == 5
     assert max(int((made.path / OUTPUT).read_text()) for made in tasks) == 2
 
 
-def test_who_stops_asking_ends_them(stand_in: Stand_In, tmp_path: Path) -> None:
-    stand_in(f'case "$told" in *\'"title":"slow"\'*) sleep 30; touch {tmp_path}/survived;; esac')
+def test_closing_the_generator_ends_them(stand_in: Stand_In, tmp_path: Path) -> None:
+    stand_in(f'case "$task" in *\'"title":"slow"\'*) sleep 30; touch {tmp_path}/survived;; esac')
     began, running = (
         time.monotonic(),
         execute(Schedule([task(tmp_path, n) for n in ("quick", "slow")]), 2, math.inf, SilentDisplay()),
@@ -80,9 +79,9 @@ def test_who_stops_asking_ends_them(stand_in: Stand_In, tmp_path: Path) -> None:
     assert not (tmp_path / "survived").exists()
 
 
-def test_what_has_ended_is_not_ended_again(stand_in: Stand_In, tmp_path: Path) -> None:
-    """Where several end at once and whoever asks stops asking after the first."""
-    stand_in(f'case "$told" in *\'"title":"slow"\'*) sleep 30; touch {tmp_path}/survived;; *) exit 0;; esac')
+def test_ended_tasks_are_not_ended_again(stand_in: Stand_In, tmp_path: Path) -> None:
+    """Several end at once, and the generator is closed after the first."""
+    stand_in(f'case "$task" in *\'"title":"slow"\'*) sleep 30; touch {tmp_path}/survived;; *) exit 0;; esac')
     tasks = [task(tmp_path, name) for name in ("quick", "too", "slow")]
     running = execute(Schedule(tasks), 3, math.inf, SilentDisplay())
     next(running)
@@ -111,10 +110,10 @@ def test_tasks_are_spread_over_the_gpus(stand_in: Stand_In, tmp_path: Path, monk
     assert [(made.path / OUTPUT).read_text().strip() for made in tasks] == ["4", "GPU-b"] * 2
 
 
-def test_a_task_ends_when_who_started_it_is_killed() -> None:
-    """And so does what it started itself."""
+def test_a_task_ends_when_its_parent_is_killed() -> None:
+    """And so do its own children."""
     job = (
-        "import os, subprocess, time; from svbrdfgan.experiments.parent_death_guard import end_with_parent;"
+        "import os, subprocess, time; from svbrdfgan.experiments.job import end_with_parent;"
         "end_with_parent(os.getppid());"
         "subprocess.Popen(['sleep', '600']);"
         "print('ready', flush=True); time.sleep(600)"
@@ -129,11 +128,8 @@ def test_a_task_ends_when_who_started_it_is_killed() -> None:
         assert time.monotonic() - began < 60
 
 
-def test_a_task_ends_that_begins_when_who_started_it_is_gone() -> None:
-    job = (
-        "from svbrdfgan.experiments.parent_death_guard import end_with_parent; import time;"
-        "end_with_parent(0); time.sleep(600)"
-    )
+def test_a_task_ends_whose_parent_is_already_dead() -> None:
+    job = "from svbrdfgan.experiments.job import end_with_parent; import time;end_with_parent(0); time.sleep(600)"
     ended = subprocess.run([sys.executable, "-c", job], process_group=0, timeout=120)
     assert ended.returncode == -signal.SIGKILL
 

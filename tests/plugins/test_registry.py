@@ -309,8 +309,8 @@ class TestChoice:
         install("able", RENDERER, group=RENDERERS)
         monkeypatch.setattr(select, "RANKING", dict.fromkeys(("cpu", "cuda"), ("absent", "fast", "able")))
         caplog.set_level(logging.INFO)
-        assert select.choose_renderer("cpu") == PluginChoice(name="able")
-        assert "'fast' is passed over on cpu" in caplog.text
+        assert select.select_renderer("cpu") == PluginChoice(name="able")
+        assert "'fast' is not used on cpu" in caplog.text
         assert "SIGABRT" in caplog.text
         assert isinstance(load_renderer("able"), Renderer)
 
@@ -322,22 +322,22 @@ class TestChoice:
             install(name, RENDERER.replace("Capabilities()", f"Capabilities({able})"), group=RENDERERS)
         monkeypatch.setattr(select, "RANKING", dict.fromkeys(("cpu", "cuda"), ("plain", "reads", "learns")))
         caplog.set_level(logging.INFO)
-        assert select.choose_renderer("cpu").name == "plain"
-        assert select.choose_renderer("cpu", ["roughness"]).name == "reads"
-        assert select.choose_renderer("cpu", ["roughness"], differentiable=True).name == "learns"
-        assert "'plain' is passed over on cpu: roughness is not in its maps." in caplog.text
-        assert "'reads' is passed over on cpu: roughness is not in its differentiable." in caplog.text
+        assert select.select_renderer("cpu").name == "plain"
+        assert select.select_renderer("cpu", ["roughness"]).name == "reads"
+        assert select.select_renderer("cpu", ["roughness"], differentiable=True).name == "learns"
+        assert "'plain' is not used on cpu: roughness is not in its maps." in caplog.text
+        assert "'reads' is not used on cpu: roughness is not in its differentiable." in caplog.text
         three = tuple(find_plugin(RENDERERS, name) for name in ("plain", "reads", "learns"))
         monkeypatch.setattr(select, "list_plugins", lambda group: three)
         with pytest.raises(PluginError, match=r"\n  learns on cpu: metallic, sheen are not in its maps\."):
-            select.choose_renderer("cpu", ["sheen", "roughness", "metallic"])
+            select.select_renderer("cpu", ["sheen", "roughness", "metallic"])
 
     def test_none_works(self, install: Install, monkeypatch: pytest.MonkeyPatch) -> None:
         install("able", RENDERER, group=RENDERERS)
         able = find_plugin(RENDERERS, "able")
         monkeypatch.setattr(select, "list_plugins", lambda group: (able,))
         with pytest.raises(PluginError, match=r"works on 'cuda':\n  able on cuda: .* runs on cpu, not on cuda\."):
-            select.choose_renderer("cuda")
+            select.select_renderer("cuda")
 
     def test_names_not_ranked_come_last(self) -> None:
         plugins = tuple(

@@ -7,10 +7,9 @@ import matplotlib
 import pytest
 import torch
 
-from svbrdfgan.report.curves import Chart, Curve, Level, draw
+from svbrdfgan.report.curves import Curve, Level, LineChart, charts, draw
 from svbrdfgan.report.facts import duration, flip_bars, half_way, summary
-from svbrdfgan.report.patches import CYAN, YELLOW, Judged, Scale, overlay
-from svbrdfgan.report.progress import charts
+from svbrdfgan.report.patches import CYAN, YELLOW, PatchLogits, Scale, overlay
 from svbrdfgan.report.vehicles import choose_views, error_scale, rendered, textured
 from svbrdfgan.training.config import LossConfig
 
@@ -72,22 +71,22 @@ def test_real_is_yellow_fake_is_cyan_and_doubt_keeps_the_grey() -> None:
 
 @pytest.mark.parametrize("loss", ["vanilla", "lsgan", "wgan", "relativistic"])
 def test_leaning_grows_with_the_logit(loss: str) -> None:
-    pair = Judged(torch.zeros(2, 2, 3), torch.zeros(2, 2, 3), torch.rand(3, 3) + 3, torch.rand(3, 3) - 3)
+    pair = PatchLogits(torch.zeros(2, 2, 3), torch.zeros(2, 2, 3), torch.rand(3, 3) + 3, torch.rand(3, 3) - 3)
     scale = Scale.make(loss, [pair])
     assert (scale.leaning(pair.real_logits) > 0.5).all()
     assert (scale.leaning(pair.fake_logits) < -0.5).all()
-    assert scale.told
+    assert scale.legend
 
 
 def test_an_undecided_logit_is_grey_under_the_losses_that_have_one() -> None:
-    pair = Judged(torch.zeros(2, 2, 3), torch.zeros(2, 2, 3), torch.ones(2, 2), torch.ones(2, 2) * 4)
+    pair = PatchLogits(torch.zeros(2, 2, 3), torch.zeros(2, 2, 3), torch.ones(2, 2), torch.ones(2, 2) * 4)
     assert Scale.make("vanilla", [pair]).leaning(torch.zeros(1)) == 0
     assert Scale.make("lsgan", [pair]).leaning(torch.full((1,), 0.5)) == 0
 
 
 def test_a_chart_has_the_colours_of_the_page_and_leaves_matplotlib_alone() -> None:
     before = dict(matplotlib.rcParams)
-    chart = Chart('A "<b>"', "x", (Curve("a", [0, 1, 2], [0, 1, 4]),), (Level("l", 3, "#010203"),), steps_per_x=0.5)
+    chart = LineChart('A "<b>"', "x", (Curve("a", [0, 1, 2], [0, 1, 4]),), (Level("l", 3, "#010203"),), steps_per_x=0.5)
     svg = draw(chart)
     assert svg.startswith("<svg ")
     assert {"var(--series-1)", "var(--ink-soft)", "var(--line)"} <= set(svg.replace(";", " ").replace('"', " ").split())
@@ -98,7 +97,7 @@ def test_a_chart_has_the_colours_of_the_page_and_leaves_matplotlib_alone() -> No
 
 
 def test_a_value_far_below_a_chart_leaves_it_its_size() -> None:
-    low = Chart("low", "x", (Curve("a", [4], [-9]),), (Level("l", -9, "#010203", x=4),), limits=(-0.25, 1.0))
+    low = LineChart("low", "x", (Curve("a", [4], [-9]),), (Level("l", -9, "#010203", x=4),), limits=(-0.25, 1.0))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert draw(low).startswith("<svg ")

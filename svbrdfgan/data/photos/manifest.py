@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from svbrdfgan.config.choices import PartSelection, Plugin, PluginChoice
+from svbrdfgan.config.choices import PartSelection, PluginChoice, PluginField
 from svbrdfgan.config.distributions import Fixed, Number, Uniform
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, MeshSource, ProceduralSkies, Split, SplitConfig
@@ -71,8 +71,8 @@ class Manifest(StrictModel):
     )
     image: tuple[Annotated[int, Field(ge=8, le=8192)], Annotated[int, Field(ge=8, le=8192)]] = (256, 256)
     texture: int = Field(default=256, ge=16, le=4096, multiple_of=4)
-    renderer: Plugin = PluginChoice(name="auto")
-    embedding: Plugin = PluginChoice(name="hemispherical")
+    renderer: PluginField = PluginChoice(name="auto")
+    embedding: PluginField = PluginChoice(name="hemispherical")
     learnable: PartSelection = PartSelection()
     environments: EnvironmentSource = EnvironmentSource(procedural=ProceduralSkies(count=8))
     environment_rotation_degrees: Number = Uniform(uniform=(0.0, 360.0))
