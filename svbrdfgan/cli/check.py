@@ -78,14 +78,14 @@ def command(
     test failed. --pairs prints the table of `docs/consistency.md` instead: whether renderers agree with each other.
     """
     if pairs and (options or only or power != 1.0):
-        raise click.UsageError("--option, --only and --power do not go with --pairs: leave out either.")
+        raise click.UsageError("--option, --only and --power are for one plugin: leave them out, or --pairs.")
     if not pairs and (scenes or markdown or profile is not None):
         raise click.UsageError("--profile, --scene and --markdown need --pairs.")
     if pairs:
         return _show_pairs(name, profile or "ci", scenes, "json" if as_json else "markdown" if markdown else "table")
     if name is None:
         raise click.UsageError("give the NAME of a renderer or UV embedding, or --pairs.")
-    outcomes = _outcomes(_plugin(name, kind), key_values(options), only, power)
+    outcomes = _outcomes(_plugin(name, kind), key_values(options), power, only)
     if as_json:
         click.echo(json.dumps([dataclasses.asdict(outcome) for outcome in outcomes], indent=2))
     else:
@@ -157,7 +157,7 @@ def _kit(plugin: Plugin, options: dict[str, Any], power: float) -> type[Kit]:
     return type("Checked", (tests,), {"name": plugin.name, "options": options, "power": power})
 
 
-def _outcomes(plugin: Plugin, options: dict[str, Any], only: str, power: float) -> list[Outcome]:
+def _outcomes(plugin: Plugin, options: dict[str, Any], power: float, only: str) -> list[Outcome]:
     """The outcome of each test."""
     outcomes: list[Outcome] = []
     with progress(f"trying {plugin.title} in its own process") as display:

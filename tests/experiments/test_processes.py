@@ -32,7 +32,7 @@ def stand_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stand_In:
 
     def put(script: str) -> None:
         program = tmp_path / "python"
-        program.write_text(f"#!/bin/sh\ntold=$(cat)\n{script}\n")
+        program.write_text(f"#!/bin/sh\ntask=$(cat)\n{script}\n")
         program.chmod(0o755)
         monkeypatch.setattr(sys, "executable", str(program))
 
