@@ -147,7 +147,7 @@ def _raster(
     used = np.flatnonzero(top > -np.inf)
     row, col = np.divmod(used, cols)
     barycentric = np.zeros((rows * cols, 3))
-    barycentric[used] = _covered(corners[best[used]], col, row)[1]
+    barycentric[used] = _covered(corners[best[used]], np.arange(len(used)), col, row)[1]
     face = np.where(top > -np.inf, best, -1)
     return Raster(face.reshape(rows, cols), barycentric.reshape(rows, cols, 3), top.reshape(rows, cols))
 
@@ -178,11 +178,12 @@ def _fragments(
             index = index[_reaches(floors, low[index], high[index], ceiling[chosen[index]])]
         within, row = ranges(low[index, 1], (high - low)[index, 1])
         line, col = ranges(low[index, 0][within], (high - low)[index, 0][within])
-        face, row = chosen[index[within[line]]], row[line]
+        local, row = within[line], row[line]
+        face = chosen[index[local]]
         if ceiling is not None and top is not None:
             open_ = np.flatnonzero(top[row * cols + col] <= ceiling[face])
-            face, row, col = face[open_], row[open_], col[open_]
-        inside, barycentric = _covered(corners[face], col, row)
+            local, face, row, col = local[open_], face[open_], row[open_], col[open_]
+        inside, barycentric = _covered(corners[chosen[index]], local, col, row)
         yield face[inside], (row * cols + col)[inside], barycentric[inside]
         start = stop
 
@@ -210,30 +211,30 @@ def _reaches(
     return (high > low).all(axis=1) & (large | (floor <= ceiling))
 
 
+def _edges(corners: Float[ndarray, "faces 3 2"]) -> Float[ndarray, "3 5 faces"]:
+    """Each edge: its lexicographically lower end, the way to the other, and 1 if the face runs it that way, else -1.
+
+    The side of a point is computed from the lower end, so that two faces at an edge get exactly opposite numbers.
+    """
+    a, b = np.moveaxis(corners[:, [1, 2, 0]], 0, -1), np.moveaxis(corners[:, [2, 0, 1]], 0, -1)
+    forward = (a[:, 0] < b[:, 0]) | ((a[:, 0] == b[:, 0]) & (a[:, 1] < b[:, 1]))
+    low, high = np.where(forward[:, None], a, b), np.where(forward[:, None], b, a)
+    return np.concatenate([low, high - low, np.where(forward, 1.0, -1.0)[:, None]], axis=1)
+
+
 def _covered(
-    corners: Float[ndarray, "n 3 2"], col: Int[ndarray, " n"], row: Int[ndarray, " n"]
+    corners: Float[ndarray, "faces 3 2"], face: Int[ndarray, " n"], col: Int[ndarray, " n"], row: Int[ndarray, " n"]
 ) -> tuple[Bool[ndarray, " n"], Float[ndarray, "n 3"]]:
-    """Whether each triangle owns its point (col, row), and the point's barycentric coordinates."""
-    edges = [_edge_side(corners[:, k - 2], corners[:, k - 1], col, row) for k in range(3)]
-    area = edges[0][0] + edges[1][0] + edges[2][0]
+    """Whether each face owns its point (col, row), and the point's barycentric coordinates in it."""
+    sides, forward = [], []
+    for edge in _edges(corners):
+        x, y, along_x, along_y, sign = (values.take(face) for values in edge)
+        sides.append(sign * (along_x * (row - y) - along_y * (col - x)))  # twice the area of the edge and the point
+        forward.append(sign > 0)
+    area = sides[0] + sides[1] + sides[2]
     left = area > 0
     inside = area != 0
-    for side, forward in edges:
-        # a point on an edge belongs to the face on the edge's left; its neighbour sees the same numbers, negated
-        inside &= np.where(side == 0, forward == left, (side > 0) == left)
-    return inside, np.stack([side for side, _ in edges], axis=1) / np.where(area != 0, area, 1.0)[:, None]
-
-
-def _edge_side(
-    a: Float[ndarray, "n 2"], b: Float[ndarray, "n 2"], col: Int[ndarray, " n"], row: Int[ndarray, " n"]
-) -> tuple[Float[ndarray, " n"], Bool[ndarray, " n"]]:
-    """Twice the signed area of (a, b, point), and whether a is the edge's lexicographically lower end.
-
-    It is computed from that end, so that it is exactly the negative for (b, a, point): neighbours agree bit for bit.
-    """
-    (ax, ay), (bx, by) = a.T, b.T
-    forward = (ax < bx) | ((ax == bx) & (ay < by))
-    low_x, low_y = np.where(forward, ax, bx), np.where(forward, ay, by)
-    along_x, along_y = np.where(forward, bx, ax) - low_x, np.where(forward, by, ay) - low_y
-    area = along_x * (row - low_y) - along_y * (col - low_x)
-    return np.where(forward, area, -area), forward
+    for side, runs in zip(sides, forward, strict=True):
+        # a point on an edge belongs to the one face for which the edge runs as the face is wound
+        inside &= np.where(side == 0, runs == left, (side > 0) == left)
+    return inside, np.stack(sides, axis=1) / np.where(area != 0, area, 1.0)[:, None]
