@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from svbrdfgan.rendering.render_layer import RenderLayer
     from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
     from svbrdfgan.report.page import write_report
-    from svbrdfgan.scene.asset import Subject, make_subject
     from svbrdfgan.scene.description import Scene
+    from svbrdfgan.scene.subject import Subject, make_subject
     from svbrdfgan.training.config import TrainConfig, train_config
     from svbrdfgan.training.run import load_model
     from svbrdfgan.training.trainer import train
@@ -90,7 +90,7 @@ _MODULES = {
     "io": ("load_environment", "load_mesh", "save_image"),
     "procedural": ("build_sky", "build_vehicle", "sample_sky", "sample_vehicle"),
     "plugins": ("load_embedding", "load_renderer"),
-    "scene.asset": ("Subject", "make_subject"),
+    "scene.subject": ("Subject", "make_subject"),
     "weathering": ("Dust", "RoadDirt", "Rust", "weather"),
     "rendering.compositing": ("composite", "over"),
     "rendering.render_layer": ("RenderLayer",),

@@ -127,7 +127,7 @@ def test_importing_the_package_imports_neither_torch_nor_a_plugin() -> None:
         ("svbrdfgan.types.view", "from svbrdfgan.protocols import Renderer", ["svbrdfgan.protocols.Renderer"]),
         ("svbrdfgan.types.view", "from .. import data\nfrom ..errors import AssetError", ["svbrdfgan.data"]),
         ("svbrdfgan.protocols", "from svbrdfgan import data", ["svbrdfgan.data"]),
-        ("svbrdfgan.scene.asset", "from svbrdfgan.data.config import Split", ["svbrdfgan.data.config.Split"]),
+        ("svbrdfgan.scene.subject", "from svbrdfgan.data.config import Split", ["svbrdfgan.data.config.Split"]),
         ("svbrdfgan.errors", "import svbrdfgan.types", ["svbrdfgan.types"]),
     ],
 )

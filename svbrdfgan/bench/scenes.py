@@ -24,7 +24,7 @@ from svbrdfgan.data.sampler import fit_distance
 from svbrdfgan.geometry.normals import corner_normals
 from svbrdfgan.io import load_environment, load_mesh
 from svbrdfgan.protocols import UVEmbedding
-from svbrdfgan.scene.asset import Subject, make_subject
+from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.types import Camera, Environment, Mesh, Part, Surface, View
 
 _AZIMUTH, _ELEVATION, _FOV = math.radians(40.0), math.radians(20.0), math.radians(35.0)

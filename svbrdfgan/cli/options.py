@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from svbrdfgan.config.choices import PartSelection
-    from svbrdfgan.scene.asset import Subject
+    from svbrdfgan.scene.subject import Subject
 
     Layer = Float[Tensor, "rows cols channels"]
 

@@ -59,8 +59,8 @@ def command(
         from svbrdfgan.config.choices import PartSelection
         from svbrdfgan.io import load_mesh
         from svbrdfgan.plugins import load_embedding
-        from svbrdfgan.scene.asset import make_subject
         from svbrdfgan.scene.description import map_values
+        from svbrdfgan.scene.subject import make_subject
         from svbrdfgan.weathering import recipe_from_options, weather
 
         bare = map_values(key_values(maps), "--map")

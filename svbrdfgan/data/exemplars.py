@@ -16,9 +16,9 @@ from svbrdfgan.data.generate import exemplar_paths
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.exr import load_exr
-from svbrdfgan.scene.asset import Subject
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader, subject_key
+from svbrdfgan.scene.subject import Subject
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.plugins import load_embedding
-from svbrdfgan.scene.asset import Subject, make_subject
+from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.training.run import Model
 from svbrdfgan.types import Mesh
 

@@ -16,7 +16,7 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.io import linear_from_srgb, save_glb, save_image, save_texture
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import RGBA, over
-from svbrdfgan.scene.asset import Subject
+from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Camera, Environment, Materials, View
 
 _PICTURE = (480, 300)

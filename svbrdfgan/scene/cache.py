@@ -15,7 +15,7 @@ from torch import Tensor
 
 from svbrdfgan.geometry.bake import GeometryBuffer
 from svbrdfgan.io.tensors import save_tensors, stored_tensors
-from svbrdfgan.scene.asset import Subject
+from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Part, Surface
 
 _SUBJECT, _LAYER = "svbrdfgan subject 1", "svbrdfgan layer 1"

@@ -17,9 +17,9 @@ from torch import Tensor
 from svbrdfgan.errors import AssetError, EmbeddingError
 from svbrdfgan.io import load_environment, load_mesh
 from svbrdfgan.plugins import load_embedding
-from svbrdfgan.scene.asset import Subject, make_subject
 from svbrdfgan.scene.cache import load_layer, load_subject, save_layer, save_subject
 from svbrdfgan.scene.description import AssetRef, Scene, SceneWeathering
+from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.types import Environment, View
 from svbrdfgan.weathering import Recipe, Site, find_site, recipe_from_options, weather
 

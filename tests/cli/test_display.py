@@ -226,7 +226,7 @@ LONG_WORK = [
     ("check --pairs", "svbrdfgan.testing.pairs.table.installed_renderers", "trying the renderers"),
     ("check --pairs", "svbrdfgan.testing.pairs.table.Table.rows", "pairs of renderers, ci profile"),
     ("weather {mesh} -o {out}/a.glb", "svbrdfgan.io.load_mesh", "loading"),
-    ("weather {mesh} -o {out}/a.glb", "svbrdfgan.scene.asset.make_subject", "unwrapping"),
+    ("weather {mesh} -o {out}/a.glb", "svbrdfgan.scene.subject.make_subject", "unwrapping"),
     ("weather {mesh} --resolution 16 -o {out}/a.glb", "svbrdfgan.weathering.weather", "weathering"),
     ("weather {mesh} --resolution 16 -o {out}/a.glb", "svbrdfgan.inference.export.write_weathered", "writing"),
     ("bake {mesh} --resolution 16 -o {out}", "svbrdfgan.io.load_mesh", "loading"),

@@ -14,7 +14,7 @@ from svbrdfgan.errors import ConfigError, EmbeddingError, UnsupportedError
 from svbrdfgan.plugins import load_embedding, load_renderer
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
 from svbrdfgan.protocols import Renderer
-from svbrdfgan.scene.asset import make_subject
+from svbrdfgan.scene.subject import make_subject
 from svbrdfgan.testing import RendererTests, UVEmbeddingTests, run_kit
 from svbrdfgan.types import Camera, Environment, Material, Materials, Mesh, Part, Surface, View
 

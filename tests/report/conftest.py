@@ -15,8 +15,8 @@ from svbrdfgan.evaluation.evaluate import Evaluated
 from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.geometry.bake import bake
 from svbrdfgan.geometry.rasterize import Fragments
-from svbrdfgan.scene.asset import Subject
 from svbrdfgan.scene.description import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
+from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.batches import BatchSource
 from svbrdfgan.training.config import DiscriminatorConfig, GeneratorConfig, TrainConfig
 from svbrdfgan.training.discriminator_batch import ImageBatch

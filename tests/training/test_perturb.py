@@ -15,8 +15,8 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.plugins import load_renderer
-from svbrdfgan.scene.asset import Subject
 from svbrdfgan.scene.description import Scene
+from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.cached_rendering import CachedRendering
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.perturb import Perturbation

@@ -6,7 +6,7 @@ import torch
 
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
-from svbrdfgan.scene.asset import make_subject
+from svbrdfgan.scene.subject import make_subject
 from svbrdfgan.testing.embedding.base import EmbeddingKit
 from svbrdfgan.testing.embedding.meshes import own_uv
 from svbrdfgan.testing.kit import check

@@ -27,8 +27,8 @@ from svbrdfgan.plugins import load_embedding, load_renderer
 from svbrdfgan.procedural import KINDS, build_sky, build_vehicle, sample_sky, sample_vehicle
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import over
-from svbrdfgan.scene.asset import Subject, make_subject
 from svbrdfgan.scene.description import OrbitCamera
+from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.types import Camera, Environment, Materials, Rendering, View
 from svbrdfgan.weathering import recipe_from_options, weather
 

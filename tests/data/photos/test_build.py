@@ -23,8 +23,8 @@ from svbrdfgan.data.photos.manifest import Manifest, read_manifest
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.plugins import load_renderer
-from svbrdfgan.scene.asset import Subject
 from svbrdfgan.scene.description import Scene
+from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.trainer import train
 from svbrdfgan.types import Materials, Rendering
