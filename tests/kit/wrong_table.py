@@ -1,6 +1,6 @@
 """`python tests/kit/wrong_table.py > docs/wrong-renderers.md`: which wrong renderers the kit catches at which power.
 
-Takes about five minutes on one core. `--fast` leaves out full power.
+Takes two minutes on one core. `--fast` leaves out full power.
 """
 
 from __future__ import annotations
