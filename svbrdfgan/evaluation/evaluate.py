@@ -146,9 +146,9 @@ def _oracle(
     """The run's oracle, trained now if there is none. The validation split decides when it stops."""
     path, notes = run / ORACLE, run / ORACLE_NOTES
     if path.is_file() and notes.is_file():
-        told = json.loads(notes.read_text(encoding="utf-8"))
+        reached = json.loads(notes.read_text(encoding="utf-8"))
         generator, score = load_generator(path)
-        return _TrainedOracle(generator.to(fabric.device), score, told["plateau"], told["steps"])
+        return _TrainedOracle(generator.to(fabric.device), score, reached["plateau"], reached["steps"])
     trained, seen = load("train")
     targets, _ = make_targets(trained, seen, fabric.device, _ORACLE_TARGETS)
     held_out = load("validation") if "validation" in config.dataset.splits else (trained, seen)

@@ -54,21 +54,21 @@ class Evaluation(StrictModel):
     maps: dict[str, float] = {}
 
     def lines(self) -> list[str]:
-        """What to tell a user."""
+        """The scores in words, one line each."""
         scored = f"{self.subjects} {self.split} subjects, {self.seen:.0%} of their area seen"
-        told = [f"recovered: {self.recovered:.3f} ({scored})"]
+        lines = [f"recovered: {self.recovered:.3f} ({scored})"]
         if self.oracle is not None:
             plateau = "at its plateau" if self.oracle_plateau else "still rising"
-            told.append(f"oracle:    {self.oracle:.3f} ({plateau} after {self.oracle_steps} steps)")
+            lines.append(f"oracle:    {self.oracle:.3f} ({plateau} after {self.oracle_steps} steps)")
         if self.fraction is not None:
-            told.append(f"fraction:  {self.fraction:.3f} of the oracle")
+            lines.append(f"fraction:  {self.fraction:.3f} of the oracle")
         if self.recovered_at_poles is not None:
             best = "" if self.oracle_at_poles is None else f" (oracle {self.oracle_at_poles:.3f})"
-            told.append(f"at poles:  {self.recovered_at_poles:.3f}{best}")
-        told.append(
+            lines.append(f"at poles:  {self.recovered_at_poles:.3f}{best}")
+        lines.append(
             f"FLIP:      {self.flip:.3f} (constant layer {self.flip_constant:.3f}, noise alone {self.flip_truth:.3f})"
         )
-        return told + [f"{name}: {error:.3f} mean absolute error" for name, error in self.maps.items()]
+        return lines + [f"{name}: {error:.3f} mean absolute error" for name, error in self.maps.items()]
 
     def save(self, run: Path) -> None:
         save_record(run / of_split(EVALUATION, self.split), self)

@@ -89,7 +89,7 @@ def charts(log: MetricsLog, evaluation: Evaluation, config: TrainConfig) -> list
     made = [
         _recovered(log, evaluation, images_per_step),
         _lines("Losses", {"g_loss": "generator", "d_loss": "discriminator"}, log, images_per_step),
-        _lines("Discriminator accuracy", {"d_accuracy": "pairs told apart"}, log, images_per_step, (0.0, 1.03)),
+        _lines("Discriminator accuracy", {"d_accuracy": "pairs distinguished"}, log, images_per_step, (0.0, 1.03)),
         _lines("Images per second", {"images_per_second": "images per second"}, log, images_per_step, (0.0, None)),
     ]
     return [chart for chart in made if chart is not None]
