@@ -62,7 +62,7 @@ def layer_counts(fragments: Fragments) -> tuple[Int[ndarray, " faces"], Int[ndar
     surface = fragments.surface
     box = surface.positions[surface.faces].reshape(-1, 3)
     tolerance = TOLERANCE * float(np.linalg.norm(box.max(axis=0) - box.min(axis=0)))
-    floor = fragments.outermost().elevation.ravel() - tolerance
+    floor = fragments.top - tolerance
     covered = fragments.texels_of_faces.copy()
     near = np.bincount(fragments.face[fragments.elevation >= floor[fragments.texel]], minlength=len(covered))
     small = np.flatnonzero(covered == 0)

@@ -89,6 +89,13 @@ class Fragments:
         """How many texels' centres lie in each face."""
         return np.bincount(self.face, minlength=len(self.surface.faces))
 
+    @cached_property
+    def top(self) -> Float[ndarray, " texels"]:
+        """The elevation of the outermost face at each texel, -inf where there is none."""
+        top = np.full(self.rows * self.cols, -np.inf)
+        np.maximum.at(top, self.texel, self.elevation)
+        return top
+
     def outermost(self, only: Bool[ndarray, " faces"] | None = None) -> Raster:
         """The outermost face (greatest elevation, then lowest index) at each texel, among those that `only` marks."""
         chosen = slice(None) if only is None else only[self.face]
