@@ -218,7 +218,7 @@ def work(clock: FakeClock, monkeypatch: pytest.MonkeyPatch) -> Work:
 
 
 LONG_WORK = [
-    ("demo --out {out}", "svbrdfgan.data.generate.generate", "starting the demo"),
+    ("demo --out {out}", "svbrdfgan.experiments.demo.run_demo", "starting the demo"),
     ("backends", "svbrdfgan.cli.backends.probe_all", "trying each plugin"),
     ("embeddings", "svbrdfgan.cli.backends.probe_all", "trying each plugin"),
     ("check numpy", "svbrdfgan.plugins.probe.probe", "trying renderer 'numpy'"),
