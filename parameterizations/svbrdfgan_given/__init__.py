@@ -1,4 +1,4 @@
-"""The UV embedding that a mesh brings along: kept bit for bit where it is one-to-one, repaired where it is not."""
+"""The mesh's own UVs as an embedding: kept bit for bit if they are one-to-one, repaired if they are not."""
 
 from svbrdfgan_given.embedding import GivenEmbedding
 

@@ -1,4 +1,4 @@
-"""The charts of a map: faces that hang together in UV, are turned the same way, and do not lie on each other."""
+"""The charts of a UV map: connected faces that have the same orientation and do not overlap each other."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from scipy.sparse.csgraph import connected_components
 from svbrdfgan.geometry.normals import uv_areas
 from svbrdfgan_given.overlap import overlapping_pairs
 
-_STEPS = 1 << 20  # corners that agree to this fraction of the square are the same
-_FLAT = 1e-12  # of the square of the longest edge
+_STEPS = 1 << 20  # UVs of corners that agree to this fraction of the square count as equal
+_FLAT = 1e-12  # of the square of the longest edge: faces with less area in UV count as a line or a point
 
 
 def signed_areas(uv: Float[ndarray, "faces 3 2"]) -> Float[ndarray, " faces"]:
-    """Areas in the square, negative where mirrored; exactly zero for a face that is a line or a point."""
+    """Areas in UV: negative for mirrored faces, exactly zero for a face that is a line or a point."""
     area = uv_areas(uv)
     longest = np.square(uv - np.roll(uv, 1, axis=1)).sum(axis=2).max(axis=1)
     return np.where(2.0 * np.abs(area) > np.maximum(_FLAT * longest, 1e-300), area, 0.0)
@@ -37,7 +37,7 @@ def find_charts(faces: Int[ndarray, "faces 3"], uv: Float[ndarray, "faces 3 2"])
 
 
 def charts_overlap(uv: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> bool:
-    """Whether two charts, or two faces of one, lie on each other."""
+    """Whether any two faces overlap, in one chart or in two."""
     good = chart >= 0
     corners = _unmirrored(uv[good], signed_areas(uv[good]))
     return any(len(pairs) > 0 for pairs in overlapping_pairs(corners, np.zeros(len(corners), dtype=np.int64)))
@@ -51,7 +51,7 @@ def _unmirrored(uv: Float[ndarray, "faces 3 2"], area: Float[ndarray, " faces"])
 def _neighbours(
     faces: Int[ndarray, "faces 3"], uv: Float[ndarray, "faces 3 2"], side: Int[ndarray, " faces"]
 ) -> csr_matrix:
-    """Which faces share an edge in space and in UV, and are turned the same way."""
+    """Adjacency of faces that share an edge both in space and in UV, and have the same orientation."""
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
     place = np.round(np.stack([uv, np.roll(uv, -1, axis=1)], axis=2).reshape(-1, 2, 2) * _STEPS).astype(np.int64)
     swap = ends[:, 0] > ends[:, 1]
@@ -71,7 +71,7 @@ def _parted(
     graph: csr_matrix,
     corners: Float[ndarray, "faces 3 2"],
 ) -> Int[ndarray, " faces"]:
-    """The labels, with each chart that lies on itself cut into charts that do not."""
+    """The labels, after each chart that overlaps itself is cut into charts that do not."""
     index = np.flatnonzero(good)
     found = [index[pairs] for pairs in overlapping_pairs(corners[index], label[index])] if len(index) else []
     pairs = np.concatenate(found) if found else np.zeros((0, 2), dtype=np.int64)
@@ -91,7 +91,7 @@ def _parted(
 
 
 def _grow(seed: int, allowed: set[int], graph: csr_matrix, rivals: dict[int, set[int]]) -> set[int]:
-    """The faces that hang together with the seed, nearest first, but for those that would lie on others of them."""
+    """The faces reached from the seed, breadth first, except those that would overlap a face reached before."""
     grown, barred, queue = {seed}, set(rivals.get(seed, ())), deque([seed])
     while queue:
         face = queue.popleft()

@@ -1,4 +1,4 @@
-"""The mesh's own UVs as an embedding: kept where they are one-to-one, repaired where they are not."""
+"""The mesh's own UVs as an embedding: kept if they are one-to-one, repaired if they are not."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from svbrdfgan_given.charts import charts_overlap, find_charts, signed_areas
 
 log = logging.getLogger(__name__)
 
-_HALVINGS = 40  # of the scale: to the last bits of a double
+_HALVINGS = 40  # bisections of the scale, enough for nearly all bits of a double
 
 
 @dataclass(frozen=True)
 class GivenEmbedding:
     """The mesh's own texture coordinates, one-to-one.
 
-    Where they lie in the unit square, no two places share one, nothing is mirrored (counter-clockwise faces stay so)
-    and no face with an area is a line or a point, they come back bit for bit. Otherwise, and no more than is needed:
-    mirrored charts are turned over in place; charts in other tiles of a repeating texture are moved by whole tiles; the
-    layout is scaled as one where it sticks out of the square; and if charts lie on each other, all are scaled alike and
-    packed, without being turned. A chart that lies on itself is cut. Faces that are a line or a point in UV get half a
-    texel each, in a block that is packed with the rest.
+    They are kept bit for bit if they lie in the unit square, do not overlap, are not mirrored (counter-clockwise faces
+    stay so), and every face with an area has an area in UV. Otherwise, only the repairs that are needed are made.
+    Mirrored charts are mirrored in place. Charts in other tiles of a repeating texture are moved by whole tiles. A
+    layout that is larger than the square is scaled as a whole. If charts overlap, all are scaled by one factor and
+    packed without rotation. A chart that overlaps itself is cut. Faces that are a line or a point in UV get half a
+    texel each, in a block that is packed with the charts.
 
     Attributes:
-        resolution: texels along a side that `gutter` counts.
-        gutter: texels between charts, where they are packed.
+        resolution: texels along a side; the unit of `gutter`.
+        gutter: texels between charts, if they are packed.
 
     Raises:
         ConfigError: an option is out of range.
@@ -54,7 +54,7 @@ class GivenEmbedding:
             raise ConfigError(f"gutter is {self.gutter}; wanted texels, at least 0 and below half of the resolution.")
 
     def embed(self, mesh: Mesh) -> Surface:
-        """The mesh over its own UVs, repaired where they are not one-to-one. Faces are not cut.
+        """The mesh over its own UVs, which are repaired if they are not one-to-one. Faces are not cut.
 
         Raises:
             EmbeddingError: the mesh has no UVs, they have no area, or there are too many charts for the resolution.
@@ -75,7 +75,7 @@ class GivenEmbedding:
         return np.clip(_into_square(repaired, repaired[chart >= 0]), 0.0, 1.0)
 
     def _packed(self, uv: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> Float[ndarray, "faces 3 2"]:
-        """All charts side by side, and a block of the faces that have none: two to a texel."""
+        """All charts side by side, and a block of the faces without a chart, two to a texel."""
         texel = 1.0 / self.resolution
         low, high = _boxes(uv, chart)
         lost = np.flatnonzero(chart < 0)
@@ -95,7 +95,7 @@ class GivenEmbedding:
 
 
 def _turned_over(uv: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> Float[ndarray, "faces 3 2"]:
-    """Mirrored charts mirrored again, in their own boxes."""
+    """The UVs with each mirrored chart mirrored again inside its own bounding box."""
     mirrored = np.bincount(chart[chart >= 0], signed_areas(uv)[chart >= 0]) < 0
     chosen = np.flatnonzero((chart >= 0) & mirrored[chart])
     if not len(chosen):
@@ -107,14 +107,14 @@ def _turned_over(uv: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"])
 
 
 def _into_tile(uv: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> Float[ndarray, "faces 3 2"]:
-    """Charts moved by whole tiles, so that the middle of each lies in the unit square."""
+    """The UVs with charts moved by whole tiles, so that the middle of each lies in the unit square."""
     low, high = _boxes(uv, chart)
     tile = np.where((low >= 0.0) & (high <= 1.0), 0.0, np.floor((low + high) / 2))
     return np.where((chart >= 0)[:, None, None], uv - tile[chart][:, None], uv) if tile.any() else uv
 
 
 def _into_square(uv: Float[ndarray, "faces 3 2"], used: Float[ndarray, "used 3 2"]) -> Float[ndarray, "faces 3 2"]:
-    """The layout moved, and made smaller, by as much as `used` asks for."""
+    """The layout moved, and scaled down if necessary, so that `used` lies in the unit square; unchanged if it does."""
     low, high = used.min(axis=(0, 1)), used.max(axis=(0, 1))
     if low.min() >= 0.0 and high.max() <= 1.0:
         return uv
@@ -124,7 +124,7 @@ def _into_square(uv: Float[ndarray, "faces 3 2"], used: Float[ndarray, "used 3 2
 def _boxes(
     uv: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]
 ) -> tuple[Float[ndarray, "charts 2"], Float[ndarray, "charts 2"]]:
-    """Lower and upper corner of each chart's box."""
+    """Lower and upper corner of each chart's bounding box."""
     good = chart >= 0
     low = np.full((int(chart.max()) + 1, 2), np.inf)
     high = -low
@@ -134,7 +134,7 @@ def _boxes(
 
 
 def _halves(count: int, side: int) -> Float[ndarray, "faces 3 2"]:
-    """Triangles, two in each unit cell of a grid that is `side` cells wide, not touching each other."""
+    """Triangles that do not touch, two in each unit cell of a grid that is `side` cells wide."""
     index = np.arange(count)
     corner = np.array([[0.1, 0.1], [0.8, 0.1], [0.1, 0.8]])
     triangle = np.where((index % 2 == 0)[:, None, None], corner, 1.0 - corner)
@@ -143,7 +143,7 @@ def _halves(count: int, side: int) -> Float[ndarray, "faces 3 2"]:
 
 
 def _surface(mesh: Mesh, uv: Float[ndarray, "faces 3 2"]) -> Surface:
-    """The surface with exactly these UVs: corners share a vertex only if theirs are equal to the last bit."""
+    """The surface with exactly these UVs: corners share a vertex only if their UVs are equal to the last bit."""
     normals = corner_normals(mesh.positions, mesh.faces)
     rank = np.unique(uv.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 3, 1)
     corner, faces = split_corners(mesh.faces, mesh.face_part, normals, rank.astype(np.float64))
@@ -163,10 +163,11 @@ def _surface(mesh: Mesh, uv: Float[ndarray, "faces 3 2"]) -> Surface:
 def pack(
     sizes: Float[ndarray, "boxes 2"], fixed: Float[ndarray, "boxes 2"], gutter: float
 ) -> tuple[float, Float[ndarray, "boxes 2"]] | None:
-    """A common scale for the sizes, and each box's lower left corner; None if no scale fits.
+    """The largest common scale found for the sizes, and each box's lower left corner; None if no scale fits.
 
-    `fixed` is added to the scaled sizes. Boxes lie `gutter` apart, and half of that from the border.
+    `fixed` is added to the scaled sizes. Boxes lie `gutter` apart, and half of that from the square's border.
     """
+    # highest first, as a shelf is as high as its highest box
     order = np.lexsort((-sizes[:, 0], -(sizes[:, 1] + fixed[:, 1])))
     area = float(sizes.prod(axis=1).sum())
     low, high = 0.0, 2.0 / max(area, float(sizes.max()) ** 2, 1e-300) ** 0.5
@@ -184,7 +185,7 @@ def pack(
 
 
 def _shelves(sizes: Float[ndarray, "boxes 2"], order: ndarray, gutter: float) -> Float[ndarray, "boxes 2"] | None:
-    """Lower left corners, rows filled from left to right and stacked upwards; None if they do not fit."""
+    """Shelf packing: lower left corners, in rows from left to right and upwards; None if the boxes do not fit."""
     corners = np.empty_like(sizes)
     border = 1.0 - gutter / 2.0
     left = bottom = gutter / 2.0

@@ -1,4 +1,4 @@
-"""Which triangles of the plane overlap each other."""
+"""Finds the pairs of triangles in the plane that overlap."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from numpy import ndarray
 from svbrdfgan.geometry.cells import CellGrid
 
 TOLERANCE = 1e-6
-"""Triangles that reach into each other by less than this do not overlap: neighbours are rounded apart in files."""
+"""Triangles overlap if they reach into each other by more than this: files round the shared corners of neighbours."""
 
-_AT_ONCE = 1 << 19
+_AT_ONCE = 1 << 19  # candidate pairs tested at once, which bounds memory
 
 
 def overlapping_pairs(
     corners: Float[ndarray, "triangles 3 2"], group: Int[ndarray, " triangles"]
 ) -> Iterator[Int[ndarray, "pairs 2"]]:
-    """The pairs of one group that overlap, in pieces of bounded size.
+    """The overlapping pairs of triangles in the same group, in batches of bounded size.
 
-    The triangles are wound counter-clockwise.
+    The triangles must be wound counter-clockwise.
     """
     grid = _grid(corners)
     low = corners.min(axis=1)
@@ -39,20 +39,20 @@ def overlapping_pairs(
         one = np.repeat(np.arange(start, stop), after[start:stop])
         step = np.arange(len(one)) - np.repeat(total[start:stop] - after[start:stop] - done, after[start:stop])
         pairs = triangle[np.stack([one, one + 1 + step], axis=1)]
-        pairs = pairs[grid.cells(low[pairs].max(axis=1)) == cell[one]]  # of the cells that they share, in one
+        pairs = pairs[grid.cells(low[pairs].max(axis=1)) == cell[one]]  # report a pair in only one of its shared cells
         yield pairs[_overlap(corners[pairs[:, 0]], corners[pairs[:, 1]])]
         start = stop
 
 
 def _grid(corners: Float[ndarray, "triangles 3 2"]) -> CellGrid:
-    """Cells about as large as the triangles."""
+    """A grid whose cells are about as large as the triangles."""
     low, high = corners.min(axis=1), corners.max(axis=1)
     extent, mean = (high.max(axis=0) - low.min(axis=0)).max(), (high - low).mean()
     return CellGrid.around(corners, extent / max(mean, 1e-300))
 
 
 def _overlap(one: Float[ndarray, "pairs 3 2"], other: Float[ndarray, "pairs 3 2"]) -> Bool[ndarray, " pairs"]:
-    """Whether no edge of either has the other beyond it (separating axes)."""
+    """Whether no edge of one triangle separates it from the other (separating axis theorem)."""
     apart = np.zeros(len(one), dtype=bool)
     for a, b in ((one, other), (other, one)):
         for k in range(3):

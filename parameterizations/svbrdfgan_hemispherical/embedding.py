@@ -1,4 +1,4 @@
-"""Equation 4.1 of the thesis over a mesh, subdivided until interpolating UV errs by at most half a texel."""
+"""The map of the thesis's equation 4.1, over a mesh that is subdivided until interpolating UV errs by half a texel."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ AXES: dict[str, Float[ndarray, "3 3"]] = {
     "z": np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
     "x": np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
 }
-"""Per nose axis, rows: the vehicle's right (looking forward), up, and nose."""
+"""For each axis of the nose, a matrix with rows: the vehicle's right (looking forward), up, and nose."""
 
-_AIM = 0.45  # texels at the sampled points, which keeps all others within the half texel promised
-_ROUNDS = 24  # each halves the edges that it cuts: enough for any edge down to the shortest
-_SHORTEST_EDGE = 1e-5  # of the model's diagonal; shorter edges stay whole, so that subdivision ends for every input
+_AIM = 0.45  # texels: allowed error at sampled points, so that it stays below half a texel between them
+_ROUNDS = 24  # each halves the edges that it cuts; enough to reach the shortest edge from any length
+_SHORTEST_EDGE = 1e-5  # of the model's diagonal; shorter edges are not cut, so that subdivision ends for every input
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Where the angles are taken.
+    """The origin and axes of the angles.
 
     Attributes:
         centre: in metres, in the mesh's coordinates; below the ground.
@@ -70,7 +70,7 @@ class Frame:
         return np.stack([theta, phi], axis=-1) / np.pi
 
     def elevation(self, points: Float[ndarray, "*n 3"]) -> Float[ndarray, " *n"]:
-        """Distance from the centre in metres: along one direction, further is further out."""
+        """Distance from the centre in metres; of two surfaces in one direction, the outer one has the greater."""
         return np.linalg.norm(points - self.centre, axis=-1)
 
 
@@ -78,18 +78,19 @@ class Frame:
 class HemisphericalEmbedding:
     """Equation 4.1 of the thesis: (u, v) = (theta / pi, phi / pi), discarding the distance from the centre.
 
-    The poles lie along the vehicle's length. `u` turns about it from the vehicle's right over its roof to its left, and
-    `v` runs from the nose to the tail, so that outer faces keep their winding in UV and nothing is mirrored.
+    The poles lie along the vehicle's length. `u` turns about this axis from the vehicle's right over its roof to its
+    left, and `v` runs from the nose to the tail, so that outer faces keep their winding in UV and are not mirrored.
     The centre is the middle of the bounding box in the two horizontal directions. It lies slightly below the ground, so
     that the whole model is above it: theta stays inside (0, pi), and neither the seam nor a pole touches the surface.
     Where several surfaces share a direction, the one furthest from the centre is outermost. Angles are taken in metres:
-    dividing by the bounding box first was measured, and made maps of different vehicles no more alike and less even.
+    a measurement showed that dividing by the bounding box first makes maps of different vehicles no more alike, and
+    less even.
 
     Attributes:
         resolution: texels along a side for which interpolating (u, v) over a triangle errs by at most half a texel.
-        centre_height: of the centre over the ground, in heights of the model, in [-1, 0). Nearer to the ground is
-            closer to a hemisphere, and costs more faces on the underside.
-        axis: where the nose points: "z" (+Z, the convention), "x" (+X), or "auto", the longer of the two.
+        centre_height: height of the centre above the ground, in heights of the model, in [-1, 0). A centre nearer to
+            the ground gives a map closer to a hemisphere, and more faces on the underside.
+        axis: direction of the nose: "z" (+Z, the convention), "x" (+X), or "auto", the longer of the two.
 
     Raises:
         ConfigError: an option is out of range.
@@ -110,7 +111,7 @@ class HemisphericalEmbedding:
             raise ConfigError(f"axis is {self.axis!r}; wanted 'z', 'x' or 'auto'.")
 
     def frame(self, mesh: Mesh) -> Frame:
-        """Where the angles of this mesh are taken."""
+        """The origin and axes of the angles for this mesh."""
         return Frame.of_bounds(mesh.bounds, self.axis, self.centre_height)
 
     def embed(self, mesh: Mesh) -> Surface:
@@ -133,7 +134,7 @@ class HemisphericalEmbedding:
         )
 
     def _errs(self, frame: Frame, mesh: Mesh) -> EdgePredicate:
-        """Edges over which, or faces over whose middle, interpolating (u, v) errs by more than half a texel."""
+        """Chooses edges on which interpolating (u, v) errs too much, and the longest edge of faces in which it does."""
         floor = _SHORTEST_EDGE * float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0]))
 
         def wanted(
@@ -160,7 +161,7 @@ def _deviation(
     uv: Float[ndarray, "simplices corners 2"],
     at: Float[ndarray, "samples corners"],
 ) -> Float[ndarray, " simplices"]:
-    """The greatest distance, among the samples, between the true and the interpolated (u, v)."""
+    """The greatest distance between the true and the interpolated (u, v) over the samples."""
     worst = np.zeros(len(corners))
     for weights in at:
         true = frame.uv(np.einsum("c,scx->sx", weights, corners))

@@ -18,10 +18,10 @@ class BoundaryBarrier:
     """-stiffness * sum of weight * log(distance to a wall of the container), over a chart's border about the origin.
 
     Attributes:
-        shape: of side or diameter one.
+        shape: square of side one, or disk of diameter one.
         border: the vertices around the chart.
-        weight: share of the border that each stands for.
-        stiffness: at rest the border stays about this far from the walls, over four.
+        weight: share of the border's length that each vertex represents.
+        stiffness: at rest the border stays about a quarter of this away from the walls.
     """
 
     shape: Shape
@@ -30,7 +30,7 @@ class BoundaryBarrier:
     stiffness: float
 
     def value(self, uv: Float[ndarray, "vertices 2"]) -> float:
-        """Infinite beyond a wall."""
+        """The cost; infinite if a vertex lies on or beyond a wall."""
         gap, _ = self._gaps(uv[self.border])
         if not (gap > 0.0).all():
             return float("inf")
@@ -39,17 +39,17 @@ class BoundaryBarrier:
     def derivatives(
         self, uv: Float[ndarray, "vertices 2"]
     ) -> tuple[Float[ndarray, "loop 2"], Float[ndarray, "loop 2 2"]]:
-        """Gradient, and a positive Hessian, at each border vertex."""
+        """Gradient and positive semidefinite Hessian at each border vertex."""
         gap, inward = self._gaps(uv[self.border])
         scale = self.stiffness * self.weight[:, None] / gap
         gradient = -np.einsum("bw,bwx->bx", scale, inward)
         hessian = np.einsum("bw,bwx,bwy->bxy", scale / gap, inward, inward)
-        if self.shape == "disk":  # whose gap is quadratic in the position: its own curvature adds to the Hessian
+        if self.shape == "disk":  # its gap is quadratic in the position, which adds a second derivative
             hessian += 2.0 * scale[:, :, None] * np.eye(2)
         return gradient, hessian
 
     def _gaps(self, points: Float[ndarray, "n 2"]) -> tuple[Float[ndarray, "n walls"], Float[ndarray, "n walls 2"]]:
-        """What is positive inside, at each wall, and its gradient."""
+        """A function for each wall that is positive inside, and its gradient; for the disk, 1/4 - |x|^2."""
         if self.shape == "square":
             return 0.5 + points @ _SQUARE.T, np.broadcast_to(_SQUARE, (len(points), 4, 2))
         return (0.25 - (points**2).sum(axis=1))[:, None], -2.0 * points[:, None, :]

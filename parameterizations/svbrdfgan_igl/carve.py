@@ -1,8 +1,8 @@
-"""Taking cells away from a solid without changing its topology: homotopic thinning by simple points.
+"""Removes cells from a solid without changing its topology: homotopic thinning by simple points.
 
-Solid cells hang together by faces and edges (18), the background by faces (6+), as in the surface that marching cubes
-put between them. A cell is simple if around it lies one piece of solid and one of background (Bertrand 1994): of solid,
-within two steps; of background, within three.
+Solid cells are connected across faces and edges (18-connected), background cells across faces (6+), as in the surface
+that marching cubes puts between them. A cell is simple, and its removal keeps the topology, if its neighbourhood holds
+one component of solid (within two steps) and one of background (within three steps) (Bertrand 1994).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def _mask(chosen: Bool[ndarray, " 27"]) -> np.uint32:
 
 _REACH = np.abs(_OFFSETS).sum(axis=1)
 _N26, _N18, _N6 = (_mask((_REACH > 0) & (k > _REACH)) for k in (4, 3, 2))
-_AXES = [  # shift of the bit index along an axis, cells that have a neighbour below, and above
+_AXES = [  # for each axis: shift of the bit index, cells with a neighbour below, cells with one above
     (np.uint32(9 // 3**k), _mask(_OFFSETS[:, k] > -1), _mask(_OFFSETS[:, k] < 1)) for k in range(3)
 ]
 
@@ -33,9 +33,9 @@ Codes = Int[ndarray, " cells"]
 def carve(
     solid: Bool[ndarray, "x y z"], keep: Bool[ndarray, "x y z"], distance: Float[ndarray, "x y z"]
 ) -> Bool[ndarray, "x y z"]:
-    """The solid without the simple cells outside `keep`, the most distant taken first; it keeps its topology.
+    """The solid after simple cells outside `keep` are removed, the most distant first; its topology stays the same.
 
-    The outermost layers of the grid must be empty.
+    Every cell has 26 neighbours inside the grid: the outermost layers of the grid must be empty.
     """
     flat = solid.copy().ravel()
     offsets = _OFFSETS @ np.array([solid.shape[1] * solid.shape[2], solid.shape[2], 1])
@@ -52,7 +52,10 @@ def carve(
 
 
 def _peel(flat: ndarray, cells: Int[ndarray, " cells"], parity: Int[ndarray, " all"], offsets: ndarray) -> bool:
-    """Removes the cells that are simple, one parity class after another: two of a class are never neighbours."""
+    """Removes the simple cells, and returns whether any was removed.
+
+    Cells of one parity class are never neighbours, so that removing all simple ones of a class at once is safe.
+    """
     removed = False
     for kind in range(8):
         some = cells[parity[cells] == kind]
@@ -79,10 +82,12 @@ def simple(code: Codes) -> Bool[ndarray, " cells"]:
 
 
 def _lowest(code: Codes) -> Codes:
+    """The lowest set bit alone."""
     return code & (~code + np.uint32(1))
 
 
 def _flood(start: Codes, within: Codes, grow: Callable[[Codes], Codes]) -> Codes:
+    """The component of `within` that holds `start`, by repeated growth."""
     while True:
         more = grow(start) & within
         if np.array_equal(more, start):
@@ -100,11 +105,12 @@ def _grow18(code: Codes) -> Codes:
 
 
 def _along(code: Codes, axis: int) -> Codes:
-    """Both neighbours along an axis."""
+    """The neighbours of the set bits on both sides along an axis, without the set bits themselves."""
     shift, from_above, from_below = _AXES[axis]
     return ((code & from_above) >> shift) | ((code & from_below) << shift)
 
 
 def _parity(shape: tuple[int, ...]) -> Int[ndarray, " all"]:
+    """A class from 0 to 7 for each cell, by whether its indices along x, y and z are even or odd."""
     x, y, z = np.meshgrid(*(np.arange(n) % 2 for n in shape), indexing="ij")
     return np.asarray(4 * x + 2 * y + z).ravel()

@@ -1,4 +1,4 @@
-"""The surface of a mesh that is spread out, and how it lies in the square."""
+"""Charts: the disk that is flattened for a mesh (the mesh itself or a wrap), with its UVs in the unit square."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from svbrdfgan_igl.flatten import TOO_THIN, Boundary, Flatten, one_to_one, packe
 from svbrdfgan_igl.topology import Disk
 from svbrdfgan_igl.wrap import wrap
 
-_STEPS = 1 << 30  # positions are rounded to this fraction of the size, so that place and unit of the mesh do not count
+# positions are rounded to this fraction of the size, so that the map does not depend on the mesh's place and unit
+_STEPS = 1 << 30
 _WRAP_FACES = 6000
 
 
 @dataclass(frozen=True, eq=False)
 class UnitFrame:
-    """From metres to coordinates in which the longest side is one and the lower corner zero, and back."""
+    """Coordinates in which the mesh's longest side is 1 and its lower corner is at the origin."""
 
     low: Float[ndarray, " 3"]
     size: float
@@ -31,7 +32,7 @@ class UnitFrame:
         """The frame of a mesh.
 
         Raises:
-            EmbeddingError: it is a point, or hardly more beside the distance to the origin.
+            EmbeddingError: the mesh is a point, or too small for its distance from the origin in double precision.
         """
         low, high = mesh.bounds
         size = float((high - low).max())
@@ -40,18 +41,18 @@ class UnitFrame:
         return cls(low, size)
 
     def to_unit(self, points: Float[ndarray, "*n 3"]) -> Float[ndarray, "*n 3"]:
-        """Metres to these coordinates, rounded."""
+        """Points in metres, converted to these coordinates and rounded."""
         return np.asarray(np.round((points - self.low) / self.size * _STEPS) / _STEPS)
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A disk over the square.
+    """A disk with UVs in the unit square.
 
     Attributes:
-        disk: in the coordinates of `frame`.
-        uv: of its vertices, in [0, 1]; no triangle is flipped and none overlaps another.
-        is_wrap: whether it only surrounds the mesh; otherwise its faces are the mesh's own, in order.
+        disk: the surface, in the coordinates of `frame`.
+        uv: UVs of its vertices, in [0, 1]; no triangle is flipped and none overlaps another.
+        is_wrap: True if the disk surrounds the mesh; False if its faces are those of the mesh, in the same order.
     """
 
     disk: Disk

@@ -1,4 +1,4 @@
-"""The self-collision barrier: it keeps a chart's border apart from itself (after Li et al. 2020)."""
+"""The self-collision barrier: it keeps distant stretches of a chart's border apart (after Li et al. 2020)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from svbrdfgan_igl.crossing import close_pairs
 
-_OF_INITIAL = 0.5  # of their initial distance: pairs further apart than this do not repel, whatever the gap
+_OF_INITIAL = 0.5  # of a pair's initial distance: its gap is at most this, so that no pair repels at first
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,9 +19,9 @@ class SelfCollisionBarrier:
 
     Attributes:
         border: the vertices around the chart.
-        weight: share of the border that each stands for.
-        initial: the border where the descent begins: neighbours along it may be closer than the gap.
-        gap: in units of the plane.
+        weight: share of the border's length that each vertex represents.
+        initial: the border at the start of the descent, where close vertices along it may be nearer than the gap.
+        gap: greatest distance at which pairs repel, in units of the plane.
     """
 
     border: Int[ndarray, " loop"]
@@ -31,7 +31,7 @@ class SelfCollisionBarrier:
     stiffness: float
 
     def value(self, uv: Float[ndarray, "vertices 2"]) -> float:
-        """Zero if nothing is close."""
+        """The cost; zero if no pair is closer than its gap."""
         pairs, distance, gap, _ = self._near(uv[self.border])
         s = np.maximum(distance, 1e-300) / gap
         return float(-self.stiffness * (self.weight[pairs[:, 0]] * (s - 1) ** 2 * np.log(s)).sum())
@@ -39,7 +39,7 @@ class SelfCollisionBarrier:
     def derivatives(
         self, uv: Float[ndarray, "vertices 2"]
     ) -> tuple[Int[ndarray, "pairs 3"], Float[ndarray, "pairs 6"], Float[ndarray, "pairs 6 6"]]:
-        """Of each pair: its vertices, gradient, and a positive Hessian."""
+        """The vertices of each close pair, with gradient and positive semidefinite Hessian of its cost."""
         pairs, distance, gap, slope = self._near(uv[self.border])
         s = np.maximum(distance, 1e-300) / gap
         scale = self.stiffness * self.weight[pairs[:, 0]]
@@ -51,7 +51,7 @@ class SelfCollisionBarrier:
     def _near(
         self, points: Float[ndarray, "loop 2"]
     ) -> tuple[Int[ndarray, "pairs 3"], ndarray, ndarray, Float[ndarray, "pairs 6"]]:
-        """Vertex and edge (as places along the border), distance, gap, and the distance's slope."""
+        """Close pairs of a vertex and an edge (by place along the border), distance, gap, gradient of the distance."""
         pairs = _vertices_and_edges(points, self.gap)
         before, _, _ = _distances(self.initial, pairs)
         distance, normal, along = _distances(points, pairs)
@@ -63,7 +63,7 @@ class SelfCollisionBarrier:
 
 
 def _vertices_and_edges(points: Float[ndarray, "loop 2"], gap: float) -> Int[ndarray, "pairs 3"]:
-    """A vertex and both ends of an edge that it does not bound, for all that may be less than a gap apart."""
+    """Pairs of a vertex and an edge (its two ends) that are not incident and may be less than a gap apart."""
     count = len(points)
     one, other = close_pairs(points, gap)
     vertex = np.concatenate([one, one + 1, other, other + 1]) % count
@@ -78,7 +78,7 @@ def _vertices_and_edges(points: Float[ndarray, "loop 2"], gap: float) -> Int[nda
 def _distances(
     points: Float[ndarray, "loop 2"], pairs: Int[ndarray, "pairs 3"]
 ) -> tuple[Float[ndarray, " pairs"], Float[ndarray, "pairs 2"], Float[ndarray, " pairs"]]:
-    """Distance, its direction, and where along the edge."""
+    """Distance from vertex to edge, its unit direction, and the closest point's parameter on the edge in [0, 1]."""
     p, a, b = (points[pairs[:, k]] for k in range(3))
     edge = b - a
     along = np.einsum("nx,nx->n", p - a, edge) / np.maximum(np.einsum("nx,nx->n", edge, edge), 1e-300)

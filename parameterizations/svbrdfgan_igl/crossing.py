@@ -1,4 +1,4 @@
-"""Whether a closed line in the plane crosses itself."""
+"""Tests whether a closed polygon in the plane crosses itself."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy import ndarray
 
 
 def loop_crosses_itself(points: Float[ndarray, "loop 2"]) -> bool:
-    """Whether two segments of the closed polygon, not next to each other, have a point in common."""
+    """Whether two segments of the closed polygon that are not neighbours have a point in common."""
     count = len(points)
     one, other = close_pairs(points)
     apart = (one - other) % count
@@ -21,7 +21,7 @@ def loop_crosses_itself(points: Float[ndarray, "loop 2"]) -> bool:
 def close_pairs(
     points: Float[ndarray, "loop 2"], gap: float = 0.0
 ) -> tuple[Int[ndarray, " pairs"], Int[ndarray, " pairs"]]:
-    """Pairs of segments whose bounding boxes, grown by half a gap, overlap; by sweeping along the first axis."""
+    """Pairs of segments whose bounding boxes, grown by half a gap, overlap; found by a sweep along the first axis."""
     ends = np.stack([points, np.roll(points, -1, axis=0)])
     low, high = ends.min(axis=0) - gap / 2, ends.max(axis=0) + gap / 2
     order = np.argsort(low[:, 0], kind="stable")
@@ -35,5 +35,6 @@ def close_pairs(
 
 
 def _side(a: Float[ndarray, "n 2"], b: Float[ndarray, "n 2"], point: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:
+    """Positive where the point lies to the left of the line from a to b."""
     along, to = b - a, point - a
     return along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0]

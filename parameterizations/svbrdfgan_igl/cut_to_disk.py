@@ -1,4 +1,4 @@
-"""A mesh that is one manifold surface, cut open to a disk that can be spread out without wrapping it."""
+"""Cuts a mesh that is one manifold surface open to a disk, so that it can be flattened without a wrap."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from svbrdfgan_igl.topology import Disk, compact, components, is_manifold
 from svbrdfgan_igl.tutte import MILD, mildness, tutte
 
 ENOUGH = 1.15
-"""L2 stretch at which closed surfaces are cut no further."""
+"""L2 stretch at or below which no further seams are added."""
 MOST_SEAMS = 10
 _PROXY_FACES = 2500  # of the coarse copy on which seams are chosen
 _PROXY_ROUNDS = 12
@@ -32,13 +32,14 @@ def is_one_surface(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, 
 def cut_to_disk(
     positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"], seams: int | None
 ) -> tuple[Disk, Int[ndarray, " vertices"]]:
-    """The surface as a disk, and the vertex that each of its vertices was.
+    """The surface as a disk, and for each of its vertices the vertex of the mesh that it copies.
 
     Args:
-        seams: how many to add to those that the topology needs; None adds them while L2 stretch is above `ENOUGH`.
+        seams: number of seams besides those that the topology needs; None adds seams to a surface that is no disk while
+            its L2 stretch is above `ENOUGH`.
 
     Raises:
-        EmbeddingError: it cannot be cut to a disk.
+        EmbeddingError: the surface cannot be cut to a disk.
     """
     net = SurfaceGraph.of(positions, faces)
     cut = opening(net)
@@ -51,7 +52,7 @@ def cut_to_disk(
 def _worst_places(
     positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"], seams: int | None
 ) -> list[Float[ndarray, " 3"]]:
-    """Where further seams should end, found on a coarse copy: one after another, the place of greatest stretch."""
+    """The ends of further seams: each is the place of greatest stretch on a coarse copy with the seams before it."""
     net = _coarse(positions, faces)
     cut = opening(net)
     if seams is None and not len(cut):
@@ -59,6 +60,7 @@ def _worst_places(
     places: list[Float[ndarray, " 3"]] = []
     while len(places) < (MOST_SEAMS if seams is None else seams):
         disk, source = cut_open(net, cut)
+        # the descent may fail to start from a map that is not mild
         uv = least_stretch(disk, "free", 0.0, _PROXY_ROUNDS) if mildness(disk) > MILD else tutte(disk)
         if seams is None and stretch(disk.positions, disk.faces, uv) <= ENOUGH:
             break
@@ -69,7 +71,7 @@ def _worst_places(
 
 
 def _worst_vertex(disk: Disk, uv: Float[ndarray, "vertices 2"]) -> int:
-    """The inner vertex around which stretch is greatest, not counting those next to a border."""
+    """The vertex with the greatest mean log stretch, not on the border and, if possible, not next to it."""
     cost = np.log(squared_stretch(disk.positions, disk.faces, uv))
     total = np.bincount(disk.faces.ravel(), np.repeat(cost, 3), len(uv))
     mean = np.round(total / np.bincount(disk.faces.ravel(), minlength=len(uv)), 9)
@@ -82,7 +84,7 @@ def _worst_vertex(disk: Disk, uv: Float[ndarray, "vertices 2"]) -> int:
 
 
 def _coarse(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> SurfaceGraph:
-    """The surface with fewer faces and the same topology; itself if it has few, or cannot be simplified."""
+    """A simplified surface with the same topology; the surface itself if it is small or cannot be simplified."""
     if len(faces) > _PROXY_FACES:
         found = igl.decimate(positions, faces, _PROXY_FACES)
         simple = compact(found[0], np.asarray(found[1], dtype=np.int64))

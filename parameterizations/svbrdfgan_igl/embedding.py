@@ -1,4 +1,4 @@
-"""The two embeddings: least-squares conformal, and least stretch. Both spread out the outer surface alone."""
+"""The two embeddings, least-squares conformal and least stretch. Both flatten only the outer surface."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class _Options:
-    """What both embeddings take; see `StretchEmbedding`."""
+    """The options of both embeddings; see `StretchEmbedding`."""
 
     resolution: int = 256
     boundary: Boundary = "free"
@@ -49,19 +49,19 @@ class _Options:
             raise ConfigError(f"cells is {self.cells}; wanted voxels along the longest side, from 16 to 512.")
 
     def chart(self, mesh: Mesh) -> Chart:
-        """The surface that is spread out, with its UVs: the mesh itself where it is one manifold, else a wrap.
+        """The flattened surface with its UVs: the mesh itself if it is one manifold, else a wrap.
 
         Raises:
-            EmbeddingError: there is no such surface, or it cannot be spread out.
+            EmbeddingError: there is no such surface, or it cannot be flattened.
         """
         margin = self.gutter / self.resolution
         return chart_of(mesh, type(self)._flatten, self.boundary, self.seams, margin, self.cells)
 
     def embed(self, mesh: Mesh) -> Surface:
-        """The mesh over the unit square; subdivided where it is carried by a wrap.
+        """The mesh over the unit square; subdivided if its UVs are transferred from a wrap.
 
         Raises:
-            EmbeddingError: the mesh has no outer surface that can be spread out.
+            EmbeddingError: the mesh has no outer surface that can be flattened.
         """
         chart = self.chart(mesh)
         if chart.is_wrap:
@@ -84,18 +84,20 @@ class _Options:
 class StretchEmbedding(_Options):
     """The outer surface with the least L2 stretch (Sander et al. 2001), without flips or overlaps.
 
-    A mesh that is one manifold surface is spread out itself: cut open where it is closed or has handles and holes, and
-    further until its stretch is at most 1.15. Any other mesh, as vehicles are, gets a wrap: a disk around all of it,
-    open at the ground, which is spread out in its stead, and to which every place of the mesh is carried.
+    A mesh that is one manifold surface is flattened itself: it is cut open if it is closed or has handles or several
+    holes, and then further until its stretch is at most 1.15. Any other mesh, such as most vehicles, gets a wrap: a
+    disk around all of it, open at the ground. The wrap is flattened, and its UVs are transferred to the mesh.
     `v` runs from the nose (+Z) to the tail and `u` from the vehicle's right to its left, so that vehicles share one
-    layout and outer faces keep their winding. What lies further out has the greater elevation.
+    layout and outer faces keep their winding. Elevation grows outwards.
 
     Attributes:
-        resolution: texels along a side for which interpolation errs by about half a texel, down to pieces of a texel.
-        boundary: "free" fills most of the square where that costs little stretch; "square" all of it; "disk" a disk.
-        seams: further cuts through the places of greatest stretch; None for none on wraps and open disks, and as many
-            as it takes on closed surfaces.
-        gutter: texels that stay free between the chart and the square's border, and between the two sides of a seam.
+        resolution: texels along a side. Faces are cut until interpolating UV errs by about half a texel, or pieces are
+            about as small as a texel.
+        boundary: "free" fills most of the square as far as that costs little stretch; "square" fills all of it; "disk"
+            fills a disk.
+        seams: number of further cuts to the places of greatest stretch. None adds none to wraps and open disks, and as
+            many as needed to closed surfaces.
+        gutter: texels kept free between the chart and the square's border, and between the two sides of a seam.
         cells: voxels of the wrap along the longest side. Gaps narrower than a few of these are bridged.
 
     Raises:
@@ -107,12 +109,13 @@ class StretchEmbedding(_Options):
 
 @dataclass(frozen=True)
 class LscmEmbedding(_Options):
-    """The outer surface by the least-squares conformal map (Levy et al. 2002): true to angles, less to areas.
+    """The outer surface by the least-squares conformal map (Levy et al. 2002), which keeps angles rather than areas.
 
-    The map is then scaled along u and v to fill the square, as every vehicle's is, so texels are alike but not square.
+    The map is then scaled along u and v to fill the square, so that texels have one shape that is not square.
 
-    Where that would flip or overlap, the conformal energy of Hormann and Greiner (2000) is minimised without either.
-    Surfaces, layout and options are those of `StretchEmbedding`; a free boundary takes the shape that angles give it.
+    If that map flips or overlaps triangles, the conformal energy of Hormann and Greiner (2000) is minimised instead,
+    without flips and overlaps. Surfaces, layout and options are those of `StretchEmbedding`; a free boundary takes the
+    shape that follows from the angles.
 
     Raises:
         ConfigError: an option is out of range.

@@ -14,17 +14,17 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 _COFACTOR = np.array([[0.0, 0, 0, 1], [0, 0, -1, 0], [0, -1, 0, 0], [1, 0, 0, 0]])  # of (xx, xy, yx, yy)
-_FLOOR = 1e-9  # of the largest eigenvalue: what a projected Hessian has at least
+_FLOOR = 1e-9  # of the largest eigenvalue: least eigenvalue of a projected Hessian
 
 
 @dataclass(frozen=True, eq=False)
 class RestTriangles:
-    """What is needed of triangles in space.
+    """The areas and gradient operators of triangles in space.
 
     Attributes:
         faces: vertex indices.
-        area: of each, the sum being one.
-        gradient: takes the three corners' values to their derivatives in the triangle's own plane.
+        area: area of each triangle; the sum is one.
+        gradient: maps the values at the three corners to the derivatives in the triangle's own plane.
     """
 
     faces: Int[ndarray, "faces 3"]
@@ -33,7 +33,7 @@ class RestTriangles:
 
     @classmethod
     def of(cls, positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> RestTriangles:
-        """Triangles in metres, scaled to an area of one. None may be degenerate."""
+        """Triangles in any unit, scaled to a total area of one. None may be degenerate."""
         a, b, c = (positions[faces[:, k]] for k in range(3))
         area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
         scale = np.sqrt(area.sum())
@@ -46,11 +46,11 @@ class RestTriangles:
         return cls(faces, area / area.sum(), np.stack([du, dv], axis=1))
 
     def jacobians(self, uv: Float[ndarray, "vertices 2"]) -> Float[ndarray, "faces 2 2"]:
-        """Of the map into the plane: row u or v, column along the triangle's own axes."""
+        """Jacobians of the map into the plane: rows are u and v, columns the triangle's own two axes."""
         return np.einsum("fjc,fcx->fxj", self.gradient, uv[self.faces])
 
     def determinants(self, uv: Float[ndarray, "vertices 2"]) -> Float[ndarray, " faces"]:
-        """Area in the plane over area in space; negative where a triangle is flipped."""
+        """Area in the plane divided by area in space; negative where a triangle is flipped."""
         jacobian = self.jacobians(uv)
         return jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0]
 
@@ -61,7 +61,7 @@ class DistortionEnergy:
 
     Attributes:
         power: p; 2 for stretch, 1 for conformality.
-        weight: what a unit of area in the plane costs.
+        weight: cost of a unit of area in the plane.
     """
 
     power: int
@@ -79,7 +79,7 @@ class DistortionEnergy:
     def derivatives(
         self, triangles: RestTriangles, uv: Float[ndarray, "vertices 2"]
     ) -> tuple[Float[ndarray, "faces 6"], Float[ndarray, "faces 6 6"]]:
-        """Of each triangle, gradient and projected Hessian over its corners' (u0, v0, u1, v1, u2, v2)."""
+        """Gradient and projected Hessian of each triangle's cost, by its corners' (u0, v0, u1, v1, u2, v2)."""
         jacobian = triangles.jacobians(uv).reshape(-1, 4)
         cofactor = jacobian @ _COFACTOR
         det = 0.5 * np.einsum("fi,fi->f", jacobian, cofactor)
@@ -102,6 +102,7 @@ class DistortionEnergy:
 
 
 def _positive(hessian: Float[ndarray, "faces 4 4"]) -> Float[ndarray, "faces 4 4"]:
+    """The Hessians with their eigenvalues raised to a positive floor, so that Newton's step descends."""
     value, vector = np.linalg.eigh(hessian)
     value = np.maximum(value, _FLOOR * np.abs(value).max(axis=1, keepdims=True))
     return np.asarray((vector * value[:, None, :]) @ vector.transpose(0, 2, 1))

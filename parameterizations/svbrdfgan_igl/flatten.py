@@ -1,4 +1,4 @@
-"""A disk over the unit square: conformal (Levy et al. 2002), or with the least L2 stretch (Sander et al. 2001)."""
+"""Flattens a disk: with a conformal map (Levy et al. 2002) or the least L2 stretch (Sander et al. 2001)."""
 
 from __future__ import annotations
 
@@ -23,38 +23,40 @@ Boundary = Literal["free", "square", "disk"]
 Flatten = Callable[[Disk, Boundary, float], Float[ndarray, "vertices 2"]]
 
 _ROUNDS = 60
-_TOLERANCE = 1e-6  # of the energy: what a further Newton step must promise
+_TOLERANCE = 1e-6  # of the energy: the descent stops when the slope along a step is smaller
 _STIFFNESS = 0.02  # of the barriers: at rest the border stays a two-hundredth of the square's side from its walls
-_HOPELESS = 1e60  # the initial energy beyond which its second derivatives overflow
+_HOPELESS = 1e60  # initial energy beyond which its second derivatives overflow
 TOO_THIN = "the mesh has parts too thin and long to be spread out; allow more 'seams', or split it."
-_LEAST_GAP = 1e-3  # between two stretches of a border, in sides of the square
-_PRESSURE = 0.5  # of what a unit of area in the square costs at rest: less of it fills more of the square
+_LEAST_GAP = 1e-3  # of the square's side: least gap between two stretches of the border
+# cost of area in the plane with a free boundary: at 1, an undistorted chart would have the area of the square, and
+# lower costs press it against the container
+_PRESSURE = 0.5
 
 
 def least_stretch(disk: Disk, boundary: Boundary, gap: float, rounds: int = _ROUNDS) -> Float[ndarray, "vertices 2"]:
-    """A one-to-one map into [-0.5, 0.5]^2 with as little L2 stretch as the boundary lets it have.
+    """A one-to-one map into [-0.5, 0.5]^2 with as little L2 stretch as the boundary allows.
 
-    A free boundary is pressed against a square, half as hard as would fill all of it.
+    With a free boundary, area in the plane has a cost: the chart fills less of the square, with less stretch.
 
     Args:
-        gap: what stays free between stretches of the border that come close, in sides of the square.
+        gap: half the distance at which stretches of the border begin to repel each other, in sides of the square.
 
     Raises:
-        EmbeddingError: the disk has parts too thin and long.
+        EmbeddingError: parts of the disk are too thin and long.
     """
     distortion = DistortionEnergy(power=2, weight=_PRESSURE if boundary == "free" else 0.0)
     return _minimised(disk, distortion, boundary, gap, rounds)
 
 
 def conformal(disk: Disk, boundary: Boundary, gap: float) -> Float[ndarray, "vertices 2"]:
-    """A one-to-one map that keeps angles: the least-squares conformal map where that is one-to-one.
+    """A one-to-one map that keeps angles: the least-squares conformal map if that is one-to-one.
 
-    Where it is not, and where the boundary is not free, the energy of Hormann and Greiner (2000) is minimised instead.
+    If it is not, or if the boundary is not free, the energy of Hormann and Greiner (2000) is minimised instead.
 
     Raises:
-        EmbeddingError: the disk has parts too thin and long.
+        EmbeddingError: parts of the disk are too thin and long.
     """
-    if boundary != "free":
+    if boundary != "free":  # the negative weight rewards area, so that the chart fills the container
         return _minimised(disk, DistortionEnergy(power=1, weight=-1.0), boundary, gap, _ROUNDS)
     found = _least_squares(disk)
     if found is not None and one_to_one(disk, found):
@@ -76,7 +78,7 @@ def _minimised(
 
 
 def _least_squares(disk: Disk) -> Float[ndarray, "vertices 2"] | None:
-    """Pinned at the border's foremost and rearmost vertex; None where libigl cannot solve it."""
+    """The least-squares conformal map with the border's foremost and rearmost vertex fixed; None if libigl fails."""
     pins = disk.border[np.argsort(-disk.positions[disk.border, 2], kind="stable")[[0, -1]]]
     try:
         found = igl.lscm(disk.positions, disk.faces, pins, np.array([[0.0, -0.5], [0.0, 0.5]]))[0]
@@ -86,7 +88,7 @@ def _least_squares(disk: Disk) -> Float[ndarray, "vertices 2"] | None:
 
 
 def _turned(disk: Disk, uv: Float[ndarray, "vertices 2"]) -> Float[ndarray, "vertices 2"]:
-    """The map turned so that its border lies as Tutte's does, or as near to that as turning brings it."""
+    """The map rotated so that its border fits that of Tutte's map best, which fixes the vehicle's orientation."""
     wanted, found = (x[disk.border] @ (1.0, 1.0j) for x in (tutte(disk), uv - uv[disk.border].mean(axis=0)))
     turn = np.angle((_shares(disk) * wanted * found.conj()).sum())
     cos, sin = np.cos(turn), np.sin(turn)
@@ -94,12 +96,13 @@ def _turned(disk: Disk, uv: Float[ndarray, "vertices 2"]) -> Float[ndarray, "ver
 
 
 def one_to_one(disk: Disk, uv: Float[ndarray, "vertices 2"]) -> bool:
-    """Whether no triangle is flipped and the border does not cross itself, so that none overlaps another."""
+    """Whether no triangle is flipped and the border does not cross itself; then no triangle overlaps another."""
     det = RestTriangles.of(disk.positions, disk.faces).determinants(uv)
     return bool((det > 0.0).all()) and not loop_crosses_itself(uv[disk.border])
 
 
 def _shares(disk: Disk) -> Float[ndarray, " loop"]:
+    """The share of the border's length in space that each border vertex represents; the sum is one."""
     points = disk.positions[disk.border]
     length = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     share = length + np.roll(length, 1)
@@ -107,6 +110,6 @@ def _shares(disk: Disk) -> Float[ndarray, " loop"]:
 
 
 def packed(uv: Float[ndarray, "vertices 2"], margin: float) -> Float[ndarray, "vertices 2"]:
-    """The map moved and scaled along each axis to fill [margin, 1 - margin]^2."""
+    """The map moved, and scaled along u and v independently, to fill [margin, 1 - margin]^2."""
     low, high = uv.min(axis=0), uv.max(axis=0)
     return np.asarray(0.5 + (uv - (low + high) / 2) / (high - low) * (1.0 - 2.0 * margin))

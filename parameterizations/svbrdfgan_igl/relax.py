@@ -1,4 +1,4 @@
-"""Room for what a wrap has none for: walls that stand upright on it would be lines in UV, and overhangs mirrored."""
+"""Makes room in UV for triangles that the closest-point map collapses (walls upright on the wrap) or mirrors."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-_LEAST = 0.6  # least singular value aimed at, of a triangle's map onto the wrap
-_COLLAPSED = 0.2  # least singular value below which a triangle still counts as collapsed
-_TORN = 4.0  # greatest singular value above which it counts as torn
-_MOST = 1.5  # greatest singular value that is given to such a triangle
-_REACH = 0.08  # of the longest side: how far a place gives way before that costs as much as a scale that is off by one
+_LEAST = 0.6  # least singular value that a triangle's map onto the wrap should have
+_COLLAPSED = 0.2  # a triangle whose least singular value is below this counts as collapsed
+_TORN = 4.0  # a triangle whose greatest singular value is above this counts as torn
+_MOST = 1.5  # greatest singular value that a torn or collapsed triangle is given
+_REACH = 0.08  # of the longest side: moving a vertex this far costs as much as an error of one in scale
 _ROUNDS = 40
-_LEAST_AREA = 1e-10  # of the square of the longest side: thinner triangles have no map
+_LEAST_AREA = 1e-10  # of the square of the longest side: smaller triangles count as having no area
 
 
 @dataclass(frozen=True, eq=False)
 class Planes:
-    """Triangles, each laid flat in its own plane.
+    """Triangles, each in two-dimensional coordinates of its own plane.
 
     Attributes:
-        slopes: of the three hat functions; zero for triangles without an area.
-        area: zero for those.
+        slopes: gradients of the three hat functions; zero for triangles without an area.
+        area: areas; zero for triangles below the least area.
     """
 
     slopes: Float[ndarray, "faces 3 2"]
@@ -33,7 +33,7 @@ class Planes:
 
     @classmethod
     def of(cls, corners: Float[ndarray, "faces 3 3"]) -> Planes:
-        """The planes of triangles: the first edge along the first axis, wound counter-clockwise."""
+        """The triangles wound counter-clockwise, each with its first edge along the first axis."""
         p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         twice = np.linalg.norm(np.cross(p, q), axis=1)
         good = twice > 2.0 * _LEAST_AREA
@@ -46,12 +46,12 @@ class Planes:
 
     @property
     def edges(self) -> Float[ndarray, "faces 2 2"]:
-        """Columns: from the first corner to the others. Triangles without an area have none that mean anything."""
+        """Vectors from the first corner to the others, as columns; meaningless for triangles without an area."""
         inverse = np.where((self.area > 0.0)[:, None, None], self.slopes[:, 1:], np.eye(2))
         return np.asarray(np.linalg.inv(inverse))
 
     def jacobians(self, uv: Float[ndarray, "faces 3 2"]) -> Float[ndarray, "faces 2 2"]:
-        """Of the linear maps with these values at the corners."""
+        """Jacobians of the linear maps that take these values at the corners."""
         return np.asarray(np.einsum("fkx,fky->fxy", uv, self.slopes))
 
 
@@ -62,21 +62,23 @@ def relaxed(
     wrap: Float[ndarray, "faces 2 2"],
     mirrored: Bool[ndarray, " faces"],
 ) -> Float[ndarray, "vertices 2"]:
-    """UVs moved a little so that fewer triangles are collapsed or wrongly mirrored: their neighbours make room.
+    """UVs moved a little so that fewer triangles are collapsed or wrongly mirrored.
 
-    In turn, each triangle takes the closest map that is neither, and the vertices what fits these best, held by springs
-    to where they were (as Kovalsky et al. 2015 project on maps of bounded distortion).
+    Local and global steps alternate (as Kovalsky et al. 2015 project on maps of bounded distortion): each triangle
+    takes the closest allowed map, and then the vertices take the least-squares fit to these maps, with springs to their
+    initial UVs.
 
     Args:
-        planes: of the triangles, in sides of the mesh.
-        wrap: the wrap's own map where each triangle lies: what is as large as there is neither moved nor scaled.
-        mirrored: triangles that face away from the wrap, and are rightly so.
+        planes: of the triangles, in units of the mesh's longest side.
+        wrap: Jacobian of the wrap's own map at each triangle, which sets the scale that the triangle should have in UV.
+        mirrored: triangles that face away from the wrap and so should be mirrored.
     """
     count = len(uv)
     mass = np.bincount(faces.ravel(), np.repeat(planes.area, 3) / 3, count) / _REACH**2 + _LEAST_AREA
     solve = splu(_stiffness(planes, faces, count) + sparse.diags(mass).tocsc(), permc_spec="MMD_AT_PLUS_A").solve
     gather = sparse.csr_matrix((np.ones(faces.size), (faces.ravel(), np.arange(faces.size))), shape=(count, faces.size))
     weighted = planes.slopes * planes.area[:, None, None]
+    # singular values are bounded relative to the wrap's own map
     back, moved = np.linalg.inv(wrap), uv
     for _ in range(_ROUNDS):
         wanted = wrap @ bounded(back @ planes.jacobians(moved[faces]), mirrored, _LEAST)
@@ -92,7 +94,7 @@ def misfits(
     wrap: Float[ndarray, "faces 2 2"],
     mirrored: Bool[ndarray, " faces"],
 ) -> tuple[Int[ndarray, " some"], Float[ndarray, "some 3 2"]]:
-    """Triangles still collapsed or torn apart by their neighbours, and where each lies without them, about a middle."""
+    """Triangles that are still collapsed or torn, and for each a well-shaped place of its own around its middle."""
     back = np.linalg.inv(wrap)
     found = back @ planes.jacobians(uv)
     most, least = np.linalg.svd(found, compute_uv=False).T
@@ -104,6 +106,7 @@ def misfits(
 
 
 def _stiffness(planes: Planes, faces: Int[ndarray, "faces 3"], count: int) -> sparse.csc_matrix:
+    """The cotangent Laplacian of the triangles, positive semidefinite."""
     blocks = np.einsum("fkx,flx,f->fkl", planes.slopes, planes.slopes, planes.area)
     rows, columns = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
     return sparse.csc_matrix((blocks.ravel(), (rows, columns)), shape=(count, count))
@@ -112,9 +115,10 @@ def _stiffness(planes: Planes, faces: Int[ndarray, "faces 3"], count: int) -> sp
 def bounded(
     jacobians: Float[ndarray, "faces 2 2"], mirrored: Bool[ndarray, " faces"], least: float, most: float = np.inf
 ) -> Float[ndarray, "faces 2 2"]:
-    """The closest maps with singular values from `least` to `most`, which are mirrored where that is right.
+    """The closest maps with singular values from `least` to `most`, mirrored exactly where `mirrored` says so.
 
-    A map is a turn of size q and a mirroring of size r; its singular values are q + r and q - r, mirrored if negative.
+    A 2 x 2 matrix is the sum of a scaled rotation of size q and a scaled reflection of size r. Its signed singular
+    values are q + r and q - r; it is mirrored if q - r is negative.
     """
     (a, b), (c, d) = np.moveaxis(jacobians, 0, -1)
     q, turn = _size_and_direction((a + d) / 2, (c - b) / 2)
@@ -129,7 +133,7 @@ def bounded(
 def _size_and_direction(
     x: Float[ndarray, " faces"], y: Float[ndarray, " faces"]
 ) -> tuple[Float[ndarray, " faces"], Float[ndarray, "2 faces"]]:
-    """Of vectors; the first axis where there is no direction."""
+    """Lengths and unit directions of vectors; zero vectors get the first axis as direction."""
     size = np.hypot(x, y)
     some = size > 0.0
     return size, np.stack([np.where(some, x, 1.0), np.where(some, y, 0.0)]) / np.where(some, size, 1.0)

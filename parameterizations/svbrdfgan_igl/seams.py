@@ -1,6 +1,6 @@
-"""Cutting a surface open: to a disk where it is closed, has holes or handles, and further where it stretches most.
+"""Cuts a surface open to a disk, and then along further seams that lower its stretch.
 
-Further seams run the shortest way from the place of greatest stretch to the border (Gu, Gortler and Hoppe 2002).
+A further seam is the shortest path from the place of greatest stretch to the border (Gu, Gortler and Hoppe 2002).
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ class SurfaceGraph:
     """A manifold surface as a graph.
 
     Attributes:
-        links: symmetric, the edges' lengths.
-        edges: each once, lower vertex first.
-        sides: the one or two faces at each edge; -1 for none.
-        loops: the borders, as vertices in order.
+        links: symmetric adjacency matrix of the vertices; its values are the lengths of the edges.
+        edges: every undirected edge once, the lower vertex index first.
+        sides: the two faces at each edge; the second is -1 at a border edge.
+        loops: the vertices of each border loop, in order.
     """
 
     positions: Float[ndarray, "vertices 3"]
@@ -40,7 +40,7 @@ class SurfaceGraph:
 
     @classmethod
     def of(cls, positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> SurfaceGraph:
-        """The graph of a manifold surface over the vertices that it uses."""
+        """The graph of a manifold surface; vertices that no face uses have no edges."""
         pairs = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
         edges, first, inverse, count = np.unique(
             pairs, axis=0, return_index=True, return_inverse=True, return_counts=True
@@ -72,9 +72,9 @@ class SurfaceGraph:
 
 
 def opening(net: SurfaceGraph) -> Edges:
-    """The edges to cut so that a connected surface becomes a disk: none if it is one.
+    """The edges to cut so that a connected surface becomes a disk; no edges if it is a disk already.
 
-    A surface without border and handle is cut at its lowest vertex.
+    A sphere (no border and no handle) is cut along two edges at its lowest vertex.
     """
     cut = _handles_open(net)
     if not net.loops and not len(cut):
@@ -94,10 +94,10 @@ def opening(net: SurfaceGraph) -> Edges:
 
 
 def cut_open(net: SurfaceGraph, cut: Edges) -> tuple[Disk, Int[ndarray, " vertices"]]:
-    """The surface cut along edges, and the vertex of the net that each of its vertices was.
+    """The surface cut along edges, and for each of its vertices the vertex of `net` that it copies.
 
     Raises:
-        EmbeddingError: what comes of it is no disk.
+        EmbeddingError: the cut surface is not a disk.
     """
     if not len(cut):
         return Disk(net.positions, net.faces), np.arange(len(net.positions))
@@ -116,13 +116,14 @@ def cut_open(net: SurfaceGraph, cut: Edges) -> tuple[Disk, Int[ndarray, " vertic
 
 
 def branch(net: SurfaceGraph, cut: Edges, vertex: int) -> Edges:
-    """The cut with the shortest path from a vertex to it, or to the border, added."""
+    """The cut, extended by the shortest path from a vertex to the cut or to the border."""
     reached = np.concatenate([cut.ravel(), *net.loops]).astype(np.int64)
     return np.concatenate([cut, _steps(net.path(np.unique(reached), np.array([vertex])))])
 
 
 def _slit(net: SurfaceGraph) -> Edges:
-    """Two edges at the lowest vertex, as nearly opposite as there are."""
+    """The two edges at the lowest vertex that point most nearly in opposite directions."""
+    # rounded, so that the choice among equals does not depend on the last bits of the coordinates
     low = int(np.lexsort(np.round(net.positions[:, [0, 2, 1]], 6).T)[0])
     around = net.links.indices[net.links.indptr[low] : net.links.indptr[low + 1]]
     along = net.positions[around] - net.positions[low]
@@ -132,13 +133,17 @@ def _slit(net: SurfaceGraph) -> Edges:
 
 
 def _handles_open(net: SurfaceGraph) -> Edges:
-    """A short cut graph of the surface with its holes filled: tree and cotree (Erickson and Whittlesey 2005)."""
+    """A short cut graph that opens all handles, by tree and cotree (Erickson and Whittlesey 2005).
+
+    Holes count as faces, because `opening` joins them to the cut afterwards.
+    """
     if net.handles == 0:
         return np.zeros((0, 2), dtype=np.int64)
     root = int(np.lexsort(np.round(net.positions[:, [0, 2, 1]], 6).T)[0])
     distance, before = dijkstra(net.links, indices=root, return_predecessors=True)
     one, other = net.edges.T
     in_tree = (before[one] == other) | (before[other] == one)
+    # length of the loop that each edge closes with the two shortest paths to the root
     loop = distance[one] + distance[other] + np.asarray(net.links[one, other]).ravel()
     left = np.flatnonzero(~in_tree)
     left = left[~_cotree(net, left, loop)]
@@ -147,7 +152,10 @@ def _handles_open(net: SurfaceGraph) -> Edges:
 
 
 def _cotree(net: SurfaceGraph, left: Int[ndarray, " edges"], loop: Float[ndarray, " all"]) -> ndarray:
-    """Which of the edges the cotree crosses: those whose loops are longest. Every hole counts as a face."""
+    """Marks the edges that the maximum spanning cotree crosses, so that the shortest loops remain to be cut.
+
+    Every hole counts as a face.
+    """
     hole = np.zeros(len(net.positions), dtype=np.int64)
     for k, vertices in enumerate(net.loops):
         hole[vertices] = len(net.faces) + k
@@ -156,9 +164,9 @@ def _cotree(net: SurfaceGraph, left: Int[ndarray, " edges"], loop: Float[ndarray
     size = len(net.faces) + len(net.loops)
     order = np.argsort(-loop[left], kind="stable")
     rank = np.empty(len(left))
-    rank[order] = 1.0 + np.arange(len(left))
+    rank[order] = 1.0 + np.arange(len(left))  # longest first; from 1, as scipy drops tree edges of weight 0
     low, high = np.minimum(a, b), np.maximum(a, b)
-    best = np.lexsort((rank, high, low))  # two faces may share several edges: keep the one of the longest loop
+    best = np.lexsort((rank, high, low))  # two faces may share several edges: keep the edge with the longest loop
     first = np.concatenate([[True], (np.diff(low[best]) != 0) | (np.diff(high[best]) != 0)])
     best = best[first & (low[best] != high[best])]
     graph = sparse.csr_matrix((rank[best], (low[best], high[best])), shape=(size, size))
@@ -166,6 +174,7 @@ def _cotree(net: SurfaceGraph, left: Int[ndarray, " edges"], loop: Float[ndarray
 
 
 def _back(before: Int[ndarray, " vertices"], vertex: int) -> Int[ndarray, " path"]:
+    """The path from a vertex back to its source, by Dijkstra's predecessors."""
     path = [vertex]
     while before[path[-1]] >= 0:
         path.append(int(before[path[-1]]))
@@ -173,4 +182,5 @@ def _back(before: Int[ndarray, " vertices"], vertex: int) -> Int[ndarray, " path
 
 
 def _steps(path: Int[ndarray, " path"]) -> Edges:
+    """The edges between successive vertices of a path."""
     return np.stack([path[:-1], path[1:]], axis=1)

@@ -18,7 +18,7 @@ class Disk:
     """A manifold surface with the topology of a disk.
 
     Attributes:
-        positions: vertices, each of them used.
+        positions: vertices; every one is used by a face.
         faces: counter-clockwise seen from outside.
     """
 
@@ -27,23 +27,24 @@ class Disk:
 
     @cached_property
     def border(self) -> Int[ndarray, " loop"]:
-        """The vertices around the border, in the order in which the faces run along it."""
+        """The vertices around the border, in the direction in which the winding of the faces follows it."""
         return np.asarray(igl.boundary_loop(self.faces), dtype=np.int64)
 
     @property
     def is_disk(self) -> bool:
-        """Whether it is manifold, connected, and has one border and no handle."""
+        """Whether the surface is manifold, connected, and has one border and no handle."""
+        # an Euler characteristic of 2 - 2 * handles - borders = 1 leaves only this case
         return is_manifold(self.faces) and euler(self.faces) == 1 and components(self.faces)[0] == 1
 
 
 def euler(faces: Int[ndarray, "faces 3"]) -> int:
-    """Vertices less edges plus faces."""
+    """The Euler characteristic: vertices - edges + faces, over the vertices that faces use."""
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     return len(np.unique(faces)) - len(np.unique(edges, axis=0)) + len(faces)
 
 
 def is_manifold(faces: Int[ndarray, "faces 3"]) -> bool:
-    """Whether each directed edge is there once (so that the winding agrees), and each vertex has one fan of faces."""
+    """Whether each directed edge occurs once (so that winding agrees), and each vertex has one fan of faces."""
     directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     if len(np.unique(directed, axis=0)) < len(directed) or (directed[:, 0] == directed[:, 1]).any():
         return False
@@ -51,7 +52,7 @@ def is_manifold(faces: Int[ndarray, "faces 3"]) -> bool:
 
 
 def _fans(faces: Int[ndarray, "faces 3"]) -> int:
-    """How many fans of corners there are, joined across edges, over all vertices."""
+    """The number of fans over all vertices; a fan is a set of corners at a vertex that are connected across edges."""
     count = len(faces)
     corner = np.arange(3 * count).reshape(count, 3)
     start, end = faces, np.roll(faces, -1, axis=1)
@@ -67,7 +68,7 @@ def _fans(faces: Int[ndarray, "faces 3"]) -> int:
 
 
 def components(faces: Int[ndarray, "faces 3"]) -> tuple[int, Int[ndarray, " faces"]]:
-    """How many components there are, joined across edges, and that of each face."""
+    """The number of components that are connected across edges, and the component of each face."""
     edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     _, edge = np.unique(edges, axis=0, return_inverse=True)
     edge = edge.reshape(-1)
@@ -78,7 +79,7 @@ def components(faces: Int[ndarray, "faces 3"]) -> tuple[int, Int[ndarray, " face
 
 
 def largest_component(faces: Int[ndarray, "faces 3"], chosen: Bool[ndarray, " faces"]) -> Bool[ndarray, " faces"]:
-    """Of the chosen faces, those of the component that has most of them."""
+    """Marks the largest component among the chosen faces."""
     result = np.zeros(len(faces), dtype=bool)
     if chosen.any():
         _, label = components(faces[chosen])
@@ -87,6 +88,6 @@ def largest_component(faces: Int[ndarray, "faces 3"], chosen: Bool[ndarray, " fa
 
 
 def compact(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> Disk:
-    """These faces over the vertices that they use."""
+    """The faces over only the vertices that they use."""
     used, index = np.unique(faces, return_inverse=True)
     return Disk(positions[used], index.reshape(-1, 3).astype(np.int64))

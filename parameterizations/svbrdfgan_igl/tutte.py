@@ -1,4 +1,4 @@
-"""One-to-one maps to start from: Tutte's, into a circle, in the vehicle's own orientation."""
+"""One-to-one maps from which the descent starts: Tutte's map into a circle, in the vehicle's own orientation."""
 
 from __future__ import annotations
 
@@ -11,14 +11,16 @@ from scipy.sparse.linalg import splu
 from svbrdfgan_igl.energy import RestTriangles
 from svbrdfgan_igl.topology import Disk
 
-_RADIUS = 0.4  # inside walls half a unit away
+_RADIUS = 0.4  # inside the container, whose walls are 0.5 from the origin
 MILD = 1e-8
+"""Least `mildness` at which rounding does not yet disturb the map."""
 
 
 def tutte(disk: Disk) -> Float[ndarray, "vertices 2"]:
-    """The disk in a circle, its border by its length, turned so that u runs along +X and v along -Z (Tutte 1963).
+    """Tutte's map into a circle, turned so that u runs along +X and v along -Z (Tutte 1963).
 
-    Seen from above, no triangle is mirrored; with positive weights and a convex border none is flipped.
+    Border vertices are spaced on the circle by their distances along the border. Since all weights are positive and the
+    border is convex, no triangle is flipped: faces wound counter-clockwise seen from outside are so in UV.
     """
     uv = np.zeros((len(disk.positions), 2))
     uv[disk.border] = _RADIUS * _circle(disk)
@@ -35,16 +37,19 @@ def tutte(disk: Disk) -> Float[ndarray, "vertices 2"]:
 
 
 def mildness(disk: Disk) -> float:
-    """How evenly Tutte's map treats triangles: the least over the greatest change of area, in (0, 1].
+    """The least change of a triangle's area under Tutte's map, divided by the greatest; in (0, 1].
 
-    Below `MILD`, as at the tips of long rods, rounding begins to count.
+    Below `MILD`, which the tips of long rods cause, rounding errors matter.
     """
     det = RestTriangles.of(disk.positions, disk.faces).determinants(tutte(disk))
     return float(det.min() / det.max())
 
 
 def _circle(disk: Disk) -> Float[ndarray, "loop 2"]:
-    """The border on the unit circle, counter-clockwise, turned to where it lies around the middle, seen from above."""
+    """The border on the unit circle, counter-clockwise.
+
+    The circle is turned so that it fits best the directions from the middle to the border, seen from above.
+    """
     points = disk.positions[disk.border]
     length = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     turn = 2 * np.pi * (np.cumsum(length) - length) / length.sum()

@@ -1,4 +1,4 @@
-"""UV transfer from a wrap to the mesh inside: each point takes the closest point's UV, then room is made."""
+"""Transfers UVs from a wrap to the mesh inside by closest points, and then relaxes collapsed triangles."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from svbrdfgan_igl.chart import Chart
 from svbrdfgan_igl.relax import Planes, bounded, misfits, relaxed
 
 _LEAN = 0.3
-"""How far a place moves along its normal for each unit that it lies below the wrap, before the closest place is taken.
+"""Before the closest point is sought, a place moves this far along its normal per unit of depth below the wrap.
 
-So that walls that stand upright on the wrap start with an area; `relax` does the rest.
+With it, walls that stand upright on the wrap start with an area in UV; `relax` enlarges it.
 """
-_AIM = 0.5  # texels by which interpolation may err along an edge
+_AIM = 0.5  # texels: error of interpolation along an edge above which it is cut
 _SMALL = 2.5  # texels: edges shorter than this are not cut
-_SMALL_BELOW = 12.0  # texels: the same for edges deep below the wrap, which nobody sees
-_DEEP = 0.03  # of the longest side
+_SMALL_BELOW = 12.0  # texels: the same for edges deep below the wrap, which cameras do not see
+_DEEP = 0.03  # of the longest side: edges further than this below the wrap are deep
 _ROUNDS = 12
-_TORN = 1.0  # times a piece's size, or two texels, by which its corners may lie from where its middle puts them
-_UNEVEN = 3.0  # of a mean texel's side: how much smaller or larger the wrap's own scale may be taken to be
-_FACING_AWAY = -0.5  # cosine between a piece's normal and the wrap's, below which it is rightly mirrored
+_TORN = 1.0  # times a piece's size, or two texels: allowed error of its corners against the linear map at its middle
+_UNEVEN = 3.0  # factor to which the wrap's local scale is limited, relative to its mean scale
+_FACING_AWAY = -0.5  # cosine between the normals of a piece and the wrap, below which the piece should be mirrored
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Places:
 
     @classmethod
     def of(cls, pieces: Pieces, normals: Float[ndarray, "source_faces 3 3"]) -> Places:
-        """The vertices of pieces."""
+        """The vertices of pieces, with normals interpolated from those at the source faces' corners."""
         found = np.zeros_like(pieces.positions)
         found[pieces.faces] = pieces.interpolate(normals)
         return cls(pieces.positions, found)
@@ -51,12 +51,12 @@ class Places:
 
 @dataclass(frozen=True, eq=False)
 class WrapPoints:
-    """Where on a wrap places are.
+    """The points of a wrap that belong to places.
 
     Attributes:
-        height: signed, over the wrap, in the chart's coordinates.
-        points: the places as they are looked up.
-        face: of the wrap, that each comes to lie on.
+        height: signed distance above the wrap, in the chart's coordinates.
+        points: the positions for which the closest points were sought.
+        face: the wrap's face that holds each closest point.
     """
 
     uv: Float[ndarray, "points 2"]
@@ -70,7 +70,7 @@ class WrapLocator:
     """Finds the closest point of a wrap, and its UV.
 
     Attributes:
-        texel: side of one in a square of one texel, in sides of the wrap: the square root of area over area in UV.
+        texel: square root of the wrap's area divided by its area in UV: the mean length on the wrap of a unit in UV.
     """
 
     chart: Chart
@@ -89,7 +89,7 @@ class WrapLocator:
         return cls(chart, tree, face_normals(positions, faces), texel)
 
     def at(self, places: Places) -> WrapPoints:
-        """Where on the wrap the places are."""
+        """The points of the wrap that belong to the places."""
         height = self._height(places.positions)
         points = places.positions - _LEAN * height[:, None] * places.normals
         face, nearest = self._nearest(points)
@@ -99,6 +99,7 @@ class WrapLocator:
         return WrapPoints(np.asarray(uv), height, points, face)
 
     def _height(self, points: Float[ndarray, "points 3"]) -> Float[ndarray, " points"]:
+        """Signed distance to the wrap, negative below it."""
         face, nearest = self._nearest(points)
         away = points - nearest
         side = np.where(np.einsum("px,px->p", away, self.normals[face]) < 0.0, -1.0, 1.0)
@@ -114,7 +115,7 @@ class WrapLocator:
     def extrapolated(
         self, points: Float[ndarray, "n corners 3"], face: Int[ndarray, " n"]
     ) -> Float[ndarray, "n corners 2"]:
-        """The UV of points by the linear map of a given face of the wrap, continued beyond it."""
+        """The UV of points by the linear map of a given face of the wrap, extrapolated beyond that face."""
         corners = self.chart.disk.faces[face]
         triangles = np.repeat(self.chart.disk.positions[corners], points.shape[1], axis=0)
         weights = _barycentric(triangles, points.reshape(-1, 3)).reshape(*points.shape)
@@ -124,11 +125,11 @@ class WrapLocator:
 def transfer_uv(
     wrap: WrapLocator, mesh: Mesh, resolution: int
 ) -> tuple[Pieces, Float[ndarray, "pieces 3 2"], Float[ndarray, "pieces 3"]]:
-    """The mesh's faces cut until interpolating UV errs by less than half a texel, or they are about as small as one.
+    """The mesh's faces cut into pieces, with the UV and the height above the wrap (metres) at each corner.
 
-    Returned with the UV and the height over the wrap (metres) at each corner. A piece whose corners are closest to
-    distant places of the wrap, as on the two sides of a seam, is moved as a whole to where its middle lies. At last
-    pieces make room for neighbours that would be collapsed.
+    Faces are cut until interpolating UV errs by less than half a texel, or pieces are about as small as a texel. If the
+    corners of a piece are closest to distant places of the wrap, for example on the two sides of a seam, the whole
+    piece takes the linear map at its middle. Finally, UVs are relaxed so that fewer pieces are collapsed.
     """
     frame = wrap.chart.frame
     positions = frame.to_unit(mesh.positions)
@@ -148,7 +149,7 @@ def _split_torn(
     under: Int[ndarray, " pieces"],
     resolution: int,
 ) -> tuple[Int[ndarray, "pieces 3"], Float[ndarray, "more_vertices 2"]]:
-    """Torn pieces with vertices of their own, by the map of the wrap's face that their middle lies on."""
+    """Gives torn pieces vertices of their own, with UVs by the linear map of the wrap's face at their middle."""
     corners, uv = at.points[faces], at.uv
     expected = wrap.extrapolated(corners, under)
     apart = np.linalg.norm(uv[faces] - expected, axis=2).max(axis=1)
@@ -166,7 +167,7 @@ def _relaxed_corners(
     uv: Float[ndarray, "vertices 2"],
     middle: WrapPoints,
 ) -> Float[ndarray, "pieces 3 2"]:
-    """The UV of the corners, with room for what stands upright on the wrap. What finds none parts from neighbours."""
+    """The relaxed UV of the corners. Pieces that stay collapsed or torn are separated from their neighbours."""
     corners = wrap.chart.disk.faces[middle.face]
     own = Planes.of(wrap.chart.disk.positions[corners]).jacobians(wrap.chart.uv[corners])
     local = bounded(own * wrap.texel, np.zeros(len(own), dtype=bool), 1 / _UNEVEN, _UNEVEN) / wrap.texel
@@ -180,14 +181,14 @@ def _relaxed_corners(
 
 
 def _within(uv: Float[ndarray, "pieces 3 2"], chart: Float[ndarray, "vertices 2"]) -> Float[ndarray, "pieces 3 2"]:
-    """The UV with pieces that reach beyond the chart's bounds moved back as they are: clamped, they would collapse."""
+    """The UV with pieces beyond the chart's bounds translated back inside, since clamping would collapse them."""
     below = np.maximum(chart.min(axis=0) - uv.min(axis=1), 0.0)
     above = np.maximum(uv.max(axis=1) - chart.max(axis=0), 0.0)
     return np.asarray(np.clip(uv + (below - above)[:, None, :], 0.0, 1.0))
 
 
 def _vertex_normals(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> Float[ndarray, "v 3"]:
-    """The mean of the normals of the faces around each vertex, weighted by area; sheets that face each other cancel."""
+    """The area-weighted mean of the face normals around each vertex; opposite normals cancel, so it may be short."""
     weighted = face_normals(positions, faces) * face_areas(positions, faces)[:, None]
     total, weight = np.zeros_like(positions), np.zeros(len(positions))
     for k in range(3):
@@ -197,14 +198,14 @@ def _vertex_normals(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray,
 
 
 def _in_metres(pieces: Pieces, mesh: Mesh) -> Pieces:
-    """The pieces with vertices where their source faces have them: exact, as the chart's coordinates are not."""
+    """The pieces with positions interpolated from the mesh in metres, because the chart's coordinates are rounded."""
     positions = np.zeros_like(pieces.positions)
     positions[pieces.faces] = pieces.interpolate(mesh.positions[mesh.faces])
     return replace(pieces, positions=positions)
 
 
 def _edges_that_err(wrap: WrapLocator, normals: Float[ndarray, "source_faces 3 3"], resolution: int) -> EdgePredicate:
-    """Edges along which interpolation errs at the quarters, if they are longer than some texels on the wrap."""
+    """Chooses edges that are longer than some texels and along which interpolating UV errs, sampled at quarters."""
     texel = wrap.texel / resolution
 
     def wanted(
@@ -234,7 +235,7 @@ def _edges_that_err(wrap: WrapLocator, normals: Float[ndarray, "source_faces 3 3
 def _barycentric(
     corners: Float[ndarray, "points 3 3"], points: Float[ndarray, "points 3"]
 ) -> Float[ndarray, "points 3"]:
-    """Of each point's projection onto the plane of its triangle."""
+    """Barycentric coordinates of each point's projection onto the plane of its triangle."""
     a, p, q = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(p, q)
     square = np.maximum(np.einsum("px,px->p", normal, normal), 1e-300)

@@ -1,4 +1,4 @@
-"""A mesh as a solid of cubic cells that is one ball by construction, whatever holes, shells and interiors it has."""
+"""Turns a mesh into cubic cells, and these into one topological ball, for any holes, shells and interiors."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from numpy import ndarray
 from scipy import ndimage
 
 PAD = 3
-"""Empty cells on every side of the mesh, so that every neighbourhood lies inside the grid."""
+"""Empty cells on every side of the mesh, so that every cell's neighbourhood lies inside the grid."""
 
 _EIGHT = np.ones((3, 3), dtype=bool)
-_LOW = 0.45  # of the height: below it, what hangs over the ground is filled down to it
-_OPEN = 0.25  # of 26 directions: cells that see less of the sky lie in a pocket, which is closed
-_CLOSING = 0.04  # of the longest side: half the width of the notches in the outline on the ground that are closed
+_LOW = 0.45  # of the height: cells below parts of the mesh in this range are filled down to the ground
+_OPEN = 0.25  # of 26 directions: a cell from which fewer are unblocked lies in a pocket, which is filled
+_CLOSING = 0.04  # of the longest side: half the width of the notches that are closed in the outline on the ground
 
-_ROD = 0.16  # share of a box around it that is solid, below which a cell belongs to a rod
-_STUB = 2  # cells of a rod that stay
+_ROD = 0.16  # a cell belongs to a rod if less than this share of the box around it is solid
+_STUB = 2  # cells of a rod that are kept next to the body
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,18 +49,22 @@ class VoxelGrid:
 def near_cells(
     grid: VoxelGrid, positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]
 ) -> Bool[ndarray, "x y z"]:
-    """Cells whose centre lies within one cell, along each axis, of a point of the mesh: no ray slips through."""
+    """Cells whose centre lies within one cell, along each axis, of a point of the mesh.
+
+    They leave no gap through which an axis-parallel or diagonal ray could pass.
+    """
     between = np.zeros(grid.shape, dtype=bool)
     for points in _samples(positions[faces], grid.size / 2):
         cell = np.floor((points - grid.origin) / grid.size).astype(np.int64)
+        # samples lie between eight cell centres; the dilation below marks all eight
         between.ravel()[np.ravel_multi_index(tuple(cell.T), grid.shape, mode="clip")] = True
     return np.asarray(ndimage.binary_dilation(between, np.ones((2, 2, 2)), origin=-1))
 
 
 def closed_cells(near: Bool[ndarray, "x y z"], grid: VoxelGrid, rods: int) -> Bool[ndarray, "x y z"]:
-    """What the wrap must hold: the mesh, pockets that hardly see the sky, and what lies under its lower part.
+    """The cells that the wrap must hold: the mesh, pockets with low sky visibility, and the space under its lower part.
 
-    The lowest layer is one patch without holes. Rods that are thin beside a box of `rods` cells are left out.
+    The lowest layer is one patch without holes. Rods that fill little of a box of `rods` cells are left out.
     """
     keep = near | (_sky_visibility(near) < _OPEN)
     height = np.flatnonzero(near.any(axis=(0, 2)))
@@ -74,9 +78,9 @@ def closed_cells(near: Bool[ndarray, "x y z"], grid: VoxelGrid, rods: int) -> Bo
 
 
 def _without_rods(keep: Bool[ndarray, "x y z"], box: int) -> Bool[ndarray, "x y z"]:
-    """The largest component of what is left without antennas, gun barrels and the stalks of mirrors.
+    """The largest component of the cells after removing rods such as antennas, gun barrels and mirror stalks.
 
-    A map of a disk shrinks the tip of a rod exponentially with the rod's length.
+    Rods are removed because a one-to-one map of a disk shrinks their tips exponentially with their length.
     """
     filled = ndimage.uniform_filter(keep.astype(np.float64), box, mode="constant")
     thick = ndimage.binary_dilation(keep & (filled > _ROD), np.ones((3, 3, 3)), iterations=_STUB)
@@ -85,7 +89,7 @@ def _without_rods(keep: Bool[ndarray, "x y z"], box: int) -> Bool[ndarray, "x y 
 
 
 def filled_columns(keep: Bool[ndarray, "x y z"]) -> Bool[ndarray, "x y z"]:
-    """A ball that holds these cells: every column filled from the ground to its topmost cell, over a filled outline."""
+    """A topological ball that holds these cells: over their filled outline, columns are solid up to their top cell."""
     outline = _one_patch(np.asarray(keep.any(axis=1)), 0)
     above = np.flip(np.logical_or.accumulate(np.flip(keep, axis=1), axis=1), axis=1)
     above[:, PAD] |= outline
@@ -94,7 +98,7 @@ def filled_columns(keep: Bool[ndarray, "x y z"]) -> Bool[ndarray, "x y z"]:
 
 
 def _one_patch(outline: Bool[ndarray, "x z"], closing: int) -> Bool[ndarray, "x z"]:
-    """The outline with notches closed and holes filled; its largest component."""
+    """The largest component of the outline, with its notches closed and its holes filled."""
     if closing:
         around = np.pad(outline, closing)
         far = ndimage.distance_transform_edt(~around) > closing
@@ -106,7 +110,7 @@ def _one_patch(outline: Bool[ndarray, "x z"], closing: int) -> Bool[ndarray, "x 
 
 
 def _sky_visibility(near: Bool[ndarray, "x y z"]) -> Float[ndarray, "x y z"]:
-    """The share of 26 directions along which nothing lies between a cell and infinity; below the ground is nothing."""
+    """The share of 26 directions in which no cell of the mesh blocks the view; the ground does not block it."""
     free = np.zeros(near.shape)
     steps = [step for step in product((-1, 0, 1), repeat=3) if any(step)]
     for step in steps:
@@ -115,19 +119,19 @@ def _sky_visibility(near: Bool[ndarray, "x y z"]) -> Float[ndarray, "x y z"]:
 
 
 def _blocked(near: Bool[ndarray, "x y z"], step: tuple[int, ...]) -> Bool[ndarray, "x y z"]:
-    """Whether a cell of the mesh lies at a cell or further along a direction."""
+    """Marks cells that hold the mesh or have a cell of the mesh further along a direction."""
     axis = next(k for k in range(3) if step[k])
     blocked = np.moveaxis(near.copy(), axis, 0)
     if step[axis] > 0:
         blocked = blocked[::-1]
     across = [step[k] for k in range(3) if k != axis]
-    for k in range(1, len(blocked)):
+    for k in range(1, len(blocked)):  # one sweep: a cell is blocked if the next one along the direction is
         blocked[k] |= _shifted(blocked[k - 1], across)
     return np.moveaxis(blocked[::-1] if step[axis] > 0 else blocked, 0, axis)
 
 
 def _shifted(plane: Bool[ndarray, "a b"], step: list[int]) -> Bool[ndarray, "a b"]:
-    """result[i] = plane[i + step], False beyond the border."""
+    """result[i] = plane[i + step], False outside the plane."""
     result = np.zeros_like(plane)
     into = tuple(slice(max(-s, 0), n - max(s, 0)) for s, n in zip(step, plane.shape, strict=True))
     source = tuple(slice(max(s, 0), n - max(-s, 0)) for s, n in zip(step, plane.shape, strict=True))
@@ -136,9 +140,10 @@ def _shifted(plane: Bool[ndarray, "a b"], step: list[int]) -> Bool[ndarray, "a b
 
 
 def _samples(corners: Float[ndarray, "faces 3 3"], spacing: float) -> list[Float[ndarray, "points 3"]]:
-    """Points on the triangles, corners included, none of whose neighbours is further than `spacing`."""
+    """Points on a regular grid over each triangle, corners included, at most `spacing` apart along its edges."""
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     steps = np.maximum(np.ceil(longest / spacing).astype(np.int64), 1)
+    # rounded up to powers of two, so that few groups of triangles are sampled alike
     steps = 1 << np.ceil(np.log2(steps)).astype(np.int64)
     found = []
     for count in np.unique(steps):

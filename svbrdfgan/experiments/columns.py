@@ -1,4 +1,4 @@
-"""The columns of the table: what each number means, and its mean and deviation over the seeds."""
+"""The columns of the table: the meaning of each number, and its mean and standard deviation over the seeds."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class Statistic:
     """A number over seeds.
 
     Attributes:
-        deviation: standard deviation of the sample; None for fewer than two values.
-        count: runs that have the number.
-        of: all runs.
+        deviation: sample standard deviation; None for fewer than two values.
+        count: number of runs that have the number.
+        of: number of all runs.
     """
 
     mean: float
@@ -28,7 +28,7 @@ class Statistic:
 
 @dataclass(frozen=True)
 class Column:
-    """A number that outcomes may have. `absent` is printed where none has it; `form` is its format specification."""
+    """A number that outcomes may have. `absent` is printed if no outcome has it; `form` is its format specification."""
 
     key: str
     heading: str
@@ -106,12 +106,12 @@ _MEASURES: dict[Measure, Column] = {
 
 
 def verdicts(measures: Sequence[Measure]) -> list[Column]:
-    """Columns that say how well was learned."""
+    """Columns for the quality of the learned layers."""
     return [*_VERDICTS, *(_MEASURES[name] for name in measures)]
 
 
 def speeds(images: int, seconds: float) -> list[Column]:
-    """Columns that say how fast was learned. Every run saw at least `images` and trained for at least `seconds`."""
+    """Columns for the speed of training. Every run saw at least `images` and trained for at least `seconds`."""
     return [
         Column(
             "images",

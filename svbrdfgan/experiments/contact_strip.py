@@ -1,4 +1,4 @@
-"""Contact strips: held-out vehicles and their layers beside the truth, one strip a run; and sheets of strips."""
+"""Contact strips, one for each run: held-out vehicles and their layers beside the truth. Sheets stack the strips."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _STRIP = _VEHICLES * (sum(_WIDTHS.values()) + len(_WIDTHS) * _GAP) - _GAP
 
 
 def write_contact_strip(path: Path, evaluated: Evaluated) -> None:
-    """Writes a PNG of two vehicles of the split: each one's true picture, learned picture, true and learned layer.
+    """Writes a PNG of two vehicles of the split: the true picture, learned picture, true and learned layer of each.
 
     Raises:
-        AssetError: it cannot be written.
+        AssetError: the file cannot be written.
     """
     from PIL import Image
 
@@ -41,7 +41,7 @@ def write_contact_sheet(path: Path, strips: Mapping[str, Path]) -> None:
     """Writes a PNG of the strips, one beneath the other, each to the right of its label.
 
     Raises:
-        AssetError: it cannot be written.
+        AssetError: the file cannot be written.
     """
     from PIL import Image, ImageDraw
 

@@ -1,4 +1,4 @@
-"""An experiment, as written in its YAML file; and the profiles, which set the size of data and training."""
+"""The models of experiments' YAML files, and of the profiles, which set the size of data and training."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Record = TypeVar("Record", bound=StrictModel)
 
 
 class Changes(StrictModel):
-    """Values that replace those of the data set's and the training's configuration, by dotted key."""
+    """Values by dotted key that override the configurations of the data set and the training."""
 
     dataset: dict[str, Any] = {}
     train: dict[str, Any] = {}
@@ -37,7 +37,7 @@ class Changes(StrictModel):
 
 
 class _Changed(Changes):
-    """Changes in every profile, and further changes in one profile."""
+    """Changes for all profiles, and further changes for each profile."""
 
     cpu: Changes = Changes()
     gpu: Changes = Changes()
@@ -50,8 +50,8 @@ class ExperimentRow(_Changed):
     """A row of the table.
 
     Attributes:
-        about: what it changes, for readers of the table.
-        recipes: training recipes and the seeds of each; None for those of the experiment.
+        about: description of its changes, for readers of the table.
+        recipes: training recipes and the seeds of each; None for the recipes of the experiment.
     """
 
     about: str
@@ -59,11 +59,11 @@ class ExperimentRow(_Changed):
 
 
 class Experiment(_Changed):
-    """An experiment: what all rows have in common, and the rows.
+    """An experiment: the changes that all rows share, and the rows.
 
     Attributes:
         figure: the figure or section of the thesis that it reproduces.
-        thesis: what the thesis found.
+        thesis: the finding of the thesis.
         measures: further columns of the table.
     """
 
@@ -80,9 +80,9 @@ class ExperimentProfile(StrictModel):
 
     Attributes:
         about: the vehicles, the light and the budget of a run, in words.
-        seeds: limit on the seeds of each row.
-        oracle_steps: limit on the oracle's steps, also if its score still rises.
-        dataset, train: configurations that experiments change.
+        seeds: greatest number of seeds of each row.
+        oracle_steps: greatest number of the oracle's steps, even if its score still rises.
+        dataset, train: configurations to which experiments apply their changes.
     """
 
     about: str
@@ -101,7 +101,7 @@ def load_experiment(name: str) -> Experiment:
     """A shipped experiment by its name, or one of the user's by the path of its YAML file.
 
     Raises:
-        ConfigError: there is none, or its file is wrong; one line for each error.
+        ConfigError: there is no such experiment, or its file is wrong; one line for each error.
     """
     if name.endswith((".yaml", ".yml")):
         return validate(Experiment, load_yaml(Path(name)), name)

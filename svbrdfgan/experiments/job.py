@@ -15,28 +15,27 @@ _PARENT_CHECK_SECONDS = 0.5
 
 
 def end_with_parent(parent: int) -> None:
-    """From now on, kills this process and its children as soon as its parent is dead. Does nothing outside POSIX.
+    """Starts a thread that kills this process and its children when its parent dies. Does nothing outside POSIX.
 
-    Without it, the children of a killed `svbrdfgan experiment` would go on and write into the folders in which the
-    next call works.
+    Otherwise the tasks of a killed `svbrdfgan experiment` would continue to write into folders that the next call uses.
 
     Args:
-        parent: number of the process that started this one; it may be dead already. This process must lead a process
-            group of its own.
+        parent: id of the process that started this one; it may be dead already. This process must lead a process group
+            of its own.
     """
     if os.name == "posix":
         Thread(target=_watch, args=[parent], daemon=True).start()
 
 
 def _watch(parent: int) -> None:
-    while os.getppid() == parent:
+    while os.getppid() == parent:  # a process whose parent dies gets another parent
         time.sleep(_PARENT_CHECK_SECONDS)
     os.killpg(0, signal.SIGKILL)
 
 
 def main() -> None:
     end_with_parent(int(sys.argv[1]))
-    from svbrdfgan.experiments.tasks import TASK  # imports torch for seconds, in which the parent may die
+    from svbrdfgan.experiments.tasks import TASK  # imports torch, which takes seconds; the parent may die in them
 
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", stream=sys.stdout)
     task = TASK.validate_json(sys.stdin.read())

@@ -1,4 +1,4 @@
-"""Further measures of a run, which some experiments have in their tables."""
+"""Further measures of a run, which some experiments show in their tables."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _VIEWS, _DRAWS = 4, 16
 
 
 def measure(evaluated: Evaluated) -> dict[Measure, float]:
-    """All measures that a run can have: gradients have noise only if its pictures are rendered online."""
+    """All measures that a run can have. Gradient noise needs online rendering, since cached renderings have none."""
     found: dict[Measure, float] = {}
     if (seen := seen_by_training(evaluated)) is not None:
         with suppress(AssetError):
             found["shown"] = recovered_where(evaluated, seen, lambda shown: shown)
-        with suppress(AssetError):  # raised if the pictures show everything
+        with suppress(AssetError):  # raised if the pictures show all texels
             found["unseen"] = recovered_where(evaluated, seen, lambda shown: ~shown)
     scenes = evaluated.source.fake_scenes
     if isinstance(scenes, OnlineRendering):
@@ -44,8 +44,8 @@ def measure(evaluated: Evaluated) -> dict[Measure, float]:
 def seen_by_training(evaluated: Evaluated) -> SeenTexels | None:
     """The texels of the scored split that cameras of the training split's distribution would see.
 
-    None if the split's cameras are of another distribution and scenes are rendered online: what an exemplar shows is
-    known there, what another camera would see is not.
+    None if the scored split has cameras of another distribution and its scenes are rendered online: then only the
+    texels that its own exemplars show are known.
     """
     source, declared = evaluated.source, evaluated.config.dataset
     camera, own = declared.camera_of("train"), source.own_scenes
@@ -60,7 +60,7 @@ def recovered_where(evaluated: Evaluated, seen: SeenTexels, chosen: Callable[[Bo
     """`recovered` on the texels that `chosen` picks, given which texels any picture of the subject shows.
 
     Raises:
-        AssetError: it picks none.
+        AssetError: it picks no texel.
     """
     source, layers = evaluated.source, evaluated.layers
     exemplars = source.exemplars
@@ -88,7 +88,7 @@ def gradient_noise(source: BatchSource, layers: Float[Tensor, "subjects rows col
         draws = torch.stack([_gradient(source, index, layer, difference, draw) for draw in range(1, _DRAWS + 1)])
         variance = float(draws.var(dim=0).sum())
         noise += variance
-        signal += float(draws.mean(dim=0).square().sum()) - variance / _DRAWS  # without the noise of the mean itself
+        signal += float(draws.mean(dim=0).square().sum()) - variance / _DRAWS  # less the mean's own noise
     return noise / max(signal, 1e-30)
 
 

@@ -16,16 +16,16 @@ OUTCOME, CEILING = "outcome.json", "ceiling.json"
 
 
 class Ceiling(StrictModel):
-    """The contents of `ceiling.json`: an oracle's scores, by which runs are judged where its weights are missing.
+    """The contents of `ceiling.json`: an oracle's scores, for evaluating runs if its weights are missing.
 
     Attributes:
-        evaluation: of an untrained run on the test split, with the oracle's scores in it.
+        evaluation: scores of an untrained run (of one step) on the test split, with the oracle's scores.
     """
 
     evaluation: Evaluation
 
     def over(self, evaluation: Evaluation) -> Evaluation:
-        """The evaluation of a run, with the oracle's scores put in."""
+        """The evaluation of a run, completed with the oracle's scores."""
         names = ("oracle", "oracle_at_poles", "oracle_validation", "oracle_plateau", "oracle_steps", "flip_oracle")
         its = {name: getattr(self.evaluation, name) for name in names}
         return evaluation.model_copy(update={**its, "fraction": share(evaluation.recovered, self.evaluation.oracle)})
@@ -49,7 +49,7 @@ class ScorePoint(StrictModel):
 
     Attributes:
         images: exemplars shown to the discriminator so far, in all its updates.
-        seconds: of training so far.
+        seconds: duration of training so far.
     """
 
     images: int
@@ -58,12 +58,12 @@ class ScorePoint(StrictModel):
 
 
 class RunOutcome(StrictModel):
-    """The contents of `outcome.json`, which a run has once it is complete.
+    """The contents of `outcome.json`, which is written when a run is complete.
 
     Attributes:
-        evaluation: on the test split.
-        history: oldest first.
-        jobs: runs that shared the device, without which seconds cannot be compared.
+        evaluation: scores on the test split.
+        history: validation scores during training, oldest first.
+        jobs: number of runs that shared the device; seconds are comparable only between runs with equal `jobs`.
     """
 
     evaluation: Evaluation
@@ -82,12 +82,12 @@ class RunOutcome(StrictModel):
         return self.history[-1].seconds
 
     def half_way(self) -> ScorePoint | None:
-        """The first point with half the oracle's score; None if there is none, or if the oracle learned nothing."""
+        """The first point with half the oracle's score; None if no point has it, or the oracle learned nothing."""
         half = (self.evaluation.oracle_validation or 0.0) / 2
         return next((point for point in self.history if point.recovered >= half > 0), None)
 
     def best_within(self, *, images: float = math.inf, seconds: float = math.inf) -> float | None:
-        """The best score within a budget, which a run of that length would have kept; None before the first score."""
+        """The best score within a budget, which a run of that length would keep; None before the first score."""
         scores = (point.recovered for point in self.history if point.images <= images and point.seconds <= seconds)
         return max(scores, default=None)
 

@@ -1,6 +1,6 @@
 """Runs tasks, each in its own process, several at once, so that a task that fails or aborts stops no other.
 
-Libraries that were tried lack something: in `concurrent.futures`, one aborted process breaks the whole pool; doit has
+Two libraries were tried and do not suffice: one aborted process breaks the whole pool of `concurrent.futures`; doit has
 no time limit, and its children outlive it if it is killed.
 """
 
@@ -26,7 +26,7 @@ _VISIBLE = "CUDA_VISIBLE_DEVICES"
 
 
 class Schedule:
-    """Tasks in order of preference, each to be taken once those that it needs have ended. The taker reports the end."""
+    """Tasks in order of preference. A task can be taken once those that it needs have ended; its taker calls `end`."""
 
     def __init__(self, tasks: Iterable[Task]) -> None:
         self._waiting = {task.folder: task for task in tasks}
@@ -37,14 +37,14 @@ class Schedule:
         return len(self._open)
 
     def take(self) -> Task | None:
-        """The first task whose needs have ended; None if there is none now."""
+        """The first waiting task whose needs have ended; None if there is none at present."""
         for task in self._waiting.values():
             if not self._open & set(task.needs):
                 return self._waiting.pop(task.folder)
         return None
 
     def end(self, task: Task, reason: str | None) -> Iterator[tuple[Task, str | None]]:
-        """Ends a task, which failed if there is a reason. Yields it, and then all that fail because they need it."""
+        """Ends a task, which failed if there is a `reason`. Yields it, and then all that fail because they need it."""
         self._open.discard(task.folder)
         yield task, reason
         if reason is None:
@@ -55,7 +55,7 @@ class Schedule:
 
 
 Execute = Callable[[Schedule, int, float, Display], Generator[tuple[Task, str | None], None, None]]
-"""Runs tasks: the schedule, tasks at once, when to stop, the display. Yields each task that ends, and why it failed."""
+"""Runs tasks, like `execute`: yields each task that ends, and the reason if it failed."""
 
 
 @dataclass(frozen=True)
@@ -65,17 +65,17 @@ class _Child:
     gpu: str | None
 
     def reason(self) -> str | None:
-        """Why it failed: the last line of its output. None if it succeeded."""
+        """The reason why the task failed, usually the last line of its output; None if it succeeded."""
         code = self.process.returncode
         if code == 0:
             return None
-        if code < 0:
+        if code < 0:  # `subprocess` reports a signal as a negative code
             return f"it was ended by signal {-code}"
         lines = (self.task.path / OUTPUT).read_text(encoding="utf-8", errors="replace").strip().splitlines()
         return lines[-1].strip() if lines else f"it ended with exit code {code}"
 
     def terminate(self) -> None:
-        """Ends the process and its children, if it still runs."""
+        """Ends the process and its children if it is still running."""
         if self.process.poll() is not None:
             return
         if os.name == "posix":
@@ -95,7 +95,7 @@ def gpus() -> list[str]:
 def execute(
     schedule: Schedule, jobs: int, until: float, display: Display
 ) -> Generator[tuple[Task, str | None], None, None]:
-    """Runs tasks, spread over the GPUs. The output of a task goes to `output.txt` in its folder.
+    """Runs up to `jobs` tasks at once, spread over the GPUs. Each task writes its output to `output.txt` in its folder.
 
     At the time `until` of `time.monotonic`, or when the generator is closed, all running tasks are ended.
     """
@@ -117,6 +117,7 @@ def execute(
 
 
 def _least_used(devices: Sequence[str], running: Sequence[_Child]) -> str | None:
+    """The GPU with the fewest running tasks; None if there is no GPU."""
     used = [child.gpu for child in running]
     return min(devices, key=used.count, default=None)
 
@@ -133,7 +134,7 @@ def _start(task: Task, jobs: int, gpu: str | None) -> _Child:
             stdout=output,
             stderr=subprocess.STDOUT,
             env={**threads, **os.environ, **device, "PYTHONPATH": import_path()},
-            process_group=0 if os.name == "posix" else None,  # so that its children are ended with it
+            process_group=0 if os.name == "posix" else None,  # so that `terminate` ends its children too
         )
     assert process.stdin is not None
     process.stdin.write(TASK.dump_json(task))

@@ -18,7 +18,7 @@ FAILED = "failed.txt"
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """A run that ended: with an outcome, or with the reason why it failed."""
+    """A run that ended, with its outcome or the reason why it failed."""
 
     seed: int
     folder: Path
@@ -28,7 +28,7 @@ class FinishedRun:
 
 @dataclass(frozen=True)
 class TableLine:
-    """A line of the table: a row of the experiment, trained by one recipe; and its runs so far."""
+    """A line of the table: a row of the experiment trained by one recipe, and its runs so far."""
 
     row: str
     recipe: Recipe
@@ -55,11 +55,11 @@ class Results:
         return [(line, run) for line in self.lines for run in line.runs if run.reason is not None]
 
     def verdicts(self) -> list[Column]:
-        """The columns that say how well was learned."""
+        """The columns for the quality of the learned layers."""
         return verdicts(self.matrix.experiment.measures)
 
     def speeds(self) -> list[Column]:
-        """The columns that say how fast, also within the largest budgets that all runs have in common."""
+        """The columns for the speed of training, also within the largest budgets that all runs reached."""
         images = min((outcome.images for outcome in self.outcomes), default=0)
         return speeds(images, min((outcome.seconds for outcome in self.outcomes), default=0.0))
 
@@ -87,7 +87,7 @@ class Results:
 
 
 def gather(matrix: RunMatrix, runs: RunStore[RunSpec]) -> Results:
-    """All runs of the experiment that ended, with any seed, also those that other calls or experiments made."""
+    """All finished runs of the experiment, with any seed, including runs that other calls or experiments made."""
     seeds = sorted({spec.train.seed for spec in runs.specs.values()})
     lines = []
     for name, row in matrix.experiment.rows.items():

@@ -27,7 +27,7 @@ from svbrdfgan.experiments.definition import (
 from svbrdfgan.training.config import TrainConfig, resolved, train_config
 
 _PLACEHOLDER = "dataset"
-"""Stands for the data set's folder, which is chosen when the run gets its own."""
+"""Stands for the data set's folder, which is chosen together with the run's folder."""
 
 
 class DatasetSpec(StrictModel):
@@ -37,7 +37,7 @@ class DatasetSpec(StrictModel):
 
 
 class OracleSpec(StrictModel):
-    """Everything that an oracle depends on: the data, and the run of one step whose oracle it is."""
+    """Everything that an oracle depends on: the data, the run of one step that it belongs to, and its own steps."""
 
     dataset: DatasetConfig
     train: TrainConfig
@@ -56,7 +56,7 @@ class RunSpec(StrictModel):
 
     @property
     def files(self) -> list[str]:
-        """Patterns of the files that it needs."""
+        """Patterns of the asset files that the run needs."""
         config, scenes = self.dataset, self.train.scenes
         sources = [split.meshes for split in config.splits.values()]
         lights = [config.environments, *(split.environments for split in config.splits.values()), scenes.environment]
@@ -79,7 +79,7 @@ class Cell:
         return f"{self.row}, {self.recipe}, seed {self.seed}"
 
     def matches(self, pattern: str) -> bool:
-        """Whether EXPERIMENT/ROW/RECIPE/SEED, or a beginning of that, names it. Parts may be shell patterns."""
+        """Whether EXPERIMENT/ROW/RECIPE/SEED, or its first parts, names this run. Parts may be shell patterns."""
         mine, wanted = (self.experiment, self.row, self.recipe, str(self.seed)), pattern.split("/")
         return len(wanted) <= len(mine) and all(map(fnmatchcase, mine, wanted))
 
@@ -89,7 +89,7 @@ class RunMatrix:
     """An experiment in a profile.
 
     Attributes:
-        overrides: KEY=VALUE, with keys that begin with `dataset.` or `train.`. Changes of rows come after them.
+        overrides: KEY=VALUE, with keys that begin with `dataset.` or `train.`. The changes of rows override them.
     """
 
     name: str
@@ -100,10 +100,10 @@ class RunMatrix:
 
     @classmethod
     def load(cls, name: str, profile: ProfileName, overrides: Sequence[str] = ()) -> RunMatrix:
-        """The matrix of a shipped experiment, or of the user's own by its file.
+        """The matrix of a shipped experiment by its name, or of a user's by the path of its YAML file.
 
         Raises:
-            ConfigError: there is none, or its file is wrong.
+            ConfigError: there is no such experiment, its file is wrong, or an override has another key.
         """
         for override in overrides:
             if not override.startswith(("dataset.", "train.")):
@@ -115,7 +115,7 @@ class RunMatrix:
         """The runs, in the order of the table.
 
         Args:
-            seeds: replace those that the rows name.
+            seeds: replace the seeds that the rows name.
 
         Raises:
             ConfigError: the configuration of a row is wrong.
@@ -162,7 +162,7 @@ class RunMatrix:
         return apply_overrides(base, self.common)
 
     def _oracle(self, dataset: DatasetConfig, train: TrainConfig) -> OracleSpec:
-        """The oracle depends on data and generator alone, so that rows with other changes share it."""
+        """The oracle of a run. It depends on data and generator alone, so that rows with other changes share it."""
         base = apply_overrides({"train": self.profile.train}, (o for o in self.overrides if o.startswith("train.")))
         fixed = {"seed": 0, "dataset": _PLACEHOLDER, "steps": 1, "minutes": None}
         same = train_config({**base["train"], **fixed}, self.name).model_copy(update={"generator": train.generator})

@@ -1,4 +1,4 @@
-"""Folders of data sets, oracles and runs, found by the specification of what was made in them.
+"""Finds the folders of data sets, oracles and runs by the specification of their contents.
 
 Equal specifications share a folder, also between experiments.
 """
@@ -36,11 +36,11 @@ class RunStore(Generic[Spec]):
                 continue
 
     def find(self, spec: Spec) -> Path | None:
-        """The folder in which it was made or begun; None if there is none."""
+        """The folder with this specification, complete or not; None if there is none."""
         return next((self.folder / name for name, held in self.specs.items() if held == spec), None)
 
     def place(self, spec: Spec, name: str) -> Path:
-        """The folder in which it was made or begun; else a new one of that name, numbered if the name is taken.
+        """The folder with this specification; else a new folder of that name, numbered if the name is taken.
 
         Raises:
             AssetError: the disk cannot be written.
@@ -65,7 +65,7 @@ class Provenance(StrictModel):
 
 
 def record_provenance(matrix: RunMatrix, root: Path) -> None:
-    """Writes what the results in `root/NAME` will be of, unless they exist already.
+    """Writes the specifications of all rows into `root/NAME`, or checks that those written earlier are equal.
 
     Raises:
         ConfigError: the existing results are of another definition.

@@ -1,4 +1,4 @@
-"""Runs experiments: makes what is missing, and writes the tables after every task that ends."""
+"""Runs experiments: executes the missing tasks, and writes the tables after every task that ends."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from svbrdfgan.utils.processes import cores
 
 @dataclass(frozen=True)
 class _Work:
-    """The tasks of one cell; each needs the ones before it."""
+    """The tasks of one cell; each needs the tasks before it."""
 
     dataset: DatasetTask
     oracle: OracleTask
@@ -42,17 +42,17 @@ def run_experiments(
     display: Display | None = None,
     execute: Execute = execute,
 ) -> list[Results]:
-    """The results of each matrix, which are also written into `root/NAME`, once all that is missing was made.
+    """Executes all missing tasks, and returns the results of each matrix, which are also written into `root/NAME`.
 
-    Data sets, oracles and runs are in `root` itself, where the matrices share equal ones.
+    Data sets, oracles and runs are stored below `root` itself, where matrices share equal ones.
 
     Args:
         assets: folder that file patterns are relative to.
-        jobs: processes at once, spread over the GPUs.
-        only: patterns of EXPERIMENT/ROW/RECIPE/SEED; only matching runs are made, in this order.
-        seeds: replace those that the rows name.
-        minutes: time limit; the next call continues what is not complete by then.
-        execute: runs the tasks.
+        jobs: number of processes at once, spread over the GPUs.
+        only: patterns of EXPERIMENT/ROW/RECIPE/SEED; only matching runs are made, in the order of the patterns.
+        seeds: replace the seeds that the rows name.
+        minutes: time limit; the next call continues tasks that are not complete by then.
+        execute: function that runs the tasks.
 
     Raises:
         ConfigError: a configuration is wrong, files are needed but `assets` is None, or `root/NAME` holds results of
@@ -80,6 +80,7 @@ def run_experiments(
 def _work(cells: Sequence[Cell], root: Path, runs: RunStore[RunSpec], assets: Path, jobs: int) -> Iterator[_Work]:
     datasets, oracles = RunStore(root / "datasets", DatasetSpec), RunStore(root / "oracles", OracleSpec)
     where: dict[str, Any] = {"root": str(root), "assets": str(assets)}
+    # runs on one GPU, recorded because they slow each other
     sharing = math.ceil(jobs / max(1, len(gpus())))
     for cell in cells:
         spec, name = cell.spec, f"{cell.experiment}-{cell.row}"
@@ -96,7 +97,7 @@ def _work(cells: Sequence[Cell], root: Path, runs: RunStore[RunSpec], assets: Pa
 
 
 def _missing(work: Iterable[_Work], jobs: int) -> list[Task]:
-    """The tasks that are not done, each once, in the order of the runs. Data sets share the cores."""
+    """The tasks that are not done, each once, in the order of the runs. Data sets made at once share the cores."""
     tasks: dict[str, Task] = {task.folder: task for each in work for task in (each.dataset, each.oracle, each.run)}
     missing = [task for task in tasks.values() if not task.done()]
     datasets = sum(isinstance(task, DatasetTask) for task in missing)
@@ -111,7 +112,7 @@ def _report(matrix: RunMatrix, root: Path, runs: RunStore[RunSpec]) -> Results:
 
 
 def _note(path: Path, reason: str | None) -> None:
-    """Writes why a task failed; deletes the file if it did not."""
+    """Writes the reason why a task failed; deletes the file if it succeeded."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if reason is None:
         path.unlink(missing_ok=True)

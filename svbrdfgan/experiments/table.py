@@ -16,10 +16,10 @@ TABLE, RESULTS, SHEET, PICTURES = "table.md", "results.json", "pictures.png", "p
 
 
 def write_results(folder: Path, results: Results) -> None:
-    """Writes all files into the folder, over those of earlier results.
+    """Writes all files into the folder and replaces those of earlier results.
 
     Raises:
-        AssetError: the disk cannot be written.
+        AssetError: a file cannot be written.
     """
     _write(folder / RESULTS, json.dumps(results.record(), indent=1) + "\n")
     strips = _strips(folder / PICTURES, results.lines)
@@ -29,7 +29,7 @@ def write_results(folder: Path, results: Results) -> None:
 
 
 def page(results: Results, *, pictures: bool) -> str:
-    """The page in Markdown."""
+    """The contents of `table.md`."""
     matrix, columns = results.matrix, [*results.verdicts(), *results.speeds()]
     experiment = matrix.experiment
     parts = [
@@ -70,7 +70,7 @@ def _table(columns: Sequence[Column], lines: Iterable[TableLine]) -> str:
 
 
 def _cell(column: Column, line: TableLine) -> str:
-    """Mean and deviation, and how many runs have the number if not all do."""
+    """Mean and standard deviation, and the number of runs that have a value if not all do."""
     statistic = column.over(line.outcomes)
     if statistic is None:
         return column.absent
@@ -95,7 +95,7 @@ def _spread(results: Results) -> str:
 
 
 def _rising(lines: Iterable[TableLine]) -> str:
-    """Which oracles are too low a ceiling."""
+    """Names the oracles that stopped while their scores still rose, so that these are too low a ceiling."""
     found = [_label(line) for line in lines if any(not o.evaluation.oracle_plateau for o in line.outcomes)]
     return f" Its steps ran out while it was still rising in: {'; '.join(found)}." if found else ""
 
@@ -106,7 +106,7 @@ def _absent(lines: Iterable[TableLine]) -> str:
 
 
 def _machines(results: Results) -> str:
-    """The devices, runs at once and versions. Seconds compare only if device and runs at once are equal."""
+    """Names devices, runs at once and versions. Seconds are comparable only for equal device and runs at once."""
     found = dict.fromkeys(f"{o.device}, {o.jobs} at once" for o in results.outcomes)
     mixed = " These differ, so compare seconds only where they agree." if len(found) > 1 else ""
     made = dict.fromkeys(", ".join(f"{name} {of}" for name, of in o.versions.items()) for o in results.outcomes)

@@ -1,4 +1,4 @@
-"""The tasks that experiments consist of: make a data set, train its oracle, train and evaluate a run."""
+"""The tasks of experiments: making a data set, training its oracle, training and evaluating a run."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from svbrdfgan.training.trainer import train
 
 
 class _Task(StrictModel):
-    """Something to be made in a folder.
+    """A task that writes its results into a folder.
 
     Attributes:
-        title: for people.
+        title: name of the task, for display.
         root: folder of all experiments, which holds data sets, oracles and runs.
         folder: relative to the root.
         assets: folder that file patterns are relative to.
@@ -49,7 +49,7 @@ class _Task(StrictModel):
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Folders of the tasks that must be done before."""
+        """Folders of the tasks that must be done before this one."""
         return ()
 
 
@@ -68,7 +68,7 @@ class DatasetTask(_Task):
 
 
 class OracleTask(_Task):
-    """The oracle of a data set and a generator: the oracle of a run of one step."""
+    """The oracle of a data set and a generator, made by evaluating a run of one step."""
 
     kind: Literal["oracle"] = "oracle"
     spec: OracleSpec
@@ -122,7 +122,7 @@ class RunTask(_Task):
         _forget_checkpoints(self.path)
 
     def _evaluate(self, ceiling: Ceiling) -> Evaluated:
-        """With the oracle if its weights are here; else with its scores, which may have been copied without them."""
+        """Evaluates with the oracle if its weights exist; else with its scores, which may have been copied alone."""
         oracle = Path(self.root) / self.oracle
         if (oracle / ORACLE).is_file() and (oracle / ORACLE_NOTES).is_file():
             for name in (ORACLE, ORACLE_NOTES):
@@ -141,7 +141,7 @@ TASK: TypeAdapter[Task] = TypeAdapter(Task)
 
 
 def _train(task: OracleTask | RunTask, config: TrainConfig, dataset: str) -> State:
-    """Trains, or continues. Files of lights other than the data set's are relative to the assets, not to the root."""
+    """Trains a run, or continues it. Patterns of environment files are made absolute, from the assets folder."""
     scenes = config.scenes
     if isinstance(scenes.environment, EnvironmentSource):
         files = tuple(str(Path(task.assets).resolve() / pattern) for pattern in scenes.environment.files)

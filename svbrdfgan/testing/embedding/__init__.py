@@ -14,4 +14,4 @@ __all__ = ["UVEmbeddingTests"]
 
 
 class UVEmbeddingTests(ContractTests, SurfaceTests, MappingTests, RobustnessTests, UseTests):
-    """What every UV embedding must do: `svbrdfgan.protocols`, `svbrdfgan.types.geometry` and `docs/conventions.md`."""
+    """Tests for every UV embedding; see `svbrdfgan.protocols`, `svbrdfgan.types` and `docs/conventions.md`."""

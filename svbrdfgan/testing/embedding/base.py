@@ -23,7 +23,7 @@ class EmbeddingKit(PluginKit):
     group = EMBEDDINGS
 
     def make_embedding(self) -> UVEmbedding:
-        """A new embedding, for each test; override to test one that is not installed."""
+        """A new embedding for each test; override it to test an embedding that is not installed."""
         return load_embedding(self.name, self.options)
 
     def make_plugin(self) -> UVEmbedding:
@@ -34,7 +34,7 @@ class EmbeddingKit(PluginKit):
         return bool(self.name) and type(self).make_embedding is EmbeddingKit.make_embedding
 
     def results(self, plugin: UVEmbedding) -> dict[str, Any]:
-        """A surface's fields."""
+        """The fields of the surface that a plugin makes of `body`."""
         return contents(plugin.embed(body()))
 
     @cached_property
@@ -48,13 +48,13 @@ class EmbeddingKit(PluginKit):
     def surfaces(self) -> Iterator[tuple[str, Mesh, Surface]]:
         """The ordinary meshes that can be embedded, each with its name and surface.
 
-        A mesh that is refused is left out: the tests of robustness judge refusals.
+        Meshes that raise an error are left out here; `RobustnessTests` judges the errors.
         """
         refused = []
         for make in _ORDINARY:
             try:
                 surface = self.embedding.embed(make())
-            except Exception as error:
+            except Exception as error:  # any error counts as a refusal
                 refused.append(f"{make.__name__}: {type(error).__name__}: {error}")
             else:
                 yield make.__name__, make(), surface

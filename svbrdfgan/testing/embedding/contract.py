@@ -1,4 +1,4 @@
-"""The protocol of embeddings, independent of the map."""
+"""Tests of the embedding protocol, independent of the map."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _INTEGERS = ("faces", "face_part", "source_face")
 
 
 class ContractTests(PluginTests, EmbeddingKit):
-    """An embedding keeps `svbrdfgan.protocols.UVEmbedding`."""
+    """An embedding conforms to `svbrdfgan.protocols.UVEmbedding`."""
 
     def test_is_an_embedding(self) -> None:
         """It has the members of the protocol, and its capabilities are a `UVCapabilities` of two booleans."""
@@ -39,7 +39,7 @@ class ContractTests(PluginTests, EmbeddingKit):
         check(isinstance(made, Surface), f"embed gave a {type(made).__name__}; wanted a Surface.")
 
     def test_capabilities_are_constant(self) -> None:
-        """They are the same before and after use, in another instance as well, and can be a key."""
+        """Capabilities are the same before and after use and in another instance, and are hashable."""
         before = self.capabilities
         hash(before)
         self.embedding.embed(body())
@@ -56,7 +56,7 @@ class ContractTests(PluginTests, EmbeddingKit):
             check(not wrong, f"{wrong}; wanted {np.dtype(wanted)}.")
 
     def test_is_a_pure_function_of_the_mesh(self) -> None:
-        """The same mesh gives the same surface bit for bit, after other meshes too, and in another instance."""
+        """The same mesh gives the same surface bit for bit, also after other meshes and in another instance."""
         with seeded(0):
             first = self.results(self.embedding)
             self.embedding.embed(box())

@@ -1,4 +1,4 @@
-"""The map: what every embedding's UVs must satisfy, and what its capabilities promise."""
+"""Tests of the map: conditions on the UVs of every embedding, and the promises of its capabilities."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ _TEXELS = 64
 _LEAST_FILLED = 0.1
 _MOST_OVERLAPPING = 0.005
 _MOST_COLLAPSED = 0.01
-_MOST_MIRRORED = 0.6  # what sees both sides of a thing from one side mirrors half of it
+_MOST_MIRRORED = 0.6  # a projection of both sides of a body from one side mirrors half of them
 _SAME_UV = 1e-3  # a quarter of a texel at 256
 _FEW = 0.01
 
 
 class MappingTests(EmbeddingKit):
-    """What holds for any embedding. Whether it follows its own formula is for its author to test."""
+    """Conditions on any embedding. Its author tests whether it follows its own formula."""
 
     def test_the_square_is_used(self) -> None:
-        """A tenth of the texels, or more, show a closed body."""
+        """A closed body covers at least a tenth of the texels."""
         filled = float(bake(Fragments.of(self.embedding.embed(body()), _TEXELS, _TEXELS)).mask.double().mean())
         check(filled >= _LEAST_FILLED, f"{filled:.1%} of the texels show the body; wanted {_LEAST_FILLED:.0%}.")
 
     def test_one_to_one_means_no_overlap(self) -> None:
-        """Under an injective embedding no texel's centre lies in two faces; one in 200 may, by rounding at borders."""
+        """Under an injective embedding, at most one texel centre in 200 lies in two faces, by rounding at borders."""
         declared(self.capabilities.injective, "injective")
         for name, _, surface in self.surfaces():
             layers = Fragments.of(surface, 4 * _TEXELS, 4 * _TEXELS).layers
@@ -45,7 +45,7 @@ class MappingTests(EmbeddingKit):
             check(share <= _MOST_OVERLAPPING, f"{name}: {share:.1%} of the texels in use lie in two faces or more.")
 
     def test_one_to_one_means_no_face_collapses(self) -> None:
-        """Under an injective embedding all faces but a hundredth of the area keep an area in UV."""
+        """Under an injective embedding, faces that make up 99 % of the area keep an area in UV."""
         declared(self.capabilities.injective, "injective")
         for name, _, surface in self.surfaces():
             area = face_areas(surface.positions, surface.faces)
@@ -53,7 +53,7 @@ class MappingTests(EmbeddingKit):
             check(share <= _MOST_COLLAPSED, f"{name}: faces of {share:.1%} of the area are a line or a point in UV.")
 
     def test_outer_faces_are_not_mirrored(self) -> None:
-        """Faces that are wound counter-clockwise seen from outside stay so in UV."""
+        """Faces that are wound counter-clockwise seen from outside are so in UV."""
         mirrored = self._share_mirrored()
         check(
             mirrored <= _MOST_MIRRORED,
@@ -71,10 +71,10 @@ class MappingTests(EmbeddingKit):
         )
 
     def test_outer_sides_lie_on_top(self) -> None:
-        """Where both sides of a closed body share texels, elevation puts on top the one that is seen from outside."""
+        """Where both sides of a closed body share texels, the side seen from outside has the greater elevation."""
         declared(not self.capabilities.injective, "sharing of texels")
         mirrored = self._share_mirrored()
-        # otherwise winding does not tell inside from outside
+        # if the shell is partly mirrored, winding does not tell the inside from the outside
         declared(not _FEW < mirrored < 1 - _FEW, "seeing a shell from one side")
         surface = self.embedding.embed(body())
         top = rasterize(surface, _TEXELS, _TEXELS)
@@ -85,7 +85,7 @@ class MappingTests(EmbeddingKit):
         )
 
     def test_what_encloses_lies_on_top(self) -> None:
-        """Where a body and one inside it share texels, elevation puts the outer one on top, and the inner is hidden."""
+        """Where nested bodies share texels, the outer one has the greater elevation, and the inner one is hidden."""
         declared(not self.capabilities.injective, "sharing of texels")
         mesh = nested()
         surface = self.embedding.embed(mesh)
@@ -99,7 +99,7 @@ class MappingTests(EmbeddingKit):
         check(inner.sum() <= 5 * _FEW * both, f"the inner body is still exposed at {inner.sum()} of {both} texels.")
 
     def test_place_and_size_do_not_matter(self) -> None:
-        """The same vehicle elsewhere, or in other units, has the same map: thesis 4.1, as weathering goes by shape."""
+        """A vehicle has the same map in another place or unit, since weathering depends on shape (thesis 4.1)."""
         for what, mesh in (
             ("four times as large", moved(body(), 4.0)),
             ("a thousandth as large", moved(body(), 2.0**-10)),
@@ -113,7 +113,7 @@ class MappingTests(EmbeddingKit):
         self._check_same_map(with_unused_vertices(body(), 50.0), "a body with unused vertices 50 m away")
 
     def test_textures_repeat_only_where_the_map_does(self) -> None:
-        """An axis that repeats is one along which the map reaches both borders, since those meet there."""
+        """Along an axis declared to repeat, the map reaches both borders of the square, which meet there."""
         declared(self._repeats(body), "repeating")
         surface = self.embedding.embed(body())
         for axis, repeats in zip("uv", surface.repeat, strict=True):
@@ -127,7 +127,7 @@ class MappingTests(EmbeddingKit):
         return any(self.embedding.embed(make()).repeat)
 
     def _share_mirrored(self) -> float:
-        """How much of the map of an open shell, all of it seen from outside, is mirrored."""
+        """The share of an open shell's map that is mirrored; all of the shell faces outwards."""
         area = _unmirrored(self.embedding.embed(shell()))
         return float(-area[area < 0].sum() / np.abs(area).sum())
 
@@ -147,7 +147,7 @@ def uv_areas(surface: Surface) -> Float[ndarray, " faces"]:
 
 
 def _unmirrored(surface: Surface) -> Float[ndarray, " faces"]:
-    """Areas in the unit square; negative for faces that are wound there otherwise than on the mesh."""
+    """Areas in the unit square; negative for faces whose winding differs from that on the mesh."""
     return uv_areas(surface) * np.sign(turns(surface))
 
 
@@ -161,7 +161,7 @@ def _mask(surface: Surface, only: Bool[ndarray, " faces"]) -> Bool[ndarray, "row
 
 
 def _hidden_by(surface: Surface, mesh: Mesh, top: ndarray) -> tuple[int, int]:
-    """At how many texels the inner body is on top of the outer one, and how many both share."""
+    """The number of texels at which the inner body is on top, and of texels that both bodies share."""
     inner = _inner(surface, mesh)
     both = _mask(surface, inner) & _mask(surface, ~inner)
     return int((both & inner[top]).sum()), int(both.sum())

@@ -1,7 +1,7 @@
-"""Meshes to embed: ordinary ones, whose surfaces are examined, and awkward ones as in users' files.
+"""Meshes for the tests: ordinary ones, whose surfaces are examined, and awkward ones like those in users' files.
 
-Each call makes a new mesh, so that an embedding that writes into one does not affect other tests. All have one-to-one,
-unmirrored UVs, for embeddings that keep them.
+Each call makes a new mesh, so that an embedding that writes into a mesh does not affect other tests. All meshes have
+one-to-one, unmirrored UVs, for embeddings that keep the mesh's own UVs.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def mesh_of(
     faces: Int[ndarray, "faces 3"],
     face_part: Int[ndarray, " faces"] | None = None,
 ) -> Mesh:
-    """A mesh whose faces each have a triangle of the unit square; as many parts as `face_part` names."""
+    """A mesh with a UV triangle of its own for each face, and as many parts as `face_part` names."""
     positions, faces = np.array(positions, dtype=np.float64), np.array(faces, dtype=np.int64)
     face_part = np.zeros(len(faces), dtype=np.int64) if face_part is None else np.array(face_part, dtype=np.int64)
     parts = tuple(Part(f"part {i}", (0.1 + 0.8 / (1 + i), 0.5, 0.5)) for i in range(int(face_part.max()) + 1))
@@ -31,7 +31,7 @@ def mesh_of(
 
 
 def own_uv(faces: int) -> Float[ndarray, "faces 3 2"]:
-    """A triangle for each face, two in each cell of a square grid, none touching another."""
+    """UV triangles that do not touch, one for each face, two in each cell of a square grid."""
     side = int(np.ceil(np.sqrt((faces + 1) // 2)))
     cell = np.arange(faces) // 2
     low = np.array([[0.05, 0.05], [0.85, 0.05], [0.05, 0.85]])
@@ -87,7 +87,7 @@ def nested() -> Mesh:
 
 
 def clutter() -> Mesh:
-    """What real files hold: an open shell, a crate with duplicate, degenerate and inverted faces, unused vertices."""
+    """Defects of real files: an open shell, a crate with duplicate, degenerate and inverted faces, unused vertices."""
     crate = moved(box(), 0.3, (0.0, 1.8, 0.5))
     faces = np.concatenate([crate.faces, crate.faces[:5], crate.faces[5:8, ::-1], [[0, 1, 1], [2, 2, 2], [0, 0, 0]]])
     part = np.concatenate([crate.face_part, crate.face_part[:8], [0, 1, 2]])
@@ -95,7 +95,7 @@ def clutter() -> Mesh:
 
 
 def faces_of(mesh: Mesh, chosen: Bool[ndarray, " faces"]) -> Mesh:
-    """These faces alone, over the vertices that they use."""
+    """The chosen faces alone, over only the vertices that they use."""
     used, faces = np.unique(mesh.faces[chosen], return_inverse=True)
     return mesh_of(mesh.positions[used], faces.reshape(-1, 3), mesh.face_part[chosen])
 
@@ -117,7 +117,7 @@ def moved(mesh: Mesh, scale: float, offset: tuple[float, float, float] = (0.0, 0
 
 
 def with_unused_vertices(mesh: Mesh, distance: float) -> Mesh:
-    """The mesh with vertices in front of and behind its own that no face names, that many metres away."""
+    """The mesh with an unused vertex before and one after its own, at -`distance` and `distance` on every axis."""
     corner = np.full((1, 3), distance)
     return replace(mesh, positions=np.concatenate([-corner, mesh.positions, corner]), faces=mesh.faces + 1)
 

@@ -1,4 +1,4 @@
-"""Points of a mesh, located on the surface that an embedding made of it, however it is cut."""
+"""Locates points of a mesh on the surface that an embedding made of it, for any subdivision."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from svbrdfgan.types import Mesh, Surface
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Points on a mesh: their faces, and barycentric coordinates in these."""
+    """Points on a mesh, by face and barycentric coordinates."""
 
     face: Int[ndarray, " points"]
     barycentric: Float[ndarray, "points 3"]
 
     @classmethod
     def on_every_face(cls, mesh: Mesh, each: int) -> Points:
-        """That many points on each face that has an area, the same at every call; none lies on an edge by chance."""
+        """`each` random points on every face that has an area, the same at every call; none lies on an edge."""
         face = np.repeat(np.flatnonzero(face_areas(mesh.positions, mesh.faces) > 0.0), each)
         return cls(face, np.random.default_rng(0).dirichlet(np.ones(3), len(face)))
 
@@ -32,7 +32,7 @@ class Found:
 
     Attributes:
         pieces: how many faces of the surface hold each point.
-        uv: of each point, by the last piece that holds it; zero where there is none.
+        uv: UV of each point, by the last piece that holds it; zero if no piece does.
     """
 
     pieces: Int[ndarray, " points"]
@@ -40,7 +40,7 @@ class Found:
 
 
 def find(surface: Surface, points: Points) -> Found:
-    """The points on the surface."""
+    """Locates the points on the surface."""
     order = np.argsort(surface.source_face, kind="stable")
     first = np.searchsorted(surface.source_face[order], points.face, side="left")
     count = np.searchsorted(surface.source_face[order], points.face, side="right") - first
@@ -55,7 +55,7 @@ def find(surface: Surface, points: Points) -> Found:
 
 
 def _within(corners: Float[ndarray, "pairs 3 3"], point: Float[ndarray, "pairs 3"]) -> Float[ndarray, "pairs 3"]:
-    """Barycentric coordinates of each point in its piece, both given in the source face; -1 in a piece without area."""
+    """Barycentric coordinates of points in pieces, both given in the source face; -1 in a piece without area."""
     facing = np.cross(np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1))
     area = np.einsum("px,px->p", corners[:, 0], facing[:, 0])
     good = np.abs(area) > 1e-14

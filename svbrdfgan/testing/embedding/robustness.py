@@ -1,4 +1,4 @@
-"""Awkward meshes: each gives a surface, or an error of one sentence with the reason."""
+"""Tests with awkward meshes: each must give a surface, or an error of one sentence with the reason."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class RobustnessTests(EmbeddingKit):
         self._embeds_or_says_why(mesh_of(np.outer([0, 1, 2], [1, 2, 3]), np.array([[0, 1, 2]])))
 
     def test_degenerate_faces(self) -> None:
-        """Faces that name a vertex twice, or three on a line, among good ones."""
+        """Faces that name a vertex twice, and a face whose vertices lie on a line, among good faces."""
         mesh = box()
         middle = len(mesh.positions)
         positions = np.concatenate([mesh.positions, mesh.positions[:2].mean(axis=0, keepdims=True)])

@@ -1,4 +1,4 @@
-"""The surface: the mesh's own shape, parts and shading, cut if it must be, with UVs."""
+"""Tests of the surface: it keeps the mesh's shape, parts and shading, and is cut only if declared."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from svbrdfgan.testing.embedding.points import Points, find
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.types import Mesh, Surface
 
-_ROUNDING = 1e-6  # of barycentric coordinates and directions: attributes may be merged at 2^-24
+_ROUNDING = 1e-6  # of barycentric coordinates and directions, since vertices may be merged if they agree to 2^-24
 _OF_DIAGONAL = 1e-9
 
 
 class SurfaceTests(EmbeddingKit):
-    """What `svbrdfgan.types.Surface` says of a surface, and its constructor cannot check."""
+    """The promises of `svbrdfgan.types.Surface` that its constructor cannot check."""
 
     def test_uv_lies_in_the_unit_square(self) -> None:
         """No coordinate is below 0 or above 1."""
@@ -47,7 +47,7 @@ class SurfaceTests(EmbeddingKit):
             )
 
     def test_pieces_keep_the_winding(self) -> None:
-        """Each piece is wound as the face that it lies in."""
+        """Each piece has the winding of the face that it lies in."""
         for name, mesh, surface in self.surfaces():
             turned = (turns(surface) <= 0.0) & _has_area(mesh)[surface.source_face]
             check(not turned.any(), f"{name}: {turned.sum()} of {len(turned)} pieces are wound backwards, or a line.")
@@ -65,7 +65,7 @@ class SurfaceTests(EmbeddingKit):
             )
 
     def test_faces_are_cut_only_if_declared(self) -> None:
-        """Without `subdivides`, a surface has one face for each of the mesh's, with the same corners."""
+        """Without `subdivides`, a surface has one face for each face of the mesh, with the same corners."""
         declared(not self.capabilities.subdivides, "keeping faces whole")
         for name, mesh, surface in self.surfaces():
             good = _has_area(mesh)[surface.source_face]
@@ -74,7 +74,7 @@ class SurfaceTests(EmbeddingKit):
             check(whole and once, f"{name}: faces are cut; declare subdivides=True.")
 
     def test_parts_are_the_meshs(self) -> None:
-        """The mesh's parts come first, as they were; whatever follows is hidden."""
+        """The mesh's parts come first and unchanged; all parts after them are hidden."""
         for name, mesh, surface in self.surfaces():
             own, further = surface.parts[: len(mesh.parts)], surface.parts[len(mesh.parts) :]
             names = [part.name for part in surface.parts]
@@ -106,7 +106,7 @@ class SurfaceTests(EmbeddingKit):
             )
 
     def test_normals_are_those_of_the_core(self) -> None:
-        """They point as `corner_normals` of the whole mesh do, interpolated within each face: one rule for all."""
+        """Normals are `corner_normals` of the whole mesh, interpolated within each face."""
         for name, mesh, surface in self.surfaces():
             wanted = _unit(_from_source(corner_normals(mesh.positions, mesh.faces), surface))
             angle = np.linalg.norm(_unit(surface.normals[surface.faces]) - wanted, axis=2)
@@ -118,7 +118,7 @@ class SurfaceTests(EmbeddingKit):
             )
 
     def test_elevation_is_zero_where_one_to_one(self) -> None:
-        """An injective embedding has no layers to order."""
+        """The elevation of an injective embedding is zero, since it has no layers to order."""
         declared(self.capabilities.injective, "injective")
         for name, _, surface in self.surfaces():
             high = np.abs(surface.elevation).max()
@@ -126,7 +126,8 @@ class SurfaceTests(EmbeddingKit):
 
 
 def turns(surface: Surface) -> Float[ndarray, " faces"]:
-    """Each piece's share of its source face's area; negative if it is wound the other way."""
+    """Each piece's share of its source face's area; negative if its winding is reversed."""
+    # corners in barycentric coordinates: their determinant is the ratio of signed areas
     return np.asarray(np.linalg.det(surface.source_barycentric))
 
 

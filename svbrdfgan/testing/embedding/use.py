@@ -1,4 +1,4 @@
-"""Use: a vehicle from mesh to weathered texture."""
+"""A test of use: a vehicle from mesh to weathered texture."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TEXELS = 16
 
 
 class UseTests(EmbeddingKit):
-    """What the core does with every embedding."""
+    """The steps that the core takes with every embedding."""
 
     def test_a_vehicle_can_be_weathered(self) -> None:
         """A procedural sedan is embedded, its inner layers hidden, baked and weathered, at 16 x 16 texels."""
