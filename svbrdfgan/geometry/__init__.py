@@ -1,1 +1,1 @@
-"""Triangles: normals, areas, samples, cells, subdivision, rasterising over UV, and which surfaces lie under others."""
+"""Triangle geometry: normals, areas, sampling, cell grids, subdivision, rasterisation in UV space and inner layers."""

@@ -1,4 +1,4 @@
-"""The geometry buffer (thesis, section 3.2): what the outermost surface is like at each texel of the UV square."""
+"""The geometry buffer (thesis, section 3.2): position, normal and more of the outermost surface at each texel."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class GeometryBuffer:
     """The outermost exposed surface at each texel's centre; row 0 is at v = 0.
 
     Attributes:
-        position: in metres. Where `mask` is false, that of the nearest texel where it is true.
-        normal: unit shading normal, turned outward; filled likewise.
+        position: in metres. Texels outside the mask have the position of the nearest texel inside.
+        normal: unit shading normal, pointing outward; filled in the same way.
         mask: whether there is a visible surface at the texel.
         part: index into `Surface.parts`, -1 outside the mask.
-        area: square metres of exposed surface that the texel stands for, zero outside the mask.
+        area: square metres of exposed surface that map to the texel, zero outside the mask.
         face: index into `Surface.faces`, -1 outside the mask.
-        barycentric: of the texel's centre in that face.
+        barycentric: barycentric coordinates of the texel's centre in that face.
         bounds: lower and upper corner of the box around the whole surface, metres.
     """
 
@@ -51,10 +51,10 @@ class GeometryBuffer:
     bounds: Float[Tensor, "2 3"]
 
     def network_input(self) -> Float[Tensor, "6 rows cols"]:
-        """Position and normal for the generator, in [-1, 1]; heights are above 1 where the surface is taller than that.
+        """Position and normal for the generator, in [-1, 1], except heights, which start at 0 and may exceed 1.
 
-        Positions are taken from the middle of the bounding box, on the ground, and divided by half its longer
-        horizontal side: lengths compare within a vehicle, and vehicles of any size look alike.
+        Positions are relative to the centre of the bounding box's bottom face, and divided by half the longer
+        horizontal side. One scale for all axes keeps proportions; the input does not depend on the vehicle's size.
         """
         low, high = self.bounds
         ground = torch.stack([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
@@ -63,7 +63,7 @@ class GeometryBuffer:
 
 
 def bake(fragments: Fragments) -> GeometryBuffer:
-    """The geometry buffer of a rasterised surface's exposed faces.
+    """The geometry buffer of a rasterised surface. Only exposed faces (of parts that are not hidden) count.
 
     Raises:
         AssetError: no exposed face covers the centre of any texel.
@@ -91,9 +91,9 @@ def bake(fragments: Fragments) -> GeometryBuffer:
 
 
 def bake_base_color(mesh: Mesh, fragments: Fragments) -> tuple[Float[Tensor, ...], ...]:
-    """Each part's linear base colour: constant (3,), or its texture resampled over the new UVs, (rows, cols, 3).
+    """Each part's linear base colour: a constant (3,), or its texture resampled to the new UVs, (rows, cols, 3).
 
-    Beyond the texels that a part covers lies the colour of its nearest one.
+    Texels that a part does not cover get the colour of the nearest texel that it covers.
     """
     return tuple(_base_color(mesh, fragments, part) for part in range(len(fragments.surface.parts)))
 
@@ -101,10 +101,10 @@ def bake_base_color(mesh: Mesh, fragments: Fragments) -> tuple[Float[Tensor, ...
 def write_bake(
     directory: str | os.PathLike[str], mesh: Mesh, fragments: Fragments, buffer: GeometryBuffer
 ) -> dict[str, float | int]:
-    """Writes the geometry buffer (EXR), previews (PNG), the mesh with its new UVs (GLB) and `metrics.json`, given back.
+    """Writes the geometry buffer (EXR), previews (PNG), the mesh with new UVs (GLB) and metrics; returns the metrics.
 
     Raises:
-        AssetError: the disk refuses.
+        AssetError: the folder or a file cannot be written.
     """
     folder = Path(directory)
     try:
@@ -127,7 +127,7 @@ def write_bake(
 
 
 def bake_metrics(mesh: Mesh, fragments: Fragments, buffer: GeometryBuffer) -> dict[str, float | int]:
-    """How well the embedding serves: faces, coverage, layers per texel, and which shares of the area can be learned."""
+    """Measures of the embedding: face counts, UV coverage, layers per texel, exposed and outermost area shares."""
     surface, layers = fragments.surface, fragments.layers
     raster = fragments.outermost()
     area, exposed = face_areas(surface.positions, surface.faces), exposed_faces(surface)
@@ -146,17 +146,18 @@ def bake_metrics(mesh: Mesh, fragments: Fragments, buffer: GeometryBuffer) -> di
 
 
 def exposed_faces(surface: Surface) -> Bool[ndarray, " faces"]:
-    """Which faces are in parts that are not hidden."""
+    """A mask of the faces in parts that are not hidden."""
     return ~np.array([part.hidden for part in surface.parts])[surface.face_part]
 
 
 def nearest_texels(mask: Bool[ndarray, "rows cols"]) -> tuple[Int[ndarray, "rows cols"], Int[ndarray, "rows cols"]]:
-    """Row and column of the nearest texel inside the mask, for every texel."""
+    """For every texel, the row and the column of the nearest texel inside the mask."""
     row, col = distance_transform_edt(~mask, return_distances=False, return_indices=True)
     return row, col
 
 
 def _bounds(surface: Surface) -> Float[ndarray, "2 3"]:
+    """Bounding box of the vertices that faces use."""
     used = surface.positions[np.unique(surface.faces)]
     return np.stack([used.min(axis=0), used.max(axis=0)])
 
@@ -164,10 +165,10 @@ def _bounds(surface: Surface) -> Float[ndarray, "2 3"]:
 def _outward(
     surface: Surface, raster: Raster, position: Float[ndarray, "rows cols 3"], bounds: Float[ndarray, "2 3"]
 ) -> Float[ndarray, "rows cols 3"]:
-    """Unit shading normals, turned away from the middle of the ground by the face that they belong to.
+    """Unit shading normals, flipped where their face points towards the centre of the bounding box's bottom face.
 
-    Surfaces are two-sided, and the shells that users bring are wound either way; the outermost is seen from outside.
-    A one-to-one embedding (elevation zero throughout) has no such outside: its normals stay as they are.
+    Surfaces are two-sided and meshes may be wound either way, but the outermost surface is seen from outside.
+    A one-to-one embedding has elevation zero everywhere and no outermost surface: its normals are not flipped.
     """
     normal = unit(raster.interpolate(surface.faces, surface.normals))
     if not surface.elevation.any():
@@ -180,7 +181,7 @@ def _outward(
 
 
 def _texel_areas(fragments: Fragments) -> Float[ndarray, "rows cols"]:
-    """Each exposed face's area, spread over the texels that it covers, or in its centroid's if it covers none."""
+    """Exposed area per texel: each face's area is spread evenly over its texels, or added to its centroid's texel."""
     surface, rows, cols = fragments.surface, fragments.rows, fragments.cols
     area, exposed = face_areas(surface.positions, surface.faces), exposed_faces(surface)
     covered = fragments.texels_of_faces
@@ -215,5 +216,5 @@ def _channels(buffer: GeometryBuffer) -> dict[str, Float[Tensor, "rows cols"]]:
 
 
 def _preview(values: Float[Tensor, "rows cols 3"], mask: Bool[Tensor, "rows cols"]) -> Float[Tensor, "rows cols 3"]:
-    """Values in [0, 1] that the file will hold as they are, not as light; dark where there is no surface."""
+    """An image whose sRGB-encoded file holds `values` unchanged: applies the inverse of the encoding. Dark outside."""
     return linear_from_srgb(torch.where(mask[..., None], values.clamp(0.0, 1.0), torch.tensor(0.1)))

@@ -1,4 +1,4 @@
-"""Triangles of the plane sorted into square cells, so that few need to be tried at a place."""
+"""A uniform grid over 2D triangles: a query needs to test only the triangles in the point's cell."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 MOST_CELLS = 256
-"""Along a side of a grid."""
-_PER_TRIANGLE = 8  # entries, on average
-_SLACK = 1e-6  # of a cell: rounding must not lose a cell that a corner or an edge just touches
-_FEW = 1 << 14  # triangles up to which as many entries are free as this many may have
+"""Maximum number of cells along a side of a grid."""
+_PER_TRIANGLE = 8  # maximum number of grid entries per triangle, on average
+_SLACK = 1e-6  # of a cell: without it, rounding could miss a cell that a corner or an edge only touches
+_FEW = 1 << 14  # with fewer triangles than this, the limit on entries is that of this many
 
 
 @dataclass(frozen=True, eq=False)
 class CellGrid:
-    """Square cells over the box around some triangles; numbered row by row.
+    """A square grid over the bounding box of 2D triangles. Cells are numbered row by row.
 
     Attributes:
-        low: lower corner.
-        cell: side of a cell.
-        side: cells along a side.
+        low: lower corner of the grid.
+        cell: side length of a cell.
+        side: number of cells along a side of the grid.
     """
 
     low: Float[ndarray, " 2"]
@@ -31,7 +31,7 @@ class CellGrid:
 
     @classmethod
     def around(cls, corners: Float[ndarray, "triangles 3 2"], side: float) -> CellGrid:
-        """About `side` cells along a side (1 to `MOST_CELLS`); halved until `entries` are a few per triangle."""
+        """A grid of at most `side` (1 to `MOST_CELLS`) cells along a side, halved until `entries` are few."""
         lows, highs = corners.min(axis=1), corners.max(axis=1)
         low = lows.min(axis=0)
         extent = max(float((highs.max(axis=0) - low).max()), 1e-300)
@@ -44,14 +44,14 @@ class CellGrid:
             cells //= 2
 
     def cells(self, points: Float[ndarray, "points 2"]) -> Int[ndarray, " points"]:
-        """The cell of each point; the nearest one for points outside."""
+        """The cell of each point. Points outside the grid get the nearest cell."""
         col, row = self._place(points).T
         return row * self.side + col
 
     def entries(
         self, corners: Float[ndarray, "triangles 3 2"]
     ) -> tuple[Int[ndarray, " entries"], Int[ndarray, " entries"]]:
-        """Each triangle with each cell that its box meets, triangles in order."""
+        """All pairs (triangle, cell) where the triangle's bounding box overlaps the cell, sorted by triangle."""
         low = self._place(corners.min(axis=1))
         size = self._place(corners.max(axis=1)) - low + 1
         count = size.prod(axis=1)
@@ -62,9 +62,9 @@ class CellGrid:
     def overlaps(
         self, corners: Float[ndarray, "triangles 3 2"]
     ) -> tuple[Int[ndarray, " entries"], Int[ndarray, " entries"]]:
-        """Each triangle with each cell that it meets itself, triangles in order: fewer than `entries`, for slivers far.
+        """All pairs (triangle, cell) where the triangle itself overlaps the cell, sorted by triangle.
 
-        A cell that the triangle misses by less than a millionth of a cell may count as met.
+        These are a subset of `entries`, much smaller for slivers. The test is conservative by a millionth of a cell.
         """
         local = (corners - self.low) / self.cell
         bottom, top = (
@@ -83,7 +83,7 @@ class CellGrid:
 
 
 def ranges(start: Int[ndarray, " n"], count: Int[ndarray, " n"]) -> tuple[Int[ndarray, " m"], Int[ndarray, " m"]]:
-    """The whole numbers from each start, as many as counted, with the index of the start that each belongs to."""
+    """The concatenated ranges start[i] ... start[i] + count[i] - 1: the index i of each number, and the number."""
     owner = np.repeat(np.arange(len(start)), count)
     return owner, np.arange(len(owner)) + np.repeat(start - (np.cumsum(count) - count), count)
 
@@ -91,12 +91,12 @@ def ranges(start: Int[ndarray, " n"], count: Int[ndarray, " n"]) -> tuple[Int[nd
 def _spans(
     corners: Float[ndarray, "n 3 2"], low: Float[ndarray, " n"], high: Float[ndarray, " n"]
 ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
-    """The least and greatest x of each triangle within its strip low <= y <= high; (inf, -inf) where it is not."""
+    """The least and the greatest x of each triangle within its strip low <= y <= high; (inf, -inf) if it misses it."""
     left, right = np.full(len(corners), np.inf), np.full(len(corners), -np.inf)
     for k in range(3):
         (x0, y0), (x1, y1) = corners[:, k - 1].T, corners[:, k].T
         rise = y1 - y0
-        # a level edge needs no crossing: its ends are ends of the other two edges as well
+        # a horizontal edge has no crossing with a line; the other two edges contribute its end points
         slope = np.where(rise != 0.0, (x1 - x0) / np.where(rise != 0.0, rise, 1.0), 0.0)
         below, above = np.minimum(y0, y1), np.maximum(y0, y1)
         within = (above >= low) & (below <= high)

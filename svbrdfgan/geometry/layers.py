@@ -1,4 +1,4 @@
-"""Which faces lie beneath others at the same UV, and the hidden parts they go to."""
+"""Find faces that lie beneath others at the same UV, and move them to hidden parts."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.types import Mesh, Surface
 
 TOLERANCE = 0.02
-"""How far beneath the outermost surface, in diagonals of the bounding box, a face still counts as lying on it."""
+"""A face this far beneath the outermost surface still counts as outermost; in bounding-box diagonals."""
 _ROUNDS = 2
-_WORTH_CUTTING = 8  # texels that a face covers
+_WORTH_CUTTING = 8  # texels: faces that cover fewer are not cut
 
 
 def embed_and_rasterize(embedding: UVEmbedding, mesh: Mesh, resolution: int) -> Fragments:
-    """The embedded mesh, rasterised once; its inner layers are hidden where the embedding is not one-to-one.
+    """The fragments of the embedded mesh. If the embedding is not one-to-one, inner layers are in hidden parts.
 
     Raises:
         EmbeddingError: the mesh cannot be embedded.
@@ -32,20 +32,22 @@ def embed_and_rasterize(embedding: UVEmbedding, mesh: Mesh, resolution: int) -> 
 
 
 def hide_inner_layers(surface: Surface, resolution: int) -> Surface:
-    """The surface with its inner faces moved to hidden parts, which follow the mesh's own, in order.
+    """The surface with its inner faces moved to hidden parts, which are appended to the mesh's own parts.
 
-    A face is hidden if at most of the texel centres that it covers (at its centroid, if it covers none) another face
-    lies further out by more than `TOLERANCE`. So what is behind trim, glued-on lights and duplicated faces stays
-    exposed, and is learned with the texels above it. Larger faces that are partly covered are cut first, at most twice.
+    A face is hidden if another face lies further out by more than `TOLERANCE` at most of the texel centres that it
+    covers (at its centroid, if it covers none). The tolerance keeps surfaces behind trim, attached lights and
+    duplicated faces exposed; they share the texels of the face above. Larger, partly covered faces are first cut, at
+    most twice.
     """
     return hide_and_rasterize(surface, resolution).surface
 
 
 def hide_and_rasterize(surface: Surface, resolution: int) -> Fragments:
-    """`hide_inner_layers`, with the fragments by which it was decided."""
+    """The same as `hide_inner_layers`, but returns the fragments; their `surface` has the hidden parts."""
     fragments = Fragments.of(surface, resolution, resolution)
     covered, near = layer_counts(fragments)
     for _ in range(_ROUNDS):
+        # between a tenth and nine tenths of the face is outermost
         mixed = (covered >= _WORTH_CUTTING) & (10 * near > covered) & (10 * near < 9 * covered)
         if not mixed.any():
             break
@@ -55,9 +57,9 @@ def hide_and_rasterize(surface: Surface, resolution: int) -> Fragments:
 
 
 def layer_counts(fragments: Fragments) -> tuple[Int[ndarray, " faces"], Int[ndarray, " faces"]]:
-    """For each face, how many texels it covers, and at how many of these it lies on the outermost surface.
+    """For each face, the number of texels that it covers, and at how many of them it is (nearly) the outermost.
 
-    A face that covers no texel's centre counts as covering one: its centroid's.
+    A face that covers no texel's centre counts as covering one texel: that of its centroid.
     """
     surface = fragments.surface
     box = surface.positions[surface.faces].reshape(-1, 3)
@@ -80,7 +82,7 @@ def centroid_texels(surface: Surface, rows: int, cols: int) -> Int[ndarray, " fa
 
 
 def _move_to_hidden(surface: Surface, hidden: Bool[ndarray, " faces"]) -> Surface:
-    """The surface with these faces in the hidden parts of their parts. No vertex serves faces on both sides."""
+    """The surface with the marked faces moved to a hidden twin of their part. Vertices are not shared across parts."""
     part = surface.face_part
     moved = [k for k in np.unique(part[hidden]) if not surface.parts[k].hidden]
     if not moved:

@@ -16,13 +16,13 @@ _PAIRS_AT_ONCE = 1 << 21
 
 
 def unit(vectors: Float[ndarray, "*n 3"], fallback: Float[ndarray, "*n 3"] = UP) -> Float[ndarray, "*n 3"]:
-    """The vectors at length one; `fallback` (unit, broadcast) where they have next to none."""
+    """The vectors scaled to length one; `fallback` (unit, broadcast) replaces vectors of (nearly) zero length."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.where(length > 1e-30, vectors / np.maximum(length, 1e-30), fallback)
 
 
 def face_normals(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> Float[ndarray, "faces 3"]:
-    """Unit geometric normals, on the side from which the corners run counter-clockwise; zero for degenerate faces."""
+    """Unit geometric normals, by the right-hand rule; zero for degenerate faces."""
     a, b, c = (positions[faces[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)
     longest = np.max([np.sum((q - p) ** 2, axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
@@ -37,13 +37,13 @@ def face_areas(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "fac
 
 
 def uv_areas(corners: Float[ndarray, "faces 3 2"]) -> Float[ndarray, " faces"]:
-    """Areas of triangles of the plane; negative where they are wound clockwise."""
+    """Signed areas of 2D triangles; clockwise ones are negative."""
     p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     return 0.5 * (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
 
 
 def corner_angles(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> Float[ndarray, "faces 3"]:
-    """The angle of each triangle at each of its corners, radians."""
+    """The interior angle at each corner of each triangle, radians."""
     corners = positions[faces]
     onward = unit(np.roll(corners, -1, axis=1) - corners)
     back = unit(np.roll(corners, 1, axis=1) - corners)
@@ -55,8 +55,8 @@ def corner_normals(
 ) -> Float[ndarray, "faces 3 3"]:
     """Unit shading normals per face corner.
 
-    At each corner: the normals of the faces around its vertex that lie within `CREASE_ANGLE` of the corner's own face,
-    weighted by the angles of their corners at that vertex. Vertices must be welded. Corners of degenerate faces get +Y.
+    A corner's normal is the angle-weighted mean of the normals of the faces around its vertex, limited to faces within
+    `CREASE_ANGLE` of the corner's own face. Vertices must be welded. Corners of degenerate faces get +Y.
     """
     flat = face_normals(positions, faces)
     weighted = (flat[:, None, :] * corner_angles(positions, faces)[:, :, None]).reshape(-1, 3)
@@ -71,7 +71,7 @@ def corner_normals(
 
 
 def _corner_pairs(faces: Int[ndarray, "faces 3"]) -> Iterator[tuple[Int[ndarray, " pairs"], Int[ndarray, " pairs"]]]:
-    """Every ordered pair of corners that meet at one vertex, in pieces of bounded size."""
+    """Every ordered pair of corners at the same vertex, in batches of bounded size (this limits memory)."""
     vertex = faces.ravel()
     order = np.argsort(vertex, kind="stable")
     valence = np.bincount(vertex)

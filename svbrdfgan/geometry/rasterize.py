@@ -1,4 +1,4 @@
-"""Rasterising triangles over the UV square: the faces over each texel's centre, and the outermost of them."""
+"""Rasterisation of triangles in UV space: the faces at each texel's centre, and the outermost of them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from numpy import ndarray
 from svbrdfgan.geometry.cells import ranges
 from svbrdfgan.types import Surface
 
-_CANDIDATES_AT_ONCE = 1 << 18  # pairs of a face and a texel of its box: what is computed for them stays in the cache
-_BLOCK = 8  # texels along a side of the blocks by which whole faces are found to be covered
-_SLACK = 1e-12  # of the greatest elevation: an interpolated elevation may exceed the corners' by rounding
+_CANDIDATES_AT_ONCE = 1 << 18  # pairs (face, texel in its bounding box) per batch: its arrays fit into the CPU cache
+_BLOCK = 8  # texels along a side of the blocks used to cull faces that are covered entirely
+_SLACK = 1e-12  # of the greatest elevation: rounding can make an interpolated elevation exceed the corners'
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +23,9 @@ class Raster:
     """The outermost face at each texel; row 0 is at v = 0.
 
     Attributes:
-        face: index of the face, -1 where there is none.
-        barycentric: of the texel's centre in that face, zero where there is none.
-        elevation: of the outermost face, -inf where there is none.
+        face: index of the outermost face, -1 where there is none.
+        barycentric: barycentric coordinates of the texel's centre in that face, zero where there is none.
+        elevation: elevation of that face at the texel's centre, -inf where there is none.
     """
 
     face: Int[ndarray, "rows cols"]
@@ -39,22 +39,22 @@ class Raster:
     def interpolate(
         self, faces: Int[ndarray, "faces 3"], attribute: Float[ndarray, " vertices *k"]
     ) -> Float[ndarray, "rows cols *k"]:
-        """A per-vertex attribute at the texels' centres; zero where there is no face."""
+        """A per-vertex attribute, interpolated at the texels' centres; zero where there is no face."""
         return np.einsum("rcj,rcj...->rc...", self.barycentric, attribute[faces[self.face]])
 
 
 @dataclass(frozen=True, eq=False)
 class Fragments:
-    """Every pair of a face and a texel whose centre lies in it, faces in order: a surface rasterised once.
+    """A rasterised surface: all pairs (face, texel) where the texel's centre lies in the face.
 
-    A centre on an edge that two faces share belongs to one of them: the whole is watertight, and counts nothing twice.
-    Faces without area in UV have none.
+    A centre on an edge that two faces share belongs to exactly one of them: there are no gaps and no duplicates.
+    Faces without area in UV have no fragments.
 
     Attributes:
-        surface: what was rasterised.
-        rows, cols: texels.
+        surface: the rasterised surface.
+        rows, cols: resolution in texels.
         face, texel: indices; texel = row * cols + col.
-        elevation: of the face at the texel's centre.
+        elevation: elevation of the face at the texel's centre.
     """
 
     surface: Surface
@@ -76,28 +76,28 @@ class Fragments:
         return cls(surface, rows, cols, face, texel, elevation)
 
     def with_parts_of(self, surface: Surface) -> Fragments:
-        """The same fragments of a surface whose faces, in the same order, have the same UVs, in other parts."""
+        """The same fragments for a surface that differs only in its parts: same faces, same order, same UVs."""
         return replace(self, surface=surface)
 
     @cached_property
     def layers(self) -> Int[ndarray, "rows cols"]:
-        """How many faces lie over each texel's centre."""
+        """Number of faces at each texel's centre."""
         return np.bincount(self.texel, minlength=self.rows * self.cols).reshape(self.rows, self.cols)
 
     @cached_property
     def texels_of_faces(self) -> Int[ndarray, " faces"]:
-        """How many texels' centres lie in each face."""
+        """Number of texel centres in each face."""
         return np.bincount(self.face, minlength=len(self.surface.faces))
 
     @cached_property
     def top(self) -> Float[ndarray, " texels"]:
-        """The elevation of the outermost face at each texel, -inf where there is none."""
+        """Elevation of the outermost face at each texel, -inf where there is none."""
         top = np.full(self.rows * self.cols, -np.inf)
         np.maximum.at(top, self.texel, self.elevation)
         return top
 
     def outermost(self, only: Bool[ndarray, " faces"] | None = None) -> Raster:
-        """The outermost face (greatest elevation, then lowest index) at each texel, among those that `only` marks."""
+        """The outermost face (greatest elevation, then lowest index) at each texel, among the faces in `only`."""
         chosen = slice(None) if only is None else only[self.face]
         top, best = _nothing(self.rows * self.cols)
         _put_on_top(top, best, self.face[chosen], self.texel[chosen], self.elevation[chosen])
@@ -105,11 +105,11 @@ class Fragments:
 
 
 def rasterize(surface: Surface, rows: int, cols: int, only: Bool[ndarray, " faces"] | None = None) -> Raster:
-    """`Fragments.outermost` without the fragments: faces that lie under others are not rasterised where they do."""
+    """The same as `Fragments.outermost`, but faster: it skips covered faces and stores no fragments."""
     corners, height = _texel_corners(surface, rows, cols), surface.elevation[surface.faces]
     chosen = np.arange(len(corners)) if only is None else np.flatnonzero(only)
     ceiling = height.max(axis=1, initial=-np.inf) + _SLACK * np.abs(height).max(initial=0.0)
-    chosen = chosen[np.argsort(-ceiling[chosen], kind="stable")]  # the outermost first, to cover the others
+    chosen = chosen[np.argsort(-ceiling[chosen], kind="stable")]  # outermost first, so that later faces can be culled
     top, best = _nothing(rows * cols)
     for face, texel, barycentric in _fragments(corners, chosen, rows, cols, ceiling, top):
         _put_on_top(top, best, face, texel, _elevation(surface, face, barycentric))
@@ -117,7 +117,7 @@ def rasterize(surface: Surface, rows: int, cols: int, only: Bool[ndarray, " face
 
 
 def _texel_corners(surface: Surface, rows: int, cols: int) -> Float[ndarray, "faces 3 2"]:
-    """UVs in texels; their centres lie at whole numbers."""
+    """The faces' UVs in units of texels; texel centres are at integers."""
     return surface.uv[surface.faces] * (cols, rows) - 0.5
 
 
@@ -126,7 +126,7 @@ def _elevation(surface: Surface, face: Int[ndarray, " n"], barycentric: Float[nd
 
 
 def _nothing(texels: int) -> tuple[Float[ndarray, " texels"], Int[ndarray, " texels"]]:
-    """Elevation and face of the outermost surface at each texel, before there is any."""
+    """Initial elevation (-inf) and face index (greatest integer, so that minimum works) at each texel."""
     return np.full(texels, -np.inf), np.full(texels, np.iinfo(np.int64).max)
 
 
@@ -137,7 +137,8 @@ def _put_on_top(
     texel: Int[ndarray, " n"],
     elevation: Float[ndarray, " n"],
 ) -> None:
-    """Updates the outermost elevation and face, in place, by further fragments."""
+    """Merges further fragments into the outermost elevation `top` and face `best`, in place."""
+    # forget the faces that are now covered, so that the minimum below only decides between equal elevations
     best[texel[elevation > top[texel]]] = np.iinfo(best.dtype).max
     np.maximum.at(top, texel, elevation)
     wins = elevation == top[texel]
@@ -167,10 +168,11 @@ def _fragments(
     ceiling: Float[ndarray, " faces"] | None = None,
     top: Float[ndarray, " texels"] | None = None,
 ) -> Iterator[tuple[Int[ndarray, " n"], Int[ndarray, " n"], Float[ndarray, "n 3"]]]:
-    """Face, texel and barycentric coordinates of all fragments of the chosen faces, in pieces of bounded size.
+    """Face, texel and barycentric coordinates of all fragments of the chosen faces, in batches of bounded size.
 
-    Given `ceiling` (that no fragment of a face exceeds) and `top` (which the caller may raise between the pieces),
-    those that cannot reach the outermost surface are left out.
+    Args:
+        ceiling: an upper bound on the elevation of each face. With `top`, it culls fragments that are covered.
+        top: outermost elevation so far. The caller may update it between batches.
     """
     low = np.clip(np.ceil(corners[chosen].min(axis=1)), 0, (cols, rows)).astype(np.int64)
     high = np.clip(np.floor(corners[chosen].max(axis=1)) + 1, low, (cols, rows)).astype(np.int64)
@@ -196,7 +198,7 @@ def _fragments(
 
 
 def _block_floors(top: Float[ndarray, " texels"], rows: int, cols: int) -> Float[ndarray, "block_rows block_cols"]:
-    """The least elevation of the outermost surface over each block of texels."""
+    """The least outermost elevation in each block of texels."""
     tall, wide = -(-rows // _BLOCK), -(-cols // _BLOCK)
     padded = np.full((tall * _BLOCK, wide * _BLOCK), np.inf)
     padded[:rows, :cols] = top.reshape(rows, cols)
@@ -209,7 +211,10 @@ def _reaches(
     high: Int[ndarray, "n 2"],
     ceiling: Float[ndarray, " n"],
 ) -> Bool[ndarray, " n"]:
-    """Whether faces in these boxes of texels (upper ends excluded) may be outermost; true for boxes of many blocks."""
+    """False for faces that have no texels or are surely covered, given their boxes of texels (`high` excluded).
+
+    The test is conservative: boxes over more than 2 x 2 blocks of texels always give True.
+    """
     first, last = low // _BLOCK, np.maximum(high - 1, low) // _BLOCK
     last = np.minimum(last, np.array(floors.shape)[::-1] - 1)
     first = np.minimum(first, last)
@@ -219,9 +224,9 @@ def _reaches(
 
 
 def _edges(corners: Float[ndarray, "faces 3 2"]) -> Float[ndarray, "3 5 faces"]:
-    """Each edge: its lexicographically lower end, the way to the other, and 1 if the face runs it that way, else -1.
+    """Per edge: its lexicographically lower end, the vector to its other end, and the face's direction (1 or -1).
 
-    The side of a point is computed from the lower end, so that two faces at an edge get exactly opposite numbers.
+    Both faces at an edge compute a point's side from the same end, so their results are exactly opposite.
     """
     a, b = np.moveaxis(corners[:, [1, 2, 0]], 0, -1), np.moveaxis(corners[:, [2, 0, 1]], 0, -1)
     forward = (a[:, 0] < b[:, 0]) | ((a[:, 0] == b[:, 0]) & (a[:, 1] < b[:, 1]))
@@ -232,16 +237,17 @@ def _edges(corners: Float[ndarray, "faces 3 2"]) -> Float[ndarray, "3 5 faces"]:
 def _covered(
     corners: Float[ndarray, "faces 3 2"], face: Int[ndarray, " n"], col: Int[ndarray, " n"], row: Int[ndarray, " n"]
 ) -> tuple[Bool[ndarray, " n"], Float[ndarray, "n 3"]]:
-    """Whether each face owns its point (col, row), and the point's barycentric coordinates in it."""
+    """Whether each face contains its point (col, row), and the point's barycentric coordinates in it."""
     sides, forward = [], []
     for edge in _edges(corners):
         x, y, along_x, along_y, sign = (values.take(face) for values in edge)
-        sides.append(sign * (along_x * (row - y) - along_y * (col - x)))  # twice the area of the edge and the point
+        # twice the area of the triangle of edge and point
+        sides.append(sign * (along_x * (row - y) - along_y * (col - x)))
         forward.append(sign > 0)
     area = sides[0] + sides[1] + sides[2]
     left = area > 0
     inside = area != 0
     for side, runs in zip(sides, forward, strict=True):
-        # a point on an edge belongs to the one face for which the edge runs as the face is wound
+        # tie rule: a point on an edge belongs to the one face whose winding agrees with the edge's direction
         inside &= np.where(side == 0, runs == left, (side > 0) == left)
     return inside, np.stack(sides, axis=1) / np.where(area != 0, area, 1.0)[:, None]

@@ -1,4 +1,4 @@
-"""From attributes per face corner to vertices: one for each combination that differs, as in a GPU buffer."""
+"""Convert per-corner attributes to vertices, one for each distinct combination, as in a GPU vertex buffer."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.subdivide import Pieces, cut_edges, unique_edges
 from svbrdfgan.types import Part, Surface
 
-_STEPS = 1 << 24  # attributes that agree to this fraction of one are the same
+_STEPS = 1 << 24  # attributes are compared after rounding to multiples of 1 / _STEPS
 
 
 def split_corners(
@@ -20,13 +20,14 @@ def split_corners(
 ) -> tuple[Int[ndarray, " vertices"], Int[ndarray, "faces 3"]]:
     """The corners (face * 3 + k) that become vertices, and the faces over these vertices.
 
-    Corners share a vertex if they share position index and part, and their attributes (of order one) are the same.
+    Corners share a vertex if they have the same position index, part and attributes (of magnitude about 1).
     """
     columns = [faces.reshape(-1, 1), np.repeat(face_part, 3)[:, None]]
     columns += [np.round(a.reshape(faces.size, -1) * _STEPS).astype(np.int64) for a in attributes]
     label = np.zeros(faces.size, dtype=np.int64)
     for column in np.concatenate(columns, axis=1).T:
         _, rank = np.unique(column, return_inverse=True)
+        # ranks keep the combined label small, so that int64 does not overflow
         _, label = np.unique(label * (int(rank.max()) + 1) + rank, return_inverse=True)
     _, corner, vertex = np.unique(label, return_index=True, return_inverse=True)
     return corner, vertex.reshape(-1, 3)
@@ -42,7 +43,7 @@ def surface_from_corners(
     parts: tuple[Part, ...],
     repeat: tuple[bool, bool] = (False, False),
 ) -> Surface:
-    """The surface of these pieces, vertices split wherever normal, uv or part differ; normals are made unit."""
+    """The surface of these pieces. Vertices are split where normal, uv or part differ; normals are normalised."""
     normals = unit(normals)
     corner, faces = split_corners(pieces.faces, face_part, normals, uv)
     return Surface(
@@ -60,9 +61,9 @@ def surface_from_corners(
 
 
 def cut_faces(surface: Surface, chosen: Bool[ndarray, " faces"]) -> Surface:
-    """The surface with each chosen face cut in four, and its neighbours so that no T-junction arises.
+    """The surface with each chosen face cut in four. Neighbours are cut too, so that there are no T-junctions.
 
-    Attributes at the new vertices are interpolated: the shape, the UVs and the shading stay as they are.
+    Attributes of new vertices are interpolated, so shape, UVs and shading do not change.
     """
     positions, weld = np.unique(surface.positions, axis=0, return_inverse=True)
     pieces = Pieces.whole(positions, weld.reshape(-1)[surface.faces])
@@ -85,7 +86,7 @@ def cut_faces(surface: Surface, chosen: Bool[ndarray, " faces"]) -> Surface:
 
 
 def with_parts(surface: Surface, face_part: Int[ndarray, " faces"], parts: tuple[Part, ...]) -> Surface:
-    """The surface with its faces in other parts; vertices between faces of different parts are split."""
+    """The surface with its faces assigned to other parts; vertices shared by different parts are split."""
     key, inverse = np.unique(surface.faces.ravel() * len(parts) + np.repeat(face_part, 3), return_inverse=True)
     vertex = key // len(parts)
     return replace(

@@ -1,4 +1,4 @@
-"""Cutting triangles at the midpoints of their edges, without gaps, remembering where each piece came from."""
+"""Subdivision of triangles at edge midpoints, without gaps; each piece knows its source face."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-# Corners 0-2 are a face's own, 3-5 the midpoints of its edges 01, 12, 20. The key's bits say which of these are cut.
+# Corners 0-2 are the face's own, 3-5 the midpoints of its edges 01, 12, 20. Bit k of the key: edge k is cut.
 _PATTERNS: dict[int, tuple[tuple[int, int, int], ...]] = {
     0b000: ((0, 1, 2),),
     0b001: ((0, 3, 2), (3, 1, 2)),
@@ -20,18 +20,19 @@ _PATTERNS: dict[int, tuple[tuple[int, int, int], ...]] = {
     0b101: ((5, 0, 3), (2, 5, 3), (2, 3, 1)),
     0b111: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
 }
+# Barycentric coordinates of the six corners.
 _LOCAL = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5]])
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Triangles cut from other triangles, covering them exactly.
+    """Triangles cut from source triangles, which they cover exactly.
 
     Attributes:
         positions: vertices, the original ones first.
-        faces: vertex indices, wound as their source faces.
-        source_face: original face that each piece lies in.
-        source_barycentric: of each corner of each piece, in that face.
+        faces: vertex indices, with the winding of their source faces.
+        source_face: the original face of each piece.
+        source_barycentric: barycentric coordinates of each piece's corners in its source face.
     """
 
     positions: Float[ndarray, "vertices 3"]
@@ -45,16 +46,16 @@ class Pieces:
         return cls(positions, faces, np.arange(len(faces)), np.broadcast_to(np.eye(3), (len(faces), 3, 3)).copy())
 
     def interpolate(self, attribute: Float[ndarray, "source_faces 3 *k"]) -> Float[ndarray, "faces 3 *k"]:
-        """A per-corner attribute of the original faces, at the corners of the pieces."""
+        """A per-corner attribute of the original faces, interpolated at the corners of the pieces."""
         return np.einsum("fij,fj...->fi...", self.source_barycentric, attribute[self.source_face])
 
 
 EdgePredicate = Callable[[Pieces, Int[ndarray, "edges 2"], Int[ndarray, "faces 3"]], Bool[ndarray, " edges"]]
-"""Given pieces, their edges, and the edges 01, 12, 20 of each face: which edges to cut."""
+"""Marks the edges to cut, given pieces, their edges, and the edge indices of each face's sides 01, 12, 20."""
 
 
 def unique_edges(faces: Int[ndarray, "faces 3"]) -> tuple[Int[ndarray, "edges 2"], Int[ndarray, "faces 3"]]:
-    """Every edge once, lower vertex first, and the edges 01, 12, 20 of each face."""
+    """Every edge once, lower vertex first, and the edge indices of each face's sides 01, 12, 20."""
     pairs = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     count = int(faces.max()) + 1
     keys, inverse = np.unique(pairs[:, 0] * count + pairs[:, 1], return_inverse=True)
@@ -62,7 +63,7 @@ def unique_edges(faces: Int[ndarray, "faces 3"]) -> tuple[Int[ndarray, "edges 2"
 
 
 def refine(pieces: Pieces, wanted: EdgePredicate, rounds: int) -> Pieces:
-    """The pieces cut, round after round, until `wanted` names no more edges or the rounds are spent."""
+    """The pieces, cut repeatedly until `wanted` marks no edges or `rounds` is reached."""
     for _ in range(rounds):
         edges, face_edges = unique_edges(pieces.faces)
         cut = wanted(pieces, edges, face_edges)
@@ -78,7 +79,7 @@ def cut_edges(
     face_edges: Int[ndarray, "faces 3"],
     cut: Bool[ndarray, " edges"],
 ) -> Pieces:
-    """The pieces with the chosen edges cut in the middle, in every face that has them: no T-junctions arise."""
+    """The pieces with the chosen edges cut at their midpoints in all faces at them, so there are no T-junctions."""
     midpoint = len(pieces.positions) - 1 + np.cumsum(cut)
     positions = np.concatenate([pieces.positions, pieces.positions[edges[cut]].mean(axis=1)])
     six = np.concatenate([pieces.faces, midpoint[face_edges]], axis=1)

@@ -1,4 +1,4 @@
-"""Files in and out: meshes, textures, pictures and environments. Linear values inside, sRGB and row order only here."""
+"""Read and write meshes, textures, images and environments. Only this package handles sRGB and file row order."""
 
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.environment import load_environment, save_environment

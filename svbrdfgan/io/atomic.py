@@ -1,4 +1,4 @@
-"""Files that are either whole or not there."""
+"""Atomic file writes: a file is either complete or absent."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from svbrdfgan.errors import AssetError
 
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """A temporary path beside `path`, of the same suffix: it becomes `path` if the block ends well, else vanishes.
+    """A temporary path beside `path`, with the same suffix.
 
-    Folders that are missing are made.
+    If the block succeeds, the temporary file replaces `path`; otherwise it is deleted. Missing parent
+    folders are created.
 
     Raises:
         AssetError: the file cannot be written there.

@@ -18,12 +18,13 @@ log = logging.getLogger(__name__)
 
 
 def load_environment(path: str | os.PathLike[str]) -> Float[Tensor, "rows cols 3"]:
-    """Linear radiance, finite and not negative, of an equirectangular .hdr or .exr picture.
+    """Linear radiance of an equirectangular .hdr or .exr image, finite and not negative.
 
-    Negative values become 0 and infinite ones (suns beyond half precision) the greatest finite one, with a warning.
+    Negative values become 0. Infinite values (suns beyond half precision) become the greatest finite value. Both log a
+    warning.
 
     Raises:
-        AssetError: the file cannot be read, or holds NaN or no finite value.
+        AssetError: the file cannot be read, contains NaN, or contains no finite value.
     """
     path = check_file(path, FLOAT, "environment")
     radiance = load_image(path)[..., :3]
@@ -41,7 +42,7 @@ def save_environment(path: str | os.PathLike[str], radiance: Float[Tensor, "rows
     """Writes linear radiance to .exr (exact) or .hdr (shared exponent, within 1 % of a pixel's greatest channel).
 
     Raises:
-        AssetError: another suffix or shape, or a disk that refuses.
+        AssetError: the suffix or the shape is wrong, or the file cannot be written.
     """
     if Path(path).suffix.lower() not in FLOAT:
         raise AssetError(f"{path} cannot hold an environment; use one of {', '.join(FLOAT)}.")
@@ -53,6 +54,7 @@ def save_environment(path: str | os.PathLike[str], radiance: Float[Tensor, "rows
 
 
 def _clean(path: Path, radiance: Float[Tensor, "rows cols 3"]) -> Float[Tensor, "rows cols 3"]:
+    """The radiance with infinite and negative values replaced, as `load_environment` says."""
     infinite = radiance == torch.inf
     if infinite.any():
         brightest = radiance[~infinite].max()

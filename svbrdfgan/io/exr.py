@@ -1,4 +1,4 @@
-"""Float pictures with named channels, through OpenImageIO."""
+"""Float images with named channels (EXR, HDR), through OpenImageIO."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.files import check_file
 
 MAX_PIXELS = 2**28
-"""No picture that this package can use has more; a header that says so is broken."""
+"""A header that claims more RGBA pixels than this is rejected as broken before memory is allocated."""
 
 
 def load_exr(path: str | os.PathLike[str], *, uv_map: bool = False) -> dict[str, Float[Tensor, "rows cols"]]:
-    """The channels of an EXR file by name, row 0 on top, or at v = 0 for a UV map.
+    """The channels of an EXR file by name. Row 0 is the top, or v = 0 if `uv_map` is set.
 
     Raises:
         AssetError: the file cannot be read as EXR.
@@ -38,10 +38,13 @@ def save_exr(
     half: bool = False,
     uv_map: bool = False,
 ) -> None:
-    """Writes channels by name, such as "position.X"; row 0 is the top, or v = 0 for a UV map. Floats of 32 or 16 bits.
+    """Writes channels by name, such as "position.X". Row 0 is the top, or v = 0 if `uv_map` is set.
+
+    Args:
+        half: write 16-bit floats instead of 32-bit floats.
 
     Raises:
-        AssetError: no channels, shapes that differ, a name other than .exr, or a disk that refuses.
+        AssetError: there are no channels, their shapes differ, the suffix is not .exr, or the file cannot be written.
     """
     shapes = {tuple(plane.shape) for plane in channels.values()}
     if len(shapes) != 1 or len(next(iter(shapes))) != 2:
@@ -53,7 +56,7 @@ def save_exr(
 
 
 def read_floats(path: Path) -> tuple[tuple[str, ...], Float[ndarray, "height width channels"]]:
-    """Channel names and values of the first picture in a file, row 0 on top.
+    """Channel names and values of the first image in a file, row 0 on top.
 
     Raises:
         AssetError: the file is broken.
@@ -78,10 +81,10 @@ def read_floats(path: Path) -> tuple[tuple[str, ...], Float[ndarray, "height wid
 def write_floats(
     path: Path, names: tuple[str, ...], values: Float[ndarray, "height width channels"], *, half: bool = False
 ) -> None:
-    """Writes an EXR or HDR file whole or not at all.
+    """Writes an EXR or HDR file atomically; row 0 is the top.
 
     Raises:
-        AssetError: the disk refuses.
+        AssetError: the file cannot be written.
     """
     import OpenImageIO as oiio  # noqa: N813
 
@@ -89,7 +92,8 @@ def write_floats(
     spec = oiio.ImageSpec(width, height, channels, "half" if half else "float")
     spec.channelnames = names
     spec.attribute("compression", "zip")
-    spec.attribute("DateTime", "1970:01:01 00:00:00")  # else the time of writing: equal pictures are equal files
+    # The default is the current time; with a fixed time, equal images give equal files.
+    spec.attribute("DateTime", "1970:01:01 00:00:00")
     with atomic_path(path) as temporary:
         target = oiio.ImageOutput.create(str(temporary))
         if target is None:
@@ -100,6 +104,6 @@ def write_floats(
 
 
 def _sentence(message: str, path: Path) -> str:
-    """OpenImageIO's reason on one line, without the file's name, which our sentence has already."""
+    """OpenImageIO's error message on one line, with the file's name instead of its full path."""
     line = " ".join(message.replace(str(path), path.name).split())
     return line.rstrip(".") or "no reason was given"

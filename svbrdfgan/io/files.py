@@ -1,4 +1,4 @@
-"""The border that every file crosses first."""
+"""Checks of an input file's path, before it is opened."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from svbrdfgan.errors import AssetError
 
 
 def check_file(path: str | os.PathLike[str], suffixes: tuple[str, ...], what: str) -> Path:
-    """The path of a file that is there, is not empty and is named as one of `suffixes`.
+    """The path of an existing, readable, non-empty file with one of `suffixes`.
+
+    Args:
+        what: kind of file, for error messages.
 
     Raises:
-        AssetError: it is not.
+        AssetError: the path does not satisfy one of these conditions.
     """
     path = Path(path)
     if path.is_dir():

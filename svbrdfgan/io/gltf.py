@@ -1,7 +1,7 @@
-"""GLB out: surfaces with the textures that were made for them, and meshes as they came.
+"""Write GLB files: surfaces with their generated textures, and unchanged meshes.
 
-Written directly and not by a mesh library, because factors must keep their precision, parts share pictures, and
-textures must clamp or repeat as the surface says.
+This module writes GLB itself instead of using a mesh library: colour factors keep their precision, parts share images,
+and textures clamp or repeat as the surface requires.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from svbrdfgan.types import Mesh, Part, Surface
 
 Texture = Float[Tensor, "rows cols channels"]
 
+# Constants of the glTF 2.0 specification (OpenGL enumerants).
 FLOAT, UINT = 5126, 5125
 VERTICES, INDICES = 34962, 34963
 LINEAR, CLAMP, REPEAT = 9729, 33071, 10497
@@ -37,7 +38,7 @@ ROUGHNESS = 0.9
 
 @dataclass
 class _Document:
-    """A GLB file in the making: its JSON tables and its binary chunk."""
+    """A GLB file under construction: its JSON tables and its binary chunk."""
 
     repeat: tuple[bool, bool]
     binary: bytearray = field(default_factory=bytearray)
@@ -55,17 +56,18 @@ def save_glb(
     textures: Mapping[int, Texture],
     gloss: Mapping[int, Float[Tensor, "rows cols 2"]] = MappingProxyType({}),
 ) -> None:
-    """Writes a surface as GLB: one mesh for each part, with the texture given for it or else its base colour.
+    """Writes a surface as GLB, with one mesh per part.
 
-    A texture is linear base colour in [0, 1] with row 0 at v = 0, by index of its part: RGB is opaque, RGBA is blended
-    by its straight alpha. One given for several parts is stored once. A part that is given none gets its base colour,
-    times the mean of its own texture, which has no place in the surface's UVs.
+    A texture that is given for several parts is stored once. A part without a texture gets its base colour, multiplied
+    by the mean of its own texture (which does not fit the surface's UVs).
 
     Args:
-        gloss: roughness and metallic in [0, 1], by index of the part; others are matt and not metallic.
+        textures: linear base colour in [0, 1] by index of the part, row 0 at v = 0. RGB is opaque; RGBA is blended by
+            its straight alpha.
+        gloss: roughness and metallic in [0, 1] by index of the part; other parts are rough and not metallic.
 
     Raises:
-        AssetError: the name does not end in .glb, a texture's part or shape is wrong, or the disk refuses.
+        AssetError: the suffix is not .glb, a texture's part or shape is wrong, or the file cannot be written.
     """
     _check_suffix(path)
     for given, channels in ((textures, (3, 4)), (gloss, (2,))):
@@ -84,12 +86,12 @@ def save_glb(
 
 
 def save_mesh_glb(path: str | os.PathLike[str], mesh: Mesh) -> None:
-    """Writes a mesh as GLB, so that `load_mesh` gives the same triangles, parts and UVs (positions rounded to float32).
+    """Writes a mesh as GLB. `load_mesh` returns the same triangles, parts and UVs (positions rounded to float32).
 
-    No normals are written: viewers shade it flat, and this package makes its own.
+    No normals are written: viewers shade the mesh flat, and this package computes its own normals.
 
     Raises:
-        AssetError: the name does not end in .glb, or the disk refuses.
+        AssetError: the suffix is not .glb, or the file cannot be written.
     """
     _check_suffix(path)
     document = _Document((True, True))
@@ -122,18 +124,19 @@ def _check_suffix(path: str | os.PathLike[str]) -> None:
 
 
 def _mean_color(part: Part) -> tuple[float, float, float]:
+    """The part's linear base colour times the mean of its texture, if it has one."""
     tint = np.ones(3) if part.texture is None else part.texture.reshape(-1, 3).mean(axis=0, dtype=np.float64)
     red, green, blue = (tint * part.base_color).tolist()
     return red, green, blue
 
 
 def _top_left(uv: Float[ndarray, "vertices 2"]) -> Float[ndarray, "vertices 2"]:
-    """glTF's texture coordinates, whose origin is the picture's upper left corner."""
+    """glTF's texture coordinates, whose origin is the image's upper left corner."""
     return np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1)
 
 
 def _split_corners(mesh: Mesh, chosen: ndarray) -> tuple[dict[str, ndarray], Int[ndarray, " corners"]]:
-    """One vertex for each position and UV that the chosen faces have, and the corners as indices into them."""
+    """Attributes of one vertex for each distinct position and UV of the chosen faces, and the corners' indices."""
     vertex = mesh.faces[chosen].reshape(-1)
     if mesh.uv is None:
         used, faces = np.unique(vertex, return_inverse=True)
@@ -147,6 +150,7 @@ def _split_corners(mesh: Mesh, chosen: ndarray) -> tuple[dict[str, ndarray], Int
 def _add_view(document: _Document, data: bytes, target: int | None = None) -> int:
     view: dict[str, Any] = {"buffer": 0, "byteOffset": len(document.binary), "byteLength": len(data)}
     document.views.append(view if target is None else {**view, "target": target})
+    # glTF requires 4-byte alignment of accessors and chunks
     document.binary += data + b"\0" * (-len(data) % 4)
     return len(document.views) - 1
 
@@ -158,7 +162,7 @@ def _add_accessor(document: _Document, array: ndarray, kind: str, component: int
         "count": len(array),
         "type": kind,
     }
-    if kind == "VEC3":
+    if kind == "VEC3":  # glTF requires min and max for POSITION
         accessor |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
     document.accessors.append(accessor)
     return len(document.accessors) - 1
@@ -190,7 +194,8 @@ def _add_material(
     blend = texture is not None and texture.shape[2] == 4
     if texture is not None:
         pbr["baseColorTexture"] = {"index": _add_image(document, texture, texture)}
-    if gloss is not None:  # glTF reads green as roughness and blue as metallic, and neither as sRGB
+    if gloss is not None:
+        # glTF: green is roughness, blue is metallic, both linear. This undoes the sRGB encoding by `texture_png`.
         numbers = linear_from_srgb(torch.cat([torch.zeros_like(gloss[..., :1]), gloss.clamp(0, 1)], dim=-1))
         pbr |= {"metallicFactor": 1.0, "roughnessFactor": 1.0}
         pbr["metallicRoughnessTexture"] = {"index": _add_image(document, gloss, numbers)}
@@ -206,7 +211,7 @@ def _add_material(
 
 
 def _add_image(document: _Document, given: Texture, shown: Texture) -> int:
-    """The number of the picture `shown`, stored once for all parts that were given the same texture."""
+    """The index of the image `shown`; it is stored once for all parts with the same texture `given`."""
     if id(given) not in document.image_of:
         document.image_of[id(given)] = len(document.images)
         view = _add_view(document, texture_png(shown))

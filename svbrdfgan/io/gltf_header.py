@@ -1,4 +1,4 @@
-"""The JSON of a glTF or GLB file: what must be known before a mesh library unpacks it, and what that library rounds."""
+"""Read the JSON of a glTF or GLB file: checks before a mesh library loads it, and colours in full precision."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from typing import Any
 from svbrdfgan.errors import AssetError
 
 MAX_ACCESSOR = 150_000_000
-"""Corners of 50 million triangles: more in one accessor is a broken header, and would be allocated unnoticed."""
+"""Elements per accessor: the corners of 50 million triangles. A header that claims more is broken; the mesh library
+would allocate memory for it without a check."""
 
 UNREADABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization")
-"""Extensions that change what the geometry's bytes mean, and that the mesh library reads wrongly or not at all."""
+"""Extensions that change the encoding of the geometry, and that the mesh library does not support."""
 
 
 @dataclass(frozen=True)
 class HeaderMaterial:
-    """What the header says of one material: its linear base colour in full precision, and whether it has a picture."""
+    """A material in the header: its linear base colour in full precision, and whether it has a texture."""
 
     name: str | None
     base_color: tuple[float, float, float]
@@ -27,10 +28,10 @@ class HeaderMaterial:
 
 
 def read_materials(path: Path) -> tuple[HeaderMaterial, ...]:
-    """The materials of a .gltf or .glb file, once its header has passed all checks.
+    """The materials of a .gltf or .glb file, after checks of its header.
 
     Raises:
-        AssetError: the file is cut short, is not glTF 2.0, or stores its geometry in a way that cannot be read.
+        AssetError: the file is truncated, is not glTF 2.0, or encodes its geometry in a way that is not supported.
     """
     header = _glb_json(path) if path.suffix.lower() == ".glb" else _json(path, path.read_bytes())
     used = [name for name in UNREADABLE if name in header.get("extensionsRequired", [])]

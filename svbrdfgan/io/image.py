@@ -1,6 +1,6 @@
-"""Pictures and textures in files, linear in memory: PNG and JPEG hold sRGB in 8 bits, EXR and HDR hold linear floats.
+"""Image and texture files. Values are linear in memory; PNG and JPEG store 8-bit sRGB, EXR and HDR linear floats.
 
-EXR values are stored and returned as they are: images are premultiplied by coverage, layers have straight alpha.
+EXR values are read and written unchanged: rendered images are premultiplied by coverage, layers have straight alpha.
 """
 
 from __future__ import annotations
@@ -33,36 +33,36 @@ LUMINANCE, COLOR = ("Y",), ("R", "G", "B", "A")
 
 
 def linear_from_srgb(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
-    """Linear values of sRGB ones in [0, 1]: the piecewise function of IEC 61966-2-1."""
+    """Decodes sRGB values in [0, 1] to linear ones, by the piecewise function of IEC 61966-2-1."""
     return torch.where(values <= 0.04045, values / 12.92, ((values.clamp(min=0.04045) + 0.055) / 1.055) ** 2.4)
 
 
 def srgb_from_linear(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
-    """The sRGB values of linear ones: the inverse of `linear_from_srgb`."""
+    """Encodes linear values as sRGB: the inverse of `linear_from_srgb`."""
     curve = 1.055 * values.clamp(min=0.0031308) ** (1 / 2.4) - 0.055
     return torch.where(values <= 0.0031308, values * 12.92, curve)
 
 
 def luminance(image: Float[Tensor, "*shape 3"]) -> Float[Tensor, "*shape"]:
-    """The relative luminance of RGB of the sRGB primaries (ITU-R BT.709)."""
+    """Relative luminance of linear RGB with the sRGB primaries (ITU-R BT.709)."""
     return image @ image.new_tensor([0.2126, 0.7152, 0.0722])
 
 
 def load_image(path: str | os.PathLike[str]) -> Float[Tensor, "height width channels"]:
-    """The picture in a PNG, JPEG, EXR or HDR file: linear RGB or RGBA, row 0 on top. Grey is repeated into RGB.
+    """The image in a PNG, JPEG, EXR or HDR file as linear RGB or RGBA, row 0 on top. Grey becomes RGB.
 
     Raises:
-        AssetError: the file cannot be read as what its name says, or an EXR has no R, G, B or Y channel.
+        AssetError: the file is not of the kind that its suffix says, or an EXR has neither R, G, B nor Y channels.
     """
     path = check_file(path, EIGHT_BIT + FLOAT, "picture")
     return _load_float(path) if path.suffix.lower() in FLOAT else _load_eight_bit(path)
 
 
 def save_image(path: str | os.PathLike[str], image: Float[Tensor, "height width channels"]) -> None:
-    """Writes 1, 3 or 4 linear channels, row 0 on top. PNG and JPEG are clipped to [0, 1]; alpha is never sRGB-encoded.
+    """Writes 1, 3 or 4 linear channels, row 0 on top. PNG and JPEG clip to [0, 1]; alpha is never sRGB-encoded.
 
     Raises:
-        AssetError: the suffix or the shape is not one of these, JPEG is asked to hold alpha, or the disk refuses.
+        AssetError: the suffix or the shape is not supported, the format has no alpha, or the file cannot be written.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -85,12 +85,12 @@ def save_image(path: str | os.PathLike[str], image: Float[Tensor, "height width 
 
 
 def load_texture(path: str | os.PathLike[str]) -> Float[Tensor, "rows cols channels"]:
-    """The texture in a picture file, as `load_image` but with row 0 at v = 0, the bottom of the picture."""
+    """The same as `load_image`, but row 0 is at v = 0, the bottom of the image."""
     return load_image(path).flip(0)
 
 
 def save_texture(path: str | os.PathLike[str], texture: Float[Tensor, "rows cols channels"]) -> None:
-    """Writes a texture whose row 0 lies at v = 0 as a picture with its top row first; otherwise as `save_image`."""
+    """The same as `save_image`, but row 0 is at v = 0, the bottom of the image."""
     save_image(path, texture.flip(0))
 
 
@@ -102,7 +102,7 @@ def texture_png(texture: Float[Tensor, "rows cols channels"]) -> bytes:
 
 
 def picture(image: Float[Tensor, "height width channels"]) -> Image:
-    """The 8-bit sRGB picture of 1, 3 or 4 linear channels, clipped to [0, 1]."""
+    """A Pillow image (8-bit sRGB) of 1, 3 or 4 linear channels, clipped to [0, 1]; alpha is not sRGB-encoded."""
     from PIL import Image as PillowImage
 
     values = image.detach().cpu().float()
@@ -115,12 +115,12 @@ def picture(image: Float[Tensor, "height width channels"]) -> Image:
 
 
 def linear_from_picture(image: Image) -> Float[Tensor, "height width channels"]:
-    """Linear RGB, or RGBA where the picture has transparency, row 0 on top.
+    """Linear RGB of a Pillow image, or RGBA if it has transparency; row 0 on top.
 
     Raises:
-        OSError, SyntaxError, ValueError: the picture's file is broken.
+        OSError, SyntaxError, ValueError: the image's file is broken (Pillow decodes lazily).
     """
-    if image.mode.startswith("I"):  # 16-bit grey, which Pillow would clip to 8 bits
+    if image.mode.startswith("I"):  # 16-bit grey: Pillow's convert("RGB") would clip it to 8 bits
         grey = torch.from_numpy(np.asarray(image).astype(np.float32) / 65535.0)
         return linear_from_srgb(grey.clamp(0, 1))[..., None].expand(-1, -1, 3).contiguous()
     alpha = "A" in image.getbands() or "transparency" in image.info
@@ -135,7 +135,7 @@ def _load_eight_bit(path: Path) -> Float[Tensor, "height width channels"]:
     try:
         with PillowImage.open(path) as image:
             return linear_from_picture(image)
-    except Exception as error:  # Pillow's decoders raise many kinds, and every one means that the file is broken
+    except Exception as error:  # Pillow's decoders raise many types; each means a broken file
         raise AssetError(f"{path} cannot be read as a picture: {error}.") from error
 
 

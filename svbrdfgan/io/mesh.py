@@ -1,4 +1,4 @@
-"""Mesh files (GLB, glTF, OBJ, PLY, STL) as one `Mesh`: parts by material, transforms applied, vertices welded."""
+"""Load mesh files (GLB, glTF, OBJ, PLY, STL) as one `Mesh`: one part per material, transforms applied, welded."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ MAX_COORDINATE = 1e9
 def load_mesh(path: str | os.PathLike[str]) -> Mesh:
     """The triangles of a mesh file, with its materials as parts and its own UVs where it has any.
 
-    Equal positions are merged, across materials too, and faces that lose a corner by it are dropped; normals in the
-    file are ignored. Where only some meshes of a file have UVs, the others get zeros. A picture that is missing or
-    broken is a warning.
+    Vertices at equal positions are merged, also across materials, and faces that lose a corner by this are dropped.
+    Normals in the file are ignored. If only some meshes of a file have UVs, the others get zeros. A missing or broken
+    texture image causes a warning.
 
     Raises:
-        AssetError: the file is missing, broken or of another kind, has no faces, or has impossible coordinates.
+        AssetError: the file is missing, broken or of another kind, has no faces, or has invalid coordinates.
     """
     path = check_file(path, SUFFIXES, "mesh")
     pieces = [piece for piece in read_pieces(path) if len(piece.faces)]
@@ -44,7 +44,7 @@ def load_mesh(path: str | os.PathLike[str]) -> Mesh:
 
 
 def _join(path: Path, pieces: Sequence[Piece]) -> Mesh:
-    """All pieces as one mesh: welded, checked, without faces that name a vertex twice and vertices that none names."""
+    """All pieces as one checked, welded mesh, without degenerate faces (repeated vertices) and unused vertices."""
     positions = np.concatenate([piece.positions for piece in pieces])
     _check_positions(path, positions)
     starts = np.cumsum([0] + [len(piece.positions) for piece in pieces[:-1]])
@@ -65,7 +65,7 @@ def _join(path: Path, pieces: Sequence[Piece]) -> Mesh:
 
 
 def _merge_parts(found: Sequence[Part]) -> tuple[tuple[Part, ...], Int[ndarray, " pieces"]]:
-    """Parts with unique names, and which of them each piece has: equal ones are one, namesakes get a number."""
+    """Parts with unique names, and the part of each piece. Equal parts are merged; other namesakes get a number."""
     index: dict[tuple[object, ...], int] = {}
     parts: list[Part] = []
     for part in found:
@@ -77,6 +77,7 @@ def _merge_parts(found: Sequence[Part]) -> tuple[tuple[Part, ...], Int[ndarray, 
 
 
 def _free_name(name: str, taken: set[str]) -> str:
+    """`name`, with a number appended if it is taken."""
     number = 2
     free = name
     while free in taken:
@@ -88,6 +89,7 @@ def _free_name(name: str, taken: set[str]) -> str:
 def _corner_uv(
     path: Path, pieces: Sequence[Piece], corners: Int[ndarray, "faces 3"]
 ) -> Float[ndarray, "faces 3 2"] | None:
+    """The UV of each corner, zeros for pieces without UVs; None if no piece has UVs."""
     if all(piece.uv is None for piece in pieces):
         return None
     uv = np.concatenate([np.zeros((len(piece.positions), 2)) if piece.uv is None else piece.uv for piece in pieces])
@@ -98,6 +100,7 @@ def _corner_uv(
 
 
 def _proper(faces: Int[ndarray, "faces 3"]) -> Bool[ndarray, " faces"]:
+    """A mask of the faces whose three vertices differ."""
     a, b, c = faces.T
     return (a != b) & (b != c) & (c != a)
 
@@ -105,6 +108,7 @@ def _proper(faces: Int[ndarray, "faces 3"]) -> Bool[ndarray, " faces"]:
 def _used(
     positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]
 ) -> tuple[Float[ndarray, "used 3"], Int[ndarray, "faces 3"]]:
+    """The positions that faces use, and the faces with indices into them."""
     used = np.zeros(len(positions), dtype=bool)
     used[faces] = True
     return positions[used], (np.cumsum(used) - 1)[faces]

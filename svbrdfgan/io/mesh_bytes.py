@@ -1,4 +1,4 @@
-"""The bytes of mesh files, made safe for a parser: whole, and text in an encoding that it knows."""
+"""Read the bytes of mesh files for a parser: detect truncated files, and convert text to UTF-8."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from svbrdfgan.errors import AssetError
 
 
 def open_mesh(path: Path) -> BytesIO:
-    """The file's content; OBJ and ASCII STL as UTF-8.
+    """The file's content. OBJ and ASCII STL are converted to UTF-8.
 
     Raises:
-        AssetError: an OBJ that is not text, or an STL that is cut short.
+        AssetError: an OBJ file is not text, or an STL file is truncated.
     """
     data = path.read_bytes()
     kind = path.suffix.lower()
@@ -27,7 +27,7 @@ def open_mesh(path: Path) -> BytesIO:
 
 
 def as_utf8(text: bytes) -> bytes:
-    """Text as UTF-8: unchanged if it is, else taken for Latin-1, as names and comments in old files are."""
+    """The text as UTF-8. Text that is not valid UTF-8 is read as Latin-1, which is common in old files."""
     try:
         text.decode("utf-8")
     except UnicodeDecodeError:
@@ -36,7 +36,11 @@ def as_utf8(text: bytes) -> bytes:
 
 
 def _is_binary_stl(path: Path, data: bytes) -> bool:
-    """Whether an STL file is binary. An ASCII one begins with "solid" and has a facet; so may a binary one's head."""
+    """Whether an STL file is binary.
+
+    The size decides first, because the header of a binary file may also begin with "solid".
+    """
+    # binary STL: 80 bytes of header, a uint32 face count, 50 bytes per face
     wanted = 84 + 50 * struct.unpack("<I", data[80:84])[0] if len(data) >= 84 else 84
     if len(data) == wanted:
         return True

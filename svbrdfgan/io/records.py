@@ -1,4 +1,4 @@
-"""Records as readable JSON files."""
+"""Save and load configuration-model records as readable JSON files."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from svbrdfgan.io.atomic import atomic_path
 
 
 def save_record(path: Path, record: StrictModel) -> None:
-    """Writes a record, every key of it.
+    """Writes all fields of a record, defaults included.
 
     Raises:
         AssetError: the file cannot be written there.
@@ -22,11 +22,11 @@ def save_record(path: Path, record: StrictModel) -> None:
 
 
 def load_record(model: type[Model], path: Path) -> Model:
-    """Reads what `save_record` wrote.
+    """Reads a record that `save_record` wrote.
 
     Raises:
-        AssetError: missing, or not JSON.
-        ConfigError: a key is unknown or a value wrong.
+        AssetError: the file is missing or not JSON.
+        ConfigError: a key is unknown or a value is invalid.
     """
     return validate(model, load_json(path), str(path))
 
@@ -35,7 +35,7 @@ def load_json(path: Path) -> Any:
     """The contents of a JSON file.
 
     Raises:
-        AssetError: missing, or not JSON.
+        AssetError: the file is missing or not JSON.
     """
     try:
         return json.loads(path.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""Equal rows of an array, found once: what welding vertices and splitting corners share."""
+"""Merge equal rows of an array; used to weld vertices and to split corners."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy import ndarray
 
 def merge_rows(rows: Float[ndarray, "rows columns"]) -> tuple[Float[ndarray, "merged columns"], Int[ndarray, " rows"]]:
     """The distinct rows, in order of first appearance, and the index of each row among them. -0 equals 0."""
-    rows = rows + 0.0  # -0 becomes 0
+    rows = rows + 0.0  # -0.0 + 0.0 is 0.0
     order = np.lexsort(rows.T)
     fresh = np.any(np.diff(rows[order], axis=0, prepend=np.nan) != 0.0, axis=1)
     first = np.minimum.reduceat(order, np.flatnonzero(fresh))

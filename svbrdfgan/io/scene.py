@@ -1,4 +1,4 @@
-"""Mesh files of any kind as a list of pieces, through trimesh: nothing is merged, dropped or smoothed on the way."""
+"""Read mesh files as a list of pieces, through trimesh, without merging, dropping or smoothing anything."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ WHITE: Color = (1.0, 1.0, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Triangles of one material, placed in the world. Several pieces may have parts that share a name."""
+    """Triangles of one material in world coordinates. Parts of different pieces may have the same name."""
 
     positions: Float[ndarray, "vertices 3"]
     faces: Int[ndarray, "faces 3"]
@@ -41,7 +41,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Neighbours:
-    """Finds the files that a mesh file names (materials, pictures, buffers), as trimesh asks for them."""
+    """A trimesh resolver: reads the files that a mesh file refers to (materials, images, buffers)."""
 
     path: Path
 
@@ -50,12 +50,12 @@ class Neighbours:
         return self.path.stem
 
     def get(self, name: str) -> bytes:
-        """The bytes of a file named relative to the mesh's folder, or lying in that folder.
+        """The bytes of a file, by its path relative to the mesh's folder, or by its file name in that folder.
 
-        One that is missing is a warning; if it is a picture it reads as empty, since that ends nothing.
+        A missing file causes a warning. A missing image is returned as empty bytes, because the mesh loads without it.
 
         Raises:
-            FileNotFoundError: another kind of file is missing.
+            FileNotFoundError: a file that is not an image is missing.
         """
         plain = name.strip().replace("\\", "/")
         for candidate in (plain, unquote(plain), Path(unquote(plain)).name):
@@ -71,10 +71,10 @@ class Neighbours:
 
 
 def read_pieces(path: Path) -> list[Piece]:
-    """The triangles of a mesh file, one piece for each place of each mesh, in an order that depends on the file alone.
+    """The triangles of a mesh file: one piece per instance of each mesh, in an order that depends only on the file.
 
     Raises:
-        AssetError: the file is broken, cut short, not what its name says, or holds no triangles.
+        AssetError: the file is broken, truncated, not of the kind that its suffix says, or has no triangles.
     """
     kind = path.suffix.lower().removeprefix(".")
     try:
@@ -84,13 +84,13 @@ def read_pieces(path: Path) -> list[Piece]:
         raise
     except FileNotFoundError as error:
         raise AssetError(f"{path} cannot be read: {error}.") from error
-    except Exception as error:  # parsers raise many kinds, and every one means that the file is not what it says
+    except Exception as error:  # parsers raise many types; each means that the file is invalid
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise AssetError(f"{path} cannot be read as {kind.upper()} ({reason}); is it whole?") from error
 
 
 def _load(path: Path, kind: str) -> Any:
-    """A `trimesh.Scene`."""
+    """The file as a `trimesh.Scene`, unprocessed."""
     import trimesh
 
     resolver: Any = Neighbours(path)
@@ -115,7 +115,7 @@ def _pieces(path: Path, scene: Any, header: tuple[HeaderMaterial, ...]) -> list[
 
 
 def _piece(path: Path, geometry: Any, matrix: Float[ndarray, "4 4"], part: Part) -> Piece:
-    """Geometry put where its node is; mirrored nodes turn their faces over, as glTF wants."""
+    """Geometry with its node's transform applied. Mirroring transforms reverse the winding, as glTF specifies."""
     import trimesh
 
     vertices = np.asarray(geometry.vertices, dtype=np.float64)
@@ -133,7 +133,7 @@ def _piece(path: Path, geometry: Any, matrix: Float[ndarray, "4 4"], part: Part)
 def _part(
     path: Path, name: str, visual: Any, header: tuple[HeaderMaterial, ...], pictures: dict[int, ndarray | None]
 ) -> Part:
-    """The part that a trimesh visual describes, named as its material, or as its mesh where that has no name."""
+    """The part for a trimesh visual, named after its material, or after its mesh if the material has no name."""
     import trimesh
 
     if not isinstance(visual, trimesh.visual.TextureVisuals):
@@ -143,7 +143,7 @@ def _part(
         color, textured = _gltf_color(material, header)
         image = material.baseColorTexture
     elif not material.kwargs and material.image is not None and material.image.format is None:
-        return Part(name)  # a placeholder by trimesh, for a file that has UVs but no material
+        return Part(name)  # trimesh's placeholder material, for a file with UVs but no material
     else:
         color, textured = _mtl_color(material), False
         image = material.image
@@ -157,7 +157,7 @@ def _part(
 
 
 def _colored_part(path: Path, name: str, visual: Any) -> Part:
-    """A part of the mean of the file's vertex or face colours (sRGB), or of the default colour where it has none."""
+    """A part with the mean of the vertex or face colours (sRGB in the file), or the default colour if it has none."""
     if visual.kind not in ("vertex", "face"):
         return Part(name)
     log.info("%s: colours of single vertices or faces are averaged over '%s'", path, name)
@@ -167,7 +167,10 @@ def _colored_part(path: Path, name: str, visual: Any) -> Part:
 
 
 def _gltf_color(material: Any, header: tuple[HeaderMaterial, ...]) -> tuple[Color, bool]:
-    """The base colour that trimesh rounded to 8 bits, in full precision: the header's nearest material of that name."""
+    """Base colour in full precision, and whether there is a texture: from the header's nearest material of that name.
+
+    trimesh rounds the colour to 8 bits.
+    """
     stored = WHITE if material.baseColorFactor is None else tuple(material.baseColorFactor[:3] / 255.0)
     named = [entry for entry in header if entry.name == material.name]
     near = min(named, key=lambda entry: np.abs(np.subtract(entry.base_color, stored)).max(), default=None)
@@ -177,7 +180,7 @@ def _gltf_color(material: Any, header: tuple[HeaderMaterial, ...]) -> tuple[Colo
 
 
 def _mtl_color(material: Any) -> Color:
-    """Kd, taken as linear. Under a picture, a Kd that is missing or black means white, as exporters mean it."""
+    """Kd, read as linear. With a texture, a missing or black Kd is replaced by white, because exporters write it so."""
     diffuse = material.kwargs.get("kd")
     usable = isinstance(diffuse, list) and len(diffuse) == 3
     if material.image is not None and not (usable and any(diffuse)):
@@ -186,7 +189,7 @@ def _mtl_color(material: Any) -> Color:
 
 
 def _texture(path: Path, image: Image | None) -> Float[ndarray, "rows cols 3"] | None:
-    """Linear RGB with row 0 at v = 0; None, and a warning, where the picture is broken."""
+    """Linear RGB with row 0 at v = 0. None if there is no image, or, with a warning, if it is broken."""
     if image is None:
         return None
     try:

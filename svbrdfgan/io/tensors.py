@@ -1,4 +1,4 @@
-"""Tensors with a few words about them, as safetensors files: safe to open from a stranger."""
+"""Save and load tensors with metadata as safetensors files, which cannot run code when they are opened."""
 
 from __future__ import annotations
 
@@ -15,25 +15,28 @@ from svbrdfgan.io.atomic import atomic_path
 
 
 def save_tensors(path: Path, kind: str, tensors: Mapping[str, Tensor], words: Mapping[str, str]) -> None:
-    """Writes tensors of any device, and the words; `kind` tells the file from others, and from other versions.
+    """Writes tensors (from any device) and the metadata `words`. `kind` identifies the file's format and version.
 
     Raises:
         AssetError: the file cannot be written there.
     """
     plain = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
-    with atomic_path(path) as temporary:  # not save_file, whose files only their owner may read
+    with atomic_path(path) as temporary:  # not save_file: it creates files that only their owner may read
         temporary.write_bytes(save(plain, {"format": kind, **words}))
 
 
 @contextmanager
 def stored_tensors(path: Path, kind: str, remedy: str) -> Iterator[tuple[dict[str, Tensor], dict[str, str]]]:
-    """What `save_tensors` wrote, on the CPU. The block takes out of it what it needs.
+    """The tensors (on the CPU) and metadata that `save_tensors` wrote.
+
+    Lookup, type and value errors inside the block are reported as a broken file, so the block should extract what it
+    needs and do nothing else.
 
     Args:
-        remedy: what to do about a file that cannot be read, such as "delete it, and it is made again".
+        remedy: advice for the error message, such as "delete it, and it is made again".
 
     Raises:
-        AssetError: the file is missing, damaged, or of another kind; or the block found that it lacks something.
+        AssetError: the file is missing, damaged or of another kind, or lacks something that the block needs.
     """
     try:
         with safe_open(path, framework="pt") as file:
@@ -47,5 +50,5 @@ def stored_tensors(path: Path, kind: str, remedy: str) -> Iterator[tuple[dict[st
 
 
 def _reason(error: Exception) -> str:
-    """In one line, however many a library makes of it."""
+    """The error's message on one line."""
     return f"it has no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())[:300]

@@ -1,4 +1,4 @@
-"""Vehicles, skies and rooms made from a seed, so that nothing needs to be downloaded."""
+"""Procedural vehicles, skies and rooms: each is generated from a seed, so no download is needed."""
 
 from svbrdfgan.procedural.kinds import KINDS, sample_vehicle
 from svbrdfgan.procedural.room import build_room

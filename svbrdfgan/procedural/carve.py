@@ -1,4 +1,4 @@
-"""Cutting regions out of a mesh along a curve, sinking them, and joining meshes."""
+"""Mesh operations for procedural vehicles: cut along a curve, recess a region, weld and join."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy import ndarray
 
 from svbrdfgan.types import Mesh
 
-_SNAP = 0.22  # a cut this near to an edge's end moves the end instead, so that no slivers arise
-_SAME = 1e-6  # vertices this near are one
+_SNAP = 0.22  # share of an edge: if the cut is nearer to a vertex, the vertex moves onto the cut (avoids slivers)
+_SAME = 1e-6  # positions that round to the same multiple of this are merged
 
 
 def weld(mesh: Mesh) -> Mesh:
-    """The mesh with vertices at one place merged, and faces without area dropped."""
+    """The mesh with coincident vertices merged. Faces that lose a corner by the merge are dropped."""
     _, first, index = np.unique(
         np.round(mesh.positions / _SAME).astype(np.int64), axis=0, return_index=True, return_inverse=True
     )
@@ -27,7 +27,7 @@ def weld(mesh: Mesh) -> Mesh:
 
 
 def join(meshes: Sequence[Mesh]) -> Mesh:
-    """One mesh of all, which share the same parts."""
+    """All meshes as one. They must have the same parts."""
     offsets = np.cumsum([0, *(len(mesh.positions) for mesh in meshes[:-1])])
     return Mesh(
         np.concatenate([mesh.positions for mesh in meshes]),
@@ -38,9 +38,10 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def cut(mesh: Mesh, distance: Float[ndarray, " vertices"]) -> tuple[Mesh, Bool[ndarray, " faces"]]:
-    """The mesh split where `distance`, given at its vertices, is zero; and which faces lie where it is negative.
+    """The mesh cut along the zero line of `distance` (one value per vertex), and a mask of the faces inside.
 
-    Vertices very near to the curve are moved onto it along an edge. A closed mesh stays closed.
+    Inside means that `distance` is negative. Vertices very near to the zero line are moved onto it along an edge.
+    A closed mesh stays closed.
     """
     edges, face_edges = _edges(mesh.faces)
     positions, distance = _snapped(mesh.positions, edges, distance)
@@ -58,13 +59,14 @@ def cut(mesh: Mesh, distance: Float[ndarray, " vertices"]) -> tuple[Mesh, Bool[n
 
 
 def sink(mesh: Mesh, region: Bool[ndarray, " faces"], offset: Float[ndarray, "vertices 3"], wall: int) -> Mesh:
-    """The mesh with the region's faces moved by their vertices' `offset`, and walls of part `wall` around it."""
+    """The mesh with the region's faces moved by `offset`, joined to the rest by walls of part `wall`."""
     used = np.unique(mesh.faces[region])
     moved = np.full(len(mesh.positions), -1)
     moved[used] = len(mesh.positions) + np.arange(len(used))
     corners = mesh.faces[region]
     half = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
     key = half[:, 0] * len(mesh.positions) + half[:, 1]
+    # A half-edge whose opposite is not in the region lies on the region's border.
     border = half[~np.isin(half[:, 1] * len(mesh.positions) + half[:, 0], key)]
     a, b = border.T
     walls = np.concatenate([np.stack([a, b, moved[b]], axis=1), np.stack([a, moved[b], moved[a]], axis=1)])
@@ -79,16 +81,16 @@ def sink(mesh: Mesh, region: Bool[ndarray, " faces"], offset: Float[ndarray, "ve
 
 
 def vertex_normals(mesh: Mesh) -> Float[ndarray, "vertices 3"]:
-    """Unit normals, weighted by area, all faces at a vertex together."""
+    """Unit vertex normals: the area-weighted mean of the normals of all faces at each vertex."""
     a, b, c = (mesh.positions[mesh.faces[:, k]] for k in range(3))
     normals = np.zeros_like(mesh.positions)
     for k in range(3):
-        np.add.at(normals, mesh.faces[:, k], np.cross(b - a, c - a))
+        np.add.at(normals, mesh.faces[:, k], np.cross(b - a, c - a))  # its length is twice the area: the weight
     return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
 
 
 def _edges(faces: Int[ndarray, "faces 3"]) -> tuple[Int[ndarray, "edges 2"], Int[ndarray, "faces 3"]]:
-    """The edges, and the three of each face: from its corners 0 to 1, 1 to 2 and 2 to 0."""
+    """Every edge once, and the edge index of each face's sides 01, 12 and 20."""
     following = np.roll(faces, -1, axis=1)
     size = int(faces.max()) + 1
     keys, index = np.unique(np.minimum(faces, following) * size + np.maximum(faces, following), return_inverse=True)
@@ -96,13 +98,13 @@ def _edges(faces: Int[ndarray, "faces 3"]) -> tuple[Int[ndarray, "edges 2"], Int
 
 
 def _snapped(positions: ndarray, edges: ndarray, distance: ndarray) -> tuple[ndarray, ndarray]:
-    """Positions and distances, with the vertices that lie just beside the curve moved onto it."""
+    """Positions and distances after the vertices next to the zero line have been moved onto it."""
     both = np.concatenate([edges, edges[:, ::-1]])
     near, far = distance[both].T
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(near * far < 0.0, near / (near - far), 1.0)
     order = np.argsort(-share)
-    order = order[share[order] < _SNAP]  # the nearest crossing comes last and wins
+    order = order[share[order] < _SNAP]  # descending: the nearest crossing is written last and wins
     start, end = both[order].T
     moved, snapped = positions.copy(), distance.copy()
     moved[start] = positions[start] + share[order, None] * (positions[end] - positions[start])
@@ -111,9 +113,9 @@ def _snapped(positions: ndarray, edges: ndarray, distance: ndarray) -> tuple[nda
 
 
 def _split(faces: Int[ndarray, "faces 3"], new: Int[ndarray, "faces 3"]) -> tuple[ndarray, ndarray]:
-    """Faces cut at the new vertices on their edges (-1 for none), and the face that each came from."""
+    """Faces split at the new vertices on their edges (-1: edge not cut), and the source face of each."""
     cuts = (new >= 0).sum(axis=1)
-    # Turn each face so that a lone cut lies on its first edge, and of two cuts the uncut edge comes second.
+    # Rotate each face's corners: a single cut lies on its first edge; with two cuts, the uncut edge is the second.
     turn = np.where(cuts == 1, np.argmax(new >= 0, axis=1), (np.argmax(new < 0, axis=1) + 2) % 3)
     order = (turn[:, None] + np.arange(3)) % 3
     a, b, c = np.take_along_axis(faces, order, axis=1).T

@@ -1,4 +1,4 @@
-"""Kinds of vehicles, and how one of a kind is drawn."""
+"""Vehicle kinds: the parameter ranges of each, and random vehicles drawn from them."""
 
 from __future__ import annotations
 
@@ -138,11 +138,11 @@ _COLOURS = (
 )
 
 KINDS: tuple[str, ...] = tuple(_RANGES)
-"""The kinds that `sample_vehicle` knows."""
+"""The kinds that `sample_vehicle` accepts."""
 
 
 def sample_vehicle(kind: str, seed: int) -> VehicleShape:
-    """A vehicle of one of `KINDS`, the same for the same seed.
+    """A random vehicle of one of `KINDS`; the same seed gives the same vehicle.
 
     Raises:
         ConfigError: the kind is unknown, or the seed is negative.
@@ -157,7 +157,7 @@ def sample_vehicle(kind: str, seed: int) -> VehicleShape:
 
 
 def _sample_paint(rng: np.random.Generator) -> tuple[float, float, float]:
-    """Four cars in ten are white, grey or black; the rest have a colour of their own."""
+    """A random linear RGB paint: white, grey or black with probability 0.4, else one of `_COLOURS`, slightly varied."""
     greys = rng.random() < 0.4
     chosen = _GREYS[rng.integers(len(_GREYS))] if greys else _COLOURS[rng.integers(len(_COLOURS))]
     shade = rng.uniform(0.8, 1.2) * (1.0 if greys else rng.uniform(0.88, 1.12, 3)) * np.array(chosen)

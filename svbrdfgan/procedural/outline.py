@@ -1,4 +1,4 @@
-"""The three outlines that make a body: from the side, from above, and across."""
+"""The three profiles that define a vehicle body: side view, top view and cross-section."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ARCH_POWER = 2.3
 
 @dataclass(frozen=True)
 class Outline:
-    """Heights and half-widths of a body, as functions of the place along it (z) and the height (y). All vectorised."""
+    """Heights and half-widths of a body as vectorised functions of z (along the vehicle) and y (height)."""
 
     shape: VehicleShape
 
@@ -27,7 +27,8 @@ class Outline:
     def landmarks(self) -> Float[ndarray, "8 2"]:
         """Corners (z, y) of the side view's upper edge, from the tail to the nose.
 
-        Tail, deck's end, foot of the rear glass, roof's end, roof's start, cowl, hood's edge, nose.
+        In order: tail, rear end of the deck, foot of the rear glass, rear end of the roof, front end of the roof,
+        cowl, front edge of the hood, nose.
         """
         s = self.shape
         top = s.height - s.roof_arch
@@ -60,11 +61,11 @@ class Outline:
         return z, gaussian_filter1d(y, 0.5 * self.shape.rounding * _SAMPLES, mode="nearest")
 
     def top(self, z: ndarray) -> ndarray:
-        """Height of the body over its centre line."""
+        """Height of the body's upper edge on the centre line."""
         return np.interp(z, *self._top_samples)
 
     def belt(self, z: ndarray) -> ndarray:
-        """Height of the line between the body's side and the cabin."""
+        """Height of the belt line, which separates the body's side from the cabin."""
         start = 0.5 - self.shape.hood_length
         cowl = self.landmarks[5, 1]
         return cowl - 0.004 + self.shape.belt_rise * np.clip((start - np.asarray(z)) / 0.6, 0.0, 1.0)
@@ -74,14 +75,14 @@ class Outline:
         return 1.22 * self.shape.wheel_radius
 
     def floor(self, z: ndarray) -> ndarray:
-        """Height of the underside; it rises beyond the axles."""
+        """Height of the underside. It rises towards the nose and the tail, beyond the wheel arches."""
         front, rear = self.shape.axles
         beyond = np.maximum(np.maximum(z - front - self.arch_radius, rear - self.arch_radius - z), 0.0)
         share = np.clip(beyond / 0.05, 0.0, 1.0)
         return self.shape.clearance + 0.02 * share * share * (3.0 - 2.0 * share)
 
     def low(self, z: ndarray) -> ndarray:
-        """Height of the side's lower edge: the sill, and over it the wheel arches."""
+        """Height of the side's lower edge: the sill, raised at the wheel arches."""
         rise = self.shape.wheel_radius + self.arch_radius - self.shape.clearance
         edge = self.floor(z)
         for axle in self.shape.axles:
@@ -90,13 +91,13 @@ class Outline:
         return edge
 
     def arch_stations(self, count: int) -> Float[ndarray, " stations"]:
-        """Places along the body that trace the two arches evenly."""
+        """z of `count` cross-sections per wheel arch, spaced so that they sample its curve evenly."""
         c = np.cos(np.linspace(0.0, np.pi, count))
         u = np.sign(c) * np.abs(c) ** (2.0 / _ARCH_POWER)
         return np.concatenate([axle + self.arch_radius * u for axle in self.shape.axles])
 
     def half_width(self, z: ndarray, y: ndarray) -> ndarray:
-        """Distance of the side from the middle plane."""
+        """Distance of the body's side from the plane x = 0."""
         s = self.shape
         belt = self.belt(z)
         v = np.clip((y - s.clearance) / (belt - s.clearance), 0.0, 1.0)
@@ -106,6 +107,7 @@ class Outline:
         return self._plan(z) * (1.0 - tuck) - lean + self._fenders(z, y)
 
     def _plan(self, z: ndarray) -> ndarray:
+        """Half-width in the top view, with tapered ends and rounded corners."""
         s = self.shape
         z = np.asarray(z)
         body = 0.5 * s.width * (1.0 - s.taper * np.abs(2.0 * z) ** 3.5)
@@ -113,6 +115,7 @@ class Outline:
         return body - 1.3 * _CORNER * (1.0 - np.sqrt(1.0 - 0.97 * past**2))
 
     def _fenders(self, z: ndarray, y: ndarray) -> ndarray:
+        """Additional half-width around the wheel arches."""
         bulge = np.zeros(np.broadcast_shapes(np.shape(z), np.shape(y)))
         for axle in self.shape.axles:
             distance = np.hypot(z - axle, y - self.shape.wheel_radius) / self.arch_radius
@@ -120,7 +123,7 @@ class Outline:
         return self.shape.flare * bulge
 
     def bowed(self, positions: Float[ndarray, "vertices 3"]) -> Float[ndarray, "vertices 3"]:
-        """The positions with the nose and the tail receding towards the sides."""
+        """The positions, with nose and tail bent back towards the sides (`VehicleShape.bow`)."""
         x, y, z = positions.T
         shift = 4.0 * self.shape.bow * z * np.abs(z) * (2.0 * x / self.shape.width) ** 2
         return np.stack([x, y, z - shift], axis=1)

@@ -1,4 +1,4 @@
-"""Where on a body its glass, lights and trim lie: signed distances, negative inside, in the outline's space."""
+"""Regions of glass, lights and trim on a body: functions that are negative inside, on positions before `bowed`."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from svbrdfgan.procedural.outline import Outline
 
 Region = Callable[[Float[ndarray, "vertices 3"]], Float[ndarray, " vertices"]]
 
-_PILLAR = 0.009  # half the width of the pillars between side windows
-_FRAME = 0.016  # from a side window's upper edge to the roof
-_POST = 0.028  # from a windscreen's side to the edge of the roof
+_PILLAR = 0.009  # half-width of the pillars between side windows
+_FRAME = 0.016  # distance from a side window's upper edge to the roof
+_POST = 0.028  # distance from a windscreen's side to the edge of the cabin
 
 
 def pillar_stations(outline: Outline) -> Float[ndarray, " stations"]:
-    """Places in and beside the pillars, where cross-sections must lie for a cut to find them."""
+    """z of the cross-sections in and beside the pillars: without vertices there, a cut would miss the pillars."""
     return np.array([z + side for z in _pillars(outline) for side in (-2.0 * _PILLAR, 0.0, 2.0 * _PILLAR)])
 
 
 def _cabin(outline: Outline) -> tuple[float, float]:
-    """Where the side windows may begin (front) and end (rear), at mid height."""
+    """z of the front and the rear end of the side windows, at mid height."""
     corners, shape = outline.landmarks, outline.shape
     front = 0.5 * (corners[4, 0] + corners[5, 0])
     rear = 0.5 * (corners[2, 0] + corners[3, 0])
@@ -31,13 +31,14 @@ def _cabin(outline: Outline) -> tuple[float, float]:
 
 
 def _pillars(outline: Outline) -> list[float]:
+    """z of the pillars that divide the side windows."""
     front, rear = _cabin(outline)
     doors = min(max(1, round((front - rear) / 0.23)), 3)
     return [front + (rear - front) * k / doors for k in range(1, doors)]
 
 
 def side_windows(outline: Outline) -> Region:
-    """The windows of both sides, with pillars between them."""
+    """The windows on both sides, without the pillars between them."""
     _, rear = _cabin(outline)
     crown = 0.04 * outline.shape.width
 
@@ -75,6 +76,7 @@ def rear_window(outline: Outline) -> Region:
 
 
 def _post(outline: Outline, p: Float[ndarray, "vertices 3"]) -> Float[ndarray, " vertices"]:
+    """Negative further than `_POST` from the cabin's side: keeps front and rear glass off the corner pillars."""
     return np.abs(p[:, 0]) - outline.half_width(p[:, 2], p[:, 1]) + _POST
 
 
@@ -129,7 +131,7 @@ def cladding(outline: Outline) -> Region:
 
 
 def bed(outline: Outline) -> Region:
-    """The opening of a load bed: the deck, inside its rails."""
+    """The opening of a load bed: the deck between the side rails."""
     corners = outline.landmarks
     rear, front, height = corners[1, 0] + 0.012, corners[2, 0] - 0.006, corners[1, 1] - 0.03
 
@@ -141,7 +143,7 @@ def bed(outline: Outline) -> Region:
 
 
 def wheel_boxes(outline: Outline) -> Region:
-    """The strips along a load bed's sides that cover the wheels."""
+    """The strips along a load bed's sides that make room for the wheels."""
 
     def distance(p: Float[ndarray, "vertices 3"]) -> Float[ndarray, " vertices"]:
         return outline.half_width(p[:, 2], p[:, 1]) - 1.5 * outline.shape.wheel_width - 0.016 - np.abs(p[:, 0])

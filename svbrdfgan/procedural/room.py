@@ -1,4 +1,4 @@
-"""Light indoors made from a seed: a few lamps overhead and what walls and floor throw back; like no sky."""
+"""Procedural indoor environment maps: a few lamps overhead, and a uniform term for light from walls and floor."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ _LAMPS = np.array([(1.0, 0.55, 0.24), (1.0, 0.72, 0.46), (0.94, 1.0, 0.90), (0.8
 
 
 def build_room(seed: int, rows: int = 64, cols: int = 128) -> Float[Tensor, "rows cols 3"]:
-    """Linear radiance all around, as `docs/conventions.md` orients environments; the same for the same seed.
+    """An equirectangular map of linear radiance, oriented as in `docs/conventions.md`.
 
-    A white horizontal plane has 1 as the mean of its radiance's channels.
+    The same seed gives the same map. It is scaled so that a white horizontal Lambertian plane has a radiance of 1 (mean
+    of the channels).
 
     Raises:
         ConfigError: the seed is negative.
@@ -38,7 +39,7 @@ def build_room(seed: int, rows: int = 64, cols: int = 128) -> Float[Tensor, "row
 
 
 def _lamp(rng: np.random.Generator, direction: Float[np.ndarray, "rows cols 3"]) -> Float[np.ndarray, "rows cols 3"]:
-    """A soft disc of 8 to 25 degrees, at 30 degrees over the horizon or higher."""
+    """Radiance of a lamp: a soft disc of 8 to 25 degrees in diameter, 30 to 85 degrees above the horizon."""
     azimuth, elevation = rng.uniform(-math.pi, math.pi), math.radians(rng.uniform(30.0, 85.0))
     size, color = math.radians(rng.uniform(4.0, 12.5)), _LAMPS[rng.integers(len(_LAMPS))]
     flat = math.cos(elevation)

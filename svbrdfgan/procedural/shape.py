@@ -1,4 +1,4 @@
-"""The parameters of a vehicle, and the ranges in which they make one."""
+"""The parameters of a procedural vehicle, and their valid ranges."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ LIMITS: Mapping[str, Range] = MappingProxyType(
         "lamps": (0.10, 0.35),
     }
 )
-"""The least and the greatest value of each continuous parameter that still makes a vehicle."""
+"""Least and greatest valid value of each continuous parameter."""
 
 
 @dataclass(frozen=True)
 class VehicleShape:
-    """A road vehicle of overall length 1; lengths in that unit. `LIMITS` gives the range of each number.
+    """A road vehicle of overall length 1. Lengths are in that unit; `LIMITS` gives the range of each number.
 
     Attributes:
         width, height: overall, without mirrors.
@@ -52,24 +52,24 @@ class VehicleShape:
         wheel_radius, wheel_width: of the tyres.
         wheelbase: between the axles. front_overhang: from the nose to the front axle.
         nose: height of the hood's leading edge, as a share of `height`.
-        hood_length: from the nose to the foot of the windscreen. hood_rise: how much it climbs on the way.
-        windscreen_run, rear_run: horizontal extent of the sloping front and rear glass; small is upright.
+        hood_length: from the nose to the foot of the windscreen. hood_rise: how much the hood rises over it.
+        windscreen_run, rear_run: horizontal extent of the sloping front and rear glass; small values are steep.
         deck_length: from the foot of the rear glass to the tail (boot lid, or bed).
-        deck: its height as a share of `height`.
-        roof_arch: how far the roof bulges over its ends. roof_drop: how much lower its rear end is.
-        belt_rise: how much the window line climbs towards the tail.
-        tumblehome: how far the cabin's sides lean in, as a slope.
+        deck: height of the deck as a share of `height`.
+        roof_arch: how far the roof bulges over its ends. roof_drop: how much lower the roof's rear end is.
+        belt_rise: how much the window line rises towards the tail.
+        tumblehome: inward slope of the cabin's sides (horizontal over vertical).
         bow: how far the nose and tail recede at their sides, seen from above.
-        taper: share of the width that is lost towards the ends.
-        flare: how far the fenders bulge. rounding: softness of the long edges.
+        taper: share of the width by which the body narrows towards its ends.
+        flare: how far the fenders bulge. rounding: radius over which the long edges are smoothed.
         glazing: share of the cabin's length with side windows, from its front.
         cladding: height of the unpainted band along the sills and around the arches; 0 for none.
-        lamps: half the width of a head or tail lamp, as a share of half the vehicle's.
+        lamps: half the width of a head or tail lamp, as a share of half the vehicle's width.
         open_bed: the deck is an open load bed.
         paint: linear RGB reflectance of the body in [0, 1].
 
     Raises:
-        ConfigError: a number out of its range, or proportions that leave no room for the cabin or the wheels.
+        ConfigError: a number is out of its range, or the proportions leave no room for the cabin or the wheels.
     """
 
     width: float
@@ -121,6 +121,6 @@ class VehicleShape:
 
     @property
     def axles(self) -> tuple[float, float]:
-        """Where the front and the rear axle stand along Z."""
+        """z of the front and the rear axle."""
         front = 0.5 - self.front_overhang
         return front, front - self.wheelbase

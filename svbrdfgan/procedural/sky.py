@@ -1,4 +1,4 @@
-"""Skies made from a few numbers: a sun, a clear or clouded sky, and a ground."""
+"""Procedural sky environment maps: a sun, a clear or clouded sky, and a ground."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from torch import Tensor
 from svbrdfgan.errors import ConfigError
 
 _SUN_ILLUMINANCE = 128.0  # klx above the atmosphere; the sky's luminance is in kcd/m2
-_WAVELENGTHS = np.array([0.61, 0.55, 0.465])  # micrometres that stand for red, green and blue
+_WAVELENGTHS = np.array([0.61, 0.55, 0.465])  # representative wavelengths of red, green and blue, micrometres
+# CIE XYZ to linear RGB with the sRGB primaries (IEC 61966-2-1).
 _XYZ_TO_RGB = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
 
 # Perez coefficients A-E of Y, x and y: first times the turbidity, then constant (Preetham et al. 1999, appendix 2).
@@ -46,19 +47,19 @@ _ZENITH = (
 
 @dataclass(frozen=True)
 class SkyParameters:
-    """A sky, the sun in it, and the ground under it.
+    """The parameters of a sky, its sun and the ground below.
 
     Attributes:
         sun_elevation: above the horizon, radians in [0.03, pi/2].
-        sun_azimuth: as for `Camera.orbit`: 0 at +Z, pi/2 at +X, radians.
-        turbidity: haze, 2 (mountain air) to 8 (hazy).
+        sun_azimuth: radians, 0 at +Z and pi/2 at +X, as for `Camera.orbit`.
+        turbidity: amount of haze, from 2 (mountain air) to 8 (hazy).
         cloud_cover: 0 is clear, 1 is overcast.
         ground: linear RGB reflectance of the ground in [0, 1].
         exposure: radiance of a white horizontal Lambertian plane, mean of its channels.
-        seed: of the clouds.
+        seed: seed of the cloud pattern.
 
     Raises:
-        ConfigError: a number out of its range.
+        ConfigError: a number is out of its range.
     """
 
     sun_elevation: float
@@ -93,7 +94,7 @@ class SkyParameters:
 
 
 def sample_sky(seed: int) -> SkyParameters:
-    """A sky between sunset and noon, clear to overcast, the same for the same seed.
+    """A random sky, clear to overcast, with the sun 4 to 70 degrees high; the same seed gives the same sky.
 
     Raises:
         ConfigError: the seed is negative.
@@ -114,10 +115,10 @@ def sample_sky(seed: int) -> SkyParameters:
 
 
 def build_sky(parameters: SkyParameters, rows: int = 64, cols: int = 128) -> Float[Tensor, "rows cols 3"]:
-    """Linear radiance all around, as `docs/conventions.md` orients environments.
+    """An equirectangular map of linear radiance, oriented as in `docs/conventions.md`.
 
-    A white horizontal plane has exactly `exposure` as its radiance. The sun's disc is spread over about one pixel,
-    and keeps its energy at any size of the image.
+    It is scaled so that a white horizontal Lambertian plane has the radiance `exposure` (mean of the channels). The
+    sun's disc is spread over about one pixel; its energy does not depend on the resolution.
 
     Raises:
         ConfigError: fewer than 8 rows or columns.
@@ -125,7 +126,8 @@ def build_sky(parameters: SkyParameters, rows: int = 64, cols: int = 128) -> Flo
     if rows < 8 or cols < 8:
         raise ConfigError(f"sky is {rows} x {cols} pixels; wanted at least 8 x 8.")
     direction, solid_angle = pixels(rows, cols)
-    above = np.clip(direction[..., 1:2] * rows / 2.0 + 0.5, 0.0, 1.0)  # the horizon, one row wide
+    # 0 below and 1 above the horizon, with a ramp of about one row
+    above = np.clip(direction[..., 1:2] * rows / 2.0 + 0.5, 0.0, 1.0)
     clear, sun = above * _clear_sky(parameters, direction), _sun(parameters, direction, solid_angle)
     clouds = above * _clouds(parameters, plane_radiance(clear + sun, direction, solid_angle), direction)
     share = _cloud_share(parameters, direction)
@@ -138,7 +140,7 @@ def build_sky(parameters: SkyParameters, rows: int = 64, cols: int = 128) -> Flo
 
 
 def pixels(rows: int, cols: int) -> tuple[Float[ndarray, "rows cols 3"], Float[ndarray, "rows cols 1"]]:
-    """Direction of each pixel's centre, and the solid angle that it fills."""
+    """Unit direction of each pixel's centre, and the pixel's solid angle in steradians."""
     edge = np.cos(np.linspace(0.0, np.pi, rows + 1))
     polar = (np.arange(rows)[:, None] + 0.5) / rows * np.pi
     angle = 2.0 * np.pi * ((np.arange(cols)[None, :] + 0.5) / cols - 0.5)
@@ -149,7 +151,7 @@ def pixels(rows: int, cols: int) -> tuple[Float[ndarray, "rows cols 3"], Float[n
 
 
 def plane_radiance(radiance: ndarray, direction: ndarray, solid_angle: ndarray) -> Float[ndarray, " 3"]:
-    """Radiance of a white Lambertian plane that faces up."""
+    """Radiance of a white Lambertian plane that faces up: its irradiance over pi."""
     return (radiance * np.maximum(direction[..., 1:2], 0.0) * solid_angle).sum(axis=(0, 1)) / np.pi
 
 
@@ -158,7 +160,7 @@ def _clear_sky(parameters: SkyParameters, direction: ndarray) -> Float[ndarray, 
     zenith_angle = math.pi / 2 - parameters.sun_elevation
     turbidity = parameters.turbidity
     a, b, c, d, e = (_PEREZ @ (turbidity, 1.0)).T
-    cos_view = np.maximum(direction[..., 1:2], 0.01)
+    cos_view = np.maximum(direction[..., 1:2], 0.01)  # the Perez formula divides by it; zero at the horizon
     cos_sun = np.clip(direction @ parameters.sun_direction, -1.0, 1.0)[..., None]
 
     def perez(cos_theta: ndarray, cos_gamma: ndarray) -> ndarray:
@@ -173,6 +175,7 @@ def _clear_sky(parameters: SkyParameters, direction: ndarray) -> Float[ndarray, 
 
 
 def _to_rgb(yxy: Float[ndarray, "rows cols 3"]) -> Float[ndarray, "rows cols 3"]:
+    """Linear RGB of CIE xyY, given in the order Y, x, y; negative (out-of-gamut) channels become 0."""
     luminance, x, y = np.moveaxis(yxy, -1, 0)
     xyz = np.stack([x, y, 1.0 - x - y], axis=-1) * (luminance / y)[..., None]
     return np.maximum(xyz @ _XYZ_TO_RGB.T, 0.0)
@@ -188,17 +191,19 @@ def _sunlight(parameters: SkyParameters) -> Float[ndarray, " 3"]:
 
 
 def _sun(parameters: SkyParameters, direction: ndarray, solid_angle: ndarray) -> Float[ndarray, "rows cols 3"]:
-    """The sun's disc, smeared over about a pixel above the horizon, with all its energy."""
+    """Radiance of the sun, spread over about a pixel above the horizon and normalised to the sun's energy."""
     size = max(0.8 * math.pi / direction.shape[0], math.radians(0.27))
     cosine = np.where(direction[..., 1] > 0.0, direction @ parameters.sun_direction, -np.inf)
-    disc = np.exp((cosine - cosine.max()) / (0.5 * size**2))[..., None]  # relative: pixels may all be far from the sun
+    disc = np.exp((cosine - cosine.max()) / (0.5 * size**2))[
+        ..., None
+    ]  # relative to the nearest pixel, so that exp does not underflow at all pixels
     return _sunlight(parameters) * disc / (disc * solid_angle).sum()
 
 
 def _clouds(parameters: SkyParameters, clear_plane: Float[ndarray, " 3"], direction: ndarray) -> ndarray:
-    """Radiance of clouds, from that of a white plane under the clear sky and sun.
+    """Radiance of clouds, relative to `clear_plane`, the radiance of a white plane under the clear sky and the sun.
 
-    Single clouds are nearly as bright as the plane; a closed cover has the gradient of the CIE overcast sky (S 011).
+    Single clouds are nearly as bright as that plane; a closed cover has the gradient of the CIE overcast sky (S 011).
     """
     cover = parameters.cloud_cover
     light = 0.5 * clear_plane + 0.5 * clear_plane.mean()
@@ -207,7 +212,7 @@ def _clouds(parameters: SkyParameters, clear_plane: Float[ndarray, " 3"], direct
 
 
 def _cloud_share(parameters: SkyParameters, direction: ndarray) -> Float[ndarray, "rows cols 1"]:
-    """Share of each direction that is cloud: three octaves of noise on a plane overhead, even towards the horizon."""
+    """Cloud coverage of each direction: three octaves of noise on a plane overhead, uniform towards the horizon."""
     lattice = np.random.default_rng([parameters.seed, 0xC10]).random((32, 32))
     up = np.maximum(direction[..., 1], 0.0)
     plane = direction[..., [0, 2]] / (up + 0.25)[..., None]

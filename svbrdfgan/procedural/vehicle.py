@@ -1,4 +1,4 @@
-"""A vehicle's mesh from its parameters: a lofted body, its glass, lights and trim cut in, wheels and mirrors added."""
+"""Vehicle meshes from parameters: loft the body, cut glass, lights and trim into it, add wheels and mirrors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from svbrdfgan.procedural.wheel import mirror, wheel
 from svbrdfgan.types import Mesh, Part
 
 PART_NAMES = ("body", "glass", "tyre", "rim", "trim", "lights_front", "lights_rear")
-"""The parts of every procedural vehicle, in order; the body is the painted one."""
+"""The parts of every procedural vehicle, in order. Only the body has the paint."""
 
 BODY, GLASS, TYRE, RIM, TRIM, LIGHTS_FRONT, LIGHTS_REAR = range(len(PART_NAMES))
 
@@ -27,7 +27,7 @@ _COLORS = (
     (0.62, 0.62, 0.60),
     (0.45, 0.02, 0.015),
 )
-_RECESS = 0.004  # how deep the glass lies in the body
+_RECESS = 0.004  # depth of the glass below the body's surface
 _SIDES = (1.0, -1.0)
 _REGIONS = (
     (GLASS, regions.windscreen),
@@ -41,9 +41,9 @@ _REGIONS = (
 
 
 def build_vehicle(shape: VehicleShape) -> Mesh:
-    """The vehicle: nose at +Z, standing on y = 0, centred in x and z, length 1; 6,000 to 8,000 faces.
+    """The vehicle's mesh: nose at +Z, ground at y = 0, centred in x and z, length 1, 6,000 to 8,000 faces, no UVs.
 
-    The body with its glass, lights and trim is one closed skin; each wheel and mirror is another. It has no UVs.
+    The body with its glass, lights and trim is one closed surface; each wheel and each mirror is another.
     """
     outline = Outline(shape)
     body = _skin(outline)
@@ -60,7 +60,7 @@ def build_vehicle(shape: VehicleShape) -> Mesh:
 
 
 def _skin(outline: Outline) -> Mesh:
-    """The painted body before anything is cut into it, its underside trim."""
+    """The uncut body. All of it is painted, except the underside, which is trim."""
     extra = np.concatenate([outline.arch_stations(11), regions.pillar_stations(outline)])
     positions, faces, under = loft(outline, extra)
     colors = (outline.shape.paint, *_COLORS)
@@ -69,9 +69,9 @@ def _skin(outline: Outline) -> Mesh:
 
 
 def _with_bed(body: Mesh, outline: Outline) -> Mesh:
-    """The body with its load bed sunk, and boxes left standing in it over the wheels."""
+    """The body with a load bed sunk into it. Boxes over the wheels stay above the bed's floor."""
     opening, boxes = regions.bed(outline), regions.wheel_boxes(outline)
-    for wall in (0.0, 0.006):  # the foot of the boxes' walls, and their top
+    for wall in (0.0, 0.006):  # two cuts: the foot and the top of the boxes' walls
         body, _ = cut(body, np.maximum(opening(body.positions), boxes(body.positions) + wall))
     body, inside = cut(body, opening(body.positions))
     floor = outline.shape.clearance + 0.45 * (outline.landmarks[1, 1] - outline.shape.clearance)
@@ -104,12 +104,13 @@ def _mirrors(body: Mesh, outline: Outline) -> list[Mesh]:
 
 
 def _mirrored(mesh: Mesh, side: float) -> Mesh:
-    faces = mesh.faces if side > 0 else mesh.faces[:, ::-1]
+    """The mesh scaled by `side` (1 or -1) along x."""
+    faces = mesh.faces if side > 0 else mesh.faces[:, ::-1]  # mirroring reverses the winding
     return replace(mesh, positions=mesh.positions * (side, 1.0, 1.0), faces=faces)
 
 
 def _standing(mesh: Mesh) -> Mesh:
-    """The mesh on the ground, centred, and scaled to length 1."""
+    """The mesh placed on the ground, centred in x and z, and scaled to length 1."""
     low, high = mesh.bounds
     middle = (0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2]))
     return replace(mesh, positions=(mesh.positions - middle) / (high[2] - low[2]))

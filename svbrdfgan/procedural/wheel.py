@@ -1,4 +1,4 @@
-"""Wheels and door mirrors: small closed bodies of revolution."""
+"""Wheels and door mirrors as closed surfaces of revolution."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ _SPOKES = 5
 
 
 def wheel(radius: float, width: float) -> tuple[Float[ndarray, "vertices 3"], Int[ndarray, "faces 3"], list[str]]:
-    """A wheel about the X axis whose face looks to +X: vertices, faces, and the part of each face."""
+    """Vertices, faces and part name of each face, for a wheel around the X axis whose outer side faces +X."""
     outer = 0.5 * width
-    profile = np.array(  # (x / half width, r / radius) from the hub's middle, over the tread, to the back's middle
+    profile = np.array(  # (x / half width, r / radius), from the hub over the tread to the centre of the back
         [
             (0.62, 0.0),
             (0.62, 0.16),
@@ -39,7 +39,7 @@ def wheel(radius: float, width: float) -> tuple[Float[ndarray, "vertices 3"], In
 
 
 def mirror(size: float) -> tuple[Float[ndarray, "vertices 3"], Int[ndarray, "faces 3"]]:
-    """A door mirror, an egg of half-width `size` about its own middle."""
+    """Vertices and faces of a door mirror: an ellipsoid of half-width `size`, centred at the origin."""
     angle = np.linspace(0.0, np.pi, 6)
     positions, faces, _, _ = revolve(np.stack([np.cos(angle), np.sin(angle)], axis=1), 8)
     return positions * (size, 0.62 * size, 0.5 * size), faces
@@ -48,9 +48,10 @@ def mirror(size: float) -> tuple[Float[ndarray, "vertices 3"], Int[ndarray, "fac
 def revolve(
     profile: Float[ndarray, "points 2"], segments: int
 ) -> tuple[Float[ndarray, "vertices 3"], Int[ndarray, "faces 3"], Int[ndarray, " faces"], Int[ndarray, " faces"]]:
-    """The surface of (x, r) turned about X: vertices, faces, and the profile's step and the segment of each face.
+    """The profile (x, r) rotated around X: vertices, faces, and each face's profile step and segment.
 
-    The profile runs from its greatest x to its least, so that faces look outward. Points on the axis repeat; weld them.
+    The profile must run from its greatest x to its least: then faces point outward. Points on the axis are repeated;
+    the caller must weld them.
     """
     angle = np.arange(segments) * (2.0 * np.pi / segments)
     x = np.broadcast_to(profile[:, :1], (len(profile), segments))

@@ -1,9 +1,9 @@
-"""The weathering that a network is asked to learn (G0): layers of dirt, dust and rust, made from geometry alone.
+"""Procedural weathering layers (dirt, dust, rust) from geometry alone: the ground truth that a network learns (G0).
 
     layer = weather(surface, buffer, recipe_from_options("road-dirt", {"amount": 0.7, "seed": 3}))
 
-A fixed recipe is a function of position, normal, ambient-occlusion visibility and curvature, all relative to the
-model's size.
+A fixed recipe is a function of position, normal, ambient-occlusion visibility and curvature. Lengths are relative to
+the model's size.
 """
 
 from svbrdfgan.weathering.layer import TexelGeometry, find_site, recipe_from_options, weather

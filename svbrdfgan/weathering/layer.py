@@ -1,4 +1,4 @@
-"""From a recipe's name and options to its RGBA layer over a surface's texels."""
+"""Evaluate a weathering recipe at a surface's texels, and build recipes from names and options."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from svbrdfgan.weathering.site import Site, survey
 
 
 class TexelGeometry(Protocol):
-    """What weathering needs of a geometry buffer: gutters filled, row 0 at v = 0."""
+    """The fields of a geometry buffer that weathering uses. Texels without surface are filled; row 0 is at v = 0."""
 
     @property
     def position(self) -> Float[ndarray | Tensor, "rows cols 3"]:
@@ -37,13 +37,14 @@ class TexelGeometry(Protocol):
 def weather(
     surface: Surface, buffer: TexelGeometry, recipe: Recipe, maps: Collection[str] = (), *, site: Site | None = None
 ) -> Float[Tensor, "rows cols channels"]:
-    """The weathering layer over a buffer's texels: linear RGB, straight alpha, then these maps, in [0, 1], float32.
+    """The weathering layer at a buffer's texels: linear RGB, straight alpha, then `maps`; float32 in [0, 1].
 
-    A pure function, the same for a model of any size. Gutters go on smoothly where the buffer's do. Takes about
-    two seconds at 256 x 256, most of it for visibility and curvature.
+    It is deterministic and does not depend on the model's size. Texels outside the mask continue the layer as smoothly
+    as the buffer's filled values do. It takes about two seconds at 256 x 256, mostly for visibility and curvature.
 
     Args:
-        site: `find_site` of the same surface and buffer, where several layers are painted on them.
+        maps: names of further material maps to paint, such as "roughness"; channels follow the order of `CHANNELS`.
+        site: result of `find_site` for the same surface and buffer; saves time if several layers are painted.
 
     Raises:
         ConfigError: the recipe has no values for one of the maps.
@@ -56,19 +57,20 @@ def weather(
 
 
 def find_site(surface: Surface, buffer: TexelGeometry) -> Site:
-    """The geometry that recipes depend on, at each texel of the buffer, row by row."""
+    """The geometry that recipes use, at each texel of the buffer, row by row."""
     position, normal = (np.asarray(values, np.float64).reshape(-1, 3) for values in (buffer.position, buffer.normal))
     return survey(surface, position, normal)
 
 
 def recipe_from_options(name: str, options: Mapping[str, Any], maps: Collection[str] = ()) -> Recipe:
-    """The recipe of that name, with these options in place of its defaults.
+    """The recipe of that name; `options` override its defaults.
 
     Args:
-        maps: what it will have to paint beside base_color.
+        maps: names of the maps that the recipe must be able to paint besides base_color.
 
     Raises:
-        ConfigError: no such recipe, no such option, a wrong type, a value out of range, or a map that it cannot paint.
+        ConfigError: the recipe or an option is unknown, a value has the wrong type or is out of range, or the recipe
+            cannot paint one of the maps.
     """
     if name not in RECIPES:
         hint = did_you_mean(name, RECIPES) or "."

@@ -1,4 +1,4 @@
-"""Gradient noise in object space: smooth, seeded, the same on every machine. NumPy, float64."""
+"""Seeded gradient noise in object space, in NumPy float64; the same on every machine."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ _MIX = np.array([0xBF58476D1CE4E5B9, 0x94D049BB133111EB], dtype=np.uint64)
 
 
 def gradient_noise(points: Float[ndarray, "points 3"], seed: int) -> Float[ndarray, " points"]:
-    """Noise in [-1, 1] of unit wavelength, zero at lattice points, of zero mean, twice continuously differentiable.
+    """Improved gradient noise (Perlin 2002) of unit wavelength, in [-1, 1], twice continuously differentiable.
 
-    Improved gradient noise (Perlin 2002) on a hashed lattice, without its period of 256. Standard deviation 0.22.
+    It has mean zero, standard deviation 0.22, and is zero at lattice points. The 64-bit hash replaces Perlin's
+    permutation table, so the noise does not repeat every 256 cells.
     """
     cell = np.floor(points)
     offset = points - cell
@@ -35,11 +36,13 @@ def gradient_noise(points: Float[ndarray, "points 3"], seed: int) -> Float[ndarr
 def fbm(points: Float[ndarray, "points 3"], seed: int, *, octaves: int = 3) -> Float[ndarray, " points"]:
     """Fractional Brownian motion: octaves of gradient noise, each twice as fine and half as strong.
 
-    The coarsest octave has unit wavelength. In [-1, 1], of zero mean; standard deviation 0.14 for three.
+    The coarsest octave has unit wavelength. Values lie in [-1, 1] with mean zero; three octaves have standard
+    deviation 0.14.
     """
     total, amplitude, frequency, reach = np.zeros(len(points)), 1.0, 1.0, 0.0
     for octave in range(octaves):
-        shift = np.array([0.37, 0.71, 0.13]) * (octave + 1)  # lattice zeros of the octaves must not coincide
+        # Without the shift, the lattice points, where noise is zero, would coincide in all octaves.
+        shift = np.array([0.37, 0.71, 0.13]) * (octave + 1)
         total += amplitude * gradient_noise(points * frequency + shift, seed * 64 + octave)
         reach += amplitude
         amplitude, frequency = amplitude / 2, frequency * 2
@@ -47,7 +50,7 @@ def fbm(points: Float[ndarray, "points 3"], seed: int, *, octaves: int = 3) -> F
 
 
 def _hash(lattice: Int[ndarray, "points 3"], seed: int) -> ndarray:
-    """Well mixed 64-bit integers, one for each lattice point (the finaliser of SplitMix64; Steele et al. 2014)."""
+    """A 64-bit hash of each lattice point (finaliser of SplitMix64; Steele et al. 2014)."""
     words = (lattice.view(np.uint64) * _PRIMES).T
     value = words[0] ^ (words[1] << np.uint64(21)) ^ (words[1] >> np.uint64(43)) ^ words[2]
     value = value + np.uint64((seed * 0x9E3779B97F4A7C15) % 2**64)

@@ -1,4 +1,4 @@
-"""Numbers that a recipe may be given: their defaults, their ranges, and a clear refusal of anything else."""
+"""Numeric options of a recipe: defaults, ranges and validation."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
 
 
 def number(default: float, least: float, greatest: float) -> Any:
-    """A dataclass field that holds a number between two bounds; a whole one if its default is."""
+    """A dataclass field for a number between two bounds. If the default is an int, the number must be one too."""
     return field(default=default, metadata={"least": least, "greatest": greatest})
 
 
 def check_ranges(recipe: DataclassInstance) -> None:
-    """Refuse values that are no numbers, or out of range.
+    """Checks all fields of a recipe that were made by `number`.
 
     Raises:
-        ConfigError: names the option, what was given and what would be right.
+        ConfigError: a value is not a number or is out of range; the message names the option, its value and its range.
     """
     for spec in fields(recipe):
         value, least, greatest = getattr(recipe, spec.name), spec.metadata["least"], spec.metadata["greatest"]

@@ -1,8 +1,9 @@
-"""Ways for a vehicle to weather: each lays colour and alpha over a site, from where and how its surface lies.
+"""Weathering recipes: each computes a colour and an alpha per texel from the geometry of a site.
 
-A recipe first makes a potential, greatest where its matter settles first; `amount` then lowers the threshold above
-which the matter shows, so that more of it never uncovers anything. At scale 1 the finest waves are a twentieth of the
-vehicle's length, several texels at 128, and weak: a network that sees position and normal can follow them.
+A recipe first computes a potential, which is greatest where its matter settles first. Matter shows where the potential
+exceeds a threshold that falls as `amount` grows, so coverage never decreases with `amount`. At scale 1 the finest
+wavelength is a twentieth of the vehicle's length (several texels at 128 x 128) and has a small amplitude, so that a
+network that sees position and normal can reproduce it.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from svbrdfgan.weathering.ranges import check_ranges, number
 from svbrdfgan.weathering.site import Site
 
 Matter = Mapping[str, tuple[float, float]]
-"""By the name of a further map, the least and the greatest value that the matter has in it."""
+"""The least and the greatest value of the matter in each further map, by the map's name."""
 
 
 class Recipe(Protocol):
-    """A frozen record of options that can paint a site."""
+    """A frozen record of options, with a method that paints a site."""
 
     matter: ClassVar[Matter]
 
@@ -39,20 +40,20 @@ class Recipe(Protocol):
     def scale(self) -> float: ...
 
     def paint(self, site: Site) -> Float[ndarray, "texels 4"]:
-        """Linear RGB and straight alpha in [0, 1], a pure function of the site; alpha is 0 where `amount` is 0."""
+        """Linear RGB and straight alpha in [0, 1], a pure function of the site. `amount` 0 gives alpha 0."""
         ...
 
 
 @dataclass(frozen=True)
 class RoadDirt:
-    """Mud and road film: heavy on the sills, thrown up behind the wheels, drawn back along the flanks and up the tail.
+    """Mud and road film: strongest on the sills, behind the wheels, along the flanks and on the tail.
 
     Attributes:
-        amount: 0 is clean, 1 filthy.
-        seed: another pattern of the same kind.
-        scale: size of the pattern, relative to the vehicle.
-        reach: how high it climbs, in heights of the vehicle.
-        spray: strength of what the wheels throw.
+        amount: 0 is clean, 1 is filthy.
+        seed: selects another pattern of the same kind.
+        scale: size of the pattern, relative to the default.
+        reach: height up to which the dirt reaches, in heights of the vehicle.
+        spray: strength of the dirt behind the wheels.
 
     Raises:
         ConfigError: an option out of its range.
@@ -88,13 +89,13 @@ class RoadDirt:
 
 @dataclass(frozen=True)
 class Dust:
-    """A pale film on all that faces up, thicker in corners and recesses, washed in faint runs down the sides.
+    """A pale film on surfaces that face up, thicker in corners and recesses, with faint runs down the sides.
 
     Attributes:
-        amount: 0 is clean, 1 long forgotten in a barn.
-        seed: another pattern of the same kind.
-        scale: size of the pattern, relative to the vehicle.
-        cling: how much of it stays on steep faces.
+        amount: 0 is clean, 1 is thickly covered.
+        seed: selects another pattern of the same kind.
+        scale: size of the pattern, relative to the default.
+        cling: how much dust stays on steep surfaces.
 
     Raises:
         ConfigError: an option out of its range.
@@ -127,12 +128,12 @@ class Dust:
 
 @dataclass(frozen=True)
 class Rust:
-    """Corrosion that starts at edges, seams and recesses, eats outward in blotches and bleeds down the flanks.
+    """Corrosion that starts at edges, creases and recesses, spreads in blotches and stains the flanks below.
 
     Attributes:
-        amount: 0 is sound metal, 1 a wreck.
-        seed: another pattern of the same kind.
-        scale: size of the pattern, relative to the vehicle.
+        amount: 0 is intact metal, 1 is heavily rusted.
+        seed: selects another pattern of the same kind.
+        scale: size of the pattern, relative to the default.
         bleed: strength of the runs below the blotches.
 
     Raises:
@@ -165,7 +166,7 @@ class Rust:
         return _layer(_mix(bright, (0.080, 0.027, 0.012), eaten), np.maximum(0.92 * alpha, 0.7 * stain))
 
     def _runs(self, site: Site) -> Float[ndarray, " texels"]:
-        """What trickles down from blotches above: the greatest of a few of them, fading with the way down."""
+        """Stains below blotches: the maximum of the blotch noise at a few heights above, weaker with distance."""
         narrow = 0.4 + 1.4 * _noise(self, site, (10.0, 1.0, 10.0), 2)
         falls = [(0.03, 1.0), (0.07, 0.85), (0.11, 0.7), (0.15, 0.5)]
         above = [fade * _noise(self, site, (5.0, 5.0, 5.0), 0, lift=lift, octaves=3) for lift, fade in falls]
@@ -173,13 +174,13 @@ class Rust:
 
 
 def matter(recipe: Recipe, site: Site, name: str) -> Float[ndarray, " texels"]:
-    """The value of a further map in what the recipe lays down, varying slowly from place to place."""
+    """The matter's value in the map `name` at each texel; it varies slowly over the surface."""
     least, greatest = recipe.matter[name]
     return least + (greatest - least) * _ramp(-0.6, 0.6, _noise(recipe, site, (6.0, 6.0, 6.0), 7))
 
 
 RECIPES: Mapping[str, type[Recipe]] = MappingProxyType({"road-dirt": RoadDirt, "dust": Dust, "rust": Rust})
-"""The recipes by the name that configurations and the command line use."""
+"""Recipe classes by their names in configuration files and on the command line."""
 
 
 def _noise(
@@ -190,13 +191,13 @@ def _noise(
     octaves: int = 2,
     lift: float = 0.0,
 ) -> Float[ndarray, " texels"]:
-    """Noise of `frequency` waves per length along x, y and z, sampled `lift` lengths higher; standard deviation 0.3."""
+    """Noise of `frequency` waves per vehicle length along x, y and z, sampled `lift` lengths higher; std. dev. 0.3."""
     points = (site.position + np.array([0.0, lift, 0.0])) * np.array(frequency) / recipe.scale
     return 1.8 * fbm(points, recipe.seed * 8 + stream, octaves=octaves)
 
 
 def _spray(site: Site, height: Float[ndarray, " texels"]) -> Float[ndarray, " texels"]:
-    """The fans of dirt behind the wheels, 0 to 1: they start at the axle and rise and fade towards the tail."""
+    """Dirt thrown up behind the wheels, in [0, 1]: it starts at the axle, and rises and fades towards the tail."""
     fans = np.zeros(len(height))
     for axle in site.axles:
         behind = axle - site.position[:, 2]
@@ -208,13 +209,13 @@ def _spray(site: Site, height: Float[ndarray, " texels"]) -> Float[ndarray, " te
 def _settle(
     potential: Float[ndarray, " texels"], amount: float, *, clean: float, filthy: float, softness: float
 ) -> tuple[Float[ndarray, " texels"], Float[ndarray, " texels"]]:
-    """Coverage in [0, 1], never falling as `amount` grows, and how far the potential lies above the threshold."""
+    """Coverage in [0, 1], which never decreases with `amount`, and the potential minus the threshold."""
     depth = potential - (clean + (filthy - clean) * amount)
     return min(1.0, 4.0 * amount) * _ramp(-softness, softness, depth), depth
 
 
 def _ramp(start: float, end: float, value: Float[ndarray, " texels"]) -> Float[ndarray, " texels"]:
-    """From 0 at `start` to 1 at `end`, with no kink; `start` may be the greater."""
+    """Smoothstep from 0 at `start` to 1 at `end`; `start` may be greater than `end`."""
     t = np.clip((value - start) / (end - start), 0.0, 1.0)
     return t * t * (3.0 - 2.0 * t)
 

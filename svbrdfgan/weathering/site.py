@@ -1,4 +1,4 @@
-"""The geometry that weathering depends on: place on the vehicle, normal, shelter and curvature of each texel."""
+"""The geometry that weathering recipes use: position, normal, visibility and curvature at each texel."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from numpy import ndarray
 from svbrdfgan.types import Surface
 from svbrdfgan.weathering.occlusion import ambient_visibility, mean_curvature, scatter
 
-_USUAL_AXLES = (-0.3, 0.3)  # in lengths of the model from its middle
+_USUAL_AXLES = (-0.3, 0.3)  # z in lengths of the model, from its centre
 
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """Geometry at each texel, free of the model's scale and place.
+    """Geometry at each texel, independent of the model's size and location.
 
     Attributes:
-        position: in lengths of the model; x to its left and z to its nose from the middle, y up from the ground.
-        height: above ground, in heights of the model: 0 to 1.
-        normal: unit, outward.
-        visibility: what ambient-occlusion maps store: 1 unoccluded, 0 enclosed.
-        curvature: mean curvature: positive on edges, negative in creases, about 1 at a right angle.
+        position: in lengths of the model; x (left) and z (nose) from the centre, y from the ground.
+        height: height above the ground in heights of the model, 0 to 1.
+        normal: unit normal, outward.
+        visibility: ambient-occlusion visibility: 1 is unoccluded, 0 is enclosed.
+        curvature: scaled mean curvature: positive on edges, negative in creases, about 1 at a right angle.
         axles: z of the wheels, in the units of `position`.
     """
 
@@ -36,7 +36,7 @@ class Site:
 
 
 def survey(surface: Surface, position: Float[ndarray, "texels 3"], normal: Float[ndarray, "texels 3"]) -> Site:
-    """The site at points of a surface, in its metres. About a second for 65,000 points."""
+    """The site at points on a surface, given in metres. It takes about a second for 65,000 points."""
     used = surface.positions[np.unique(surface.faces)]
     low, high = used.min(axis=0), used.max(axis=0)
     extent = high - low
@@ -56,10 +56,10 @@ def survey(surface: Surface, position: Float[ndarray, "texels 3"], normal: Float
 
 
 def find_axles(cloud: Float[ndarray, "points 3"]) -> tuple[float, ...]:
-    """Where along z the wheels stand: the middles of the patches that touch the ground.
+    """z of the axles: the centres of the patches that touch the ground.
 
-    The cloud is in lengths, and in heights along y. A vehicle whose ground contact does not look like wheels, because a
-    patch is longer than a fifth of it or there is only one, gets the usual two axles.
+    The cloud's x and z are in lengths of the model, its y in heights. If there are fewer than two patches, or one is
+    longer than a fifth of the model, they are not wheels and the default axles are returned.
     """
     contact = np.sort(cloud[cloud[:, 1] < 0.04, 2])
     patches = np.split(contact, np.flatnonzero(np.diff(contact) > 0.04) + 1)

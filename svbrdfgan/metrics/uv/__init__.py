@@ -1,6 +1,7 @@
-"""The four qualities of a UV embedding (thesis, section 4.1), measured on what is seen from outside.
+"""Metrics for the four qualities of a UV embedding (thesis, section 4.1), on the surface visible from outside.
 
-`summary_of(surface)` measures distortion, compactness, connectivity and what spoils a map; `similarity` compares two.
+`summary_of(surface)` measures distortion, compactness, connectivity, flips and overlaps; `similarity` compares the maps
+of two surfaces.
 """
 
 from svbrdfgan.metrics.uv.distortion import Distortion, distortion, face_stretch, singular_values

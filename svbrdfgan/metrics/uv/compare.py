@@ -1,4 +1,4 @@
-"""Embeddings measured over a folder of meshes: each map's summary, and how similar maps of different meshes are."""
+"""Measure embeddings on a folder of meshes: a summary per mesh, and the similarity of maps of different meshes."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from svbrdfgan.protocols import UVEmbedding
 
 log = logging.getLogger(__name__)
 
-PARTNERS = 2  # meshes that each is compared with, when all pairs would be too many
-_FACTS = frozenset({"seen", "area"})  # of the mesh: neither good nor bad
+PARTNERS = 2  # number of meshes that each mesh is compared with, if there are too many pairs
+_FACTS = frozenset({"seen", "area"})  # properties of the mesh, not of the embedding: left out of summaries
 HIGHER_IS_BETTER = frozenset({"coverage", "connectivity", "kept", "matched"})
 
 Progress = Callable[[str], None]
@@ -31,13 +31,13 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Measured:
-    """One embedding over the meshes.
+    """The results of one embedding.
 
     Attributes:
-        summaries: by mesh, where there is one.
-        seconds: that embedding took, likewise.
-        failures: by mesh, the reason why there is no summary.
-        similarities: by the names of two meshes.
+        summaries: by name of the mesh, without failed ones.
+        seconds: time that the embedding took, by name of the mesh, without failed ones.
+        failures: reason of each failure, by name of the mesh.
+        similarities: by the names of both meshes.
     """
 
     summaries: Mapping[str, UVSummary]
@@ -46,7 +46,7 @@ class Measured:
     similarities: Mapping[tuple[str, str], Similarity]
 
     def values(self) -> dict[str, dict[str, float]]:
-        """Every measure by name, then by mesh or pair of meshes."""
+        """All values: by name of the measure, then by mesh or pair of meshes."""
         found: dict[str, dict[str, float]] = {}
         for mesh, summary in self.summaries.items():
             for name, value in {**summary.flat(), "seconds": self.seconds[mesh]}.items():
@@ -57,7 +57,7 @@ class Measured:
         return found
 
     def summary(self) -> dict[str, dict[str, Any]]:
-        """The median and the worst of each measure, and of which mesh or pair; what is no number is left out."""
+        """Median and worst value of each measure, and the mesh or pair ("of") with the worst. NaNs are ignored."""
         made = {}
         for name, by_mesh in self.values().items():
             known = {mesh: value for mesh, value in by_mesh.items() if not math.isnan(value)}
@@ -72,7 +72,7 @@ def mesh_files(folder: Path) -> dict[str, Path]:
     """The meshes in a folder, by name, sorted.
 
     Raises:
-        AssetError: it is no folder, or holds none.
+        AssetError: it is not a folder, or contains no meshes.
     """
     files = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES) if folder.is_dir() else []
     if not files:
@@ -81,10 +81,10 @@ def mesh_files(folder: Path) -> dict[str, Path]:
 
 
 def sample_pairs(names: Sequence[str]) -> list[tuple[str, str]]:
-    """Pairs of names: all if there are few, else each with as many partners after it in one shuffled ring.
+    """All pairs of names if there are few; otherwise each name with the next `PARTNERS` names in a shuffled ring.
 
-    The shuffle is the same every time. It keeps files of one family, which are neighbours by name, from being partners
-    more often than others.
+    The shuffle has a fixed seed. Without it, files with similar names, which often show similar vehicles, would be
+    compared more often than others.
     """
     every = [(one, other) for i, one in enumerate(names) for other in names[i + 1 :]]
     if len(every) <= PARTNERS * len(names):
@@ -96,7 +96,7 @@ def sample_pairs(names: Sequence[str]) -> list[tuple[str, str]]:
 def measure_embedding(
     embedding: UVEmbedding, meshes: Mapping[str, Path], resolution: int, progress: Progress
 ) -> Measured:
-    """The embedding over the meshes; failures are kept with their reasons. `progress` gets each mesh's name in turn."""
+    """The results of an embedding on all meshes. Failures are recorded. `progress` gets each mesh's or pair's name."""
     found: dict[str, VisibleSurface] = {}
     summaries: dict[str, UVSummary] = {}
     seconds: dict[str, float] = {}
@@ -106,7 +106,7 @@ def measure_embedding(
         try:
             found[name], seconds[name] = _embed(embedding, path, resolution)
             summaries[name] = UVSummary.of(found[name])
-        except Exception as error:  # a plugin may raise anything, and the others still count
+        except Exception as error:  # a plugin may raise anything; the other meshes are still measured
             failures[name] = str(error) or type(error).__name__
             log.info("%s: %s", name, failures[name])
     pairs = sample_pairs([name for name in summaries if len(found[name].faces)])
@@ -118,7 +118,7 @@ def measure_embedding(
 
 
 def _embed(embedding: UVEmbedding, path: Path, resolution: int) -> tuple[VisibleSurface, float]:
-    """What is seen of the embedded mesh, and the seconds that embedding it took."""
+    """The visible surface of the embedded mesh, and the seconds that `embed` took."""
     mesh = load_mesh(path)
     start = time.perf_counter()
     surface = embedding.embed(mesh)
@@ -129,7 +129,7 @@ def _embed(embedding: UVEmbedding, path: Path, resolution: int) -> tuple[Visible
 
 
 def as_json(results: Mapping[str, Measured]) -> dict[str, Any]:
-    """The results as JSON holds them: medians and worst, then each mesh; a measure that is not finite is null."""
+    """The results as JSON values: summary, failures, meshes and pairs of each embedding; non-finite values are None."""
     return {
         name: {
             "summary": {

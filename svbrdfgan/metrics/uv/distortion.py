@@ -1,9 +1,9 @@
-"""How a map changes lengths, angles and areas, from the singular values of each triangle's linear map.
+"""Distortion of lengths, angles and areas, from the singular values of each triangle's linear map.
 
-Of the inverse map, from the unit square to the surface, after Sander, Snyder, Gortler and Hoppe (2001): the singular
-values Gamma >= gamma are how much a unit length of the square is stretched on the surface, at most and at least. All
-are divided by the square root of (area of the surface / area in the square): the size of the map does not count, and
-an isometry scores 1.0 in every measure. Mirrored triangles count as if they were not; `layout` measures them.
+The linear map is that from the unit square to the surface, as in Sander, Snyder, Gortler and Hoppe (2001). Its singular
+values Gamma >= gamma are the greatest and the least stretch of a unit length of the square. They are divided by
+sqrt(area on the surface / area in the square), so the scale of the map does not matter and an isometry scores 1.0 in
+every measure. Mirroring does not matter either; `layout` measures it.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from numpy import ndarray
 from svbrdfgan.geometry.normals import uv_areas
 from svbrdfgan.metrics.uv.visibility import VisibleSurface
 
-_THINNEST = 1e-6  # of the square: rounding to float32, as files hold UVs, decides the stretch of thinner faces
+_THINNEST = 1e-6  # of the square's side: the stretch of thinner faces is dominated by the rounding of UVs to float32
 
 
 @dataclass(frozen=True)
 class Distortion:
-    """Means and percentiles are weighted by area on the surface; 1.0 is none, infinity a map that holds nothing.
+    """Distortion measures, weighted by area on the surface. 1.0 is no distortion; infinity means that all collapsed.
 
     Attributes:
         stretch_l2: sqrt(mean((Gamma^2 + gamma^2) / 2)): L2 stretch (Sander et al. 2001).
         stretch_linf: the greatest Gamma: L-infinity stretch (Sander et al. 2001).
-        stretch_p99: the 99th percentile of Gamma, which slivers do not sway.
+        stretch_p99: the 99th percentile of Gamma, robust to a few slivers.
         angle_mean, angle_p99: (Gamma / gamma + gamma / Gamma) / 2: half the MIPS energy of Hormann and Greiner (2000).
-        area_mean, area_p99: (a + 1 / a) / 2, a = Gamma gamma: the area term of Degener, Meseth and Klein (2003).
+        area_mean, area_p99: (a + 1 / a) / 2, with a = Gamma gamma: the area term of Degener, Meseth and Klein (2003).
         collapsed: share of the area whose triangles are a line or a point in UV, or thinner than a millionth of the
-            square. They do not count in the others, where their stretch would be infinite, or noise.
+            square. The other measures ignore them, because their stretch is infinite or noise.
     """
 
     stretch_l2: float
@@ -48,7 +48,7 @@ class Distortion:
 def singular_values(
     corners: Float[ndarray, "faces 3 3"], uv: Float[ndarray, "faces 3 2"]
 ) -> tuple[Float[ndarray, " faces"], Float[ndarray, " faces"]]:
-    """Gamma and gamma of the linear map from the square to each triangle; not normalised, infinite if collapsed."""
+    """Gamma and gamma of the linear map from the square to each triangle; not normalised; infinite if collapsed."""
     p, q = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     twice = 2.0 * uv_areas(uv)
     longest = np.max([np.linalg.norm(e, axis=1) for e in (p, q, q - p)], axis=0)
@@ -63,7 +63,7 @@ def singular_values(
 
 
 def face_stretch(visible: VisibleSurface) -> tuple[Float[ndarray, " faces"], Float[ndarray, " faces"]]:
-    """Gamma and gamma of each face, normalised by the areas of all that are not collapsed."""
+    """Gamma and gamma of each face, normalised by the total areas of the faces that are not collapsed."""
     largest, least = singular_values(visible.positions[visible.faces], visible.uv)
     good = np.isfinite(largest)
     on_surface, in_square = visible.areas[good].sum(), np.abs(visible.uv_areas[good]).sum()
@@ -72,7 +72,7 @@ def face_stretch(visible: VisibleSurface) -> tuple[Float[ndarray, " faces"], Flo
 
 
 def distortion(visible: VisibleSurface) -> Distortion:
-    """The distortion of what is there."""
+    """The distortion measures of a visible surface."""
     largest, least = face_stretch(visible)
     weights = visible.areas
     good = np.isfinite(largest) & (weights > 0)
@@ -95,7 +95,7 @@ def distortion(visible: VisibleSurface) -> Distortion:
 
 
 def percentile(values: Float[ndarray, " n"], weights: Float[ndarray, " n"], share: float = 0.99) -> float:
-    """The least of the values that, with all smaller ones, has this share of the weight."""
+    """Weighted percentile: the least value such that it and all smaller values have this share of the weight."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order[min(np.searchsorted(total, share * total[-1] * (1 - 1e-12)), len(order) - 1)]])

@@ -1,4 +1,4 @@
-"""Where a map lies in the unit square: mirrored and overlapping area, coverage, seams and charts."""
+"""Layout of a map in the unit square: flipped and overlapping area, coverage, seams and charts."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from scipy.sparse.csgraph import connected_components
 from svbrdfgan.metrics.uv.point_location import Hits, PointLocator
 from svbrdfgan.metrics.uv.visibility import NEAR, VisibleSurface
 
-TEXELS = 512  # along a side, of the grid on which overlap and coverage are measured
-_SAME = 5e-4  # corners nearer than this in UV are the same
+TEXELS = 512  # along a side of the grid that measures overlap and coverage
+_SAME = 5e-4  # UV distance below which two corners coincide
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Shares are of the area on the surface.
+    """Layout measures. Shares are of the area on the surface, except `coverage`.
 
     Attributes:
-        flipped: share that is mirrored, as seen from outside.
-        overlapping: share whose texel holds another place too, further away than layers that lie on each other.
-        coverage: share of the unit square that is used: compactness.
-        seam_length: of edges whose two faces part in UV, in metres, over the square root of the area. The mesh's own
-            borders are none.
-        charts: pieces that hang together in UV.
+        flipped: share that is mirrored in UV, as seen from outside.
+        overlapping: share at texels that also hold a distant place of the surface (more than 2 `NEAR` diagonals away).
+        coverage: share of the unit square that is used (compactness).
+        seam_length: total length of the edges whose faces are separate in UV, over the square root of the area. The
+            mesh's own borders are not seams.
+        charts: number of connected components in UV.
     """
 
     flipped: float
@@ -38,7 +38,7 @@ class Layout:
 
 
 def layout(visible: VisibleSurface) -> Layout:
-    """The layout of what is there."""
+    """The layout measures of a visible surface."""
     area, signed = visible.areas, visible.uv_areas
     total = max(float(area.sum()), 1e-300)
     overlapping, coverage = overlap_and_coverage(visible)
@@ -53,7 +53,7 @@ def layout(visible: VisibleSurface) -> Layout:
 
 
 def overlap_and_coverage(visible: VisibleSurface, texels: int = TEXELS) -> tuple[float, float]:
-    """`Layout.overlapping` and `Layout.coverage`, at the centres of texels x texels."""
+    """`Layout.overlapping` and `Layout.coverage`, sampled at the centres of texels x texels."""
     hits, crowded = crowded_texels(visible, texels)
     area, in_square = visible.areas, np.abs(visible.uv_areas)
     per_texel = (area / np.where(in_square > 0, in_square, 1.0))[hits.triangle] / texels**2
@@ -61,7 +61,7 @@ def overlap_and_coverage(visible: VisibleSurface, texels: int = TEXELS) -> tuple
 
 
 def crowded_texels(visible: VisibleSurface, texels: int) -> tuple[Hits, Bool[ndarray, " hits"]]:
-    """What lies over the centres of texels (row * texels + column), and whether another place lies over the same."""
+    """Hits at the centres of texels (row * texels + column), and whether each hit's texel holds distant places."""
     hits = _at_texels(visible, texels)
     if not len(hits.point):
         return hits, np.zeros(0, dtype=bool)
@@ -73,7 +73,7 @@ def crowded_texels(visible: VisibleSurface, texels: int) -> tuple[Hits, Bool[nda
 
 
 def _at_texels(visible: VisibleSurface, texels: int) -> Hits:
-    """What lies over the centres of the texels, in their order."""
+    """Hits of the triangles at the texel centres, sorted by texel."""
     nothing = Hits(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
     if not len(visible.faces):
         return nothing
@@ -93,13 +93,13 @@ def _at_texels(visible: VisibleSurface, texels: int) -> Hits:
 
 @dataclass(frozen=True, eq=False)
 class _Edges:
-    """Pairs of faces that share an edge in space: each face with the next at the edge, one row for each.
+    """Pairs of faces that share an edge in space. n faces at an edge give n - 1 pairs.
 
     Attributes:
-        faces: the two.
-        length: of the edge, metres; zero in all but one row of an edge that more than two faces share.
-        parted: whether any two faces at the edge part in UV.
-        joined: whether these two do not.
+        faces: both face indices.
+        length: length of the edge in metres, in its first pair only; zero in its other pairs, so that sums are right.
+        parted: whether any faces at the edge are separate in UV.
+        joined: whether the two faces of this pair are connected in UV.
     """
 
     faces: Int[ndarray, "pairs 2"]
@@ -109,6 +109,7 @@ class _Edges:
 
 
 def _shared_edges(visible: VisibleSurface) -> _Edges:
+    """All pairs of faces at a common edge, found by sorting the faces' sides by their end vertices."""
     face = np.repeat(np.arange(len(visible.faces)), 3)
     ends = np.stack([visible.faces, np.roll(visible.faces, -1, axis=1)], axis=2).reshape(-1, 2)
     uv = np.stack([visible.uv, np.roll(visible.uv, -1, axis=1)], axis=2).reshape(-1, 2, 2)
@@ -127,7 +128,7 @@ def _shared_edges(visible: VisibleSurface) -> _Edges:
 
 
 def chart_of_faces(visible: VisibleSurface) -> Int[ndarray, " faces"]:
-    """Which chart each face is in, numbered from 0: faces hang together over edges at which they do not part in UV."""
+    """Chart of each face, numbered from 0: connected components over the edges at which faces are connected in UV."""
     return _charts(_shared_edges(visible), len(visible.faces))
 
 

@@ -1,4 +1,4 @@
-"""Whether neighbours on the surface stay neighbours in the map, and whether two surfaces have like maps."""
+"""Connectivity (do neighbours on the surface stay neighbours in UV?) and similarity of two surfaces' maps."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from svbrdfgan.geometry.normals import face_normals
 from svbrdfgan.geometry.sampling import faces_by_area, points_in_triangle
 from svbrdfgan.metrics.uv.visibility import VisibleSurface
 
-POINTS = 1 << 16  # as many as texels at 256 x 256
-REACH = 1 / 64  # of the square root of the area: the distance of neighbours on the surface
-WINDOW = 4  # times as far apart as an isometry would put them, they are no longer neighbours in UV
-PROBES = 4096
-_LIKE = 0.5  # cosine between like normals
+POINTS = 1 << 16  # one per texel at 256 x 256
+REACH = 1 / 64  # of the square root of the area: maximum distance of neighbours on the surface
+WINDOW = 4  # neighbours in UV: at most this many times as far apart as an isometry would map `REACH`
+PROBES = 4096  # samples of each surface for similarity
+_LIKE = 0.5  # normals agree if their cosine is greater: within 60 degrees
 _DENSE = 1 << 14
 _CANDIDATES = 32
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Points spread evenly over an outside.
+    """Points spread evenly over a visible surface.
 
     Attributes:
-        face: which one each lies in.
+        face: face of each point.
         positions: metres.
-        normals: of the face, outward.
+        normals: unit face normals, outward.
     """
 
     face: Int[ndarray, " points"]
@@ -39,7 +39,7 @@ class Samples:
 
 
 def spread(visible: VisibleSurface, count: int) -> Samples:
-    """`count` points, each for the same area; without chance."""
+    """`count` deterministic samples, each of which stands for the same area."""
     face, weights = faces_by_area(np.cumsum(visible.areas), count), points_in_triangle(np.arange(count))
     return Samples(
         face=face,
@@ -50,12 +50,12 @@ def spread(visible: VisibleSurface, count: int) -> Samples:
 
 
 def connectivity(visible: VisibleSurface, count: int = POINTS) -> float:
-    """The share of neighbouring places of the surface that are neighbours in the map.
+    """The share of pairs of neighbours on the surface that are also neighbours in UV; 1.0 if there are no pairs.
 
-    Neighbours on the surface: pairs of `count` even samples nearer to each other than 1/64 of the square root of the
-    area, whose normals agree within 60 degrees (so not the two sides of a sheet). In space and not along edges, since
-    the panels of a vehicle touch without being joined. Neighbours in UV: at most four times as far apart as an
-    isometry would put points at that greatest distance. 1.0 where there is no pair.
+    Neighbours on the surface are pairs of the `count` samples with a distance of at most 1/64 of the square root of the
+    area, whose normals agree within 60 degrees (this excludes opposite sides of a sheet). The distance is in space, not
+    along edges, because a vehicle's panels touch without sharing vertices. Neighbours in UV are at most four times as
+    far apart as an isometry would map that distance.
     """
     if not len(visible.faces):
         return 1.0
@@ -69,11 +69,11 @@ def connectivity(visible: VisibleSurface, count: int = POINTS) -> float:
 
 @dataclass(frozen=True)
 class Similarity:
-    """How alike two maps are: the mean of both directions.
+    """Similarity of two maps, averaged over both directions of the comparison.
 
     Attributes:
-        mean, p90: distance in the unit square between the same normalised place of the two; 0 is the same map.
-        matched: share of the places that the other has, with a like normal.
+        mean, p90: mean and 90th percentile of the UV distance of corresponding places; 0 is the same map.
+        matched: share of the samples that have a corresponding place on the other surface.
     """
 
     mean: float
@@ -82,10 +82,10 @@ class Similarity:
 
 
 def similarity(one: VisibleSurface, other: VisibleSurface, count: int = PROBES) -> Similarity:
-    """How far apart the same normalised place of two surfaces is in UV.
+    """UV distances between corresponding places of two surfaces.
 
-    Even samples of each are carried by the boxes around the two whole surfaces (each axis scaled on its own) to the
-    other, to its closest place whose normal is within 60 degrees. Places without one do not count.
+    Samples of each surface are mapped from its bounding box to the other's, with a separate scale per axis, and then to
+    the closest place there whose normal agrees within 60 degrees. Samples without such a place count only in `matched`.
     """
     there, back = _distances(one, other, count), _distances(other, one, count)
     both = [distances[np.isfinite(distances)] for distances in (there, back)]
@@ -99,14 +99,14 @@ def similarity(one: VisibleSurface, other: VisibleSurface, count: int = PROBES) 
 
 
 def _distances(one: VisibleSurface, other: VisibleSurface, count: int) -> Float[ndarray, " points"]:
-    """In UV, from samples of the first to the same places of the second; infinite where there is none."""
+    """UV distance of each sample of `one` to its corresponding place on `other`; infinite if there is none."""
     if not (len(one.faces) and len(other.faces)):
         return np.full(count, np.inf)
     samples = spread(one, count)
     size = np.maximum(np.ptp(one.bounds, axis=0), 1e-9 * one.diagonal)
     scale = np.maximum(np.ptp(other.bounds, axis=0), 1e-9 * other.diagonal) / size
     positions = other.bounds[0] + (samples.positions - one.bounds[0]) * scale
-    normals = samples.normals / scale
+    normals = samples.normals / scale  # normals transform by the inverse transpose
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     uv = _closest_uv(other, positions, normals)
     return np.where(np.isfinite(uv[:, 0]), other.uv_distance(samples.uv, np.nan_to_num(uv)), np.inf)
@@ -115,7 +115,7 @@ def _distances(one: VisibleSurface, other: VisibleSurface, count: int) -> Float[
 def _closest_uv(
     visible: VisibleSurface, positions: Float[ndarray, "points 3"], normals: Float[ndarray, "points 3"]
 ) -> Float[ndarray, "points 2"]:
-    """The UV of the closest place with a like normal, among the faces of the nearest samples; NaN if none has one."""
+    """UV of the closest place whose normal agrees, searched on the faces of the nearest samples; NaN if none."""
     dense = spread(visible, _DENSE)
     _, index = cKDTree(dense.positions).query(positions, k=_CANDIDATES)
     face = dense.face[index]
@@ -132,7 +132,7 @@ def _closest_uv(
 def _closest_on_triangles(
     corners: Float[ndarray, "*n 3 3"], points: Float[ndarray, "*n 3"]
 ) -> tuple[Float[ndarray, "*n 3"], Float[ndarray, " *n"]]:
-    """Barycentric coordinates of the place of each triangle that is closest to its point, and how far it is."""
+    """Barycentric coordinates of each triangle's closest place to its point, and their distance."""
     from trimesh.triangles import closest_point, points_to_barycentric
 
     triangles, wanted = corners.reshape(-1, 3, 3), points.reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Point location: which triangles of the plane lie over each of many points (parallel rays, or places in UV)."""
+"""Point location: find the 2D triangles that contain given points (parallel rays, or places in UV)."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from numpy import ndarray
 
 from svbrdfgan.geometry.cells import CellGrid
 
-_PAIRS_AT_ONCE = 1 << 21  # of points and triangles that share a cell: bounds the memory
-_EDGE = 1e-9  # barycentric: points on an edge belong to both sides, so that no ray slips between neighbours
-_ROUNDS_A_STEP = 4
-_POINTS_AT_ONCE = 1 << 14  # that are settled together: what is gathered for them stays in the processor's cache
-_CELLS_A_TRIANGLE = 1.5  # along a side, per square root of the triangles: the fastest measured on vehicles
+_PAIRS_AT_ONCE = 1 << 21  # (point, triangle) pairs per batch; limits memory
+_EDGE = 1e-9  # barycentric tolerance: points on an edge are in both triangles, so no ray passes between neighbours
+_ROUNDS_A_STEP = 4  # rounds of `any_higher` before the number of triangles per round doubles
+_POINTS_AT_ONCE = 1 << 14  # points per batch: its arrays fit into the CPU cache
+_CELLS_A_TRIANGLE = 1.5  # cells along a side, per square root of the triangle count; the fastest value on vehicles
 
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """Every pair of a point and a triangle that it lies in, border included.
+    """All pairs (point, triangle) where the point is inside the triangle or on its border.
 
     Attributes:
         point, triangle: indices.
-        barycentric: of the point in the triangle.
+        barycentric: barycentric coordinates of the point in the triangle.
     """
 
     point: Int[ndarray, " hits"]
@@ -34,13 +34,13 @@ class Hits:
 
 @dataclass(frozen=True, eq=False)
 class PointLocator:
-    """Triangles of the plane sorted into cells. Triangles without area have no hits.
+    """2D triangles in a uniform grid. Triangles without area have no hits.
 
     Attributes:
-        rows: coefficients of x, y and 1 in the second barycentric coordinate of each triangle, then in the third.
-        grid: the cells.
-        listed: triangles, cell after cell; within a cell in the order of `ranked`.
-        first: where in `listed` each cell begins; one more entry at the end.
+        rows: coefficients of x, y and 1 in each triangle's second barycentric coordinate, then in its third.
+        grid: the grid.
+        listed: triangle indices of all cells, concatenated; within a cell in the order of `ranked`.
+        first: index of each cell's first entry in `listed`; a final entry holds the total (CSR layout).
     """
 
     rows: Float[ndarray, "6 triangles"]
@@ -52,23 +52,23 @@ class PointLocator:
     def of(
         cls, corners: Float[ndarray, "triangles 3 2"], ranked: Int[ndarray, " triangles"] | None = None
     ) -> PointLocator:
-        """The locator of triangles, wound either way.
+        """A locator for triangles of either winding.
 
         Args:
-            ranked: the order in which triangles are tried; by default that of their indices.
+            ranked: the order in which triangles are tested; by default the order of their indices.
         """
         rows, good = _barycentric_rows(corners)
         ranked = np.arange(len(corners)) if ranked is None else ranked
         ranked = ranked[good[ranked]]
         grid = CellGrid.around(corners, max(8.0, _CELLS_A_TRIANGLE * len(corners) ** 0.5))
         rank, cell = grid.overlaps(corners[ranked])
-        # two bytes a cell (a grid has at most 2^16): numpy then sorts by radix, ten times as fast
+        # a grid has at most 2^16 cells; for uint16, NumPy uses radix sort, which is ten times as fast
         order = np.argsort(cell.astype(np.uint16), kind="stable")
         first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=grid.side**2))])
         return cls(rows, grid, ranked[rank[order]], first)
 
     def locate(self, points: Float[ndarray, "points 2"]) -> Iterator[Hits]:
-        """All hits, in pieces of bounded size, points in order."""
+        """All hits, in batches of bounded size, sorted by point."""
         cell = self.grid.cells(points)
         count = self.first[cell + 1] - self.first[cell]
         total = np.cumsum(count)
@@ -93,14 +93,15 @@ class PointLocator:
         level: Float[ndarray, " points"],
         height: Float[ndarray, "triangles 3"],
     ) -> Bool[ndarray, " points"]:
-        """Whether any triangle over a point is higher there than the point's level.
+        """Whether any triangle that contains the point is higher there than the point's level.
 
         Args:
-            height: at the triangles' corners. The locator must rank triangles by their highest corner, highest first.
+            height: heights of the triangles' corners. `ranked` must have sorted the triangles by their highest corner,
+                descending.
         """
         table = np.concatenate([self.rows, height.T, height.max(axis=1)[None]]).T.copy()
         cell = self.grid.cells(points)
-        order = np.argsort(cell.astype(np.uint16), kind="stable")  # neighbours ask for the same triangles
+        order = np.argsort(cell.astype(np.uint16), kind="stable")  # points of the same cell read the same triangles
         found = np.zeros(len(points), dtype=bool)
         for start in range(0, len(points), _POINTS_AT_ONCE):
             point = order[start : start + _POINTS_AT_ONCE]
@@ -109,7 +110,7 @@ class PointLocator:
             going, rounds = np.flatnonzero(place < last), 0
             while len(going):
                 point, place, last, x, y, z = (values[going] for values in (point, place, last, x, y, z))
-                # the first few triangles settle most points: one at a time at first, then more for the few left
+                # the first few triangles decide most points: test one per round at first, later up to 32
                 entry = place[:, None] + np.arange(1 << min(rounds // _ROUNDS_A_STEP, 5))
                 triangle = self.listed.take(entry, mode="clip")
                 bx, by, b1, cx, cy, c1, h0, h1, h2, top = np.moveaxis(table.take(triangle, axis=0), -1, 0)
@@ -119,7 +120,7 @@ class PointLocator:
                 higher = (inside & (a * h0 + b * h1 + c * h2 > z[:, None])).any(axis=1)
                 found[point[higher]] = True
                 place = entry[:, -1] + 1
-                going = np.flatnonzero(~higher & (place < last) & (top[:, -1] > z))  # later triangles are lower still
+                going = np.flatnonzero(~higher & (place < last) & (top[:, -1] > z))  # all later triangles are lower
                 rounds += 1
         return found
 
@@ -127,7 +128,7 @@ class PointLocator:
 def _barycentric_rows(
     corners: Float[ndarray, "triangles 3 2"],
 ) -> tuple[Float[ndarray, "6 triangles"], Bool[ndarray, " triangles"]]:
-    """See `PointLocator.rows`; and which triangles have an area."""
+    """`PointLocator.rows`, and a mask of the triangles that have an area."""
     a, p, q = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
     good = np.abs(area) > 1e-14 * np.maximum((p * p).sum(axis=1), (q * q).sum(axis=1))

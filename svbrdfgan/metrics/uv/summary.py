@@ -13,13 +13,13 @@ from svbrdfgan.types import Surface
 
 @dataclass(frozen=True)
 class UVSummary:
-    """The measures of a map, of what is seen from outside and not hidden.
+    """All measures of a map, on the surface that is visible from outside and not in hidden parts.
 
     Attributes:
         connectivity: share of neighbouring places that stay neighbours in UV.
-        kept: share of what is seen from outside that is not in a hidden part: what can be learned.
-        seen: share of the whole surface's area that is seen from outside.
-        area: of what is measured, square metres.
+        kept: share of the visible area that is not in a hidden part, and so can be learned.
+        seen: share of the whole surface's area that is visible from outside.
+        area: measured area, square metres.
     """
 
     distortion: Distortion
@@ -31,7 +31,7 @@ class UVSummary:
 
     @classmethod
     def of(cls, visible: VisibleSurface) -> UVSummary:
-        """The measures of what is visible."""
+        """The measures of a visible surface."""
         area = float(visible.areas.sum())
         return cls(distortion(visible), layout(visible), connectivity(visible), visible.kept, visible.seen, area)
 
@@ -42,5 +42,5 @@ class UVSummary:
 
 
 def summary_of(surface: Surface) -> UVSummary:
-    """The measures of a surface, after `hide_inner_layers` where the embedding is not one-to-one. Some seconds."""
+    """The measures of a surface; takes seconds. If the embedding is not one-to-one, call `hide_inner_layers` first."""
     return UVSummary.of(visible_surface(surface))

@@ -1,9 +1,9 @@
-"""The part of a surface that is visible from outside, found by rays. The metrics count nothing else.
+"""The part of a surface that is visible from outside, found by ray casting. The metrics measure only this part.
 
-The rule: a place is outside if it sees past the whole surface, at more than a grazing angle, in at least two of 64
-directions spread evenly over the upper half of the sphere, the horizon included: what a camera on the ground, or
-above it, sees from afar. Layers closer together than a thousandth of the model's diagonal hide nothing from each
-other. The surface is cut into pieces of a fiftieth of the diagonal, and each is seen or not as its middle is.
+A place is visible if rays from it leave the model unoccluded, at more than a grazing angle, in at least two of 64
+directions. The directions are spread evenly over the upper hemisphere: they are those of distant cameras at or above
+the horizon. Layers closer together than a thousandth of the model's diagonal do not occlude each other. The surface is
+cut into pieces with edges of at most a fiftieth of the diagonal; the centroid decides whether a piece is visible.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from svbrdfgan.metrics.uv.point_location import PointLocator
 from svbrdfgan.types import Surface
 
 DIRECTIONS = 64
-_AT_ONCE = 2  # directions, each in a thread: NumPy's loops run side by side
-SEEN = 2  # directions that a place must be seen from
-NEAR = 1e-3  # of the diagonal: layers that hide nothing from each other
-_PIECE = 0.02  # of the diagonal: the longest edge of a piece
+_AT_ONCE = 2  # directions in parallel, one per thread (NumPy releases the GIL)
+SEEN = 2  # minimum number of directions from which a place must be visible
+NEAR = 1e-3  # of the diagonal: layers closer than this do not occlude each other
+_PIECE = 0.02  # of the diagonal: longest edge of a piece
 _ROUNDS = 16
-_GRAZING = 0.1  # cosine
-_CLEARLY = 8  # directions that settle which side is outside
+_GRAZING = 0.1  # cosine between ray and normal below which a ray does not count
+_CLEARLY = 8  # directions that see the front, after which a piece needs no more rays
 
 
 @dataclass(frozen=True, eq=False)
 class VisibleSurface:
-    """The triangles of a surface that count, wound counter-clockwise as seen from outside.
+    """The measured triangles of a surface, counter-clockwise as seen from outside.
 
     Attributes:
-        positions: vertices in metres, welded: neighbours in space share them.
+        positions: vertices in metres, welded: adjacent faces share them.
         faces: vertex indices.
-        uv: at each face's corners.
+        uv: UVs of each face's corners.
         bounds: lower and upper corner of the box around the whole surface, metres.
-        repeat: whether the square's borders meet, in u and in v.
-        source: face of the surface that each lies in.
-        kept: share of what is seen from outside that is here; the rest lies in hidden parts.
-        seen: share of the whole surface's area that is seen from outside, hidden parts included.
+        repeat: whether the UV square wraps around, in u and in v.
+        source: source face of each triangle in the surface.
+        kept: share of the visible area that is included; the rest lies in hidden parts.
+        seen: share of the whole surface's area that is visible from outside, hidden parts included.
     """
 
     positions: Float[ndarray, "vertices 3"]
@@ -58,27 +58,27 @@ class VisibleSurface:
 
     @property
     def areas(self) -> Float[ndarray, " faces"]:
-        """Square metres."""
+        """Areas in square metres."""
         return face_areas(self.positions, self.faces)
 
     @property
     def uv_areas(self) -> Float[ndarray, " faces"]:
-        """Areas in the unit square; negative where the map is mirrored, seen from outside."""
+        """Signed areas in the unit square; negative where the map is mirrored as seen from outside."""
         return uv_areas(self.uv)
 
     @property
     def diagonal(self) -> float:
-        """Of the box around the whole surface, metres."""
+        """Diagonal of the whole surface's bounding box, metres."""
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
 
     def uv_distance(self, one: Float[ndarray, "*n 2"], other: Float[ndarray, "*n 2"]) -> Float[ndarray, " *n"]:
-        """How far apart places are in the unit square, around its borders where these meet."""
+        """Distance in the unit square; across its borders if the square wraps around (`repeat`)."""
         apart = np.abs(one - other)
         return np.linalg.norm(np.where(self.repeat, np.minimum(apart, 1.0 - apart), apart), axis=-1)
 
 
 def whole_surface(surface: Surface) -> VisibleSurface:
-    """All of a surface, as wound, hidden parts and all: for one that has nothing to hide, such as a wrap."""
+    """The whole surface with its own winding, hidden parts included; for surfaces without inner layers (wraps)."""
     positions, faces = _welded(surface)
     return VisibleSurface(
         positions, faces, surface.uv[surface.faces], _bounds(surface), surface.repeat, np.arange(len(faces))
@@ -86,9 +86,9 @@ def whole_surface(surface: Surface) -> VisibleSurface:
 
 
 def visible_surface(surface: Surface) -> VisibleSurface:
-    """What is seen of a surface from outside and not in a hidden part; by the rule of this module. Some seconds.
+    """The part of a surface that is visible from outside (see this module) and not in a hidden part.
 
-    Empty if nothing is seen.
+    It is empty if nothing is visible. This takes seconds.
     """
     every = whole_surface(surface)
     pieces = refine(Pieces.whole(every.positions, every.faces), _longer_than(_PIECE * every.diagonal), _ROUNDS)
@@ -113,9 +113,9 @@ def visible_surface(surface: Surface) -> VisibleSurface:
 def _seen_from(
     corners: Float[ndarray, "occluders 3 3"], pieces: Pieces, near: float
 ) -> tuple[Int[ndarray, " pieces"], Int[ndarray, " pieces"]]:
-    """How many directions see the middle of each piece on its front, and on its back, past the occluders.
+    """The numbers of directions from which each piece's centroid is visible on its front and on its back.
 
-    The count ends once the front is settled to be outside.
+    Counting ends for a piece when `_CLEARLY` directions see its front.
     """
     points, normals = pieces.positions[pieces.faces].mean(axis=1), face_normals(pieces.positions, pieces.faces)
     front, back = np.zeros(len(points), dtype=np.int64), np.zeros(len(points), dtype=np.int64)
@@ -124,7 +124,7 @@ def _seen_from(
             open_ = np.flatnonzero(front < _CLEARLY)
             look = partial(_facing, corners, points[open_], normals[open_], near)
             for facing in threads.map(look, frames):
-                counts = front[open_] < _CLEARLY  # a direction beside this one may have settled it
+                counts = front[open_] < _CLEARLY  # another direction of this batch may have ended the count
                 front[open_] += counts & (facing > 0)
                 back[open_] += counts & (facing < 0)
     return front, back
@@ -137,7 +137,7 @@ def _facing(
     near: float,
     frame: Float[ndarray, "3 3"],
 ) -> Int[ndarray, " points"]:
-    """1 where a direction (the frame's last row) sees a point's front, -1 its back, 0 where it does not see it."""
+    """1 if the point's front is visible from the direction (the frame's last row), -1 if its back is, 0 if neither."""
     cosine = normals @ frame[2]
     asked = np.flatnonzero(np.abs(cosine) > _GRAZING)
     turned, from_here = _turned(corners.reshape(-1, 3), frame).reshape(corners.shape), _turned(points[asked], frame)
@@ -150,17 +150,20 @@ def _facing(
 
 
 def _turned(points: Float[ndarray, "points 3"], frame: Float[ndarray, "3 3"]) -> Float[ndarray, "points 3"]:
-    """The points in the frame. Not by BLAS, whose threads cost more than they save on three columns."""
+    """The points in the frame. einsum avoids BLAS, whose threads cost more than they save on three columns."""
     return np.einsum("yx,px->py", frame, points)
 
 
 def _mixed(count: int) -> Int[ndarray, " count"]:
-    """The numbers below `count`, by golden-ratio steps: the first few are from everywhere."""
+    """The numbers below `count` in golden-ratio order: any first few of them are spread over the whole range."""
     return np.argsort((np.arange(count) * 0.6180339887498949) % 1.0)
 
 
 def _source_corners(surface: Surface) -> Float[ndarray, "source_faces 3 3"]:
-    """The corners of the mesh's faces, from the largest piece of each: fewer and larger triangles than the pieces."""
+    """The corners of the source mesh's faces, as occluders: these are fewer triangles than the surface's pieces.
+
+    Each face is reconstructed from its largest piece.
+    """
     share = np.abs(np.linalg.det(surface.source_barycentric))
     order = np.lexsort((share, surface.source_face))
     largest = order[np.diff(surface.source_face[order], append=-1) != 0]
@@ -179,6 +182,8 @@ def _bounds(surface: Surface) -> Float[ndarray, "2 3"]:
 
 
 def _longer_than(length: float) -> EdgePredicate:
+    """Marks edges longer than `length` metres."""
+
     def wanted(
         pieces: Pieces, edges: Int[ndarray, "edges 2"], face_edges: Int[ndarray, "faces 3"]
     ) -> Bool[ndarray, " edges"]:

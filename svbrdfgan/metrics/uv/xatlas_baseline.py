@@ -1,4 +1,4 @@
-"""xatlas, the unwrapper of many engines, as a baseline for embeddings. Optional: `pip install xatlas`."""
+"""xatlas, a common UV unwrapper, as a baseline for embeddings. Optional: `pip install xatlas`."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ NAME = "xatlas"
 
 
 def xatlas_installed() -> bool:
-    """Whether it can be imported; it is not."""
+    """Whether xatlas is installed; does not import it."""
     return importlib.util.find_spec(NAME) is not None
 
 
 @dataclass(frozen=True)
 class XatlasBaseline:
-    """xatlas with its default options: many small charts of little distortion, packed. Not an embedding to train with.
+    """xatlas with its default options: many small, packed charts of low distortion. It is not meant for training.
 
     Raises:
-        PluginError: it is not installed.
+        PluginError: xatlas is not installed.
     """
 
     capabilities: ClassVar[UVCapabilities] = UVCapabilities(injective=True, subdivides=False)
@@ -39,10 +39,10 @@ class XatlasBaseline:
             raise PluginError("xatlas is not installed; pip install xatlas.")
 
     def embed(self, mesh: Mesh) -> Surface:
-        """The whole mesh with the UVs that xatlas gives it.
+        """The whole mesh with UVs by xatlas.
 
         Raises:
-            EmbeddingError: xatlas returns other faces than it was given.
+            EmbeddingError: xatlas returns a different number of faces.
         """
         unwrap = importlib.import_module(NAME).parametrize
         _, corner, uv = unwrap(mesh.positions.astype(np.float32), mesh.faces.astype(np.uint32))
