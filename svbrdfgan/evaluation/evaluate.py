@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -39,8 +38,6 @@ _ORACLE_TARGETS = 2048
 
 LoadedSplit = tuple[Exemplars, SeenTexels]
 """A split, and what its pictures show of each texel."""
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -17,8 +16,6 @@ from svbrdfgan.metrics.recovered import Scorer, Target
 from svbrdfgan.networks import Generator, initialise
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.state import make_generator
-
-log = logging.getLogger(__name__)
 
 Watch = Callable[[int, float], None]
 """Called with the step and the validation score at every scoring."""

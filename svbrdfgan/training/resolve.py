@@ -45,9 +45,8 @@ def resolve_run(config: TrainConfig, base: Path = Path()) -> ResolvedRun:
 
     Raises:
         AssetError: the data set is missing, or of another version.
-        ConfigError: this machine or this data set cannot do what the configuration asks.
+        ConfigError: this data set cannot do what the configuration asks.
     """
-    require_device(config.device)
     dataset = Dataset.open((base / config.dataset).resolve())
     _require_linear(config, dataset.config)
     return ResolvedRun(resolved(config, dataset.config.spp), dataset, base)
@@ -59,22 +58,13 @@ def make_fabric(device: str, *, devices: int = 1, precision: str = "auto") -> Fa
     Raises:
         ConfigError: `device` is "cuda", and torch finds no GPU.
     """
-    require_device(device)
+    if device == "cuda" and not torch.cuda.is_available():
+        raise ConfigError("device: torch sees no CUDA GPU here; use auto or cpu, or install torch's build for CUDA.")
     strategy = "ddp_spawn" if devices > 1 else "auto"
     if precision == "auto":
         cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
         precision = "bf16-mixed" if cuda else "32-true"
     return Fabric(accelerator=device, devices=devices, strategy=strategy, precision=precision)  # type: ignore[arg-type]  # one of its literals
-
-
-def require_device(device: str) -> None:
-    """Checks that torch can compute on the device.
-
-    Raises:
-        ConfigError: `device` is "cuda", and torch finds no GPU.
-    """
-    if device == "cuda" and not torch.cuda.is_available():
-        raise ConfigError("device: torch sees no CUDA GPU here; use auto or cpu, or install torch's build for CUDA.")
 
 
 def _require_linear(config: TrainConfig, dataset: DatasetConfig) -> None:

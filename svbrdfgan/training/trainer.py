@@ -54,10 +54,10 @@ def train(
         TrainingError: a loss is not finite.
         KeyboardInterrupt: with one process, after the step in which Ctrl-C was pressed; that step is saved.
     """
+    fabric = make_fabric(config.device, devices=config.devices, precision=config.precision)
     resolved = resolve_run(config, base)
     record = RunConfig.of(resolved)
     _prepare_folder(run, record, resume)
-    fabric = make_fabric(config.device, devices=config.devices, precision=config.precision)
     if config.devices > 1:
         # `partial` binds the records, since Fabric refuses frozen dataclasses among the arguments of a launch
         fabric.launch(partial(_train_in_process, resolved=resolved, record=record, run=run))

@@ -91,7 +91,7 @@ def probe_shortcuts(
 
 def _open(config: TrainConfig, base: Path, display: Display) -> tuple[RenderedPairs, dict[Confounder, str]]:
     """The pairs, not rendered yet, and the confounders of the configuration, in words."""
-    run, device = resolve_run(config, base), make_fabric(config.device).device
+    device, run = make_fabric(config.device).device, resolve_run(config, base)
     renderer, choice = resolve_renderer(config.renderer, device, run.dataset.config.maps, differentiable=True)
     exemplars = load_exemplars(run.dataset, "train")
     recorded = exemplars.scenes[0].renderer
