@@ -24,10 +24,11 @@ Columns:
 
 The last cases are whole generators, where `compiled whole` is `torch.compile` of the module with the reference inside.
 
-Seen on a CPU with torch 2.13, without a GPU: `compiled` gives the forward pass and the gradient, with errors of 1e-6 in
-float32 (eager: 2e-7) and 5e-3 under bf16 (eager: 6e-3); a generator's autograd keeps a third less memory. It refuses
-second derivatives: "torch.compile with aot_autograd does not currently support double backward". Times on shared cores
-said nothing. The kernels stay until a GPU shows that compiled code is as fast.
+On an H100 (torch 2.11, bf16, batch 16, 256x256, width 64) a generator's forward pass and gradient take 16.2 ms with our
+kernels, 33.5 with the best compiled norm, 38.2 with the whole network compiled and 48.2 by eager torch; the forward pass
+alone takes 5.4, 10.1, 5.5 and 17.4. Compiled code lacks the backward pass of padding and upsampling in one go, and it
+refuses second derivatives ("torch.compile with aot_autograd does not currently support double backward"), on a CPU too.
+Errors are alike. So the kernels stay.
 """
 
 from __future__ import annotations
