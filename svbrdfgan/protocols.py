@@ -34,6 +34,7 @@ class RendererCapabilities:
         transport: whether it is a `TransportRenderer`.
         pullback: whether it is a `PullbackRenderer`.
         stochastic: whether results depend on `seed`.
+        alpha: whether rays pass through parts by their `alpha`; without it every part is opaque.
     """
 
     maps: frozenset[str] = frozenset({"base_color"})
@@ -42,6 +43,7 @@ class RendererCapabilities:
     transport: bool = False
     pullback: bool = False
     stochastic: bool = True
+    alpha: bool = False
 
 
 @runtime_checkable
@@ -86,8 +88,8 @@ class Renderer(Protocol[Prepared]):
         """The gradient of sum(image * grad_image), unbiased for any `spp` and `seed`.
 
         For base_color it is the exact derivative of the picture that `render` gives for the same `spp` and `seed`.
-        Inputs that determine where samples are drawn, such as the environment, are different: their gradient treats
-        the drawn samples as constants.
+        Inputs that may determine where samples are drawn, such as the environment and the other maps, are different:
+        their gradient treats the drawn samples and their densities as constants.
 
         Raises:
             UnsupportedError: a name in `wrt` is not in `capabilities.differentiable`.

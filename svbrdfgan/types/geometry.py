@@ -20,12 +20,28 @@ class Part:
         base_color: linear RGB reflectance in [0, 1]; multiplies `texture` where there is one.
         texture: linear RGB reflectance (rows, cols, 3) over the mesh's own `uv`, row 0 at v = 0; None if constant.
         hidden: whether the faces lie below others at the same UV; they keep their base material and get no layer.
+        alpha: probability in [0, 1] that a ray which meets the part does not pass through it. A constant or, for the
+            parts of a surface, a texture (rows, cols) over the surface's UV, row 0 at v = 0.
+
+    Raises:
+        AssetError: `alpha` is out of range, or not a texture.
     """
 
     name: str
     base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)
     texture: Float[ndarray, "rows cols 3"] | None = None
     hidden: bool = False
+    alpha: float | Float[ndarray, "rows cols"] = 1.0
+
+    def __post_init__(self) -> None:
+        alpha = np.asarray(self.alpha)
+        if alpha.ndim not in (0, 2) or alpha.size == 0 or not ((alpha >= 0.0) & (alpha <= 1.0)).all():
+            raise AssetError(f"part {self.name!r} has an alpha that is not a number in [0, 1] or a texture of such.")
+
+    @property
+    def opaque(self) -> bool:
+        """Whether no ray passes through the part."""
+        return bool(np.all(np.asarray(self.alpha) == 1.0))
 
 
 @dataclass(frozen=True, eq=False)

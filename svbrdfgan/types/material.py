@@ -26,10 +26,11 @@ LEAST_ROUGHNESS = 0.05
 class Material:
     """Named maps, each a constant (channels,) or a texture (rows, cols, channels) with row 0 at v = 0.
 
-    A material with `base_color` alone is Lambertian and two-sided; `roughness` adds a dielectric's gloss.
+    A material with `base_color` alone is Lambertian. With `roughness` it is glTF's metallic-roughness material, whose
+    `metallic` is 0 unless given. `normal` tilts the shading normal of either; without it the surface is smooth.
 
     Raises:
-        AssetError: a map of an unknown name or shape, or no `base_color`.
+        AssetError: a map of an unknown name or shape, no `base_color`, or `metallic` without `roughness`.
     """
 
     maps: Mapping[str, Float[Tensor, "*shape"]]
@@ -43,6 +44,8 @@ class Material:
                 raise AssetError(f"material map {name!r} has shape {tuple(value.shape)}; wanted {wanted}.")
         if "base_color" not in self.maps:
             raise AssetError("a material needs a 'base_color' map.")
+        if "metallic" in self.maps and "roughness" not in self.maps:
+            raise AssetError("a material with a 'metallic' map needs a 'roughness' map, too.")
 
     @classmethod
     def lambertian(cls, base_color: Float[Tensor, "*shape"] | tuple[float, float, float]) -> Material:
