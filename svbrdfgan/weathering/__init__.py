@@ -1,4 +1,4 @@
-"""Procedural weathering layers (dirt, dust, rust) from geometry alone: the ground truth that a network learns (G0).
+"""Procedural weathering layers (dirt, dust, rust, chips) from geometry alone: the ground truth that a network learns.
 
     layer = weather(surface, buffer, recipe_from_options("road-dirt", {"amount": 0.7, "seed": 3}))
 
@@ -7,11 +7,13 @@ the model's size.
 """
 
 from svbrdfgan.weathering.layer import TexelGeometry, find_site, recipe_from_options, weather
-from svbrdfgan.weathering.recipes import RECIPES, Dust, Recipe, RoadDirt, Rust
+from svbrdfgan.weathering.recipes import RECIPES, ChippedPaint, Coat, Dust, Recipe, RoadDirt, Rust
 from svbrdfgan.weathering.site import Site
 
 __all__ = [
     "RECIPES",
+    "ChippedPaint",
+    "Coat",
     "Dust",
     "Recipe",
     "RoadDirt",

@@ -7,21 +7,27 @@ from typing import Any, Protocol
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.config.error_messages import did_you_mean
 from svbrdfgan.config.models import build
 from svbrdfgan.errors import ConfigError
+from svbrdfgan.geometry.bake import nearest_texels
+from svbrdfgan.geometry.normals import unit
+from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.types import Surface
 from svbrdfgan.types.material import CHANNELS
-from svbrdfgan.weathering.recipes import RECIPES, Recipe, matter
+from svbrdfgan.weathering.recipes import RECIPES, Recipe
 from svbrdfgan.weathering.site import Site, survey
 
 
 class TexelGeometry(Protocol):
-    """The fields of a geometry buffer that weathering uses. Texels without surface are filled; row 0 is at v = 0."""
+    """The fields of a geometry buffer that weathering uses; row 0 is at v = 0.
+
+    Texels without surface have the position and normal of the nearest one with it, and face -1.
+    """
 
     @property
     def position(self) -> Float[ndarray | Tensor, "rows cols 3"]:
@@ -33,58 +39,106 @@ class TexelGeometry(Protocol):
         """Unit, outward."""
         ...
 
+    @property
+    def face(self) -> Int[ndarray | Tensor, "rows cols"]:
+        """Index into the surface's faces; only normal maps need it."""
+        ...
+
+    @property
+    def barycentric(self) -> Float[ndarray | Tensor, "rows cols 3"]:
+        """Of the texel's centre in its face; only normal maps need it."""
+        ...
+
 
 def weather(
     surface: Surface, buffer: TexelGeometry, recipe: Recipe, maps: Collection[str] = (), *, site: Site | None = None
 ) -> Float[Tensor, "rows cols channels"]:
-    """The weathering layer at a buffer's texels: linear RGB, straight alpha, then `maps`; float32 in [0, 1].
+    """The weathering layer at a buffer's texels: linear RGB, straight alpha, then `maps`; float32.
 
-    It is deterministic and does not depend on the model's size. Texels outside the mask continue the layer as smoothly
-    as the buffer's filled values do. It takes about two seconds at 256 x 256, mostly for visibility and curvature.
+    All values are in [0, 1], but those of `normal`, which are unit vectors in tangent space. The layer is deterministic
+    and does not depend on the model's size. Texels outside the mask continue it as smoothly as the buffer's filled
+    values do. It takes about two seconds at 256 x 256, mostly for visibility and curvature.
 
     Args:
         maps: names of further material maps to paint, such as "roughness"; channels follow the order of `CHANNELS`.
         site: result of `find_site` for the same surface and buffer; saves time if several layers are painted.
 
     Raises:
-        ConfigError: the recipe has no values for one of the maps.
+        ConfigError: one of the maps is unknown.
     """
-    _require_maps(recipe, maps)
+    _require_maps(maps)
     rows, cols, _ = buffer.position.shape
     site = site or find_site(surface, buffer)
-    painted = np.column_stack([recipe.paint(site), *(matter(recipe, site, name) for name in CHANNELS if name in maps)])
+    coat = recipe.paint(site)
+    channels = [coat.rgba]
+    if "roughness" in maps:
+        channels.append(coat.roughness[:, None])
+    if "metallic" in maps:
+        channels.append(coat.metallic[:, None])
+    if "normal" in maps:
+        channels.append(_relief(recipe, site, coat.height, *_tangents(surface, buffer)))
+    painted = np.concatenate(channels, axis=1)
     return torch.from_numpy(painted.reshape(rows, cols, -1).astype(np.float32))
 
 
 def find_site(surface: Surface, buffer: TexelGeometry) -> Site:
     """The geometry that recipes use, at each texel of the buffer, row by row."""
-    position, normal = (np.asarray(values, np.float64).reshape(-1, 3) for values in (buffer.position, buffer.normal))
-    return survey(surface, position, normal)
+    position, normal = (np.asarray(values, np.float64) for values in (buffer.position, buffer.normal))
+    steps = np.linalg.norm(np.diff(position, axis=1), axis=2)
+    texel = float(np.median(steps[steps > 0.0])) if steps.any() else 0.0
+    return survey(surface, position.reshape(-1, 3), normal.reshape(-1, 3), texel)
+
+
+def _relief(
+    recipe: Recipe,
+    site: Site,
+    height: Float[ndarray, " texels"],
+    tangent: Float[ndarray, "texels 3"],
+    bitangent: Float[ndarray, "texels 3"],
+) -> Float[ndarray, "texels 3"]:
+    """Unit normals in tangent space: the slope of the recipe's height over one texel, as it moves along each tangent.
+
+    Differences between texels would jump at the seams of the UVs.
+    """
+    step = max(site.texel, 1e-4)
+    slopes = [(recipe.paint(site.moved(step * axis)).height - height) / step for axis in (tangent, bitangent)]
+    return unit(np.stack([-slopes[0], -slopes[1], np.ones(len(height))], axis=1))
+
+
+def _tangents(surface: Surface, buffer: TexelGeometry) -> tuple[Float[ndarray, "texels 3"], Float[ndarray, "texels 3"]]:
+    """Unit tangents and bitangents at the texels, both reversed where the buffer's normal is the surface's reversed.
+
+    There the surface is seen from behind, where renderers reverse the whole tilted normal.
+    """
+    face, weights = (np.asarray(values) for values in (buffer.face, buffer.barycentric))
+    nearest = nearest_texels(face >= 0)
+    face, weights = face[nearest].ravel(), weights[nearest].reshape(-1, 3, 1)
+    found = corner_tangents(surface)
+    normal = unit((surface.normals[surface.faces[face]] * weights).sum(axis=1))
+    tangent = (found.direction[face] * weights).sum(axis=1)
+    tangent = unit(tangent - (tangent * normal).sum(axis=1, keepdims=True) * normal)
+    bitangent = found.handedness[face, None] * np.cross(normal, tangent)
+    outward = np.asarray(buffer.normal, np.float64).reshape(-1, 3)
+    side = np.where((outward * normal).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    return side * tangent, side * bitangent
 
 
 def recipe_from_options(name: str, options: Mapping[str, Any], maps: Collection[str] = ()) -> Recipe:
     """The recipe of that name; `options` override its defaults.
 
     Args:
-        maps: names of the maps that the recipe must be able to paint besides base_color.
+        maps: names of the maps that the recipe shall paint besides base_color.
 
     Raises:
-        ConfigError: the recipe or an option is unknown, a value has the wrong type or is out of range, or the recipe
-            cannot paint one of the maps.
+        ConfigError: the recipe, an option or a map is unknown, or a value has the wrong type or is out of range.
     """
     if name not in RECIPES:
         hint = did_you_mean(name, RECIPES) or "."
         raise ConfigError(f"weathering recipe {name!r} is unknown{hint} Known are {', '.join(RECIPES)}.")
-    recipe = build(RECIPES[name], options, f"weathering {name}")
-    _require_maps(recipe, maps)
-    return recipe
+    _require_maps(maps)
+    return build(RECIPES[name], options, f"weathering {name}")
 
 
-def _require_maps(recipe: Recipe, maps: Collection[str]) -> None:
-    for name in maps:
-        if name not in recipe.matter:
-            known = ", ".join(recipe.matter)
-            raise ConfigError(
-                f"weathering {type(recipe).__name__} has no values for {name}, only for {known}; "
-                f"remove {name} from 'maps'."
-            )
+def _require_maps(maps: Collection[str]) -> None:
+    if unknown := [name for name in maps if name not in CHANNELS]:
+        raise ConfigError(f"maps: {', '.join(unknown)} is unknown; known are {', '.join(CHANNELS)}.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -25,6 +25,7 @@ class Site:
         visibility: ambient-occlusion visibility: 1 is unoccluded, 0 is enclosed.
         curvature: scaled mean curvature: positive on edges, negative in creases, about 1 at a right angle.
         axles: z of the wheels, in the units of `position`.
+        texel: the side of a texel, in the units of `position`: recipes paint nothing finer.
     """
 
     position: Float[ndarray, "texels 3"]
@@ -33,10 +34,21 @@ class Site:
     visibility: Float[ndarray, " texels"]
     curvature: Float[ndarray, " texels"]
     axles: tuple[float, ...]
+    texel: float
+
+    def moved(self, offset: Float[ndarray, "texels 3"]) -> Site:
+        """The same surroundings with every texel a little elsewhere, in the units of `position`."""
+        return replace(self, position=self.position + offset)
 
 
-def survey(surface: Surface, position: Float[ndarray, "texels 3"], normal: Float[ndarray, "texels 3"]) -> Site:
-    """The site at points on a surface, given in metres. It takes about a second for 65,000 points."""
+def survey(
+    surface: Surface, position: Float[ndarray, "texels 3"], normal: Float[ndarray, "texels 3"], texel: float = 0.0
+) -> Site:
+    """The site at points on a surface. It takes about a second for 65,000 points.
+
+    Args:
+        position, texel: in metres.
+    """
     used = surface.positions[np.unique(surface.faces)]
     low, high = used.min(axis=0), used.max(axis=0)
     extent = high - low
@@ -52,6 +64,7 @@ def survey(surface: Surface, position: Float[ndarray, "texels 3"], normal: Float
         axles=find_axles(
             (scatter(surface, 0.01 * length)[0] - ground) / [length, max(extent[1], 1e-6 * length), length]
         ),
+        texel=texel / length,
     )
 
 

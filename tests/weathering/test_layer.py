@@ -1,11 +1,16 @@
 """Layers in UV space: shape, dtype, independence of scale and place, smoothness from texel to texel."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
 import torch
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.weathering import RECIPES, RoadDirt, Rust, recipe_from_options, weather
+from svbrdfgan.geometry.bake import bake
+from svbrdfgan.geometry.rasterize import Fragments
+from svbrdfgan.testing import scenes
+from svbrdfgan.weathering import RECIPES, Coat, RoadDirt, Rust, recipe_from_options, weather
 
 
 def test_layer_has_the_buffer_s_shape(vehicle, texels):
@@ -22,20 +27,59 @@ def test_torch_buffers_give_the_same_layer(vehicle, texels, shapes):
 @pytest.mark.parametrize("name", RECIPES)
 def test_further_maps_follow_alpha_and_stay_in_their_range(vehicle, texels, name):
     recipe = RECIPES[name](seed=3)
-    layer = weather(vehicle, texels, recipe, ["roughness"])
-    assert layer.shape == (*texels.position.shape[:2], 5)
+    layer = weather(vehicle, texels, recipe, ["metallic", "roughness"])
+    assert layer.shape == (*texels.position.shape[:2], 6)
     assert torch.equal(layer[..., :4], weather(vehicle, texels, recipe))
-    least, greatest = recipe.matter["roughness"]
-    assert least <= layer[..., 4].min() < layer[..., 4].max() <= greatest
-    assert 0.1 * (greatest - least) < layer[..., 4].std() < 0.4 * (greatest - least)
+    assert layer.min() >= 0.0
+    assert layer.max() <= 1.0
+    rough, metallic, seen = layer[..., 4], layer[..., 5], layer[..., 3] > 0.5
+    assert rough.std() > 0.01
+    assert rough[seen & (metallic < 0.1)].mean() > 0.55
+    assert metallic.any() == (name == "chipped-paint")  # rust bares steel with detail only
 
 
-def test_a_map_that_a_recipe_does_not_know_is_refused(vehicle, texels):
-    said = "RoadDirt has no values for metallic, only for roughness; remove metallic from 'maps'"
+def test_a_map_that_is_unknown_is_refused(vehicle, texels):
+    said = "maps: gloss is unknown; known are base_color, roughness, metallic, normal"
     with pytest.raises(ConfigError, match=said):
-        weather(vehicle, texels, RoadDirt(), ["metallic"])
+        weather(vehicle, texels, RoadDirt(), ["gloss"])
     with pytest.raises(ConfigError, match=said):
-        recipe_from_options("road-dirt", {}, ["metallic"])
+        recipe_from_options("road-dirt", {}, ["gloss"])
+
+
+@dataclass(frozen=True)
+class Ridges:
+    """A recipe of waves along x or y, of known slope."""
+
+    axis: int
+    amount: float = 1.0
+    seed: int = 0
+    scale: float = 1.0
+    detail: float = 1.0
+
+    def paint(self, site):
+        ones = np.ones(len(site.position))
+        return Coat(
+            np.full((len(ones), 3), 0.5), ones, ones, 0.0 * ones, 0.02 * np.sin(20.0 * site.position[:, self.axis])
+        )
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_relief_is_the_slope_of_the_height_in_tangent_space(axis, mirrored):
+    """Height that grows along +x tilts normals towards -x, whichever way u runs."""
+    sheet = scenes.plane(2.0)
+    if mirrored:
+        sheet = replace(sheet, uv=np.array([1.0, 0.0]) + sheet.uv * [-1.0, 1.0])
+    buffer = bake(Fragments.of(sheet, 48, 48))
+    normal = weather(sheet, buffer, Ridges(axis), ["normal"])[..., 4:].double().numpy()
+    assert np.allclose(np.linalg.norm(normal, axis=2), 1.0)
+    position = buffer.position.double().numpy() / 2.0
+    slope = 0.4 * np.cos(20.0 * (position[..., axis] + [0.0, 0.5][axis]))
+    wanted = np.zeros_like(normal)
+    wanted[..., axis] = -slope * (-1.0 if mirrored and axis == 0 else 1.0)
+    wanted[..., 2] = 1.0
+    assert np.abs(normal[..., :2] / normal[..., 2:] - wanted[..., :2]).max() < 0.15
+    assert np.abs(normal[..., :2] / normal[..., 2:] - wanted[..., :2]).mean() < 0.05
 
 
 @pytest.mark.parametrize(("scale", "most", "mean"), [(8.0, 1e-6, 1e-8), (10.0, 0.1, 2e-4)])
@@ -50,11 +94,11 @@ def test_scale_of_the_model_does_not_matter(vehicle, texels, shapes, scale, most
 
 @pytest.mark.parametrize("name", RECIPES)
 def test_layers_are_smooth_where_the_surface_is(vehicle, shapes, name):
-    """On the flank, texels a hundredth of the length apart differ little: nothing there for a network to guess."""
+    """Without detail, texels a hundredth of the length apart differ little on the flank: a network need not guess."""
     z, y = np.meshgrid(np.linspace(-1.6, 1.6, 81), np.linspace(0.4, 0.9, 13))
     position = np.stack([np.full_like(z, 0.8), y, z], axis=-1)
     flank = shapes.Texels(position, np.broadcast_to([1.0, 0.0, 0.0], position.shape))
-    layer = weather(vehicle, flank, RECIPES[name](amount=0.8, seed=1)).numpy()
+    layer = weather(vehicle, flank, RECIPES[name](amount=0.8, seed=1, detail=0.0)).numpy()
     steps = np.abs(np.diff(layer, axis=1))
     assert np.sqrt(np.square(steps).mean()) < 0.06
     assert layer[..., 3].std() > 0.05

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import spearmanr
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.weathering import RECIPES, Dust, RoadDirt, Rust, recipe_from_options
+from svbrdfgan.weathering import RECIPES, ChippedPaint, Dust, RoadDirt, Rust, recipe_from_options
 from svbrdfgan.weathering.site import survey
 
 EVERY_RECIPE = pytest.mark.parametrize("kind", RECIPES.values(), ids=list(RECIPES))
@@ -22,24 +22,24 @@ def site(vehicle, texels):
 
 def mean_over_seeds(kind, site, **options):
     """Alpha without the luck of one pattern."""
-    return np.mean([kind(seed=seed, **options).paint(site)[:, 3] for seed in range(8)], axis=0)
+    return np.mean([kind(seed=seed, **options).paint(site).alpha for seed in range(8)], axis=0)
 
 
 @EVERY_RECIPE
 def test_no_amount_is_exactly_no_alpha(kind, site):
-    assert not kind(amount=0.0).paint(site)[:, 3].any()
+    assert not kind(amount=0.0).paint(site).alpha.any()
 
 
 @EVERY_RECIPE
 def test_more_covers_no_less_anywhere_and_more_in_all(kind, site):
-    alphas = [kind(amount=amount, seed=2).paint(site)[:, 3] for amount in (0.0, 0.1, 0.3, 0.5, 0.8, 1.0)]
+    alphas = [kind(amount=amount, seed=2).paint(site).alpha for amount in (0.0, 0.1, 0.3, 0.5, 0.8, 1.0)]
     assert all((more >= less).all() and more.mean() > less.mean() for less, more in pairwise(alphas))
 
 
 @EVERY_RECIPE
 def test_colour_and_alpha_stay_in_range_and_vary(kind, site):
     for seed, scale in ((0, 1.0), (9, 0.25), (2**31 - 1, 4.0)):
-        layer = kind(amount=1.0, seed=seed, scale=scale).paint(site)
+        layer = kind(amount=1.0, seed=seed, scale=scale).paint(site).rgba
         assert np.isfinite(layer).all()
         assert layer.min() >= 0.0
         assert layer.max() <= 1.0
@@ -56,15 +56,38 @@ def test_at_full_amount_much_is_covered_and_much_is_left(kind, site):
 
 @EVERY_RECIPE
 def test_same_seed_same_layer_other_seed_other_layer(kind, site):
-    first, again, other = (kind(amount=0.8, seed=seed).paint(site) for seed in (4, 4, 5))
+    first, again, other = (kind(amount=0.8, seed=seed).paint(site).rgba for seed in (4, 4, 5))
     assert np.array_equal(first, again)
     assert np.abs(first[:, 3] - other[:, 3]).mean() > 0.03
 
 
 @EVERY_RECIPE
 def test_colours_are_earth_red_over_green_over_blue(kind, site):
-    color = kind(amount=1.0).paint(site)[:, :3]
+    color = kind(amount=1.0).paint(site).color
     assert (np.diff(color, axis=1) < 0.0).all()
+
+
+@EVERY_RECIPE
+def test_detail_sharpens_and_moves_little(kind, site):
+    """More texels are nearly clear or nearly covered, about as much is covered, and the other maps stay in range."""
+    sharp = [kind(amount=0.8, seed=seed, detail=1.0).paint(site) for seed in range(6)]
+    smooth = [kind(amount=0.8, seed=seed, detail=0.0).paint(site) for seed in range(6)]
+    means = [np.mean([coat.alpha for coat in coats]) for coats in (smooth, sharp)]
+    assert abs(means[1] - means[0]) < 0.15
+    if kind is not Dust:  # a film has no edges
+        between = [np.mean([(coat.alpha > 0.1) & (coat.alpha < 0.7) for coat in coats]) for coats in (smooth, sharp)]
+        assert between[1] < 0.8 * between[0]
+    for coat in sharp:
+        assert 0.2 < coat.roughness.min() <= coat.roughness.max() <= 1.0
+        assert 0.0 <= coat.metallic.min() <= coat.metallic.max() <= 1.0
+
+
+def test_bare_steel_is_smoother_than_rust_and_metallic(site):
+    for recipe in (Rust(amount=0.9, seed=2, detail=1.0), ChippedPaint(amount=0.9, seed=2)):
+        coat = recipe.paint(site)
+        steel, rest = (coat.alpha > 0.3) & (coat.metallic > 0.7), (coat.alpha > 0.3) & (coat.metallic < 0.1)
+        assert steel.sum() > 5
+        assert coat.roughness[steel].mean() < coat.roughness[rest].mean() - 0.1
 
 
 def test_road_dirt_falls_with_height(site):
@@ -101,7 +124,7 @@ def test_rust_bleeds_downward(site):
     """Flanks get runs on top of their blotches; the roof, where nothing can run, gets none."""
     flank, flat = np.abs(site.normal[:, 0]) > 0.9, np.abs(site.normal[:, 1]) > 0.9
     for seed in range(3):
-        dry, wet = (Rust(amount=0.7, seed=seed, bleed=bleed).paint(site)[:, 3] for bleed in (0.0, 1.5))
+        dry, wet = (Rust(amount=0.7, seed=seed, bleed=bleed).paint(site).alpha for bleed in (0.0, 1.5))
         assert (wet >= dry).all()
         assert wet[flank].mean() > dry[flank].mean() + 0.01
         assert np.array_equal(wet[flat], dry[flat])
