@@ -37,7 +37,9 @@ class TexelGeometry(Protocol):
 def weather(
     surface: Surface, buffer: TexelGeometry, recipe: Recipe, maps: Collection[str] = (), *, site: Site | None = None
 ) -> Float[Tensor, "rows cols channels"]:
-    """The weathering layer at a buffer's texels: linear RGB, straight alpha, then `maps`; float32 in [0, 1].
+    """The weathering layer at a buffer's texels: linear RGB, straight alpha, then `maps`; float32.
+
+    All values are in [0, 1], except x and y of a normal, which are in [-1, 1].
 
     It is deterministic and does not depend on the model's size. Texels outside the mask continue the layer as smoothly
     as the buffer's filled values do. It takes about two seconds at 256 x 256, mostly for visibility and curvature.
@@ -82,8 +84,8 @@ def recipe_from_options(name: str, options: Mapping[str, Any], maps: Collection[
 
 def _require_maps(recipe: Recipe, maps: Collection[str]) -> None:
     for name in maps:
-        if name not in recipe.matter:
-            known = ", ".join(recipe.matter)
+        if name not in recipe.matter and name != "normal":  # all matter is flat so far
+            known = ", ".join((*recipe.matter, "normal"))
             raise ConfigError(
                 f"weathering {type(recipe).__name__} has no values for {name}, only for {known}; "
                 f"remove {name} from 'maps'."

@@ -22,7 +22,7 @@ from svbrdfgan.weathering.ranges import check_ranges, number
 from svbrdfgan.weathering.site import Site
 
 Matter = Mapping[str, tuple[float, float]]
-"""The least and the greatest value of the matter in each further map, by the map's name."""
+"""The least and the greatest value of the matter in each further map, by the map's name. It has no relief so far."""
 
 
 class Recipe(Protocol):
@@ -59,7 +59,7 @@ class RoadDirt:
         ConfigError: an option out of its range.
     """
 
-    matter: ClassVar[Matter] = MappingProxyType({"roughness": (0.85, 0.95)})
+    matter: ClassVar[Matter] = MappingProxyType({"roughness": (0.85, 0.95), "metallic": (0.0, 0.0)})
 
     amount: float = number(0.8, 0.0, 1.0)
     seed: int = number(0, 0, 2**31 - 1)
@@ -101,7 +101,7 @@ class Dust:
         ConfigError: an option out of its range.
     """
 
-    matter: ClassVar[Matter] = MappingProxyType({"roughness": (0.92, 0.98)})
+    matter: ClassVar[Matter] = MappingProxyType({"roughness": (0.92, 0.98), "metallic": (0.0, 0.0)})
 
     amount: float = number(0.8, 0.0, 1.0)
     seed: int = number(0, 0, 2**31 - 1)
@@ -140,7 +140,7 @@ class Rust:
         ConfigError: an option out of its range.
     """
 
-    matter: ClassVar[Matter] = MappingProxyType({"roughness": (0.7, 0.9)})
+    matter: ClassVar[Matter] = MappingProxyType({"roughness": (0.7, 0.9), "metallic": (0.0, 0.0)})
 
     amount: float = number(0.8, 0.0, 1.0)
     seed: int = number(0, 0, 2**31 - 1)
@@ -173,10 +173,12 @@ class Rust:
         return 2.2 * np.maximum(np.max(above, axis=0), 0.0) * np.maximum(narrow, 0.0)
 
 
-def matter(recipe: Recipe, site: Site, name: str) -> Float[ndarray, " texels"]:
-    """The matter's value in the map `name` at each texel; it varies slowly over the surface."""
+def matter(recipe: Recipe, site: Site, name: str) -> Float[ndarray, "texels channels"]:
+    """The matter's value in the map `name` at each texel. It varies slowly over the surface; a `normal` is flat."""
+    if name == "normal":
+        return np.tile([0.0, 0.0, 1.0], (len(site.position), 1))
     least, greatest = recipe.matter[name]
-    return least + (greatest - least) * _ramp(-0.6, 0.6, _noise(recipe, site, (6.0, 6.0, 6.0), 7))
+    return (least + (greatest - least) * _ramp(-0.6, 0.6, _noise(recipe, site, (6.0, 6.0, 6.0), 7)))[:, None]
 
 
 RECIPES: Mapping[str, type[Recipe]] = MappingProxyType({"road-dirt": RoadDirt, "dust": Dust, "rust": Rust})

@@ -43,7 +43,7 @@ def sheet(own: Matrix, new: Matrix, maps: Mapping[str, FileMap]) -> tuple[Mesh, 
 
 
 def flat(value: np.ndarray, factor: tuple[float, ...] = (1.0, 1.0, 1.0)) -> FileMap:
-    return FileMap(factor, np.broadcast_to(value, (2, 3, 3)).astype(np.float32))
+    return FileMap(factor, np.tile(value.astype(np.float32), (2, 3, 1)))
 
 
 def frame(matrix: Matrix) -> np.ndarray:

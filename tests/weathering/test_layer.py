@@ -1,11 +1,14 @@
 """Layers in UV space: shape, dtype, independence of scale and place, smoothness from texel to texel."""
 
+from typing import ClassVar
+
 import numpy as np
 import pytest
 import torch
 
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.weathering import RECIPES, RoadDirt, Rust, recipe_from_options, weather
+from svbrdfgan.weathering.recipes import Matter
 
 
 def test_layer_has_the_buffer_s_shape(vehicle, texels):
@@ -31,11 +34,21 @@ def test_further_maps_follow_alpha_and_stay_in_their_range(vehicle, texels, name
 
 
 def test_a_map_that_a_recipe_does_not_know_is_refused(vehicle, texels):
-    said = "RoadDirt has no values for metallic, only for roughness; remove metallic from 'maps'"
+    class Paint(RoadDirt):
+        matter: ClassVar[Matter] = {"roughness": (0.1, 0.2)}
+
+    said = "Paint has no values for metallic, only for roughness, normal; remove metallic from 'maps'"
     with pytest.raises(ConfigError, match=said):
-        weather(vehicle, texels, RoadDirt(), ["metallic"])
-    with pytest.raises(ConfigError, match=said):
-        recipe_from_options("road-dirt", {}, ["metallic"])
+        weather(vehicle, texels, Paint(), ["metallic"])
+    assert weather(vehicle, texels, Paint(), ["normal"]).shape[-1] == 7
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_matter_is_no_metal_and_flat(vehicle, texels, name):
+    recipe = recipe_from_options(name, {"seed": 3}, ["normal", "metallic", "roughness"])
+    layer = weather(vehicle, texels, recipe, ["normal", "metallic", "roughness"])
+    assert torch.equal(layer[..., :5], weather(vehicle, texels, recipe, ["roughness"]))
+    assert torch.equal(layer[..., 5:], torch.tensor([0.0, 0.0, 0.0, 1.0]).expand(*layer.shape[:2], 4))
 
 
 @pytest.mark.parametrize(("scale", "most", "mean"), [(8.0, 1e-6, 1e-8), (10.0, 0.1, 2e-4)])
