@@ -29,7 +29,8 @@ from svbrdfgan.cli.options import (
     "maps",
     multiple=True,
     metavar="NAME=BARE",
-    help="Weather this map too, from its value on the bare surface, such as roughness=0.3; repeatable.",
+    help="Weather this map too, from its value on the bare surface, such as roughness=0.3 or normal=0 (flat); "
+    "repeatable. Other parts then keep the file's values, and glass its alpha.",
 )
 @click.option("--embedding", default="hemispherical", show_default=True, help="See `svbrdfgan embeddings`.")
 @learnable_option
@@ -68,7 +69,8 @@ def command(
         write = writer(out, picture, environment, renderer, bare)
         loaded = load_mesh(mesh)
         display.stage(f"unwrapping {mesh}")
-        subject = make_subject(loaded, load_embedding(embedding), resolution, selected(learnable) or PartSelection())
+        parts = selected(learnable) or PartSelection()
+        subject = make_subject(loaded, load_embedding(embedding), resolution, parts, file_maps=bool(bare))
         display.stage(f"weathering {mesh}")
         layer = weather(subject.surface, subject.buffer, chosen, bare)
         display.stage(f"writing {out}")

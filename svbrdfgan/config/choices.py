@@ -11,8 +11,8 @@ from svbrdfgan.config.models import StrictModel
 from svbrdfgan.types import Part
 from svbrdfgan.types.material import CHANNELS
 
-FURTHER_MAPS = tuple(name for name, channels in CHANNELS.items() if channels == 1)
-"""Maps that layers may have besides base_color: those with one channel in [0, 1]."""
+FURTHER_MAPS = tuple(name for name in CHANNELS if name != "base_color")
+"""Maps that layers may have besides base_color."""
 
 T = TypeVar("T")
 
@@ -24,11 +24,15 @@ def _in_order(maps: dict[str, T]) -> dict[str, T]:
             raise ValueError(
                 f"{name!r} is not a map that layers have besides base_color; known: {', '.join(FURTHER_MAPS)}"
             )
+    if "metallic" in maps and "roughness" not in maps:
+        raise ValueError("metallic needs roughness: declare a value for both")
+    if "normal" in maps and getattr(maps["normal"], "fixed", maps["normal"]) != 0:
+        raise ValueError("normal is the relief under the layer, of which there is none so far; wanted 0")
     return {name: maps[name] for name in FURTHER_MAPS if name in maps}
 
 
 FurtherMaps = Annotated[dict[str, T], AfterValidator(_in_order)]
-"""A value for each of the maps that a layer has besides base_color."""
+"""A value for each of the maps that a layer has besides base_color. That of `normal` is 0: no relief."""
 
 
 class PluginChoice(StrictModel):

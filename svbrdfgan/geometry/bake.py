@@ -11,10 +11,10 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
-from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError
+from svbrdfgan.geometry.bake_materials import bake_base_color, nearest_texels
 from svbrdfgan.geometry.layers import centroid_texels
 from svbrdfgan.geometry.normals import face_areas, face_normals, unit
 from svbrdfgan.geometry.rasterize import Fragments, Raster
@@ -22,7 +22,6 @@ from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.exr import save_exr
 from svbrdfgan.io.gltf import save_glb
 from svbrdfgan.io.image import linear_from_srgb, save_texture
-from svbrdfgan.rendering.texture_filter import sample_texture
 from svbrdfgan.types import Mesh, Surface
 
 
@@ -90,14 +89,6 @@ def bake(fragments: Fragments) -> GeometryBuffer:
     )
 
 
-def bake_base_color(mesh: Mesh, fragments: Fragments) -> tuple[Float[Tensor, ...], ...]:
-    """Each part's linear base colour: a constant (3,), or its texture resampled to the new UVs, (rows, cols, 3).
-
-    Texels that a part does not cover get the colour of the nearest texel that it covers.
-    """
-    return tuple(_base_color(mesh, fragments, part) for part in range(len(fragments.surface.parts)))
-
-
 def write_bake(
     directory: str | os.PathLike[str], mesh: Mesh, fragments: Fragments, buffer: GeometryBuffer
 ) -> dict[str, float | int]:
@@ -150,12 +141,6 @@ def exposed_faces(surface: Surface) -> Bool[ndarray, " faces"]:
     return ~np.array([part.hidden for part in surface.parts])[surface.face_part]
 
 
-def nearest_texels(mask: Bool[ndarray, "rows cols"]) -> tuple[Int[ndarray, "rows cols"], Int[ndarray, "rows cols"]]:
-    """For every texel, the row and the column of the nearest texel inside the mask."""
-    row, col = distance_transform_edt(~mask, return_distances=False, return_indices=True)
-    return row, col
-
-
 def _bounds(surface: Surface) -> Float[ndarray, "2 3"]:
     """Bounding box of the vertices that faces use."""
     used = surface.positions[np.unique(surface.faces)]
@@ -191,22 +176,6 @@ def _texel_areas(fragments: Fragments) -> Float[ndarray, "rows cols"]:
     small = exposed & (covered == 0)
     total += np.bincount(centroid_texels(surface, rows, cols)[small], area[small], rows * cols)
     return total.reshape(rows, cols)
-
-
-def _base_color(mesh: Mesh, fragments: Fragments, part: int) -> Float[Tensor, ...]:
-    surface = fragments.surface
-    source = surface.parts[part]
-    color = torch.tensor(source.base_color, dtype=torch.float32)
-    if source.texture is None or mesh.uv is None:
-        return color
-    texture = torch.from_numpy(source.texture).float()
-    raster = fragments.outermost(surface.face_part == part)
-    if not raster.mask.any():
-        return color * texture.mean(dim=(0, 1))
-    corners = np.einsum("fij,fjk->fik", surface.source_barycentric, mesh.uv[surface.source_face])
-    uv = np.einsum("rcj,rcjk->rck", raster.barycentric, corners[raster.face])[nearest_texels(raster.mask)]
-    sampled = sample_texture(texture, torch.from_numpy(uv).reshape(-1, 2), repeat=(True, True))
-    return color * sampled.float().reshape(*raster.mask.shape, 3)
 
 
 def _channels(buffer: GeometryBuffer) -> dict[str, Float[Tensor, "rows cols"]]:

@@ -24,6 +24,11 @@ class Tangents:
     direction: Float[ndarray, "faces 3 3"]
     handedness: Float[ndarray, " faces"]
 
+    def attribute(self) -> Float[ndarray, "faces 3 4"]:
+        """glTF's TANGENT at face corners: direction and handedness."""
+        hand = np.broadcast_to(self.handedness[:, None, None], (*self.direction.shape[:2], 1))
+        return np.concatenate([self.direction, hand], axis=-1)
+
 
 def corner_tangents(surface: Surface) -> Tangents:
     """The tangents of a surface.

@@ -23,7 +23,9 @@ def paint(
     """
     trained = model.config.dataset
     embedding = load_embedding(trained.embedding.name, trained.embedding.options)
-    subject = make_subject(mesh, embedding, trained.texture, learnable or trained.learnable)
+    subject = make_subject(
+        mesh, embedding, trained.texture, learnable or trained.learnable, file_maps=bool(trained.maps)
+    )
     with torch.no_grad():
         layer = model.generator(subject.geometry.unsqueeze(0))[0]
     return subject, layer

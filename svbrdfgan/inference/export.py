@@ -11,8 +11,10 @@ import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.nn.functional import normalize
 
 from svbrdfgan.errors import AssetError
+from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.io import linear_from_srgb, save_glb, save_image, save_texture
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import RGBA, over
@@ -34,8 +36,9 @@ def write_weathered(
 ) -> Path:
     """Writes the surface as GLB, with the layer composited over its learnable parts, and the layer as PNG beside it.
 
-    Roughness and metallic are in the GLB too. Each also becomes a PNG, such as `NAME.roughness.png`, whose numbers are
-    the map's own and not sRGB.
+    The maps are in the GLB too, with tangents where there are normals; other parts keep those of the mesh's file, and
+    its alpha. Each map also becomes a PNG, such as `NAME.roughness.png`, whose numbers are the map's own and not sRGB:
+    `NAME.normal.png` holds 0.5 + 0.5 (x, y, z), +y upwards.
 
     Args:
         maps: the maps that the layer paints beside base_color, with their values under the layer.
@@ -49,11 +52,16 @@ def write_weathered(
     materials = subject.materials({}, layer, maps)
     colors = {part: material.base_color for part, material in enumerate(materials.parts)}
     textures = {part: color for part, color in colors.items() if color.ndim == 3}
-    save_glb(path, subject.surface, textures, _gloss(subject, materials) if maps else {})
+    further = _further_maps(subject, materials)
+    tangents = None
+    if any("normal" in named for named in further.values()):
+        tangents = corner_tangents(subject.surface).attribute()
+    save_glb(path, subject.surface, textures, further, tangents)
     for name in maps or {}:
-        values = materials[subject.learnable[0]].maps[name]
+        values = further[subject.learnable[0]][name]
+        numbers = 0.5 + 0.5 * values if name == "normal" else values
         # save_texture encodes to sRGB; decoding first leaves the map's own numbers in the file
-        save_texture(path.with_suffix(f".{name}.png"), linear_from_srgb(values.clamp(0, 1)))
+        save_texture(path.with_suffix(f".{name}.png"), linear_from_srgb(numbers.clamp(0, 1)))
     layer_path = path.with_suffix(".layer.png")
     save_texture(layer_path, layer[..., :RGBA])
     return layer_path
@@ -110,10 +118,15 @@ def _camera(subject: Subject, azimuth: float, elevation: float) -> Camera:
     return Camera.orbit(*angles, _MARGIN * distance, (x, y, z), _FOV)
 
 
-def _gloss(subject: Subject, materials: Materials) -> dict[int, Float[Tensor, "rows cols 2"]]:
-    """Roughness and metallic by learnable part, all from the one layer; 1 and 0 for a map that it does not paint."""
-    painted = materials[subject.learnable[0]].maps
-    rough, metallic = painted.get("roughness"), painted.get("metallic")
-    shape = next(values.shape for values in (rough, metallic) if values is not None)
-    both = [torch.ones(shape) if rough is None else rough, torch.zeros(shape) if metallic is None else metallic]
-    return dict.fromkeys(subject.learnable, torch.cat(both, dim=-1))
+def _further_maps(subject: Subject, materials: Materials) -> dict[int, dict[str, Float[Tensor, "*shape"]]]:
+    """Roughness, metallic and unit normals by part. Learnable parts share the tensors of the one layer."""
+    further: dict[int, dict[str, Float[Tensor, "*shape"]]] = {}
+    for part, material in enumerate(materials.parts):
+        first = next((k for k in subject.learnable if k in further), None)
+        if part in subject.learnable and first is not None:
+            further[part] = further[first]
+            continue
+        further[part] = {name: values for name, values in material.maps.items() if name != "base_color"}
+        if "normal" in further[part]:
+            further[part]["normal"] = normalize(further[part]["normal"], dim=-1)
+    return further

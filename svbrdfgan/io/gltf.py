@@ -9,8 +9,8 @@ from __future__ import annotations
 import json
 import os
 import struct
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -23,9 +23,11 @@ from torch import Tensor
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.gltf_header import LAMBERTIAN
 from svbrdfgan.io.image import linear_from_srgb, texture_png
 from svbrdfgan.io.rows import merge_rows
-from svbrdfgan.types import Mesh, Part, Surface
+from svbrdfgan.types import FileMap, Mesh, Part, Surface
+from svbrdfgan.types.geometry import FILE_CHANNELS
 
 Texture = Float[Tensor, "rows cols channels"]
 
@@ -34,6 +36,7 @@ FLOAT, UINT = 5126, 5125
 VERTICES, INDICES = 34962, 34963
 LINEAR, CLAMP, REPEAT = 9729, 33071, 10497
 ROUGHNESS = 0.9
+"""How viewers show parts without gloss, which glTF does not know."""
 
 
 @dataclass
@@ -47,41 +50,50 @@ class _Document:
     materials: list[dict[str, Any]] = field(default_factory=list)
     meshes: list[dict[str, Any]] = field(default_factory=list)
     images: list[dict[str, Any]] = field(default_factory=list)
-    image_of: dict[int, int] = field(default_factory=dict)
+    image_of: dict[tuple[Any, ...], int] = field(default_factory=dict)
+    kept: list[Any] = field(default_factory=list)
+    """The textures whose addresses are keys of `image_of`, so that no other takes their place in memory."""
 
 
 def save_glb(
     path: str | os.PathLike[str],
     surface: Surface,
     textures: Mapping[int, Texture],
-    gloss: Mapping[int, Float[Tensor, "rows cols 2"]] = MappingProxyType({}),
+    maps: Mapping[int, Mapping[str, Float[Tensor, "*shape"]]] = MappingProxyType({}),
+    tangents: Float[ndarray, "faces 3 4"] | None = None,
 ) -> None:
     """Writes a surface as GLB, with one mesh per part.
 
     A texture that is given for several parts is stored once. A part without a texture gets its base colour, multiplied
-    by the mean of its own texture (which does not fit the surface's UVs).
+    by the mean of its own texture (which does not fit the surface's UVs). Parts keep their `alpha`.
 
     Args:
-        textures: linear base colour in [0, 1] by index of the part, row 0 at v = 0. RGB is opaque; RGBA is blended by
-            its straight alpha.
-        gloss: roughness and metallic in [0, 1] by index of the part; other parts are rough and not metallic.
+        textures: linear base colour in [0, 1] by index of the part, row 0 at v = 0. RGB has the part's own alpha; RGBA
+            is blended by its straight alpha.
+        maps: `roughness`, `metallic` and `normal` by index of the part and by name, each (channels,) or
+            (rows, cols, channels). Parts without roughness are marked as Lambertian, which viewers do not know: they
+            show them rough and not metallic.
+        tangents: at each corner, the unit tangent and the handedness. Written for parts with a normal texture.
 
     Raises:
         AssetError: the suffix is not .glb, a texture's part or shape is wrong, or the file cannot be written.
     """
     _check_suffix(path)
-    for given, channels in ((textures, (3, 4)), (gloss, (2,))):
-        for index, picture in given.items():
-            _check_texture(path, surface, index, picture, channels)
+    for index, picture in textures.items():
+        _check_texture(path, surface, index, picture, (3, 4))
+    for index, named in maps.items():
+        for name, values in named.items():
+            _check_texture(
+                path, surface, index, values.expand(1, 1, -1) if values.ndim == 1 else values, (FILE_CHANNELS[name],)
+            )
     document = _Document(surface.repeat)
     for index, part in enumerate(surface.parts):
-        used, faces = np.unique(surface.faces[surface.face_part == index], return_inverse=True)
-        if len(used):
-            texture = textures.get(index)
-            color = _mean_color(part) if texture is None else (1.0, 1.0, 1.0)
-            material = _add_material(document, part.name, color, texture, gloss.get(index))
-            attributes = {"POSITION": surface.positions, "NORMAL": surface.normals, "TEXCOORD_0": _top_left(surface.uv)}
-            _add_mesh(document, part.name, {name: a[used] for name, a in attributes.items()}, faces, material)
+        chosen = surface.face_part == index
+        if chosen.any():
+            look = _surface_maps(part, textures.get(index), maps.get(index, {}))
+            material = _add_material(document, part.name, look)
+            framed = tangents if "normal" in look else None
+            _add_mesh(document, part.name, *_surface_attributes(surface, chosen, framed), material)
     _write(path, document)
 
 
@@ -95,15 +107,52 @@ def save_mesh_glb(path: str | os.PathLike[str], mesh: Mesh) -> None:
     """
     _check_suffix(path)
     document = _Document((True, True))
-    textures = {id(part.texture): torch.from_numpy(part.texture) for part in mesh.parts if part.texture is not None}
     for index, part in enumerate(mesh.parts):
         chosen = mesh.face_part == index
         if chosen.any():
-            attributes, faces = _split_corners(mesh, chosen)
-            texture = textures.get(id(part.texture)) if mesh.uv is not None else None
-            material = _add_material(document, part.name, part.base_color, texture)
-            _add_mesh(document, part.name, attributes, faces, material)
+            look = {"base_color": FileMap(part.base_color, part.texture), **part.file_maps}
+            if mesh.uv is None:
+                look = {name: replace(given, texture=None) for name, given in look.items() if name != "normal"}
+            material = _add_material(document, part.name, look)
+            _add_mesh(document, part.name, *_split_corners(mesh, chosen), material)
     _write(path, document)
+
+
+def _surface_maps(
+    part: Part, texture: Texture | None, further: Mapping[str, Float[Tensor, "*shape"]]
+) -> dict[str, FileMap]:
+    """The maps of a surface's part, as `_add_material` takes them."""
+    color = FileMap(_mean_color(part)) if texture is None else _file_map(texture[..., :3])
+    look = {"base_color": color} | {name: _file_map(values) for name, values in further.items()}
+    if texture is not None and texture.shape[2] == 4:
+        look["alpha"] = _file_map(texture[..., 3:])
+    elif not part.opaque:
+        look["alpha"] = _file_map(torch.as_tensor(part.alpha, dtype=torch.float32)[..., None])
+    if "normal" in look and look["normal"].texture is None:  # a constant one is neutral: glTF has none
+        del look["normal"]
+    return look
+
+
+def _file_map(values: Float[Tensor, "*shape"]) -> FileMap:
+    if values.ndim == 1:
+        return FileMap(tuple(values.tolist()))
+    return FileMap((1.0,) * values.shape[-1], values.detach().cpu().numpy())
+
+
+def _surface_attributes(
+    surface: Surface, chosen: ndarray, tangents: Float[ndarray, "faces 3 4"] | None
+) -> tuple[dict[str, ndarray], Int[ndarray, " corners"]]:
+    """Attributes of the vertices of the chosen faces, split where tangents differ, and the corners' indices."""
+    vertex, tangent = surface.faces[chosen].reshape(-1), None
+    if tangents is None:
+        used, corners = np.unique(vertex, return_inverse=True)
+    else:
+        rows, corners = merge_rows(np.column_stack([vertex, tangents[chosen].reshape(-1, 4)]))
+        used, tangent = rows[:, 0].astype(np.int64), rows[:, 1:]
+    attributes = {"POSITION": surface.positions[used], "NORMAL": surface.normals[used]}
+    if tangent is not None:
+        attributes["TANGENT"] = tangent
+    return attributes | {"TEXCOORD_0": _top_left(surface.uv[used])}, corners.reshape(-1)
 
 
 def _check_texture(
@@ -183,40 +232,81 @@ def _add_mesh(
     document.meshes.append({"name": name, "primitives": [primitive]})
 
 
-def _add_material(
-    document: _Document,
-    name: str,
-    color: tuple[float, float, float],
-    texture: Texture | None,
-    gloss: Texture | None = None,
-) -> int:
-    pbr: dict[str, Any] = {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
-    blend = texture is not None and texture.shape[2] == 4
-    if texture is not None:
-        pbr["baseColorTexture"] = {"index": _add_image(document, texture, texture)}
-    if gloss is not None:
-        # glTF: green is roughness, blue is metallic, both linear. This undoes the sRGB encoding by `texture_png`.
-        numbers = linear_from_srgb(torch.cat([torch.zeros_like(gloss[..., :1]), gloss.clamp(0, 1)], dim=-1))
-        pbr |= {"metallicFactor": 1.0, "roughnessFactor": 1.0}
-        pbr["metallicRoughnessTexture"] = {"index": _add_image(document, gloss, numbers)}
-    document.materials.append(
-        {
-            "name": name,
-            "pbrMetallicRoughness": pbr,
-            "alphaMode": "BLEND" if blend else "OPAQUE",
-            "doubleSided": True,
-        }
-    )
+def _add_material(document: _Document, name: str, look: Mapping[str, FileMap]) -> int:
+    """The index of the material with these maps: `base_color`, and those that the part has of `FILE_CHANNELS`."""
+    color, alpha, normal = look["base_color"], look.get("alpha", FileMap((1.0,))), look.get("normal")
+    pbr: dict[str, Any] = {"baseColorFactor": [*color.factor, *alpha.factor]}
+    entry: dict[str, Any] = {"name": name, "pbrMetallicRoughness": pbr}
+    if alpha.texture is not None:
+        pbr["baseColorTexture"] = {"index": _add_image(document, _encoded_color, (color.texture, alpha.texture), 3)}
+    elif color.texture is not None:
+        pbr["baseColorTexture"] = {"index": _add_image(document, _encoded_color, (color.texture,), 3)}
+    pbr |= _gloss(document, look)
+    if normal is not None and normal.texture is not None:
+        picture = {"index": _add_image(document, _encoded_normal, (normal.texture,), 3)}
+        entry["normalTexture"] = picture if normal.factor[0] == 1.0 else picture | {"scale": normal.factor[0]}
+    entry |= {"alphaMode": "OPAQUE", "doubleSided": True}
+    if "alpha" in look:
+        entry |= {"alphaMode": "BLEND"} if alpha.cutoff is None else {"alphaMode": "MASK", "alphaCutoff": alpha.cutoff}
+    if "roughness" not in look:
+        entry["extras"] = {LAMBERTIAN: True}
+    document.materials.append(entry)
     return len(document.materials) - 1
 
 
-def _add_image(document: _Document, given: Texture, shown: Texture) -> int:
-    """The index of the image `shown`; it is stored once for all parts with the same texture `given`."""
-    if id(given) not in document.image_of:
-        document.image_of[id(given)] = len(document.images)
+def _gloss(document: _Document, look: Mapping[str, FileMap]) -> dict[str, Any]:
+    """The keys of roughness and metallic."""
+    if "roughness" not in look:
+        return {"metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
+    rough, metallic = look["roughness"], look.get("metallic", FileMap((0.0,)))
+    keys: dict[str, Any] = {"metallicFactor": metallic.factor[0], "roughnessFactor": rough.factor[0]}
+    if rough.texture is not None or metallic.texture is not None:
+        image = _add_image(document, _encoded_gloss, (rough.texture, metallic.texture), 1)
+        keys["metallicRoughnessTexture"] = {"index": image}
+    return keys
+
+
+def _encoded_color(*textures: Texture) -> Texture:
+    """RGB or RGBA; PNGs of linear RGB are sRGB, as glTF wants it."""
+    return torch.cat(textures, dim=-1)
+
+
+def _encoded_gloss(rough: Texture, metallic: Texture) -> Texture:
+    """glTF: green is roughness, blue is metallic, both linear. This undoes the sRGB encoding by `texture_png`."""
+    numbers = torch.cat([torch.zeros_like(rough), rough, metallic], dim=-1)
+    return linear_from_srgb(numbers.clamp(0, 1))
+
+
+def _encoded_normal(normal: Texture) -> Texture:
+    return linear_from_srgb((0.5 + 0.5 * normal).clamp(0, 1))
+
+
+def _add_image(
+    document: _Document,
+    encode: Callable[..., Texture],
+    textures: tuple[Float[ndarray, "rows cols channels"] | None, ...],
+    channels: int,
+) -> int:
+    """The index of the picture that `encode` makes of the textures; the same textures give one picture for all parts.
+
+    Args:
+        channels: of the first texture, if it is missing. A missing texture is 1 everywhere.
+
+    Raises:
+        AssetError: the textures that glTF keeps in one picture differ in size.
+    """
+    key = (encode, *(None if t is None else (t.ctypes.data, t.shape, t.strides) for t in textures))
+    if key not in document.image_of:
+        sizes = {texture.shape[:2] for texture in textures if texture is not None}
+        if len(sizes) > 1:
+            raise AssetError(f"textures that share a picture in GLB have the sizes {sorted(sizes)}; wanted one size.")
+        ones = np.ones((*sizes.pop(), channels), np.float32)
+        shown = encode(*(torch.from_numpy(ones if t is None else np.ascontiguousarray(t)).float() for t in textures))
         view = _add_view(document, texture_png(shown))
         document.images.append({"bufferView": view, "mimeType": "image/png"})
-    return document.image_of[id(given)]
+        document.image_of[key] = len(document.images) - 1
+        document.kept.append(textures)
+    return document.image_of[key]
 
 
 def _header(document: _Document) -> dict[str, Any]:

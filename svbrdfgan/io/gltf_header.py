@@ -1,4 +1,4 @@
-"""Read the JSON of a glTF or GLB file: checks before a mesh library loads it, and colours in full precision."""
+"""Read the JSON of a glTF or GLB file: checks before a mesh library loads it, and what it drops of materials."""
 
 from __future__ import annotations
 
@@ -14,17 +14,35 @@ MAX_ACCESSOR = 150_000_000
 """Elements per accessor: the corners of 50 million triangles. A header that claims more is broken; the mesh library
 would allocate memory for it without a check."""
 
+LAMBERTIAN = "lambertian"
+"""The key in a material's `extras` by which files of this package mark parts without gloss: glTF knows no such part."""
+
 UNREADABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization")
 """Extensions that change the encoding of the geometry, and that the mesh library does not support."""
 
 
 @dataclass(frozen=True)
 class HeaderMaterial:
-    """A material in the header: its linear base colour in full precision, and whether it has a texture."""
+    """What the mesh library rounds or drops of a material.
+
+    Attributes:
+        name: need not be unique.
+        base_color: linear, in full precision.
+        alpha: of the base colour, in full precision.
+        roughness, metallic: factors.
+        normal_scale: multiplies x and y of the normal texture.
+        textures: keys of the textures that the material names.
+        lambertian: whether this package wrote the material for a part that has no gloss.
+    """
 
     name: str | None
     base_color: tuple[float, float, float]
-    textured: bool
+    alpha: float
+    roughness: float
+    metallic: float
+    normal_scale: float
+    textures: frozenset[str]
+    lambertian: bool
 
 
 def read_materials(path: Path) -> tuple[HeaderMaterial, ...]:
@@ -89,5 +107,15 @@ def _check_accessors(path: Path, header: dict[str, Any]) -> None:
 
 def _material(material: dict[str, Any]) -> HeaderMaterial:
     pbr = material.get("pbrMetallicRoughness", {})
-    red, green, blue = (float(value) for value in pbr.get("baseColorFactor", (1.0, 1.0, 1.0))[:3])
-    return HeaderMaterial(material.get("name"), (red, green, blue), "baseColorTexture" in pbr)
+    red, green, blue, alpha = (float(value) for value in pbr.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0)))
+    extras = material.get("extras")
+    return HeaderMaterial(
+        name=material.get("name"),
+        base_color=(red, green, blue),
+        alpha=alpha,
+        roughness=float(pbr.get("roughnessFactor", 1.0)),
+        metallic=float(pbr.get("metallicFactor", 1.0)),
+        normal_scale=float(material.get("normalTexture", {}).get("scale", 1.0)),
+        textures=frozenset(key for key in (*pbr, *material) if key.endswith("Texture")),
+        lambertian=isinstance(extras, dict) and extras.get(LAMBERTIAN) is True,
+    )

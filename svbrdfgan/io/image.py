@@ -120,13 +120,22 @@ def linear_from_picture(image: Image) -> Float[Tensor, "height width channels"]:
     Raises:
         OSError, SyntaxError, ValueError: the image's file is broken (Pillow decodes lazily).
     """
+    values = numbers_from_picture(image)
+    return torch.cat([linear_from_srgb(values[..., :3]), values[..., 3:]], dim=-1)
+
+
+def numbers_from_picture(image: Image) -> Float[Tensor, "height width channels"]:
+    """The numbers in [0, 1] that a Pillow image stores, RGB or RGBA, for what is not sRGB; row 0 on top.
+
+    Raises:
+        OSError, SyntaxError, ValueError: the image's file is broken (Pillow decodes lazily).
+    """
     if image.mode.startswith("I"):  # 16-bit grey: Pillow's convert("RGB") would clip it to 8 bits
         grey = torch.from_numpy(np.asarray(image).astype(np.float32) / 65535.0)
-        return linear_from_srgb(grey.clamp(0, 1))[..., None].expand(-1, -1, 3).contiguous()
+        return grey.clamp(0, 1)[..., None].expand(-1, -1, 3).contiguous()
     alpha = "A" in image.getbands() or "transparency" in image.info
     pixels: UInt8[ndarray, "height width channels"] = np.array(image.convert("RGBA" if alpha else "RGB"))
-    values = torch.from_numpy(pixels).float() / 255.0
-    return torch.cat([linear_from_srgb(values[..., :3]), values[..., 3:]], dim=-1)
+    return torch.from_numpy(pixels).float() / 255.0
 
 
 def _load_eight_bit(path: Path) -> Float[Tensor, "height width channels"]:

@@ -28,9 +28,11 @@ MAX_COORDINATE = 1e9
 def load_mesh(path: str | os.PathLike[str]) -> Mesh:
     """The triangles of a mesh file, with its materials as parts and its own UVs where it has any.
 
-    Vertices at equal positions are merged, also across materials, and faces that lose a corner by this are dropped.
-    Normals in the file are ignored. If only some meshes of a file have UVs, the others get zeros. A missing or broken
-    texture image causes a warning.
+    Of glTF it reads base colour, roughness, metallic, normal textures and alpha; of MTL colour, alpha, `Pr` and `Pm`.
+    Extensions and a second set of UVs are ignored, and so are normals and tangents: the package computes its own.
+
+    Vertices at equal positions are merged, also across materials, and faces that lose a corner by this are dropped. If
+    only some meshes of a file have UVs, the others get zeros. A missing or broken texture image causes a warning.
 
     Raises:
         AssetError: the file is missing, broken or of another kind, has no faces, or has invalid coordinates.
@@ -69,11 +71,16 @@ def _merge_parts(found: Sequence[Part]) -> tuple[tuple[Part, ...], Int[ndarray, 
     index: dict[tuple[object, ...], int] = {}
     parts: list[Part] = []
     for part in found:
-        key = (part.name, part.base_color, id(part.texture))
-        if key not in index:
-            index[key] = len(parts)
+        if _identity(part) not in index:
+            index[_identity(part)] = len(parts)
             parts.append(replace(part, name=_free_name(part.name, {other.name for other in parts})))
-    return tuple(parts), np.array([index[part.name, part.base_color, id(part.texture)] for part in found])
+    return tuple(parts), np.array([index[_identity(part)] for part in found])
+
+
+def _identity(part: Part) -> tuple[object, ...]:
+    """Equal for parts of equal name and material. Textures are compared by their arrays, which a file's parts share."""
+    maps = [(name, m.factor, m.cutoff, id(m.texture)) for name, m in sorted(part.file_maps.items())]
+    return part.name, part.base_color, id(part.texture), *maps
 
 
 def _free_name(name: str, taken: set[str]) -> str:

@@ -6,27 +6,20 @@ import logging
 import mimetypes
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
-import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.gltf_header import HeaderMaterial, read_materials
-from svbrdfgan.io.image import linear_from_picture, linear_from_srgb
+from svbrdfgan.io.materials import Pictures, read_part
 from svbrdfgan.io.mesh_bytes import as_utf8, open_mesh
 from svbrdfgan.types import Part
 
-if TYPE_CHECKING:
-    from PIL.Image import Image
-
 log = logging.getLogger(__name__)
-
-Color = tuple[float, float, float]
-WHITE: Color = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,9 +99,9 @@ def _pieces(path: Path, scene: Any, header: tuple[HeaderMaterial, ...]) -> list[
     solid = [(matrix, name) for matrix, name in placed if isinstance(scene.geometry[name], trimesh.Trimesh)]
     if placed and not solid:
         raise AssetError(f"{path} holds only points or lines, no faces; export it as a mesh.")
-    pictures: dict[int, ndarray | None] = {}
+    pictures = Pictures(path)
     parts = {
-        name: _part(path, name if len(order) > 1 else path.stem, scene.geometry[name].visual, header, pictures)
+        name: read_part(pictures, name if len(order) > 1 else path.stem, scene.geometry[name].visual, header)
         for name in dict.fromkeys(name for _, name in solid)
     }
     return [_piece(path, scene.geometry[name], np.asarray(matrix), parts[name]) for matrix, name in solid]
@@ -128,72 +121,3 @@ def _piece(path: Path, geometry: Any, matrix: Float[ndarray, "4 4"], part: Part)
     fits = uv is not None and len(uv) == len(vertices)
     uv = np.asarray(uv, dtype=np.float64)[:, :2] if fits else None
     return Piece(vertices @ matrix[:3, :3].T + matrix[:3, 3], faces, uv, part)
-
-
-def _part(
-    path: Path, name: str, visual: Any, header: tuple[HeaderMaterial, ...], pictures: dict[int, ndarray | None]
-) -> Part:
-    """The part for a trimesh visual, named after its material, or after its mesh if the material has no name."""
-    import trimesh
-
-    if not isinstance(visual, trimesh.visual.TextureVisuals):
-        return _colored_part(path, name, visual)
-    material = visual.material
-    if isinstance(material, trimesh.visual.material.PBRMaterial):
-        color, textured = _gltf_color(material, header)
-        image = material.baseColorTexture
-    elif not material.kwargs and material.image is not None and material.image.format is None:
-        return Part(name)  # trimesh's placeholder material, for a file with UVs but no material
-    else:
-        color, textured = _mtl_color(material), False
-        image = material.image
-    if id(image) not in pictures:
-        pictures[id(image)] = _texture(path, image)
-    texture = pictures[id(image)]
-    if textured and image is None:
-        log.warning("%s: the picture of material '%s' cannot be read; its colour is used alone", path, material.name)
-    red, green, blue = np.clip(np.nan_to_num(color), 0.0, 1.0).tolist()
-    return Part(material.name or name, (red, green, blue), texture)
-
-
-def _colored_part(path: Path, name: str, visual: Any) -> Part:
-    """A part with the mean of the vertex or face colours (sRGB in the file), or the default colour if it has none."""
-    if visual.kind not in ("vertex", "face"):
-        return Part(name)
-    log.info("%s: colours of single vertices or faces are averaged over '%s'", path, name)
-    colors = np.asarray(visual.vertex_colors if visual.kind == "vertex" else visual.face_colors)[:, :3] / 255.0
-    red, green, blue = linear_from_srgb(torch.from_numpy(colors)).mean(dim=0).tolist()
-    return Part(name, (red, green, blue))
-
-
-def _gltf_color(material: Any, header: tuple[HeaderMaterial, ...]) -> tuple[Color, bool]:
-    """Base colour in full precision, and whether there is a texture: from the header's nearest material of that name.
-
-    trimesh rounds the colour to 8 bits.
-    """
-    stored = WHITE if material.baseColorFactor is None else tuple(material.baseColorFactor[:3] / 255.0)
-    named = [entry for entry in header if entry.name == material.name]
-    near = min(named, key=lambda entry: np.abs(np.subtract(entry.base_color, stored)).max(), default=None)
-    if near is None:
-        return stored, False
-    return near.base_color, near.textured
-
-
-def _mtl_color(material: Any) -> Color:
-    """Kd, read as linear. With a texture, a missing or black Kd is replaced by white, because exporters write it so."""
-    diffuse = material.kwargs.get("kd")
-    usable = isinstance(diffuse, list) and len(diffuse) == 3
-    if material.image is not None and not (usable and any(diffuse)):
-        return WHITE
-    return tuple(diffuse) if usable else Part("").base_color
-
-
-def _texture(path: Path, image: Image | None) -> Float[ndarray, "rows cols 3"] | None:
-    """Linear RGB with row 0 at v = 0. None if there is no image, or, with a warning, if it is broken."""
-    if image is None:
-        return None
-    try:
-        return linear_from_picture(image)[..., :3].flip(0).numpy()
-    except (OSError, SyntaxError, ValueError) as error:
-        log.warning("%s has a picture that cannot be read (%s); colours are used alone", path, error)
-        return None

@@ -19,7 +19,8 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io import srgb_from_linear
-from svbrdfgan.rendering.compositing import RGBA, composite
+from svbrdfgan.rendering.compositing import RGBA, bare_maps, composite
+from svbrdfgan.types.material import CHANNELS
 
 SeenTexels = Callable[[int], Float[Tensor, "rows cols"]]
 """Maps an exemplar's index to a texture that is positive where its picture shows the outermost learnable surface."""
@@ -38,12 +39,14 @@ class Target:
         truth: G0's layer.
         base: base colour under the layer, and the values of the further maps that the layer paints.
         weight: area in square metres of each scored texel; zero elsewhere.
+        maps: names of those further maps.
     """
 
     subject: int
     truth: Float[Tensor, "rows cols channels"]
     base: Float[Tensor, "rows cols values"]
     weight: Float[Tensor, "rows cols"]
+    maps: tuple[str, ...] = ()
 
     def error(self, layer: Float[Tensor, "*#size channels"]) -> Float[Tensor, ""]:
         """E of a layer."""
@@ -52,7 +55,8 @@ class Target:
     def errors(self, layer: Float[Tensor, "*#size channels"]) -> Float[Tensor, " maps"]:
         """E of a layer, followed by the error of each further map."""
         difference = (composite(self.base, layer) - composite(self.base, self.truth)).abs()
-        maps = torch.stack([difference[..., :3].mean(dim=-1), *difference[..., 3:].unbind(dim=-1)])
+        channels = [CHANNELS[name] for name in ("base_color", *self.maps)]
+        maps = torch.stack([values.mean(dim=-1) for values in difference.split(channels, dim=-1)])
         return (maps * self.weight).sum(dim=(1, 2)) / self.weight.sum()
 
 
@@ -91,8 +95,9 @@ def _target(exemplars: Exemplars, view: int, weight: Float[Tensor, "rows cols"])
     scene, truth = exemplars.scenes[view], exemplars.layers[view]
     assert truth is not None
     albedo = exemplars.subject(view).base_albedo(scene.materials)
-    base = torch.cat([albedo, torch.tensor(list(scene.maps.values())).expand(*albedo.shape[:2], -1)], dim=-1)
-    return Target(int(exemplars.subject_of[view]), truth.to(weight.device), base.to(weight.device), weight)
+    bare = [values.expand(*albedo.shape[:2], -1) for values in bare_maps(scene.maps).values()]
+    base, subject = torch.cat([albedo, *bare], dim=-1).to(weight.device), int(exemplars.subject_of[view])
+    return Target(subject, truth.to(weight.device), base, weight, tuple(scene.maps))
 
 
 def mean_errors(targets: Sequence[Target], layers: Float[Tensor, "subjects rows cols channels"]) -> list[float]:

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from svbrdfgan.networks.fused import Features, NormActPad, norm_act_pad
 from svbrdfgan.networks.layers import Norm, make_norm
-from svbrdfgan.rendering.compositing import RGBA
+from svbrdfgan.rendering.compositing import RGBA, has_normal
 
 GEOMETRY_CHANNELS = 6
 
@@ -41,7 +41,7 @@ class Generator(nn.Module):
         channels: int = RGBA,
     ) -> None:
         super().__init__()
-        self.channels = channels
+        self.channels, self.paints_normals = channels, has_normal(channels)
         self.first = nn.Conv2d(GEOMETRY_CHANNELS, width, 7, bias=_biased(norm))
         self.down = nn.Sequential(
             _conv(width, 2 * width, 3, norm, stride=2), _conv(2 * width, 4 * width, 3, norm, stride=2)
@@ -51,13 +51,20 @@ class Generator(nn.Module):
         self.last = PreActConv(nn.Conv2d(width, channels, 7), norm, pad=3)
 
     def forward(self, geometry: Float[Tensor, "batch 6 rows cols"]) -> Float[Tensor, "batch rows cols channels"]:
-        """Straight-alpha linear values in (0, 1). Rows and columns must be multiples of four, and at least 16."""
+        """Straight-alpha linear values in (0, 1), but x and y of normals in (-1, 1).
+
+        Rows and columns must be multiples of four, and at least 16. Where the last convolution gives 0, normals are
+        (0, 0, 0.5), which is flat.
+        """
         x: Tensor = self.down(self.first(norm_act_pad(geometry, NormActPad(pad=3)).padded))
         residual: Residual = None
         for block in self.blocks:
             x, residual = block(x, residual)
         x = self.last(self.up[1](self.up[0](x, residual)))
-        return torch.sigmoid(x.float()).permute(0, 2, 3, 1)
+        layer = torch.sigmoid(x.float()).permute(0, 2, 3, 1)
+        if not self.paints_normals:
+            return layer
+        return torch.cat([layer[..., :-3], 2.0 * layer[..., -3:-1] - 1.0, layer[..., -1:]], dim=-1)
 
 
 class PreActConv(nn.Module):

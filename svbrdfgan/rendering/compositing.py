@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import torch
 from jaxtyping import Float
@@ -20,6 +20,17 @@ def layer_channels(maps: Iterable[str]) -> int:
     return RGBA + sum(CHANNELS[name] for name in maps)
 
 
+def has_normal(channels: int) -> bool:
+    """Whether the last three of a layer's channels are a normal: no other map has three, and it comes last."""
+    return channels >= RGBA + CHANNELS["normal"]
+
+
+def bare_maps(maps: Mapping[str, float]) -> dict[str, Float[Tensor, " channels"]]:
+    """Maps under a layer, from the numbers that scenes declare for them. That of `normal` stands for the flat one."""
+    flat = torch.tensor([0.0, 0.0, 1.0])
+    return {name: flat if name == "normal" else torch.full((CHANNELS[name],), v) for name, v in maps.items()}
+
+
 def composite(base: Float[Tensor, "*shape values"], layer: Float[Tensor, "*shape channels"]) -> Float[Tensor, ...]:
     """`base` under a layer of straight alpha (thesis 3.1), of the broadcast shape.
 
@@ -31,18 +42,26 @@ def composite(base: Float[Tensor, "*shape values"], layer: Float[Tensor, "*shape
     return _blend(base, values, alpha)
 
 
-def composite_maps(base: Mapping[str, Tensor], layer: Float[Tensor, "rows cols channels"]) -> dict[str, Tensor]:
-    """The maps of a material under a layer that paints all of them.
+def composite_maps(
+    base: Mapping[str, Tensor], layer: Float[Tensor, "rows cols channels"], painted: Collection[str] | None = None
+) -> dict[str, Tensor]:
+    """The maps of a material under a layer.
+
+    Args:
+        painted: the maps that the layer paints beside base_color; by default all of the material's. Others stay bare.
 
     Raises:
-        AssetError: the layer does not have the channels of these maps.
+        AssetError: the layer does not have the channels of these maps, or the material lacks one of them.
     """
-    names = [name for name in CHANNELS if name in base]
+    if painted is not None and (lacking := [name for name in painted if name not in base]):
+        raise AssetError(f"a layer paints {', '.join(lacking)}, which the material under it does not have.")
+    names = [name for name in CHANNELS if name in (base if painted is None else {"base_color", *painted})]
     wanted = layer_channels(names[1:])
     if layer.shape[-1] != wanted:
         raise AssetError(f"a layer has {layer.shape[-1]} channels; wanted {wanted}, for {', '.join(names)} and alpha.")
     color, alpha, *further = layer.split([3, 1, *(CHANNELS[name] for name in names[1:])], dim=-1)
-    return {name: _blend(base[name], values, alpha) for name, values in zip(names, (color, *further), strict=True)}
+    laid = {name: _blend(base[name], values, alpha) for name, values in zip(names, (color, *further), strict=True)}
+    return {name: laid.get(name, values) for name, values in base.items()}
 
 
 def over(

@@ -24,28 +24,37 @@ _REMEDY = "delete it, and it is made again"
 
 def save_subject(path: Path, subject: Subject) -> None:
     """Writes a subject, so that no later process embeds and bakes its mesh again."""
-    surface, buffer = _tensors(subject.surface), _tensors(subject.buffer)
+    surface, buffer, surface_parts = _tensors(subject.surface), _tensors(subject.buffer), subject.surface.parts
     tensors = {f"surface.{k}": v for k, v in surface.items()} | {f"buffer.{k}": v for k, v in buffer.items()}
     tensors |= {f"base.{part}": base for part, base in enumerate(subject.base)}
-    parts = [{"name": p.name, "base_color": p.base_color, "hidden": p.hidden} for p in subject.surface.parts]
+    for part, maps in enumerate(subject.file_maps):
+        tensors |= {f"file.{part}.{name}": values for name, values in maps.items()}
+    tensors |= {f"alpha.{k}": torch.as_tensor(part.alpha) for k, part in enumerate(surface_parts) if not part.opaque}
+    parts = [{"name": p.name, "base_color": p.base_color, "hidden": p.hidden} for p in surface_parts]
     header = {"learnable": subject.learnable, "parts": parts, "repeat": subject.surface.repeat}
-    save_tensors(path, _SUBJECT, tensors, {"header": json.dumps(header)})
+    words = {"header": json.dumps(header | {"file_maps": bool(subject.file_maps)})}
+    save_tensors(path, _SUBJECT, tensors, words)
 
 
 def load_subject(path: Path) -> Subject:
-    """Reads what `save_subject` wrote. The parts' own textures are in `base` alone.
+    """Reads what `save_subject` wrote. What the mesh's file says of parts is in `base`, `file_maps` and alpha alone.
 
     Raises:
         AssetError: missing, damaged, or of another version.
     """
     with stored_tensors(path, _SUBJECT, _REMEDY) as (tensors, words):
         header = json.loads(words["header"])
-        parts = tuple(Part(p["name"], tuple(p["base_color"]), hidden=p["hidden"]) for p in header["parts"])
+        alphas = _under("alpha.", tensors)
+        parts = tuple(
+            Part(p["name"], tuple(p["base_color"]), hidden=p["hidden"], alpha=_alpha(alphas.get(str(k))))
+            for k, p in enumerate(header["parts"])
+        )
         arrays = {k: v.numpy() for k, v in _under("surface.", tensors).items()}
         surface = Surface(**arrays, parts=parts, repeat=tuple(header["repeat"]))
         buffer = GeometryBuffer(**_like(GeometryBuffer, _under("buffer.", tensors)))
         base = tuple(tensors[f"base.{part}"] for part in range(len(parts)))
-        subject = Subject(surface, buffer, tuple(header["learnable"]), base)
+        maps = [_under(f"file.{part}.", tensors) for part in range(len(parts))] if header.get("file_maps") else []
+        subject = Subject(surface, buffer, tuple(header["learnable"]), base, tuple(maps))
     return subject
 
 
@@ -63,6 +72,12 @@ def load_layer(path: Path) -> Float[Tensor, "rows cols channels"]:
     with stored_tensors(path, _LAYER, _REMEDY) as (tensors, _):
         layer = tensors["layer"]
     return layer
+
+
+def _alpha(stored: Tensor | None) -> float | Float[np.ndarray, "rows cols"]:
+    if stored is None:
+        return 1.0
+    return stored.numpy() if stored.ndim else float(stored)
 
 
 def _tensors(record: Any) -> dict[str, Tensor]:

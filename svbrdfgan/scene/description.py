@@ -15,7 +15,7 @@ from svbrdfgan.io.records import load_record, save_record
 from svbrdfgan.types import Camera
 
 MapValues = FurtherMaps[Annotated[float, Field(ge=0, le=1)]]
-"""By name, the value under the layer of each map that the layer paints beside base_color."""
+"""By name, the value under the layer of each map that the layer paints beside base_color; 0 is a flat `normal`."""
 
 
 class AssetRef(StrictModel):
@@ -65,8 +65,9 @@ class Scene(StrictModel):
     """The thesis's scene description Phi: what `svbrdfgan render` reads and every exemplar keeps.
 
     `materials` overrides the base colours of the named parts; parts not named keep the mesh's own. `maps` are those
-    that the layer paints beside base_color, with their values on the learnable parts under it. `weathering` is None
-    where there is none, and "unknown" in an imported picture, whose weathering nobody described.
+    that the layer paints beside base_color, with their values on the learnable parts under it. They also decide what is
+    rendered of the mesh's file: its values of these maps on other parts, and its alpha if there is any. `weathering` is
+    None where there is none, and "unknown" in an imported picture, whose weathering nobody described.
     """
 
     mesh: AssetRef

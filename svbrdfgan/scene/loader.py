@@ -106,7 +106,7 @@ class SceneLoader:
         mesh = load_mesh(self.file(scene.mesh))
         embedding = load_embedding(scene.embedding.name, scene.embedding.options)
         try:
-            made = make_subject(mesh, embedding, scene.texture, scene.learnable)
+            made = make_subject(mesh, embedding, scene.texture, scene.learnable, file_maps=bool(scene.maps))
         except (AssetError, EmbeddingError) as error:
             raise type(error)(f"{scene.mesh.path}: {error}") from error
         for warning in made.overlooked():
@@ -123,8 +123,11 @@ class SceneLoader:
 
 
 def subject_key(scene: Scene) -> str:
-    """A name for the scene's baked surface: equal for scenes that differ only in light, camera or materials."""
-    parts = (scene.mesh, scene.embedding, scene.texture, scene.learnable)
+    """A name for the scene's baked surface: equal for scenes that differ only in light, camera or materials.
+
+    What is baked of the mesh's file depends on whether the scene declares maps, and so does the name.
+    """
+    parts = (scene.mesh, scene.embedding, scene.texture, scene.learnable, *(["file maps"] if scene.maps else []))
     return f"{Path(scene.mesh.path).stem}-{_digest(*parts)}"
 
 

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import torch
 from jaxtyping import Bool, Float
+from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.errors import AssetError
-from svbrdfgan.geometry.bake import GeometryBuffer, bake, bake_base_color
+from svbrdfgan.geometry.bake import GeometryBuffer, bake
+from svbrdfgan.geometry.bake_materials import bake_base_color, bake_file_maps
 from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.protocols import UVEmbedding
-from svbrdfgan.rendering.compositing import composite, composite_maps
+from svbrdfgan.rendering.compositing import bare_maps, composite, composite_maps
 from svbrdfgan.types import Material, Materials, Mesh, Surface
-from svbrdfgan.types.material import CHANNELS
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,12 +30,15 @@ class Subject:
         buffer: position and normal of each texel, baked from the surface.
         learnable: indices of the parts that carry the layer.
         base: linear RGB reflectance of every part, constant (3,) or (rows, cols, 3) over the surface's UV.
+        file_maps: by name, what the mesh's file says of each part's roughness, metallic and normal, likewise
+            (channels,) or (rows, cols, channels). Empty if the subject was made for base colours alone.
     """
 
     surface: Surface
     buffer: GeometryBuffer
     learnable: tuple[int, ...]
     base: tuple[Float[Tensor, ...], ...]
+    file_maps: tuple[Mapping[str, Float[Tensor, ...]], ...] = ()
 
     @cached_property
     def geometry(self) -> Float[Tensor, "6 rows cols"]:
@@ -78,24 +82,29 @@ class Subject:
 
         Args:
             maps: the further maps that the layer paints, and their values under it, on learnable parts and on their
-                hidden halves. Other parts stay Lambertian.
+                hidden halves. Of these maps, other parts have what the mesh's file says; without roughness they are
+                Lambertian. With no further maps, all parts are.
 
         Raises:
             AssetError: the layer has channels for other maps.
         """
-        device = None if layer is None else layer.device
-        further = {name: torch.full((CHANNELS[name],), float(v), device=device) for name, v in (maps or {}).items()}
+        device, maps = None if layer is None else layer.device, maps or {}
+        bare = bare_maps(maps)
         names = [self.surface.parts[part].name for part in self.learnable]
         own = {*names, *(f"{name} (hidden)" for name in names)}
         made = []
         for part, color in enumerate(self.base_colors(override)):
-            base = {"base_color": color.to(device)}
-            if self.surface.parts[part].name in own:
-                base |= further
+            further = bare if self.surface.parts[part].name in own else self._of_file(part, maps)
+            base = {name: values.to(device) for name, values in {"base_color": color, **further}.items()}
             if layer is not None and part in self.learnable:
-                base = composite_maps(base, layer)
+                base = composite_maps(base, layer, maps)
             made.append(Material(base))
         return Materials(tuple(made))
+
+    def _of_file(self, part: int, maps: Collection[str]) -> dict[str, Float[Tensor, ...]]:
+        """What the file says of a part, of the maps that are rendered."""
+        given = self.file_maps[part] if self.file_maps else {}
+        return {name: values for name, values in given.items() if name in maps}
 
     def albedo(
         self, override: Mapping[str, tuple[float, float, float]], layer: Float[Tensor, "rows cols channels"]
@@ -113,8 +122,15 @@ class Subject:
         return albedo
 
 
-def make_subject(mesh: Mesh, embedding: UVEmbedding, resolution: int, selection: PartSelection) -> Subject:
+def make_subject(
+    mesh: Mesh, embedding: UVEmbedding, resolution: int, selection: PartSelection, *, file_maps: bool = False
+) -> Subject:
     """Embeds a mesh, hides its inner layers, and bakes its geometry buffer at resolution x resolution texels.
+
+    Args:
+        file_maps: whether roughness, metallic, normal and alpha of the mesh's file are baked, too. Data sets and calls
+            that declare maps beside base_color set it. For the others glass stays opaque and all is Lambertian, so that
+            pictures, stored light transport and runs of base colour do not change with what files say beside it.
 
     Raises:
         EmbeddingError: the mesh cannot be embedded.
@@ -130,4 +146,16 @@ def make_subject(mesh: Mesh, embedding: UVEmbedding, resolution: int, selection:
             f"no visible part is learnable: the mesh has {names}; include {list(selection.include)}, "
             f"exclude {list(selection.exclude)}. Change 'learnable' (--learnable) so that it selects one."
         )
-    return Subject(surface, buffer, learnable, bake_base_color(mesh, fragments))
+    base = bake_base_color(mesh, fragments)
+    if not file_maps:
+        return Subject(surface, buffer, learnable, base)
+    baked = bake_file_maps(mesh, fragments)
+    parts = tuple(replace(part, alpha=_alpha(maps)) for part, maps in zip(surface.parts, baked, strict=True))
+    further = tuple({name: values for name, values in maps.items() if name != "alpha"} for maps in baked)
+    return Subject(replace(surface, parts=parts), buffer, learnable, base, further)
+
+
+def _alpha(maps: Mapping[str, Float[Tensor, ...]]) -> float | Float[ndarray, "rows cols"]:
+    """A part's alpha as renderers take it: a number wherever one will do, since opaque parts are traced faster."""
+    alpha = maps.get("alpha", torch.ones(1)).clamp(0.0, 1.0)
+    return alpha[..., 0].numpy() if alpha.ndim == 3 and alpha.min() < alpha.max() else float(alpha.flatten()[0])

@@ -1,6 +1,6 @@
 """The records that all parts of the project exchange. They hold data and check it, and do nothing else."""
 
-from svbrdfgan.types.geometry import Mesh, Part, Surface
+from svbrdfgan.types.geometry import FileMap, Mesh, Part, Surface
 from svbrdfgan.types.material import DIELECTRIC_REFLECTANCE, LEAST_ROUGHNESS, Material, Materials
 from svbrdfgan.types.render import Gradients, Rendering, TransportSamples
 from svbrdfgan.types.view import Camera, Environment, View
@@ -10,6 +10,7 @@ __all__ = [
     "LEAST_ROUGHNESS",
     "Camera",
     "Environment",
+    "FileMap",
     "Gradients",
     "Material",
     "Materials",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -10,21 +11,45 @@ from numpy import ndarray
 
 from svbrdfgan.errors import AssetError
 
+FILE_CHANNELS = {"roughness": 1, "metallic": 1, "normal": 3, "alpha": 1}
+"""The maps that files give beside base colour, and their channels."""
+
+
+@dataclass(frozen=True)
+class FileMap:
+    """A map of a part's material as its file has it: `factor`, times the lookup in `texture` over the mesh's own `uv`.
+
+    Attributes:
+        factor: one number for each channel. Of `normal`: the scale of x, the scale of y, and 1.
+        texture: (rows, cols, channels), row 0 at v = 0; None if the map is the factor alone.
+        cutoff: of `alpha` alone: a product below it counts as 0 and any other as 1. None if alpha is blended.
+    """
+
+    factor: tuple[float, ...]
+    texture: Float[ndarray, "rows cols channels"] | None = None
+    cutoff: float | None = None
+
 
 @dataclass(frozen=True)
 class Part:
     """A group of faces that share one material.
+
+    A mesh's part has what its file says, over the mesh's own `uv`: `base_color`, `texture` and `file_maps`. Renderers
+    read none of these. They get materials, and `alpha`, over the UV of the surface that the mesh was embedded in.
 
     Attributes:
         name: the material's name in the file, unique within its mesh.
         base_color: linear RGB reflectance in [0, 1]; multiplies `texture` where there is one.
         texture: linear RGB reflectance (rows, cols, 3) over the mesh's own `uv`, row 0 at v = 0; None if constant.
         hidden: whether the faces lie below others at the same UV; they keep their base material and get no layer.
-        alpha: probability in [0, 1] that a ray which meets the part does not pass through it. A constant or, for the
-            parts of a surface, a texture (rows, cols) over the surface's UV, row 0 at v = 0.
+        alpha: probability in [0, 1] that a ray which meets the part does not pass through it: a constant, or a texture
+            (rows, cols) over the surface's UV, row 0 at v = 0. A mesh's part leaves it at 1; its file's is in
+            `file_maps`.
+        file_maps: by name, what the file says of `roughness`, `metallic`, `normal` and `alpha`. Without `roughness`
+            the part is Lambertian. Without `alpha` it is opaque.
 
     Raises:
-        AssetError: `alpha` is out of range, or not a texture.
+        AssetError: `alpha` is out of range or not a texture, or a file's map has an unknown name or other channels.
     """
 
     name: str
@@ -32,11 +57,20 @@ class Part:
     texture: Float[ndarray, "rows cols 3"] | None = None
     hidden: bool = False
     alpha: float | Float[ndarray, "rows cols"] = 1.0
+    file_maps: Mapping[str, FileMap] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         alpha = np.asarray(self.alpha)
         if alpha.ndim not in (0, 2) or alpha.size == 0 or not ((alpha >= 0.0) & (alpha <= 1.0)).all():
             raise AssetError(f"part {self.name!r} has an alpha that is not a number in [0, 1] or a texture of such.")
+        for name, given in self.file_maps.items():
+            channels = FILE_CHANNELS.get(name)
+            shape = (channels,) if given.texture is None else given.texture.shape[2:]
+            if channels is None or len(given.factor) != channels or shape != (channels,):
+                raise AssetError(
+                    f"part {self.name!r} has a map {name!r} of {len(given.factor)} channels; wanted one of "
+                    f"{', '.join(f'{known} ({size})' for known, size in FILE_CHANNELS.items())}."
+                )
 
     @property
     def opaque(self) -> bool:

@@ -137,7 +137,7 @@ def test_weather_with_a_further_map(car: Path, tmp_path: Path) -> None:
     failed(
         invoke(*words, "--map", "roughness=2"), "--map: maps.roughness: 2 is not allowed; wanted a number of at most 1"
     )
-    failed(invoke(*words, "--map", "metallic=0"), "has no values for metallic")
+    failed(invoke(*words, "--map", "metallic=0"), "--map: maps: metallic needs roughness")
 
 
 def test_weather_by_no_amount_is_clear(car: Path, tmp_path: Path) -> None:

@@ -35,9 +35,10 @@ def test_json_and_back(dataset_data: Data) -> None:
 
 
 def test_maps_are_ordered_alike_however_written() -> None:
-    one, other = ({"maps": {"metallic": 0, "roughness": 0.5}}, {"maps": {"roughness": 0.5, "metallic": 0}})
+    written = {"normal": 0, "metallic": {"uniform": [0, 1]}, "roughness": 0.5}
+    one, other = ({"maps": written}, {"maps": dict(reversed(written.items()))})
     configs = [validate(DatasetConfig, MINIMAL | maps, "here") for maps in (one, other)]
-    assert [list(config.maps) for config in configs] == [["roughness", "metallic"]] * 2
+    assert [list(config.maps) for config in configs] == [["roughness", "metallic", "normal"]] * 2
 
 
 @pytest.mark.parametrize(
@@ -69,7 +70,10 @@ def test_a_plugin_is_a_name_or_a_name_with_options(written: Any, dataset_data: D
         ({"splits": {"training": {"meshes": {"files": ["a"]}}}}, "splits"),
         ({"splits": {"train": {"views": 0}}}, r"splits\.train\.views.*at least 1"),
         ({"environment_brightness": float("nan")}, "environment_brightness"),
-        ({"maps": {"rough": 0.5}}, r"maps: 'rough' is not a map .* known: roughness, metallic"),
+        ({"maps": {"rough": 0.5}}, r"maps: 'rough' is not a map .* known: roughness, metallic, normal"),
+        ({"maps": {"metallic": 0}}, r"maps: metallic needs roughness: declare a value for both"),
+        ({"maps": {"normal": 1}}, r"maps: normal is the relief under the layer, .* wanted 0"),
+        ({"maps": {"normal": {"uniform": [0, 0.5]}}}, r"maps: normal is the relief under the layer, .* wanted 0"),
         ({"maps": {"base_color": 0.5}}, "maps: 'base_color' is not a map that layers have besides base_color"),
         ({"maps": {"roughness": "high"}}, r"maps\.roughness"),
         ({"maps": ["roughness"]}, "maps"),

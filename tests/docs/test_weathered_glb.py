@@ -53,7 +53,8 @@ def test_it_has_the_position_of_the_mesh_and_base_colour_alone(mesh: sg.Mesh, tm
     assert [node["name"] for node in header["nodes"]] == ["paint", "glass", "paint (hidden)", "glass (hidden)"]
     assert len(result.faces) > len(mesh.faces)
     for material in header["materials"]:
-        assert material.keys() == {"name", "pbrMetallicRoughness", "alphaMode", "doubleSided"}
+        assert material.keys() == {"name", "pbrMetallicRoughness", "alphaMode", "doubleSided", "extras"}
+        assert material["extras"] == {"lambertian": True}
         assert (material["alphaMode"], material["doubleSided"]) == ("OPAQUE", True)
         maps = {key for key in material["pbrMetallicRoughness"] if key.endswith("Texture")}
         assert maps == {"baseColorTexture"}

@@ -10,7 +10,8 @@ import torch
 import trimesh
 from svbrdfgan_hemispherical import HemisphericalEmbedding
 
-from svbrdfgan.geometry.bake import GeometryBuffer, bake, bake_base_color, write_bake
+from svbrdfgan.geometry.bake import GeometryBuffer, bake, write_bake
+from svbrdfgan.geometry.bake_materials import bake_base_color
 from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.geometry.normals import face_areas
 from svbrdfgan.geometry.rasterize import Fragments

@@ -56,7 +56,7 @@ def accessor(header: dict, binary: bytes, index: int) -> np.ndarray:
     entry = header["accessors"][index]
     view = header["bufferViews"][entry["bufferView"]]
     data = binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
-    columns = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[entry["type"]]
+    columns = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[entry["type"]]
     array = np.frombuffer(data, {5126: "<f4", 5125: "<u4"}[entry["componentType"]]).reshape(-1, columns)
     assert len(array) == entry["count"]
     assert view["byteOffset"] % 4 == 0
@@ -177,3 +177,39 @@ def test_what_cannot_be_written_is_refused(tmp_path: Path, name: str, textures: 
     with pytest.raises(AssetError, match=message):
         save_glb(tmp_path / name, quad_surface(), textures)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_vertices_are_split_where_tangents_differ_and_written_where_normals_are(tmp_path: Path) -> None:
+    """The first square's two faces have tangents of other hands; the second square has no normal map."""
+    tangents = np.zeros((4, 3, 4))
+    tangents[..., 0] = 1.0
+    tangents[..., 3] = np.array([1.0, -1.0, 1.0, 1.0])[:, None]
+    maps = {
+        0: {"roughness": torch.tensor([0.5]), "normal": torch.zeros(2, 2, 3)},
+        1: {"normal": torch.tensor([0, 0, 1.0])},
+    }
+    save_glb(tmp_path / "a.glb", quad_surface(), {}, maps, tangents)
+    header, binary = parse(tmp_path / "a.glb")
+    first, second = (mesh["primitives"][0]["attributes"] for mesh in header["meshes"])
+    assert "TANGENT" not in second
+    assert header["accessors"][first["TANGENT"]]["type"] == "VEC4"
+    assert header["accessors"][first["POSITION"]]["count"] == 6  # four corners, two of them on both faces
+    indices = accessor(header, binary, header["meshes"][0]["primitives"][0]["indices"]).ravel()
+    np.testing.assert_array_equal(accessor(header, binary, first["TANGENT"])[indices], tangents[:2].reshape(6, 4))
+    positions = accessor(header, binary, first["POSITION"])[indices]
+    np.testing.assert_array_equal(positions, quad_surface().positions[quad_surface().faces[:2]].reshape(6, 3))
+
+
+def test_a_part_keeps_its_alpha(tmp_path: Path) -> None:
+    """A constant, and a texture over the surface's UV beside the base colour's."""
+    surface, mask = quad_surface(), np.array([[0.0, 1.0], [1.0, 0.2]], np.float32)
+    paint, glass = surface.parts
+    parts = (Part("paint", paint.base_color, alpha=mask), Part("glass", glass.base_color, alpha=0.25))
+    save_glb(tmp_path / "a.glb", Surface(**{**vars(surface), "parts": parts}), {0: corners()})
+    header, binary = parse(tmp_path / "a.glb")
+    assert [material["alphaMode"] for material in header["materials"]] == ["BLEND", "BLEND"]
+    assert header["materials"][1]["pbrMetallicRoughness"]["baseColorFactor"] == [0.5, 0.5, 0.5, 0.25]
+    np.testing.assert_array_equal(picture(header, binary, 0)[::-1, :, 3], (255 * mask).round())
+    read = load_mesh(tmp_path / "a.glb").parts[0].file_maps["alpha"].texture
+    assert read is not None
+    np.testing.assert_allclose(read[..., 0], mask, atol=1e-6)

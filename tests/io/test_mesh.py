@@ -114,19 +114,21 @@ def test_loading_twice_gives_the_same_arrays(tmp_path: Path) -> None:
     assert first.parts == second.parts
 
 
-def test_parts_of_one_name_and_color_are_one_and_namesakes_get_numbers(tmp_path: Path) -> None:
+def test_parts_of_one_name_and_material_are_one_and_namesakes_get_numbers(tmp_path: Path) -> None:
     scene = trimesh.Scene()
-    for index, color in enumerate([(255, 0, 0, 255), (255, 0, 0, 255), (0, 0, 255, 255)]):
+    looks = [((255, 0, 0, 255), 0.5), ((255, 0, 0, 255), 0.5), ((0, 0, 255, 255), 0.5), ((255, 0, 0, 255), 0.25)]
+    for index, (color, rough) in enumerate(looks):
         box = trimesh.creation.box()
         box.apply_translation((3.0 * index, 0, 0))
-        material = trimesh.visual.material.PBRMaterial(name="paint", baseColorFactor=color, roughnessFactor=index / 3)
+        material = trimesh.visual.material.PBRMaterial(name="paint", baseColorFactor=color, roughnessFactor=rough)
         box.visual = trimesh.visual.TextureVisuals(material=material)
         scene.add_geometry(box)
     scene.export(tmp_path / "paints.glb")
     mesh = load_mesh(tmp_path / "paints.glb")
-    assert [part.name for part in mesh.parts] == ["paint", "paint_2"]
-    assert [part.base_color for part in mesh.parts] == [(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
-    np.testing.assert_array_equal(np.bincount(mesh.face_part), [24, 12])
+    assert [part.name for part in mesh.parts] == ["paint", "paint_2", "paint_3"]
+    assert [part.base_color for part in mesh.parts] == [(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)]
+    assert [part.file_maps["roughness"].factor for part in mesh.parts] == [(0.5,), (0.5,), (0.25,)]
+    np.testing.assert_array_equal(np.bincount(mesh.face_part), [24, 12, 12])
 
 
 def test_gltf_factors_keep_their_precision(tmp_path: Path) -> None:

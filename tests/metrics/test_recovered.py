@@ -64,7 +64,7 @@ def test_further_maps_are_judged_apart() -> None:
     truth, base = torch.full((2, 2, 5), 0.5), torch.full((2, 2, 4), 0.2)
     truth[..., 3] = torch.tensor([[1.0, 0.0], [1.0, 0.0]])
     truth[..., 4] = torch.tensor([[0.9, 0.1], [0.7, 0.1]])
-    target = Target(0, truth, base, torch.tensor([[1.0, 1.0], [3.0, 0.0]]))
+    target = Target(0, truth, base, torch.tensor([[1.0, 1.0], [3.0, 0.0]]), ("roughness",))
     made = truth.clone()
     made[..., 4] = 0.4
     torch.testing.assert_close(target.errors(made), torch.tensor([0.0, (1 * 0.5 + 3 * 0.3) / 5]))

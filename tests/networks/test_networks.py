@@ -21,6 +21,24 @@ def test_a_layer_has_a_channel_for_each_value_of_its_maps() -> None:
     assert Generator(width=4, blocks=0, channels=6)(torch.randn(1, 6, 16, 16)).shape == (1, 16, 16, 6)
 
 
+@pytest.mark.parametrize("channels", [7, 8, 9])
+def test_normals_tilt_to_all_sides_and_are_flat_at_first(channels: int) -> None:
+    generator = Generator(width=4, blocks=0, channels=channels)
+    initialise(generator, torch.Generator().manual_seed(0))
+    geometry = torch.randn(1, 6, 16, 16)
+    with torch.no_grad():
+        generator.last.convolve.weight *= 1e-3
+        first = generator(geometry)
+        torch.testing.assert_close(first[..., -3:], torch.tensor([0, 0, 0.5]).expand(1, 16, 16, 3), atol=0.02, rtol=0)
+        torch.testing.assert_close(first[..., :-3], torch.full((1, 16, 16, channels - 3), 0.5), atol=0.02, rtol=0)
+        generator.last.convolve.weight *= 1e6
+        painted = generator(geometry)
+    assert painted[..., -3:-1].min() < -0.9
+    assert painted[..., -3:-1].max() > 0.9
+    assert painted[..., -1].min() >= 0.0
+    assert painted[..., :-3].min() >= 0.0
+
+
 def test_thesis_generator() -> None:
     generator = Generator(upsampling="strided")
     assert sum(isinstance(m, ResidualBlock) for m in generator.modules()) == 6

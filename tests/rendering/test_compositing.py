@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.rendering.compositing import composite, composite_maps, layer_channels, over
+from svbrdfgan.rendering.compositing import bare_maps, composite, composite_maps, has_normal, layer_channels, over
 
 
 def test_clear_shows_the_base_and_opaque_the_layer() -> None:
@@ -60,6 +60,36 @@ def test_every_map_is_mixed_by_the_one_alpha() -> None:
     torch.testing.assert_close(made["base_color"], composite(base["base_color"], layer))
     expected = base["roughness"] * (1 - layer[..., 3:4]) + layer[..., 4:] * layer[..., 3:4]
     torch.testing.assert_close(made["roughness"], expected)
+
+
+def test_maps_that_the_layer_does_not_paint_stay_bare() -> None:
+    base = {"base_color": torch.rand(3), "metallic": torch.rand(1), "roughness": torch.rand(1), "normal": torch.rand(3)}
+    layer = torch.rand(2, 2, 8)
+    made = composite_maps(base, layer, ["normal", "roughness"])
+    assert made.keys() == base.keys()
+    assert made["metallic"] is base["metallic"]
+    painted = composite_maps({name: base[name] for name in ("base_color", "roughness", "normal")}, layer)
+    assert all(torch.equal(made[name], painted[name]) for name in painted)
+    torch.testing.assert_close(composite_maps(base, layer[..., :4], [])["normal"], base["normal"])
+
+
+def test_a_layer_that_paints_what_is_not_there_is_refused() -> None:
+    with pytest.raises(AssetError, match="a layer paints roughness, which the material under it does not have"):
+        composite_maps({"base_color": torch.rand(3)}, torch.rand(2, 2, 5), ["roughness"])
+
+
+def test_under_a_layer_normals_are_flat() -> None:
+    bare = bare_maps({"roughness": 0.25, "metallic": 1.0, "normal": 0.0})
+    assert {name: values.tolist() for name, values in bare.items()} == {
+        "roughness": [0.25],
+        "metallic": [1.0],
+        "normal": [0.0, 0.0, 1.0],
+    }
+
+
+@pytest.mark.parametrize(("maps", "normal"), [([], False), (["roughness", "metallic"], False), (["normal"], True)])
+def test_the_number_of_channels_says_whether_there_are_normals(maps: list[str], normal: bool) -> None:
+    assert has_normal(layer_channels(maps)) is normal
 
 
 @pytest.mark.parametrize("channels", [4, 6])

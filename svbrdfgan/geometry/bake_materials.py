@@ -1,0 +1,148 @@
+"""Materials of files over the UV of the surface that their mesh was embedded in: textures looked up at each texel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+from scipy.ndimage import distance_transform_edt
+from torch import Tensor
+
+from svbrdfgan.geometry.normals import corner_normals, unit
+from svbrdfgan.geometry.rasterize import Fragments
+from svbrdfgan.geometry.split import split_corners
+from svbrdfgan.geometry.tangents import Tangents, corner_tangents
+from svbrdfgan.rendering.texture_filter import sample_texture
+from svbrdfgan.types import FileMap, Mesh, Surface
+
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+def bake_base_color(mesh: Mesh, fragments: Fragments) -> tuple[Float[Tensor, ...], ...]:
+    """Each part's linear base colour: a constant (3,), or its texture resampled to the new UVs, (rows, cols, 3).
+
+    Texels that a part does not cover get the colour of the nearest texel that it covers.
+    """
+    parts = fragments.surface.parts
+    return tuple(
+        _looked_up(FileMap(part.base_color, part.texture), mesh, _Texels(fragments, index))
+        for index, part in enumerate(parts)
+    )
+
+
+def bake_file_maps(mesh: Mesh, fragments: Fragments) -> tuple[dict[str, Float[Tensor, ...]], ...]:
+    """Each part's `file_maps`, likewise: constants (channels,), or textures (rows, cols, channels) over the new UVs.
+
+    Normals are turned from the tangent frames of the mesh's own UVs into those of the surface's, at unit length.
+    """
+    parts = fragments.surface.parts
+    frames = None
+    if mesh.uv is not None and any("normal" in part.file_maps for part in parts):
+        frames = _Frames(corner_tangents(_over_own_uv(mesh, mesh.uv)), corner_tangents(fragments.surface))
+    baked = []
+    for index, part in enumerate(parts):
+        texels = _Texels(fragments, index)
+        maps = {name: _looked_up(given, mesh, texels) for name, given in part.file_maps.items() if name != "normal"}
+        if frames is not None and "normal" in part.file_maps:
+            maps["normal"] = frames.turned(_looked_up(part.file_maps["normal"], mesh, texels), texels)
+        baked.append(maps)
+    return tuple(baked)
+
+
+def nearest_texels(mask: Bool[ndarray, "rows cols"]) -> tuple[Int[ndarray, "rows cols"], Int[ndarray, "rows cols"]]:
+    """For every texel, the row and the column of the nearest texel inside the mask."""
+    row, col = distance_transform_edt(~mask, return_distances=False, return_indices=True)
+    return row, col
+
+
+@dataclass(eq=False)
+class _Texels:
+    """The points of one part that texels show. Where the part covers no texel, that of the nearest texel it covers."""
+
+    fragments: Fragments
+    part: int
+    _found: tuple[Int[ndarray, "rows cols"], Float[ndarray, "rows cols 3"]] | None = None
+
+    def points(self) -> tuple[Int[ndarray, "rows cols"], Float[ndarray, "rows cols 3"]] | None:
+        """Face of the surface and barycentric coordinates in it; None if the part covers no texel."""
+        if self._found is None:
+            raster = self.fragments.outermost(self.fragments.surface.face_part == self.part)
+            if not raster.mask.any():
+                return None
+            nearest = nearest_texels(raster.mask)
+            self._found = raster.face[nearest], raster.barycentric[nearest]
+        return self._found
+
+
+def _looked_up(given: FileMap, mesh: Mesh, texels: _Texels) -> Float[Tensor, ...]:
+    """The map at the part's texels, or as a constant: its mean, if the part covers none."""
+    value = torch.tensor(given.factor, dtype=torch.float32)
+    if given.texture is not None and mesh.uv is not None:
+        texture = torch.from_numpy(given.texture).float()
+        points, surface = texels.points(), texels.fragments.surface
+        if points is None:
+            value = value * texture.mean(dim=(0, 1))
+        else:
+            face, barycentric = points
+            corners = np.einsum("fij,fjk->fik", surface.source_barycentric, mesh.uv[surface.source_face])
+            uv = np.einsum("rcj,rcjk->rck", barycentric, corners[face])
+            sampled = sample_texture(texture, torch.from_numpy(uv).reshape(-1, 2), repeat=(True, True))
+            value = value * sampled.float().reshape(*face.shape, -1)
+    return value if given.cutoff is None else (value >= given.cutoff).float()
+
+
+@dataclass(frozen=True, eq=False)
+class _Frames:
+    """Tangent frames of a mesh's own UVs and of the surface's UVs."""
+
+    own: Tangents
+    new: Tangents
+
+    def turned(self, normal: Float[Tensor, ...], texels: _Texels) -> Float[Tensor, ...]:
+        """Unit normals in the surface's frames, from normals of any length in the mesh's own.
+
+        Both frames share the shading normal N. So this turns x and y about it, and mirrors them if one is left-handed.
+        """
+        points, surface = texels.points(), texels.fragments.surface
+        if points is None:
+            return torch.from_numpy(_UP).float()
+        face, barycentric = points
+        upward = unit(np.einsum("rcj,rcjk->rck", barycentric, surface.normals[surface.faces[face]]))
+        source = np.einsum("rcj,rcjk->rck", barycentric, surface.source_barycentric[face])
+        source_face = surface.source_face[face]
+        tangent = _perpendicular(np.einsum("rcj,rcjk->rck", barycentric, self.new.direction[face]), upward)
+        its = _perpendicular(np.einsum("rcj,rcjk->rck", source, self.own.direction[source_face]), upward)
+        hand, its_hand = self.new.handedness[face], self.own.handedness[source_face]
+        along = (its * tangent).sum(axis=-1)
+        across = hand * (its * np.cross(upward, tangent)).sum(axis=-1)
+        x, y, z = np.moveaxis(normal.double().numpy(), -1, 0)
+        y = y * hand * its_hand
+        turned = np.stack([x * along - y * across, x * across + y * along, z], axis=-1)
+        return torch.from_numpy(unit(turned, _UP)).float()
+
+
+def _perpendicular(
+    vectors: Float[ndarray, "rows cols 3"], normals: Float[ndarray, "rows cols 3"]
+) -> Float[ndarray, "rows cols 3"]:
+    """What is perpendicular to the normals, of unit length."""
+    return unit(vectors - (vectors * normals).sum(axis=-1, keepdims=True) * normals)
+
+
+def _over_own_uv(mesh: Mesh, uv: Float[ndarray, "faces 3 2"]) -> Surface:
+    """The mesh with its own UVs, which may leave the unit square, as an embedding would return it."""
+    normals = corner_normals(mesh.positions, mesh.faces)
+    corner, faces = split_corners(mesh.faces, mesh.face_part, normals, uv)
+    return Surface(
+        positions=mesh.positions[mesh.faces.ravel()[corner]],
+        normals=normals.reshape(-1, 3)[corner],
+        uv=uv.reshape(-1, 2)[corner],
+        faces=faces,
+        face_part=mesh.face_part,
+        parts=mesh.parts,
+        elevation=np.zeros(len(corner)),
+        source_face=np.arange(len(faces)),
+        source_barycentric=np.broadcast_to(np.eye(3), (len(faces), 3, 3)),
+    )

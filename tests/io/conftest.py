@@ -1,0 +1,54 @@
+"""Small mesh files that tests write by hand."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+Quad = Callable[..., Path]
+
+
+@pytest.fixture
+def quad(tmp_path: Path) -> Quad:
+    """Writes a unit square in the XY plane as .gltf: `quad(material, picture=codes, ...)`, codes (rows, cols, 3 | 4).
+
+    Textures are numbered in the order of the pictures.
+    """
+
+    def write(material: dict[str, Any], **pictures: np.ndarray) -> Path:
+        positions = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype="<f4")
+        uv = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], dtype="<f4")
+        indices = np.array([0, 1, 2, 0, 2, 3], dtype="<u4")
+        (tmp_path / "quad.bin").write_bytes(positions.tobytes() + uv.tobytes() + indices.tobytes())
+        for name, codes in pictures.items():
+            Image.fromarray(codes.astype(np.uint8)).save(tmp_path / f"{name}.png")
+        attributes = {"POSITION": 0, "TEXCOORD_0": 1}
+        header = {
+            "asset": {"version": "2.0"},
+            "scene": 0,
+            "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": attributes, "indices": 2, "material": 0}]}],
+            "materials": [material],
+            "images": [{"uri": f"{name}.png"} for name in pictures],
+            "textures": [{"source": index} for index in range(len(pictures))],
+            "buffers": [{"uri": "quad.bin", "byteLength": 104}],
+            "bufferViews": [
+                {"buffer": 0, "byteOffset": 0, "byteLength": 48},
+                {"buffer": 0, "byteOffset": 48, "byteLength": 32},
+                {"buffer": 0, "byteOffset": 80, "byteLength": 24},
+            ],
+            "accessors": [
+                {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+                {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"},
+                {"bufferView": 2, "componentType": 5125, "count": 6, "type": "SCALAR"},
+            ],
+        }
+        (tmp_path / "quad.gltf").write_text(json.dumps(header))
+        return tmp_path / "quad.gltf"
+
+    return write
