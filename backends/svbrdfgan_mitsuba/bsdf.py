@@ -1,8 +1,11 @@
-"""The BSDFs at many points at once: Lambertian, and glTF's dielectric (`docs/conventions.md`).
+"""The BSDFs at many points at once: Lambertian, and glTF's metallic-roughness material (`docs/conventions.md`).
 
-Directions are unit vectors away from the surface, in the frame of the shading normal turned to the viewer. `value` is
-the BSDF times the cosine, and differentiable. `sample` and `density` are detached: gradients treat drawn directions as
-constants, and a density that followed the roughness would bias them.
+Directions are unit vectors away from the surface, all in one frame, whose z axis is the interpolated shading normal N,
+turned to the viewer. The normal n about which a point reflects is a vector in this frame: the z axis itself where no
+part has a normal map. N only decides which directions are above the horizon, and that is the caller's business.
+
+`value` is the BSDF times the cosine n.w_i, and differentiable. `sample` and `density` are only called with values that
+have no gradient: gradients treat drawn directions as constants, and a density that followed a map would bias them.
 """
 
 from __future__ import annotations
@@ -11,94 +14,149 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from svbrdfgan.types import DIELECTRIC_REFLECTANCE, LEAST_ROUGHNESS
-from svbrdfgan_mitsuba.interop import dr, mitsuba
+from svbrdfgan_mitsuba.interop import dr
 
-GLOSS = 0.25
-"""Share of the directions at glossy points that are drawn from the gloss. It reflects little: F0 is 0.04."""
+GLOSS = (0.25, 0.75)
+"""Share of the directions at glossy points that are drawn from the gloss: of a dielectric, which reflects little, and
+of a metal. A metal has no diffuse lobe, but its gradient with respect to `metallic` is that of one."""
 
 
 class Bsdf(Protocol):
     """How a point reflects light."""
 
     def sample(self, choice: Any, random: Any) -> Any:
-        """A direction, drawn by a number and a pair of numbers in [0, 1)."""
+        """A direction, drawn by a number and a pair of numbers in [0, 1). It may be below a horizon."""
         ...
 
     def density(self, incoming: Any) -> Any:
-        """The density of `sample`, per steradian."""
+        """The density of `sample`, per steradian, above the horizon of n."""
         ...
 
     def value(self, incoming: Any) -> Any:
-        """The BSDF times the cosine; zero below the surface."""
+        """The BSDF times the cosine; zero below the horizon of n."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Lambertian:
-    """base_color / pi."""
+    """base_color / pi.
+
+    Attributes:
+        normal: n, or None for the z axis.
+    """
 
     mi: Any
     base_color: Any
+    normal: Any | None
 
     def sample(self, choice: Any, random: Any) -> Any:
-        return self.mi.warp.square_to_cosine_hemisphere(random)
+        return _to_frame(self.mi, self.normal, self.mi.warp.square_to_cosine_hemisphere(random))
 
     def density(self, incoming: Any) -> Any:
-        return dr.maximum(incoming.z, 0.0) * dr.inv_pi
+        return dr.maximum(cosine(self.normal, incoming), 0.0) * dr.inv_pi
 
     def value(self, incoming: Any) -> Any:
-        return self.base_color * (dr.maximum(incoming.z, 0.0) * dr.inv_pi)
+        return self.base_color * (dr.maximum(cosine(self.normal, incoming), 0.0) * dr.inv_pi)
 
 
 @dataclass(frozen=True, eq=False)
-class Dielectric:
-    """f = (1 - F) base_color / pi + F D G / (4 |n.w_o| |n.w_i|), or Lambertian where not `glossy`.
+class MetallicRoughness:
+    """The mixture of a dielectric and a metal, or Lambertian where not `glossy`.
 
     Attributes:
+        normal: n, or None for the z axis.
         roughness: as read from the map, not yet bounded below.
+        metallic: None for zero.
         glossy: whether the point's part has a roughness.
         viewer: direction to the viewer; its z is not negative.
     """
 
     mi: Any
     base_color: Any
+    normal: Any | None
     roughness: Any
+    metallic: Any | None
     glossy: Any
     viewer: Any
 
     def sample(self, choice: Any, random: Any) -> Any:
-        normal = self._facets(dr.detach(self.roughness)).sample(self.viewer, random)[0]
-        mirrored = self.mi.reflect(self.viewer, normal)
-        diffuse = self.mi.warp.square_to_cosine_hemisphere(random)
-        return dr.select(self.glossy & (choice < GLOSS), mirrored, diffuse)
+        drawn = self.mi.warp.square_to_cosine_hemisphere(random)
+        viewer = self.viewer if self.normal is None else self.mi.Frame3f(self.normal).to_local(self.viewer)
+        mirrored = self.mi.reflect(viewer, _visible_facet(self.mi, viewer, self._alpha, random))
+        return _to_frame(self.mi, self.normal, dr.select(choice < self._share, mirrored, drawn))
 
     def density(self, incoming: Any) -> Any:
-        half, facing = self._half(incoming)
-        facets = self._facets(dr.detach(self.roughness))
-        viewer = self.mi.Vector3f(self.viewer.x, self.viewer.y, dr.maximum(self.viewer.z, 1e-7))  # `pdf` divides by z
-        mirrored = facets.pdf(viewer, half) / (4.0 * dr.maximum(facing, 1e-12))
-        diffuse = dr.maximum(incoming.z, 0.0) * dr.inv_pi
-        mixed = dr.lerp(diffuse, dr.select(facing > 0.0, mirrored, 0.0), GLOSS)
-        return dr.select(self.glossy, mixed, diffuse)
+        diffuse = dr.maximum(cosine(self.normal, incoming), 0.0) * dr.inv_pi
+        # Of visible facets, G1 D (w_o.h) / (n.w_o), over the Jacobian 4 (w_o.h) of the reflection.
+        mirrored = self._facets(self._half(incoming)) * self._visible(dr.maximum(self._toward_viewer, 0.0)) / 4.0
+        return dr.lerp(diffuse, mirrored, self._share)
 
     def value(self, incoming: Any) -> Any:
-        half, facing = self._half(incoming)
-        cosine = dr.maximum(incoming.z, 0.0)
-        grazing = dr.power(dr.maximum(1.0 - facing, 0.0), 5)
-        fresnel = dr.lerp(DIELECTRIC_REFLECTANCE, 1.0, grazing)
-        fresnel = dr.select(self.glossy, fresnel, 0.0)
-        facets = self._facets(self.roughness)
-        shape = facets.eval(half) * facets.G(self.viewer, incoming, half)
-        mirrored = fresnel * shape / (4.0 * dr.maximum(self.viewer.z, 1e-7))  # the cosine to the light cancels
-        lit = (cosine > 0.0) & (self.viewer.z > 0.0)
-        diffuse = self.base_color * ((1.0 - fresnel) * cosine * dr.inv_pi)
-        return diffuse + dr.select(lit & self.glossy, mirrored, 0.0)
+        toward, half = dr.maximum(cosine(self.normal, incoming), 0.0), self._half(incoming)
+        p = dr.power(dr.maximum(1.0 - dr.dot(half, self.viewer), 0.0), 5)
+        fresnel = dr.lerp(DIELECTRIC_REFLECTANCE, 1.0, p)
+        masking = self._visible(dr.abs(self._toward_viewer)) * self._visible(toward)
+        lobe = self._facets(half) * masking * toward / 4.0  # D G / (4 |n.w_o| |n.w_i|), times the cosine
+        diffuse = toward * dr.inv_pi
+        tinted, white = (1.0 - fresnel) * diffuse, fresnel * lobe
+        if self.metallic is not None:
+            tinted = dr.lerp(tinted, (1.0 - p) * lobe, self.metallic)
+            white = dr.lerp(white, p * lobe, self.metallic)
+        return self.base_color * dr.select(self.glossy, tinted, diffuse) + dr.select(self.glossy, white, 0.0)
 
-    def _half(self, incoming: Any) -> tuple[Any, Any]:
-        """The half vector, and its cosine with either direction."""
-        half = dr.normalize(self.viewer + incoming)
-        return half, dr.dot(half, self.viewer)
+    @property
+    def _toward_viewer(self) -> Any:
+        return cosine(self.normal, self.viewer)
 
-    def _facets(self, roughness: Any) -> Any:
-        alpha = dr.square(dr.maximum(roughness, LEAST_ROUGHNESS))
-        return self.mi.MicrofacetDistribution(mitsuba.MicrofacetType.GGX, alpha)
+    @property
+    def _share(self) -> Any:
+        """Of the directions that are drawn from the gloss: none where n is turned away, and no facet is visible."""
+        metallic = self.mi.Float(0.0) if self.metallic is None else dr.clip(self.metallic, 0.0, 1.0)
+        return dr.select(self.glossy & (self._toward_viewer >= 0.0), dr.lerp(*GLOSS, metallic), 0.0)
+
+    @property
+    def _alpha(self) -> Any:
+        return dr.square(dr.maximum(self.roughness, LEAST_ROUGHNESS))
+
+    def _half(self, incoming: Any) -> Any:
+        return dr.normalize(self.viewer + incoming)
+
+    def _facets(self, half: Any) -> Any:
+        """D: the density of facets that face `half`."""
+        squared = dr.square(self._alpha)
+        along = cosine(self.normal, half)
+        across = (
+            half.x * half.x + half.y * half.y if self.normal is None else dr.squared_norm(dr.cross(self.normal, half))
+        )
+        # The sine does not come from the cosine, which would cancel: at the least roughness, lobes are 0.0025 wide.
+        spread = dr.fma(squared, along * along, across)
+        return dr.select(along > 0.0, squared * dr.inv_pi / dr.square(spread), 0.0)
+
+    def _visible(self, cosine: Any) -> Any:
+        """G1 / cosine: Smith's masking, divided by what it tends to."""
+        squared = dr.square(self._alpha)
+        return 2.0 / (cosine + dr.sqrt(dr.fma(1.0 - squared, cosine * cosine, squared)))
+
+
+def cosine(normal: Any | None, direction: Any) -> Any:
+    """Of the angle between the normal, or the z axis, and a direction."""
+    return direction.z if normal is None else dr.dot(normal, direction)
+
+
+def _to_frame(mi: Any, normal: Any | None, direction: Any) -> Any:
+    """A direction about the z axis, turned to be about the normal."""
+    return direction if normal is None else mi.Frame3f(normal).to_world(direction)
+
+
+def _visible_facet(mi: Any, viewer: Any, alpha: Any, random: Any) -> Any:
+    """The normal of a facet that the viewer sees, about the z axis.
+
+    Stretched to a hemisphere, the facets mirror the viewer's direction evenly into a spherical cap (Dupuy and Benyoub,
+    "Sampling Visible GGX Normals with Spherical Caps", 2023).
+    """
+    stretched = dr.normalize(mi.Vector3f(alpha * viewer.x, alpha * viewer.y, dr.maximum(viewer.z, 0.0)))
+    z = dr.fma(1.0 - random.y, 1.0 + stretched.z, -stretched.z)
+    sine, cosine = dr.sincos(2.0 * dr.pi * random.x)
+    radius = dr.safe_sqrt(1.0 - z * z)
+    half = mi.Vector3f(radius * cosine + stretched.x, radius * sine + stretched.y, z + stretched.z)
+    return dr.normalize(mi.Vector3f(alpha * half.x, alpha * half.y, dr.maximum(half.z, 0.0)))

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.types import TransportSamples
+from svbrdfgan.types.material import CHANNELS
 from svbrdfgan_mitsuba.interop import dr, tensor
 from svbrdfgan_mitsuba.scene import CameraSamples, FilmChunk
 from svbrdfgan_mitsuba.textures import GradientAccumulator, Taps
@@ -51,13 +52,13 @@ class PathIntegrator:
     @property
     def linear(self) -> bool:
         """Whether pictures are linear in the base colour."""
-        return self.bounces == 1 and self.tracer.maps.roughness is None
+        return self.bounces == 1 and "roughness" not in self.tracer.maps.atlases
 
     def trace_direct(self, chunk: FilmChunk) -> DirectSamples:
         """The samples of a chunk of a linear picture, 25 bytes each."""
         mi, samples = self.tracer.mi, CameraSamples.of(self.tracer.mi, chunk)
         vertex = self._vertex(self.tracer.camera_hits(samples), samples, 1)
-        white = replace(vertex.values, base_color=mi.Color3f(1.0))
+        white = replace(vertex.values, maps={**vertex.values.maps, "base_color": mi.Color3f(1.0)})
         direct = DirectSamples(vertex.found, vertex.part, vertex.uv, self.tracer.shade(vertex, white)[0])
         dr.eval(direct.found, direct.part, direct.uv, direct.weight)
         return direct
@@ -79,8 +80,8 @@ class PathIntegrator:
     ) -> None:
         """Adds what `backward` adds for the base colour, from traced samples."""
         grad = direct.weight * chunk.mean_vjp(self.tracer.mi, grad_image)
-        self._color_taps(direct).scatter(accumulator.base_color, list(grad))
-        dr.eval(accumulator.base_color)
+        self._color_taps(direct).scatter(accumulator.maps["base_color"], list(grad))
+        dr.eval(accumulator.maps)
         dr.sync_thread()
 
     def forward(self, chunk: FilmChunk) -> tuple[Float[Tensor, "pixels 3"], Float[Tensor, " pixels"]]:
@@ -163,8 +164,7 @@ def _leaves(values: VertexValues, accumulator: GradientAccumulator) -> VertexVal
     """The values, with those that are differentiated as leaves of a new graph."""
     environment = accumulator.environment is not None
     return VertexValues(
-        _leaf(values.base_color, accumulator.base_color is not None),
-        _leaf(values.roughness, accumulator.roughness is not None),
+        {name: _leaf(value, name in accumulator.maps) for name, value in values.maps.items()},
         (_leaf(values.radiance[0], environment), _leaf(values.radiance[1], environment)),
     )
 
@@ -179,11 +179,10 @@ def _leaf(value: Any, wanted: bool) -> Any:
 
 def _accumulate(accumulator: GradientAccumulator, vertex: Vertex, leaves: VertexValues) -> None:
     """Adds the gradients of the leaves to the sums of the texels that they were read from."""
-    if accumulator.base_color is not None:
-        vertex.color_taps.scatter(accumulator.base_color, list(dr.grad(leaves.base_color)))
-    if accumulator.roughness is not None and vertex.roughness_taps:
-        vertex.roughness_taps.scatter(accumulator.roughness, [dr.grad(leaves.roughness)])
+    for name, sums in accumulator.maps.items():
+        grad = dr.grad(leaves.maps[name])
+        vertex.lookups[name].taps.scatter(sums, list(grad) if CHANNELS[name] > 1 else [grad])
     if accumulator.environment is not None:
         for taps, radiance in zip(vertex.radiance_taps, leaves.radiance, strict=True):
             taps.scatter(accumulator.environment, list(dr.grad(radiance)))
-    dr.eval(accumulator.base_color, accumulator.roughness, accumulator.environment)
+    dr.eval(accumulator.maps, accumulator.environment)

@@ -19,7 +19,7 @@ from svbrdfgan_mitsuba.integrator import PathIntegrator
 from svbrdfgan_mitsuba.interop import wait_for_torch
 from svbrdfgan_mitsuba.render_pass import RenderPass
 from svbrdfgan_mitsuba.scene import FilmChunk, PreparedCamera, PreparedSurface, film_chunks
-from svbrdfgan_mitsuba.textures import MaterialMaps, snapshot
+from svbrdfgan_mitsuba.textures import NEUTRAL, MaterialMaps, snapshot
 from svbrdfgan_mitsuba.vertex import PathTracer
 
 
@@ -51,8 +51,8 @@ class MitsubaRenderer:
     @property
     def capabilities(self) -> RendererCapabilities:
         return RendererCapabilities(
-            maps=frozenset({"base_color", "roughness"}),
-            differentiable=frozenset({"base_color", "roughness", "environment"}),
+            maps=frozenset(NEUTRAL),
+            differentiable=frozenset({*NEUTRAL, "environment"}),
             max_bounces=self.max_bounces,
             transport=self.max_bounces == 1,
             stochastic=True,
@@ -78,7 +78,7 @@ class MitsubaRenderer:
         spp: int,
         seed: int,
     ) -> Gradients:
-        """The gradient; see `Renderer.render_vjp`. Roughness's and light's treat the drawn directions as constants."""
+        """The gradient; see `Renderer.render_vjp`. All but base colour's treat the drawn directions as constants."""
         check_cotangent("mitsuba", view, grad_image)
         return self._render_pass(prepared, materials, view, wrt, spp, seed).backward(grad_image)
 

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from svbrdfgan.types import Surface, View
 from svbrdfgan_mitsuba.interop import dr, floats, tensor, unsigned
+from svbrdfgan_mitsuba.normal_map import TangentFrames
 from svbrdfgan_mitsuba.variant import assign, instantiate, load
 
 VERTICES = {"cpu": 2**20, "cuda": 2**23}
@@ -28,6 +29,7 @@ class PreparedSurface:
         mesh: the triangles alone. It is queried directly: a call through the scene would compile in every shape that
             is alive in the process.
         face_part: the part of each face.
+        tangents: for normal maps.
         centre, radius: of the sphere, in the surface's own coordinates.
         parts: the parts' names.
         repeat: `Surface.repeat`.
@@ -37,6 +39,7 @@ class PreparedSurface:
     scene: Any
     mesh: Any
     face_part: Any
+    tangents: TangentFrames
     centre: Float[ndarray, 3]
     radius: float
     parts: tuple[str, ...]
@@ -56,6 +59,7 @@ def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
         scene=instantiate(device, {"type": "scene", "surface": mesh}),
         mesh=mesh,
         face_part=unsigned(mi, torch.tensor(surface.face_part), device),
+        tangents=TangentFrames(mi, surface, device),
         centre=centre,
         radius=radius,
         parts=tuple(part.name for part in surface.parts),

@@ -5,7 +5,7 @@ One list holds a map of all parts, so that one kernel serves every surface.
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,9 @@ from torch import Tensor
 
 from svbrdfgan.types import Environment, Gradients, Material, Materials
 from svbrdfgan_mitsuba.interop import dr, floats, tensor, unsigned
+
+NEUTRAL = {"base_color": (1.0, 1.0, 1.0), "roughness": (1.0,), "metallic": (0.0,), "normal": (0.0, 0.0, 1.0)}
+"""The maps that are read, and what is read where another part has the map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,25 +123,49 @@ class Atlas:
 
 
 @dataclass(frozen=True, eq=False)
-class MaterialMaps:
-    """The maps of all parts.
+class Lookup:
+    """What many points read in one map.
 
     Attributes:
-        roughness: None if no part has one.
+        given: whether the point's part has the map.
+        value: a colour, a vector or a number at each point.
     """
 
-    base_color: Atlas
-    roughness: Atlas | None
+    taps: Taps
+    given: Any
+    value: Any
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialMaps:
+    """The maps of all parts, by name: the base colour, and those that some part has.
+
+    Other maps are not in the kernels, so that scenes without them cost nothing for them.
+    """
+
+    atlases: Mapping[str, Atlas]
 
     @classmethod
     def of(cls, mi: Any, materials: Materials, repeat: tuple[bool, bool], device: torch.device) -> MaterialMaps:
         """The maps of these materials."""
-        color = [material.base_color for material in materials.parts]
-        rough = [material.maps.get("roughness") for material in materials.parts]
-        none, (white, smooth) = all(value is None for value in rough), torch.ones(4, device=device).split([3, 1])
-        return cls(
-            Atlas.of(mi, color, white, repeat, device), None if none else Atlas.of(mi, rough, smooth, repeat, device)
-        )
+        atlases = {}
+        for name, neutral in NEUTRAL.items():
+            given = [material.maps.get(name) for material in materials.parts]
+            if any(value is not None for value in given):
+                atlases[name] = Atlas.of(mi, given, torch.tensor(neutral, device=device), repeat, device)
+        return cls(atlases)
+
+    @property
+    def base_color(self) -> Atlas:
+        return self.atlases["base_color"]
+
+    def lookups(self, mi: Any, part: Any, uv: Any, active: Any) -> Mapping[str, Lookup]:
+        """The lookup of each map at each point of a part."""
+        found = {}
+        for name, atlas in self.atlases.items():
+            taps, given = atlas.taps(mi, part, uv, active)
+            found[name] = Lookup(taps, given, taps.read(_kind(mi, name), atlas.texels))
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,31 +173,30 @@ class GradientAccumulator:
     """Sums of gradients, float64, for each number of the inputs that are differentiated; None for the others.
 
     In float32 the sum for a constant map would stop growing after 2^24 equal additions.
+
+    Attributes:
+        maps: by the name of the map; only of those that are differentiated.
+        environment: None if it is not differentiated.
     """
 
     mi: Any
-    base_color: Any
-    roughness: Any
-    environment: Any
+    maps: Mapping[str, Any]
+    environment: Any | None
 
     @classmethod
     def of(cls, mi: Any, maps: MaterialMaps, environment: Environment, wrt: Set[str]) -> GradientAccumulator:
         """Sums of zero."""
         return cls(
             mi,
-            maps.base_color.zeros(mi) if "base_color" in wrt else None,
-            maps.roughness.zeros(mi) if maps.roughness and "roughness" in wrt else None,
+            {name: atlas.zeros(mi) for name, atlas in maps.atlases.items() if name in wrt},
             dr.zeros(mi.Float64, environment.radiance.numel()) if "environment" in wrt else None,
         )
 
     def gradients(self, maps: MaterialMaps, environment: torch.Size) -> Gradients:
         """The sums, shaped like the maps and the environment's image."""
         parts: list[dict[str, Tensor]] = [{} for _ in maps.base_color.shapes]
-        for name, atlas, sums in (
-            ("base_color", maps.base_color, self.base_color),
-            ("roughness", maps.roughness, self.roughness),
-        ):
-            for part, gradient in enumerate(atlas.split(sums) if atlas and sums is not None else ()):
+        for name, sums in self.maps.items():
+            for part, gradient in enumerate(maps.atlases[name].split(sums)):
                 if gradient is not None:
                     parts[part][name] = gradient
         light = None if self.environment is None else tensor(self.mi.Float(self.environment)).view(environment)
@@ -185,6 +211,11 @@ def snapshot(materials: Materials) -> Materials:
     if len(materials) > 1:
         return materials
     return Materials(tuple(Material({n: m.detach().clone() for n, m in part.maps.items()}) for part in materials.parts))
+
+
+def _kind(mi: Any, name: str) -> type[Any]:
+    kinds: dict[str, type[Any]] = {"base_color": mi.Color3f, "normal": mi.Vector3f}
+    return kinds.get(name, mi.Float)
 
 
 def _neighbours(coordinate: Any, size: Any, repeat: Any) -> tuple[Any, Any, Any]:

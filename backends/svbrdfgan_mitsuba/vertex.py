@@ -11,14 +11,16 @@ maps and radiance, as plain values. The transposed lookup carries their gradient
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from svbrdfgan_mitsuba.bsdf import Bsdf, Dielectric, Lambertian
+from svbrdfgan_mitsuba.bsdf import Bsdf, Lambertian, MetallicRoughness, cosine
 from svbrdfgan_mitsuba.environment import EnvironmentEmitter
 from svbrdfgan_mitsuba.interop import dr
+from svbrdfgan_mitsuba.normal_map import tilted_normal
 from svbrdfgan_mitsuba.scene import CameraSamples, PreparedCamera, PreparedSurface
-from svbrdfgan_mitsuba.textures import MaterialMaps, Taps
+from svbrdfgan_mitsuba.textures import Lookup, MaterialMaps, Taps
 
 OFFSET = 2e-5
 """How far from the surface, which lies in the unit sphere, a leaving ray starts. Mitsuba's own offset is up to ten
@@ -39,12 +41,11 @@ class VertexValues:
     """The differentiable values at many vertices.
 
     Attributes:
-        roughness: None if no part has one.
+        maps: as read, by their names; only those that some part has.
         radiance: of the environment, in each of the two directions.
     """
 
-    base_color: Any
-    roughness: Any | None
+    maps: Mapping[str, Any]
     radiance: tuple[Any, Any]
 
 
@@ -55,10 +56,12 @@ class Vertex:
     Attributes:
         found: whether the path has a vertex at this depth.
         part: of the surface.
-        color_taps, roughness_taps, radiance_taps: the lookups behind `values`.
-        glossy: whether the part has a roughness.
-        viewer, directions: to the previous vertex, and the two light directions, in the shading frame.
-        weight: of the light from the two directions, by the balance heuristic; zero where none arrives.
+        lookups, radiance_taps: what is behind `values`.
+        behind: whether the viewer is behind the surface, so that the shading normal was turned.
+        viewer, directions: to the previous vertex, and the two light directions, in the shading frame: its z axis is
+            the turned normal and, where there are normal maps, its x axis is the tangent.
+        weight: of the light from the two directions, by the balance heuristic; zero where none arrives, or only from
+            below the horizon of the shading normal.
         onward: 1 / density of the second direction where it hits the surface, else zero.
         hits: the hits along the second direction; None at the last vertex.
     """
@@ -66,10 +69,9 @@ class Vertex:
     found: Any
     part: Any
     uv: Any
-    color_taps: Taps
-    roughness_taps: Taps | None
+    lookups: Mapping[str, Lookup]
     radiance_taps: tuple[Taps, Taps]
-    glossy: Any
+    behind: Any
     viewer: Any
     directions: tuple[Any, Any]
     weight: tuple[Any, Any]
@@ -102,16 +104,13 @@ class PathTracer:
         point = self.prepared.mesh.compute_surface_interaction(hits.ray, hits.intersection, active=found)
         part = dr.gather(mi.UInt32, self.prepared.face_part, hits.intersection.prim_index, found)
         uv = dr.select(found, point.uv, mi.Point2f(0.0))  # finite for misses too, as all that follows must be
-        color_taps, _ = self.maps.base_color.taps(mi, part, uv, found)
-        base_color = color_taps.read(mi.Color3f, self.maps.base_color.texels)
-        roughness_taps = glossy = roughness = None
-        if self.maps.roughness:
-            roughness_taps, glossy = self.maps.roughness.taps(mi, part, uv, found)
-            roughness = roughness_taps.read(mi.Float, self.maps.roughness.texels)
+        lookups = self.maps.lookups(mi, part, uv, found)
+        values = {name: lookup.value for name, lookup in lookups.items()}
 
-        frame = mi.Frame3f(dr.select(found, _facing(point, hits.ray.d), -hits.ray.d))
+        frame, behind = self._frame(hits, point)
         viewer = frame.to_local(-hits.ray.d)
-        bsdf = self._bsdf(base_color, roughness, glossy, viewer)
+        normal = self._normal(values, lookups, behind, viewer)
+        bsdf = self._bsdf(values, lookups, normal, viewer)
         rng = samples.rng(depth)
         random, (number, choice, _, _) = rng.next_float32x4(), rng.next_uint32x4()
         to_light = self.emitter.sample(number, mi.Point2f(random.x, random.y))
@@ -120,44 +119,72 @@ class PathTracer:
 
         rays = [_leaving(mi, point, direction) for direction in world]
         above = [found & (direction.z > 0.0) for direction in local]
+        if normal is not None:
+            above = [up & (cosine(normal, direction) > 0.0) for up, direction in zip(above, local, strict=True)]
         onward = None if last else self._intersect(rays[1], above[1])
         blocked = (
             scene.ray_test(rays[0], above[0]),
             onward.found if onward else scene.ray_test(rays[1], above[1]),
         )
-        lookups = [self.emitter.evaluate(direction, up) for direction, up in zip(world, above, strict=True)]
+        lights = [self.emitter.evaluate(direction, up) for direction, up in zip(world, above, strict=True)]
         densities = [bsdf.density(direction) for direction in local]
         weight = [
-            dr.select(up & ~hidden, 1.0 / (density + lookup[2]), 0.0)
-            for up, hidden, density, lookup in zip(above, blocked, densities, lookups, strict=True)
+            dr.select(up & ~hidden, 1.0 / (density + light[2]), 0.0)
+            for up, hidden, density, light in zip(above, blocked, densities, lights, strict=True)
         ]
         return Vertex(
             found=found,
             part=part,
             uv=uv,
-            color_taps=color_taps,
-            roughness_taps=roughness_taps,
-            radiance_taps=(lookups[0][0], lookups[1][0]),
-            glossy=glossy,
+            lookups=lookups,
+            radiance_taps=(lights[0][0], lights[1][0]),
+            behind=behind,
             viewer=viewer,
             directions=local,
             weight=(weight[0], weight[1]),
             onward=dr.select(above[1] & blocked[1] & (densities[1] > 0.0), 1.0 / densities[1], 0.0),
             hits=onward,
-            values=VertexValues(base_color, roughness, (lookups[0][1], lookups[1][1])),
+            values=VertexValues(values, (lights[0][1], lights[1][1])),
         )
 
     def shade(self, vertex: Vertex, values: VertexValues) -> tuple[Any, Any]:
         """The light gathered and reflected to the viewer, and the factor of light along the path; differentiable."""
-        bsdf = self._bsdf(values.base_color, values.roughness, vertex.glossy, vertex.viewer)
+        normal = self._normal(values.maps, vertex.lookups, vertex.behind, vertex.viewer)
+        bsdf = self._bsdf(values.maps, vertex.lookups, normal, vertex.viewer)
         value = [bsdf.value(direction) for direction in vertex.directions]
         gathered = value[0] * values.radiance[0] * vertex.weight[0] + value[1] * values.radiance[1] * vertex.weight[1]
         return gathered, value[1] * vertex.onward
 
-    def _bsdf(self, base_color: Any, roughness: Any, glossy: Any, viewer: Any) -> Bsdf:
-        if roughness is None:
-            return Lambertian(self.mi, base_color)
-        return Dielectric(self.mi, base_color, roughness, glossy, viewer)
+    def _frame(self, hits: Hits, point: Any) -> tuple[Any, Any]:
+        """The frame of directions at the hits, and whether the viewer is behind the surface."""
+        mi, found, direction = self.mi, hits.found, hits.ray.d
+        normal = point.sh_frame.n
+        normal = dr.select(dr.squared_norm(normal) > 0.5, normal, point.n)  # the face's, where corner normals cancel
+        behind = dr.dot(normal, direction) > 0.0
+        toward = dr.select(found, dr.select(behind, -normal, normal), -direction)
+        if "normal" not in self.maps.atlases:
+            return mi.Frame3f(toward), behind
+        normal = dr.select(found, normal, toward)
+        return self.prepared.tangents.at(hits.intersection, normal, toward, found), behind
+
+    def _normal(self, values: Mapping[str, Any], lookups: Mapping[str, Lookup], behind: Any, viewer: Any) -> Any | None:
+        """The normals that the lobes are about, in the shading frame; None for its z axis."""
+        if "normal" not in values:
+            return None
+        return tilted_normal(self.mi, values["normal"], lookups["normal"].given, behind, viewer)
+
+    def _bsdf(self, values: Mapping[str, Any], lookups: Mapping[str, Lookup], normal: Any, viewer: Any) -> Bsdf:
+        if "roughness" not in values:
+            return Lambertian(self.mi, values["base_color"], normal)
+        return MetallicRoughness(
+            mi=self.mi,
+            base_color=values["base_color"],
+            normal=normal,
+            roughness=values["roughness"],
+            metallic=values.get("metallic"),
+            glossy=lookups["roughness"].given,
+            viewer=viewer,
+        )
 
     def _intersect(self, ray: Any, active: Any, coherent: bool = False) -> Hits:
         found = self.prepared.scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
@@ -168,10 +195,3 @@ def _leaving(mi: Any, point: Any, direction: Any) -> Any:
     """Rays from points of the surface, started a little off it on the side that they go to."""
     away = dr.mulsign(OFFSET, dr.dot(point.n, direction))
     return mi.Ray3f(dr.fma(point.n, away, point.p), direction)
-
-
-def _facing(point: Any, direction: Any) -> Any:
-    """The shading normal, turned to the side that the ray came from; the face's normal where corner normals cancel."""
-    normal = point.sh_frame.n
-    normal = dr.select(dr.squared_norm(normal) > 0.5, normal, point.n)
-    return dr.select(dr.dot(normal, direction) > 0.0, -normal, normal)

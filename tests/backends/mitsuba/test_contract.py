@@ -13,7 +13,8 @@ from svbrdfgan.errors import AssetError, ConfigError, PluginError, UnsupportedEr
 from svbrdfgan.plugins import load_renderer
 from svbrdfgan.protocols import Renderer, TransportRenderer
 from svbrdfgan.testing import scenes
-from svbrdfgan.types import Environment, Material, Materials
+from svbrdfgan.types import Environment
+from svbrdfgan.types.material import CHANNELS
 
 WHITE = scenes.lambertian((1.0, 1.0, 1.0))
 VIEW = scenes.front_view(scenes.random_light(), width=24, height=16)
@@ -71,15 +72,14 @@ def test_materials_must_be_as_many_as_parts(renderer: MitsubaRenderer, prepared:
         renderer.render(prepared, scenes.lambertian(scenes.RED, scenes.GREEN), VIEW, spp=1, seed=0)
 
 
-def test_maps_that_are_not_read_are_refused(renderer: MitsubaRenderer, prepared: PreparedSurface) -> None:
-    metal = Materials((Material({"base_color": torch.ones(3), "metallic": torch.ones(1)}),))
-    with pytest.raises(UnsupportedError, match=r"part0.*metallic, but the renderer reads only base_color, roughness"):
-        renderer.render(prepared, metal, VIEW, spp=1, seed=0)
+def test_it_reads_and_differentiates_the_whole_material(renderer: MitsubaRenderer) -> None:
+    assert renderer.capabilities.maps == set(CHANNELS)
+    assert renderer.capabilities.differentiable == {*CHANNELS, "environment"}
 
 
 def test_gradients_that_are_not_declared_are_refused(renderer: MitsubaRenderer, prepared: PreparedSurface) -> None:
-    with pytest.raises(UnsupportedError, match="no gradient for metallic"):
-        renderer.render_vjp(prepared, WHITE, VIEW, ONES, wrt=frozenset({"metallic"}), spp=1, seed=0)
+    with pytest.raises(UnsupportedError, match="no gradient for alpha"):
+        renderer.render_vjp(prepared, WHITE, VIEW, ONES, wrt=frozenset({"alpha"}), spp=1, seed=0)
 
 
 def test_a_gradient_of_another_film_is_refused(renderer: MitsubaRenderer, prepared: PreparedSurface) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from svbrdfgan_mitsuba import MitsubaRenderer, variant
-from svbrdfgan_mitsuba.bsdf import Dielectric
+from svbrdfgan_mitsuba.bsdf import MetallicRoughness
 from svbrdfgan_mitsuba.interop import dr
 
 from svbrdfgan.testing import scenes
@@ -63,7 +63,10 @@ def test_the_density_at_grazing_view_is_its_limit(renderer: MitsubaRenderer, rou
     mi = variant.load(renderer.device)
     incoming = dr.normalize(mi.Vector3f([0.0, -0.9, 0.3], [0.1, 0.0, 0.2], [1.0, 0.1, 0.1]))
     viewers = [dr.normalize(mi.Vector3f(1.0, 0.0, cosine)) for cosine in (0.0, 1e-6)]
-    made = [Dielectric(mi, mi.Color3f(0.5), mi.Float(roughness), mi.Bool(True), viewer) for viewer in viewers]
+    made = [
+        MetallicRoughness(mi, mi.Color3f(0.5), None, mi.Float(roughness), None, mi.Bool(True), viewer)
+        for viewer in viewers
+    ]
     at, near = (each.density(incoming).numpy() for each in made)
     np.testing.assert_allclose(at, near, rtol=0.01)
 
