@@ -88,14 +88,14 @@ class MetallicRoughness:
     def density(self, incoming: Any) -> Any:
         diffuse = dr.maximum(cosine(self.normal, incoming), 0.0) * dr.inv_pi
         # Of visible facets, G1 D (w_o.h) / (n.w_o), over the Jacobian 4 (w_o.h) of the reflection.
-        mirrored = self._facets(self._half(incoming)) * self._visible(dr.maximum(self._toward_viewer, 0.0)) / 4.0
+        mirrored = self._facets(self._half(incoming)) * self._visible(self._toward_viewer) / 4.0
         return dr.lerp(diffuse, mirrored, self._share)
 
     def value(self, incoming: Any) -> Any:
         toward, half = dr.maximum(cosine(self.normal, incoming), 0.0), self._half(incoming)
         p = dr.power(dr.maximum(1.0 - dr.dot(half, self.viewer), 0.0), 5)
         fresnel = dr.lerp(DIELECTRIC_REFLECTANCE, 1.0, p)
-        masking = self._visible(dr.abs(self._toward_viewer)) * self._visible(toward)
+        masking = self._visible(self._toward_viewer) * self._visible(toward)
         lobe = self._facets(half) * masking * toward / 4.0  # D G / (4 |n.w_o| |n.w_i|), times the cosine
         diffuse = toward * dr.inv_pi
         tinted, white = (1.0 - fresnel) * diffuse, fresnel * lobe
@@ -106,13 +106,13 @@ class MetallicRoughness:
 
     @property
     def _toward_viewer(self) -> Any:
-        return cosine(self.normal, self.viewer)
+        return dr.maximum(cosine(self.normal, self.viewer), 0.0)
 
     @property
     def _share(self) -> Any:
         """Of the directions that are drawn from the gloss: none where n is turned away, and no facet is visible."""
         metallic = self.mi.Float(0.0) if self.metallic is None else dr.clip(self.metallic, 0.0, 1.0)
-        return dr.select(self.glossy & (self._toward_viewer >= 0.0), dr.lerp(*GLOSS, metallic), 0.0)
+        return dr.select(self.glossy & (cosine(self.normal, self.viewer) >= 0.0), dr.lerp(*GLOSS, metallic), 0.0)
 
     @property
     def _alpha(self) -> Any:
