@@ -57,6 +57,7 @@ class MitsubaRenderer:
             transport=self.max_bounces == 1,
             stochastic=True,
             pullback=True,
+            alpha=True,
         )
 
     def prepare(self, surface: Surface) -> PreparedSurface:

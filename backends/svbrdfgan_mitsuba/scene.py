@@ -14,6 +14,7 @@ from torch import Tensor
 from svbrdfgan.types import Surface, View
 from svbrdfgan_mitsuba.interop import dr, floats, tensor, unsigned
 from svbrdfgan_mitsuba.normal_map import TangentFrames
+from svbrdfgan_mitsuba.textures import Atlas
 from svbrdfgan_mitsuba.variant import assign, instantiate, load
 
 VERTICES = {"cpu": 2**20, "cuda": 2**23}
@@ -30,6 +31,7 @@ class PreparedSurface:
             is alive in the process.
         face_part: the part of each face.
         tangents: for normal maps.
+        alpha: of the parts; None if all are opaque, so that their kernels know nothing of it.
         centre, radius: of the sphere, in the surface's own coordinates.
         parts: the parts' names.
         repeat: `Surface.repeat`.
@@ -40,6 +42,7 @@ class PreparedSurface:
     mesh: Any
     face_part: Any
     tangents: TangentFrames
+    alpha: Atlas | None
     centre: Float[ndarray, 3]
     radius: float
     parts: tuple[str, ...]
@@ -60,6 +63,7 @@ def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
         mesh=mesh,
         face_part=unsigned(mi, torch.tensor(surface.face_part), device),
         tangents=TangentFrames(mi, surface, device),
+        alpha=_alpha(mi, surface, device),
         centre=centre,
         radius=radius,
         parts=tuple(part.name for part in surface.parts),
@@ -170,6 +174,13 @@ class CameraSamples:
     def rng(self, depth: int) -> Any:
         """A random number generator for each sample at a depth of its path."""
         return self.mi.Philox4x32(self.seed, self.pixel, self.sample, dr.opaque(self.mi.UInt32, depth))
+
+
+def _alpha(mi: Any, surface: Surface, device: torch.device) -> Atlas | None:
+    if all(part.opaque for part in surface.parts):
+        return None
+    given = (torch.from_numpy(np.array(part.alpha, dtype=np.float32))[..., None] for part in surface.parts)
+    return Atlas.of(mi, list(given), torch.ones(1), surface.repeat, device)
 
 
 def _mesh(mi: Any, surface: Surface, positions: Float[ndarray, "vertices 3"], device: torch.device) -> Any:

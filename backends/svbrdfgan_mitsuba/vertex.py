@@ -19,21 +19,9 @@ from svbrdfgan_mitsuba.bsdf import Bsdf, Lambertian, MetallicRoughness, cosine
 from svbrdfgan_mitsuba.environment import EnvironmentEmitter
 from svbrdfgan_mitsuba.interop import dr
 from svbrdfgan_mitsuba.normal_map import tilted_normal
+from svbrdfgan_mitsuba.rays import Hits, blocked, first_hits, leaving
 from svbrdfgan_mitsuba.scene import CameraSamples, PreparedCamera, PreparedSurface
 from svbrdfgan_mitsuba.textures import Lookup, MaterialMaps, Taps
-
-OFFSET = 2e-5
-"""How far from the surface, which lies in the unit sphere, a leaving ray starts. Mitsuba's own offset is up to ten
-times as large: light leaks through narrow gaps, and the environment's gradient at a real car was 0.04 % too large."""
-
-
-@dataclass(frozen=True, eq=False)
-class Hits:
-    """Rays and their first intersections, as Mitsuba's preliminary intersection records."""
-
-    ray: Any
-    found: Any
-    intersection: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,12 +83,15 @@ class PathTracer:
 
     def camera_hits(self, samples: CameraSamples) -> Hits:
         """The first hits of the camera rays."""
-        random = samples.rng(0).next_float32x4()
-        return self._intersect(self.camera.rays(samples.pixel, self.mi.Point2f(random.x, random.y)), True, True)
+        rng = samples.rng(0)
+        random = rng.next_float32x4()
+        passing = None if self.prepared.alpha is None else rng.next_uint32x4().x
+        ray = self.camera.rays(samples.pixel, self.mi.Point2f(random.x, random.y))
+        return first_hits(self.prepared, ray, True, passing, coherent=True)
 
     def vertex(self, hits: Hits, samples: CameraSamples, depth: int, last: bool) -> Vertex:
         """The vertices at the hits, with two light directions drawn at each."""
-        mi, found, scene = self.mi, hits.found, self.prepared.scene
+        mi, found = self.mi, hits.found
         point = self.prepared.mesh.compute_surface_interaction(hits.ray, hits.intersection, active=found)
         part = dr.gather(mi.UInt32, self.prepared.face_part, hits.intersection.prim_index, found)
         uv = dr.select(found, point.uv, mi.Point2f(0.0))  # finite for misses too, as all that follows must be
@@ -112,25 +103,25 @@ class PathTracer:
         normal = self._normal(values, lookups, behind, viewer)
         bsdf = self._bsdf(values, lookups, normal, viewer)
         rng = samples.rng(depth)
-        random, (number, choice, _, _) = rng.next_float32x4(), rng.next_uint32x4()
+        random, (number, choice, *passing) = rng.next_float32x4(), rng.next_uint32x4()
         to_light = self.emitter.sample(number, mi.Point2f(random.x, random.y))
         away = bsdf.sample(mi.Float(choice) * 2.0**-32, mi.Point2f(random.z, random.w))
         local, world = (frame.to_local(to_light), away), (to_light, frame.to_world(away))
 
-        rays = [_leaving(mi, point, direction) for direction in world]
+        rays = [leaving(mi, point, direction) for direction in world]
         above = [found & (direction.z > 0.0) for direction in local]
         if normal is not None:
             above = [up & (cosine(normal, direction) > 0.0) for up, direction in zip(above, local, strict=True)]
-        onward = None if last else self._intersect(rays[1], above[1])
-        blocked = (
-            scene.ray_test(rays[0], above[0]),
-            onward.found if onward else scene.ray_test(rays[1], above[1]),
+        onward = None if last else first_hits(self.prepared, rays[1], above[1], passing[1])
+        hidden = (
+            blocked(self.prepared, rays[0], above[0], passing[0]),
+            onward.found if onward else blocked(self.prepared, rays[1], above[1], passing[1]),
         )
         lights = [self.emitter.evaluate(direction, up) for direction, up in zip(world, above, strict=True)]
         densities = [bsdf.density(direction) for direction in local]
         weight = [
-            dr.select(up & ~hidden, 1.0 / (density + light[2]), 0.0)
-            for up, hidden, density, light in zip(above, blocked, densities, lights, strict=True)
+            dr.select(up & ~out, 1.0 / (density + light[2]), 0.0)
+            for up, out, density, light in zip(above, hidden, densities, lights, strict=True)
         ]
         return Vertex(
             found=found,
@@ -142,7 +133,7 @@ class PathTracer:
             viewer=viewer,
             directions=local,
             weight=(weight[0], weight[1]),
-            onward=dr.select(above[1] & blocked[1] & (densities[1] > 0.0), 1.0 / densities[1], 0.0),
+            onward=dr.select(above[1] & hidden[1] & (densities[1] > 0.0), 1.0 / densities[1], 0.0),
             hits=onward,
             values=VertexValues(values, (lights[0][1], lights[1][1])),
         )
@@ -185,13 +176,3 @@ class PathTracer:
             glossy=lookups["roughness"].given,
             viewer=viewer,
         )
-
-    def _intersect(self, ray: Any, active: Any, coherent: bool = False) -> Hits:
-        found = self.prepared.scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
-        return Hits(ray, found.is_valid(), found)
-
-
-def _leaving(mi: Any, point: Any, direction: Any) -> Any:
-    """Rays from points of the surface, started a little off it on the side that they go to."""
-    away = dr.mulsign(OFFSET, dr.dot(point.n, direction))
-    return mi.Ray3f(dr.fma(point.n, away, point.p), direction)
