@@ -191,6 +191,46 @@ def test_roughness_s_gradient_is_that_of_finite_differences(view: View, max_boun
     agrees([sample(seed) for seed in range(12)])
 
 
+@pytest.mark.parametrize("max_bounces", [1, pytest.param(2, marks=pytest.mark.full)])
+@pytest.mark.parametrize(
+    ("name", "step", "spp"), [("roughness", 0.02, 4096), ("metallic", 0.05, 1024), ("normal", 0.02, 4096)]
+)
+def test_a_map_s_gradient_is_that_of_finite_differences(
+    view: View, max_bounces: int, name: str, step: float, spp: int
+) -> None:
+    """Along a step of another size in every texel, beside other maps that are textures."""
+    renderer = MitsubaRenderer("cpu", max_bounces)
+    prepared = renderer.prepare(scenes.corner_box())
+    cotangent = torch.linspace(0.5, 1.5, HEIGHT * WIDTH * 3).view(HEIGHT, WIDTH, 3)
+    random = torch.Generator().manual_seed(3)
+    tilts = 0.4 * torch.rand((3, 3, 2), generator=random) - 0.2  # too little for any to be bent
+    maps = {
+        "base_color": scenes.random_texture(2, 3),
+        "roughness": 0.4 + 0.3 * torch.rand((3, 2, 1), generator=random),
+        "metallic": 0.2 + 0.6 * torch.rand((2, 2, 1), generator=random),
+        "normal": torch.cat([tilts, torch.full((3, 3, 1), 0.7)], dim=-1),
+    }
+    direction = torch.rand(maps[name].shape, generator=random)
+    if name == "normal":  # towards where most light comes from, so that the effects of texels add up
+        direction = direction * torch.tensor([1.0, -1.0, 1.0])
+    plain = Material.lambertian((0.4, 0.4, 0.4))
+
+    def materials(sign: float) -> Materials:
+        return Materials((Material({**maps, name: maps[name] + sign * step * direction}), plain, plain))
+
+    def sample(seed: int) -> tuple[float, float]:
+        up, down = (
+            inner(renderer.render(prepared, materials(sign), view, spp=spp, seed=seed).image, cotangent)
+            for sign in (1.0, -1.0)
+        )
+        wrt = renderer.capabilities.differentiable
+        gradients = renderer.render_vjp(prepared, materials(0.0), view, cotangent, wrt=wrt, spp=spp, seed=seed)
+        assert gradients.materials[1].keys() == {"base_color"}
+        return inner(gradients.materials[0][name], direction), (up - down) / (2.0 * step)
+
+    agrees([sample(seed) for seed in range(12)])
+
+
 def test_base_colour_s_gradient_under_gloss_is_that_of_the_very_picture(
     renderer: MitsubaRenderer, view: View, grad_image: Tensor
 ) -> None:

@@ -1,5 +1,8 @@
 """Agreement with the reference path tracer, over many seeds."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import torch
 from svbrdfgan_mitsuba import MitsubaRenderer
@@ -9,6 +12,45 @@ from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, Material, Materials, Surface, View
 
 SEEDS = 24
+
+
+def random_map(rows: int, cols: int, low: float, high: float, seed: int = 0) -> torch.Tensor:
+    return low + (high - low) * torch.rand((rows, cols, 1), generator=torch.Generator().manual_seed(seed))
+
+
+def random_normals(rows: int, cols: int, seed: int = 0) -> torch.Tensor:
+    """Steep enough for some to be bent."""
+    tilt = 1.2 * torch.rand((rows, cols, 2), generator=torch.Generator().manual_seed(seed)) - 0.6
+    return torch.cat([tilt, torch.full((rows, cols, 1), 0.8)], dim=-1)
+
+
+def some_transparent(surface: Surface) -> Surface:
+    """The surface with a constant and a textured alpha."""
+    alphas = (1.0, np.linspace(0.2, 1.0, 6).reshape(2, 3), 0.6)
+    parts = zip(surface.parts, alphas, strict=True)
+    return replace(surface, parts=tuple(replace(part, alpha=alpha) for part, alpha in parts))
+
+
+WHOLE = Materials(
+    (
+        Material(
+            {
+                "base_color": scenes.random_texture(3, 4),
+                "roughness": random_map(4, 2, 0.3, 0.7),
+                "metallic": random_map(2, 3, 0.0, 1.0, seed=1),
+                "normal": random_normals(3, 3),
+            }
+        ),
+        Material({"base_color": scenes.random_texture(2, 2, seed=1), "normal": random_normals(2, 4, seed=1)}),
+        Material(
+            {
+                "base_color": scenes.random_texture(2, 3, seed=2),
+                "roughness": torch.tensor([0.5]),
+                "metallic": torch.tensor([0.9]),
+            }
+        ),
+    )
+)
 
 SCENES = {
     "shadow": (
@@ -30,12 +72,18 @@ SCENES = {
         scenes.corner_box(),
         Materials(
             (
-                Material({"base_color": scenes.random_texture(3, 4), "roughness": torch.rand(4, 2, 1)}),
+                Material({"base_color": scenes.random_texture(3, 4), "roughness": random_map(4, 2, 0.0, 1.0)}),
                 Material.lambertian(scenes.RED),
                 Material({"base_color": torch.zeros(3), "roughness": torch.tensor([0.3])}),
             )
         ),
         scenes.corner_view(scenes.random_light(6, 6, seed=2, rotation=-1.0)),
+    ),
+    "material": (scenes.corner_box(), WHOLE, scenes.corner_view(scenes.random_light(6, 12, rotation=0.3))),
+    "alpha": (
+        some_transparent(scenes.corner_box()),
+        WHOLE,
+        View(Camera((1.6, 1.4, -1.8), (0.25, 0.25, 0.25), vertical_fov=0.6), scenes.random_light(6, 12), 12, 9),
     ),
 }
 
