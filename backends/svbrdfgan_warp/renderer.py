@@ -12,15 +12,20 @@ from torch import Tensor
 from svbrdfgan.protocols import Pullback, RendererCapabilities
 from svbrdfgan.rendering.validation import check_cotangent, check_device, check_render, check_transport
 from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
-from svbrdfgan_warp import scene
+from svbrdfgan.types.material import CHANNELS
+from svbrdfgan_warp import light_records, scene
 from svbrdfgan_warp.device import choose_device, in_order
 from svbrdfgan_warp.environment import EmitterCache
+from svbrdfgan_warp.frame import TangentSpace
+from svbrdfgan_warp.light_records import LightTracer
+from svbrdfgan_warp.material_pass import MaterialPass
+from svbrdfgan_warp.materials import linear_in_base_color
 from svbrdfgan_warp.render_pass import RenderPass
 from svbrdfgan_warp.scene import PreparedSurface, Tracer, film_chunks, prepare_camera
 
 CAPABILITIES = RendererCapabilities(
-    maps=frozenset({"base_color"}),
-    differentiable=frozenset({"base_color", "environment"}),
+    maps=frozenset(CHANNELS),
+    differentiable=frozenset({*CHANNELS, "environment"}),
     transport=True,
     pullback=True,
 )
@@ -92,23 +97,34 @@ class WarpRenderer:
         """The samples that `render` draws, without materials, sorted by pixel."""
         check_transport("warp", CAPABILITIES, spp=spp)
         tracer = self._tracer(prepared, view)
-        chunks = film_chunks(view, spp, seed, self.device)
+        chunks = film_chunks(view, spp, seed, scene.CHUNK[self.device.type])
         return in_order(lambda chunk: tracer(chunk).transport(), chunks, self.device)
 
     def _render_pass(
         self, prepared: PreparedSurface, materials: Materials, view: View, wrt: frozenset[str], spp: int, seed: int
-    ) -> RenderPass:
+    ) -> RenderPass | MaterialPass:
         check_render("warp", CAPABILITIES, prepared.parts, materials, spp=spp, wrt=wrt)
-        tracer = self._tracer(prepared, view, light_samples="environment" in wrt)
-        return RenderPass.of(tracer, view, film_chunks(view, spp, seed, self.device), materials)
+        light = "environment" in wrt
+        if linear_in_base_color(materials):
+            chunks = film_chunks(view, spp, seed, scene.CHUNK[self.device.type])
+            return RenderPass.of(self._tracer(prepared, view, light_samples=light), view, chunks, materials)
+        chunks = film_chunks(view, spp, seed, light_records.CHUNK[self.device.type])
+        return MaterialPass.of(self._light_tracer(prepared, materials, view, dark=light), view, chunks, materials)
 
     def _tracer(self, prepared: PreparedSurface, view: View, *, light_samples: bool = False) -> Tracer:
         check_device("warp", prepared.device, self.device)
         camera, emitter = prepare_camera(view, prepared.centre), self._emitters.emitter(view.environment)
         return Tracer(prepared, camera, emitter, light_samples)
 
+    def _light_tracer(self, prepared: PreparedSurface, materials: Materials, view: View, *, dark: bool) -> LightTracer:
+        check_device("warp", prepared.device, self.device)
+        camera, emitter = prepare_camera(view, prepared.centre), self._emitters.emitter(view.environment)
+        tilted = any("normal" in material.maps for material in materials.parts)
+        space = prepared.tangent_space if tilted else TangentSpace()
+        return LightTracer(prepared, space, camera, emitter, dark)
 
-def _pullback(render_pass: RenderPass, wrt: frozenset[str]) -> Pullback:
+
+def _pullback(render_pass: RenderPass | MaterialPass, wrt: frozenset[str]) -> Pullback:
     def pullback(grad_image: Float[Tensor, "height width 3"]) -> Gradients:
         check_cotangent("warp", render_pass.view, grad_image)
         return render_pass.backward(grad_image, wrt)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -12,10 +13,12 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
+from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.types import Surface, TransportSamples, View
 from svbrdfgan_warp import emitter, texture_kernels, trace_kernels
 from svbrdfgan_warp.bvh import build_bvh
 from svbrdfgan_warp.device import launch, quiet
+from svbrdfgan_warp.frame import TangentSpace
 
 CHUNK = {"cpu": 2**15, "cuda": 2**24}
 """Camera samples traced at a time. A record takes 24 bytes, and 24 more with its light samples."""
@@ -30,6 +33,7 @@ class PreparedSurface:
         centre: middle of the bounding box, in the surface's own coordinates.
         parts: the parts' names.
         repeat: `Surface.repeat`.
+        surface: as it was given.
     """
 
     geometry: trace_kernels.Geometry
@@ -37,6 +41,20 @@ class PreparedSurface:
     parts: tuple[str, ...]
     repeat: tuple[bool, bool]
     device: torch.device
+    surface: Surface
+
+    @cached_property
+    def tangent_space(self) -> TangentSpace:
+        """The tangents of normal maps, computed when first used: most scenes need none."""
+        tangents, result = corner_tangents(self.surface), cast(Any, TangentSpace())
+        direction, handedness = (
+            torch.from_numpy(np.ascontiguousarray(values, dtype=np.float32)).to(self.device)
+            for values in (tangents.direction, tangents.handedness)
+        )
+        result.tangents, result.handedness = wp.from_torch(direction, wp.vec3), wp.from_torch(handedness)
+        if self.device.type == "cuda":
+            torch.cuda.synchronize(self.device)  # a later caller may render in another stream
+        return cast(TangentSpace, result)
 
 
 def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
@@ -65,7 +83,9 @@ def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
     geometry.face_part = wp.from_torch(integers(surface.face_part))
     if device.type == "cuda":
         torch.cuda.synchronize(device)  # the caller may render in another stream than this one
-    return PreparedSurface(geometry, centre, tuple(part.name for part in surface.parts), surface.repeat, device)
+    return PreparedSurface(
+        geometry, centre, tuple(part.name for part in surface.parts), surface.repeat, device, surface
+    )
 
 
 def prepare_camera(view: View, centre: Float[ndarray, 3]) -> trace_kernels.PreparedCamera:
@@ -111,9 +131,9 @@ class FilmChunk:
         return result
 
 
-def film_chunks(view: View, spp: int, seed: int, device: torch.device) -> list[FilmChunk]:
-    """The film, cut into chunks of at most `CHUNK` samples, or of one pixel."""
-    film, size = view.width * view.height, max(1, CHUNK[device.type] // spp)
+def film_chunks(view: View, spp: int, seed: int, most: int) -> list[FilmChunk]:
+    """The film, cut into chunks of at most `most` samples, or of one pixel."""
+    film, size = view.width * view.height, max(1, most // spp)
     return [FilmChunk(first, min(size, film - first), spp, seed) for first in range(0, film, size)]
 
 
