@@ -10,10 +10,10 @@ import warp as wp
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from svbrdfgan_warp import emitter, material_kernels, trace_kernels
+from svbrdfgan_warp import alpha_kernels, emitter, material_kernels, trace_kernels
 from svbrdfgan_warp.device import launch
 from svbrdfgan_warp.frame import TangentSpace
-from svbrdfgan_warp.scene import FilmChunk, PreparedSurface
+from svbrdfgan_warp.scene import FilmChunk, PreparedSurface, SampleRecords
 
 CHUNK = {"cpu": 2**15, "cuda": 2**22}
 """Camera samples at a time. A record takes 36 bytes, its radiance 12, and its gradients up to 56."""
@@ -77,7 +77,22 @@ class LightTracer:
         device, geometry = self.surface.device, self.surface.geometry
         records = LightRecords.empty(chunk, device)
         argument = records.argument()
-        launch(trace_kernels.find_hits, len(chunk), (geometry, self.camera, *records.hits()), device)
+        traced: tuple[Any, ...] = (geometry,)
+        find_hits, trace_shadows = trace_kernels.find_hits, material_kernels.trace_shadows
+        if self.surface.alpha is not None:
+            traced = geometry, self.surface.alpha
+            find_hits, trace_shadows = alpha_kernels.find_hits_through, alpha_kernels.trace_shadows_through
+        launch(find_hits, len(chunk), (*traced, self.camera, *records.hits()), device)
         launch(material_kernels.draw_light, len(chunk), (*self.scene(), maps, self.dark, argument), device)
-        launch(material_kernels.trace_shadows, 2 * len(chunk), (geometry, self.emitter, argument), device)
+        launch(trace_shadows, 2 * len(chunk), (*traced, self.emitter, argument), device)
         return records
+
+    def lambertian(self, chunk: FilmChunk, maps: material_kernels.Maps) -> SampleRecords:
+        """The records of parts that are all Lambertian, as the tracer of base colours has them."""
+        device, records = self.surface.device, self(chunk, maps)
+        part = torch.empty(len(chunk), dtype=torch.int32, device=device)
+        uv, weight = (torch.empty(len(chunk), n, dtype=torch.float32, device=device) for n in (2, 3))
+        result = SampleRecords(chunk, part, uv, weight, records.light[:0])
+        given = (*self.scene(), records.argument(), *result.arguments()[1:])
+        launch(material_kernels.weigh, len(chunk), given, device)
+        return result

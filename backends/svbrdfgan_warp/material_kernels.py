@@ -122,6 +122,13 @@ def draw_light(
         technique += 1
 
 
+@wp.func
+def shadow_start(geometry: Geometry, corners: wp.vec3i, at: wp.vec2, d: wp.vec3):
+    """Where a ray along `d` leaves the surface."""
+    point = surface_point(geometry, corners, wp.vec3(at[0], at[1], 1.0 - at[0] - at[1]), d)
+    return point.p + point.offset * wp.where(wp.dot(point.offset, d) >= 0.0, 1.0, -1.0)
+
+
 @wp.kernel(cuda_max_registers=64)  # as in `trace_kernels.illuminate_hits`
 def trace_shadows(geometry: Geometry, environment: emitter.EnvironmentEmitter, records: Records):
     """Makes the factors of light samples in shadow zero: first of all samples of the emitter, then of the BSDF."""
@@ -134,11 +141,8 @@ def trace_shadows(geometry: Geometry, environment: emitter.EnvironmentEmitter, r
     light = records.light[i, technique]
     if light[2] == 0.0:
         return
-    at = records.at[i]
-    barycentric = wp.vec3(at[0], at[1], 1.0 - at[0] - at[1])
     d = emitter.direction(environment, wp.vec2(light[0], light[1]))
-    point = surface_point(geometry, corners_of(geometry, face), barycentric, d)
-    start = point.p + point.offset * wp.where(wp.dot(point.offset, d) >= 0.0, 1.0, -1.0)
+    start = shadow_start(geometry, corners_of(geometry, face), records.at[i], d)
     if bvh_kernels.blocked(geometry.nodes, geometry.triangles, start, d):
         records.light[i, technique] = wp.vec3(light[0], light[1], 0.0)
 
@@ -170,6 +174,36 @@ def shade(
                 total += wp.cw_mul(value, emitter.radiance(environment, at)) * light[2]
             technique += 1
     radiance[i] = total
+
+
+@wp.kernel
+def weigh(
+    geometry: Geometry,
+    space: TangentSpace,
+    camera: PreparedCamera,
+    environment: emitter.EnvironmentEmitter,
+    records: Records,
+    part: wp.array(dtype=wp.int32),
+    uv: wp.array(dtype=wp.vec2),
+    weight: wp.array(dtype=wp.vec3),
+):
+    """Part, uv, and irradiance / pi / spp of each record, as `trace_kernels.illuminate_hits` has them."""
+    i = wp.tid()
+    part[i] = -1
+    if records.face[i] < 0:
+        return
+    ray = sample_ray(camera, records.samples, i)
+    frame = frame_at(geometry, space, records.face[i], records.at[i], ray)
+    total = wp.vec3(0.0)
+    for j in range(2):
+        light = records.light[i, j]
+        if light[2] > 0.0:
+            at = wp.vec2(light[0], light[1])
+            cosine = wp.dot(frame.normal, emitter.direction(environment, at))
+            total += emitter.radiance(environment, at) * (light[2] * cosine / wp.pi)
+    part[i] = frame.part
+    uv[i] = frame.uv
+    weight[i] = total
 
 
 @wp.kernel

@@ -15,7 +15,8 @@ from torch import Tensor
 
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.types import Surface, TransportSamples, View
-from svbrdfgan_warp import emitter, texture_kernels, trace_kernels
+from svbrdfgan_warp import alpha_kernels, emitter, texture_kernels, trace_kernels
+from svbrdfgan_warp.alpha_kernels import AlphaMaps
 from svbrdfgan_warp.bvh import build_bvh
 from svbrdfgan_warp.device import launch, quiet
 from svbrdfgan_warp.frame import TangentSpace
@@ -34,6 +35,7 @@ class PreparedSurface:
         parts: the parts' names.
         repeat: `Surface.repeat`.
         surface: as it was given.
+        alpha: of the parts; None if all are opaque.
     """
 
     geometry: trace_kernels.Geometry
@@ -42,6 +44,7 @@ class PreparedSurface:
     repeat: tuple[bool, bool]
     device: torch.device
     surface: Surface
+    alpha: AlphaMaps | None
 
     @cached_property
     def tangent_space(self) -> TangentSpace:
@@ -81,11 +84,27 @@ def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
     geometry.normals = wp.from_torch(floats(surface.normals), wp.vec3)
     geometry.uv = wp.from_torch(floats(surface.uv), wp.vec2)
     geometry.face_part = wp.from_torch(integers(surface.face_part))
+    opaque = all(part.opaque for part in surface.parts)
+    alpha = None if opaque else _alpha_maps(surface, geometry, device)
     if device.type == "cuda":
         torch.cuda.synchronize(device)  # the caller may render in another stream than this one
-    return PreparedSurface(
-        geometry, centre, tuple(part.name for part in surface.parts), surface.repeat, device, surface
-    )
+    names = tuple(part.name for part in surface.parts)
+    return PreparedSurface(geometry, centre, names, surface.repeat, device, surface, alpha)
+
+
+def _alpha_maps(surface: Surface, geometry: trace_kernels.Geometry, device: torch.device) -> AlphaMaps:
+    """The alpha of all parts in one array; a constant is one texel."""
+    with quiet():
+        wp.load_module(alpha_kernels, device=wp.device_from_torch(device))
+    maps = [np.atleast_2d(np.asarray(part.alpha, dtype=np.float32)) for part in surface.parts]
+    first = np.cumsum([0, *(each.size for each in maps[:-1])])
+    layout = np.array([(begin, *each.shape) for begin, each in zip(first, maps, strict=True)], dtype=np.int32)
+    result: Any = alpha_kernels.AlphaMaps()
+    result.layout = wp.from_torch(torch.from_numpy(layout).to(device), dtype=wp.vec3i)
+    result.texels = wp.from_torch(torch.from_numpy(np.concatenate([each.ravel() for each in maps])).to(device))
+    result.repeat_u, result.repeat_v = surface.repeat
+    result.corners, result.uv, result.face_part = geometry.corners, geometry.uv, geometry.face_part
+    return cast(AlphaMaps, result)
 
 
 def prepare_camera(view: View, centre: Float[ndarray, 3]) -> trace_kernels.PreparedCamera:
