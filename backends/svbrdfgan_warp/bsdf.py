@@ -92,11 +92,12 @@ def smith(alpha2: float, cosine: float):
 def gloss_share(material: SurfaceMaterial, outgoing: wp.vec3):
     """The probability of drawing a direction from the gloss instead of the cosine.
 
-    Some directions always come from the cosine: where the light is black, only they find its gradient.
+    It is large, since the emitter's samples serve the diffuse part well: on spheres under a small sun, 0.7 had 0.7 to 1
+    of the noise of 0.5. Some directions always come from the cosine, for the gradient of light where it is black.
     """
     if material.alpha2 == 0.0 or wp.dot(material.normal, outgoing) < 0.0:
         return 0.0
-    return 0.5 + 0.4 * material.metallic
+    return 0.7 + 0.2 * material.metallic
 
 
 @wp.func
