@@ -74,7 +74,7 @@ class AgreementTests(StatisticalKit):
         declared("roughness" in self.capabilities.differentiable, "the gradient of roughness")
         case = cases.glossy(torch.tensor([[0.5, 0.9, 0.6], [0.7, 0.4, 0.8]])[..., None])
         grads = (case.smooth(), 1.0 + 0.5 * case.random())
-        known = self.known(case, lambda scene: scene.roughness_gradients(grads, 0), split=16)
+        known = self.known(case, lambda scene: scene.map_gradients("roughness", grads, 0), split=16)
         largest = np.broadcast_to(known.size.max(axis=(1, 2, 3), keepdims=True), known.size.shape)
         rendered = RenderedCase(self.renderer, case)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -96,8 +96,8 @@ def flat(gradients: Gradients) -> dict[str, ndarray]:
 
 
 def differentiable(capabilities: RendererCapabilities) -> list[str]:
-    """What the renderer can differentiate, of the inputs that these cases have."""
-    return sorted(capabilities.differentiable & {"base_color", "roughness", "environment"})
+    """What the renderer can differentiate."""
+    return sorted(capabilities.differentiable)
 
 
 def soft_light(rows: int = 4, cols: int = 8, rotation: float = 0.6) -> Environment:
@@ -138,10 +138,29 @@ def corner() -> Case:
     return Case(scenes.corner_box(), scenes.lambertian(*colors), scenes.corner_view(soft_light(), 8, 8))
 
 
-def rich(gloss: bool) -> Case:
-    """`corner`, with all maps that there may be."""
-    texture = 0.3 + 0.6 * scenes.random_texture(3, 2, seed=3)[..., :1]
-    return corner().with_map(0, "roughness", texture) if gloss else corner()
+def rich(maps: Collection[str]) -> Case:
+    """`corner`, with all these maps: textures in part 0, constants in part 1, and a base colour alone in part 2."""
+    case = dressed(corner(), 0, maps)
+    constants = {"roughness": [0.5], "metallic": [0.7], "normal": [0.3, -0.2, 0.9]}
+    for name in (name for name in constants if name in maps):
+        case = case.with_map(1, name, torch.tensor(constants[name]))
+    return case
+
+
+def dressed(case: Case, part: int, maps: Collection[str]) -> Case:
+    """A copy with random textures of these maps, but for the base colour, in one part."""
+    values = 0.3 + 0.6 * scenes.random_texture(3, 2, seed=3)  # in [0.42, 0.84)
+    tilts = scenes.random_texture(2, 3, seed=4) - torch.tensor([0.55, 0.55, 0.0])
+    textures = {"roughness": values[..., :1], "metallic": 1.5 * values[..., 1:2] - 0.6, "normal": tilts}
+    for name in (name for name in textures if name in maps):
+        case = case.with_map(part, name, textures[name])
+    return case
+
+
+def whole(maps: Collection[str], light: Environment | None = None) -> Case:
+    """`sheet` with random textures of these maps, seen aslant, so that some of its normals are bent."""
+    case = dressed(sheet(light), 0, maps)
+    return replace(case, view=replace(case.view, camera=Camera((1.9, 0.6, 1.3), vertical_fov=0.3)))
 
 
 def screened() -> Case:

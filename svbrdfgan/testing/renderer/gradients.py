@@ -119,7 +119,7 @@ class GradientTests(StatisticalKit):
 
     def test_linear_in_the_cotangent(self) -> None:
         """The gradient for 2 a - 3 b is 2 times that for a less 3 times that for b."""
-        case = cases.rich("roughness" in self.capabilities.maps)
+        case = cases.rich(self.capabilities.maps)
         rendered, wrt, a, b = (
             RenderedCase(self.renderer, case),
             cases.differentiable(self.capabilities),
@@ -136,7 +136,7 @@ class GradientTests(StatisticalKit):
 
     def test_inputs_together_are_as_each_alone(self) -> None:
         """The gradient of one input is the same whatever else is asked for."""
-        case = cases.rich("roughness" in self.capabilities.maps)
+        case = cases.rich(self.capabilities.maps)
         rendered = RenderedCase(self.renderer, case)
         together = flat(rendered.gradients(case.smooth(), *cases.differentiable(self.capabilities)))
         for name in cases.differentiable(self.capabilities):
@@ -146,7 +146,7 @@ class GradientTests(StatisticalKit):
 
     def test_finite_in_the_dark_and_on_black(self) -> None:
         """On black and in the dark gradients are finite; of what is unlit, zero."""
-        case = cases.rich("roughness" in self.capabilities.maps)
+        case = cases.rich(self.capabilities.maps)
         black = cases.Case(case.surface, _blackened(case.materials), case.view)
         dark = case.lit_by(torch.zeros_like(case.view.environment.radiance))
         for name, scene in (("on black", black), ("in the dark", dark)):

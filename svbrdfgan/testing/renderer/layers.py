@@ -53,7 +53,7 @@ class LayerTests(RendererKit):
     def test_render_layer_gives_torch_these_gradients(self) -> None:
         """`RenderLayer` gives torch the picture, and `render_vjp` as its gradient."""
         wrt = cases.differentiable(self.capabilities)
-        case = cases.rich("roughness" in self.capabilities.maps)
+        case = cases.rich(self.capabilities.maps)
         rendered, grad = RenderedCase(self.renderer, case), case.random()
         maps = [{n: v.clone().requires_grad_(n in wrt) for n, v in m.maps.items()} for m in case.materials.parts]
         light = case.view.environment.radiance.clone().requires_grad_("environment" in wrt)
