@@ -57,8 +57,8 @@ class Quadrature:
 
     def map_gradients(
         self, name: str, grad_images: Sequence[Float[ndarray, "height width 3"]], part: int
-    ) -> Float[ndarray, "_ *shape"]:
-        """The gradient of each sum(image * grad_image) in a map of a part, shaped as that.
+    ) -> Float[ndarray, "*shape"]:
+        """The gradient of each sum(image * grad_image) in a map of a part: for each, an array shaped as that.
 
         By central differences, but for `base_color`, in which pictures are linear.
         """
