@@ -108,16 +108,28 @@ def _met(
     ray, distance, face, at = (np.concatenate(each) for each in zip(*found, strict=True))
     order = np.lexsort((distance, ray))
     ray, distance, face, at = (each[order] for each in (ray, distance, face, at))
-    alpha = _alpha(surface, surface.face_part[face], (surface.uv[surface.faces[face]] * at[..., None]).sum(axis=1))
-    weight, left, last = np.zeros(len(ray)), 1.0, dict[int, float]()
-    for hit, part in enumerate(surface.face_part[face]):
-        if hit == 0 or ray[hit] != ray[hit - 1]:
-            left, last = 1.0, {}
-        if distance[hit] - last.get(part, -np.inf) > _SAME:
-            weight[hit], left = left * alpha[hit], left * (1.0 - alpha[hit])
-        last[part] = distance[hit]
+    part, uv = surface.face_part[face], (surface.uv[surface.faces[face]] * at[..., None]).sum(axis=1)
+    weight = _shares(ray, distance, part, _alpha(surface, part, uv))
     ends = weight > 0.0
     return ray[ends], weight[ends], face[ends], at[ends, :, None]
+
+
+def _shares(
+    ray: Int[ndarray, " hits"],
+    distance: Float[ndarray, " hits"],
+    part: Int[ndarray, " hits"],
+    alpha: Float[ndarray, " hits"],
+) -> Float[ndarray, " hits"]:
+    """The share of each ray that ends at each of its hits, which come in order."""
+    shares, left, last = np.zeros(len(ray)), 1.0, dict[int, float]()
+    for hit in range(len(ray)):
+        if hit == 0 or ray[hit] != ray[hit - 1]:
+            left, last = 1.0, {}
+        owner, way = int(part[hit]), float(distance[hit])
+        if way - last.get(owner, -np.inf) > _SAME:
+            shares[hit], left = left * alpha[hit], left * (1.0 - float(alpha[hit]))
+        last[owner] = way
+    return shares
 
 
 def _alpha(

@@ -10,14 +10,14 @@ import pytest
 import torch
 from jaxtyping import Float
 from numpy import ndarray
-from torch import Tensor
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.quadrature import Quadrature
 from svbrdfgan.testing.rays import Points, seen
 from svbrdfgan.testing.reflection import Shades, bent, reflected
 from svbrdfgan.testing.renderer import cases
-from svbrdfgan.types import Camera, Environment, Material, Materials, Part, Surface, View
+from svbrdfgan.testing.scenes import material, with_alpha
+from svbrdfgan.types import Camera, Environment, Material, Materials, Surface, View
 
 UP = np.array([0.0, 0.0, 1.0])
 TILT = (0.6, 0.0, 0.8)
@@ -43,16 +43,6 @@ def _white(roughness: float, metallic: float, to_viewer: ndarray, direction: nda
     """What white reflects, times the cosine."""
     by_color, alone = reflected(_point(to_viewer), _shades(roughness, metallic), np.atleast_2d(direction))
     return np.asarray((by_color + alone)[0])
-
-
-def _material(**maps: float | tuple[float, ...] | Tensor) -> Material:
-    """A material of constants and textures."""
-    return Material(
-        {
-            name: torch.as_tensor(value, dtype=torch.float32).reshape(-1) if not isinstance(value, Tensor) else value
-            for name, value in maps.items()
-        }
-    )
 
 
 def _seen(material: Material, view: View, surface: Surface | None = None, **fineness: int) -> Float[ndarray, "h w 3"]:
@@ -95,7 +85,7 @@ def test_values_at_normal_incidence() -> None:
 def test_the_picture_is_linear_in_metallic() -> None:
     view = replace(cases.glossy(0.4).view, environment=cases.soft_light())
     none, some, all_ = (
-        _seen(_material(base_color=(0.7, 0.4, 0.2), roughness=0.4, metallic=m), view) for m in (0, 0.3, 1)
+        _seen(material(base_color=(0.7, 0.4, 0.2), roughness=0.4, metallic=m), view) for m in (0, 0.3, 1)
     )
     assert some == pytest.approx(0.7 * none + 0.3 * all_)
     assert abs(all_ - none).max() > 0.05
@@ -105,9 +95,9 @@ def test_a_neutral_normal_changes_nothing() -> None:
     """Whatever its length, also aslant and in textures."""
     view = cases.glossy(0.4, cases.soft_light()).view
     maps = {"base_color": (0.5, 0.3, 0.1), "roughness": 0.4, "metallic": 0.5}
-    plain = _seen(_material(**maps), view)
+    plain = _seen(material(**maps), view)
     for normal in ((0.0, 0.0, 1.0), (0.0, 0.0, 0.2), torch.tensor([0.0, 0.0, 3.0]).expand(2, 3, 3)):
-        assert _seen(_material(**maps, normal=normal), view) == pytest.approx(plain)
+        assert _seen(material(**maps, normal=normal), view) == pytest.approx(plain)
 
 
 @pytest.mark.parametrize(("row", "col"), [(32, 100), (20, 110), (40, 20), (30, 70), (25, 60)])
@@ -124,7 +114,7 @@ def test_a_tilted_normal_shades(row: int, col: int, mirrored: bool, behind: bool
     normal, sun = np.array([along_x, 0.3, side * 0.8]), scenes.sun_direction(row, col)
     wanted = max(float(normal @ sun), 0.0) / np.linalg.norm(normal) if side * sun[2] > 0.0 else 0.0
     tilt = torch.tensor([0.6, -0.3 if behind else 0.3, 0.8])
-    image = _seen(_material(base_color=(1.0, 1.0, 1.0), normal=tilt), _sheet(light, behind), surface)
+    image = _seen(material(base_color=(1.0, 1.0, 1.0), normal=tilt), _sheet(light, behind), surface)
     assert image == pytest.approx(wanted, rel=5e-3, abs=1e-6)
 
 
@@ -132,7 +122,7 @@ def test_normals_are_looked_up_and_then_scaled() -> None:
     """Between texels (1, 0, 1) and (0, 0, 3) lies (0.5, 0, 2), whatever the lengths."""
     texels, light = torch.tensor([[[1.0, 0.0, 1.0], [0.0, 0.0, 3.0]]]), scenes.sun(32, 105)
     view = scenes.spot_view((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), light, extent=1e-4)
-    found = _seen(_material(base_color=(1.0, 1.0, 1.0), normal=texels), view)
+    found = _seen(material(base_color=(1.0, 1.0, 1.0), normal=texels), view)
     assert found == pytest.approx(float(_unit(0.5, 0.0, 2.0) @ scenes.sun_direction(32, 105)), rel=5e-3)
 
 
@@ -181,24 +171,20 @@ def test_gradients_of_normals_and_metallic_are_those_of_the_image() -> None:
             assert found.reshape(2, -1)[:, texel] == pytest.approx(slope, rel=1e-2, abs=1e-2 * abs(found).max())
 
 
-def _clear(surface: Surface, *alphas: float | ndarray) -> Surface:
-    return replace(surface, parts=tuple(Part(f"part{i}", alpha=alpha) for i, alpha in enumerate(alphas)))
-
-
 def test_a_clear_part_shows_what_is_behind() -> None:
     """Of an alpha of 0.3 over one of 0.5, over nothing: 0.3 of the first, 0.35 of the second, 0.65 is covered."""
     planes = scenes.joined(scenes.plane(2.0), scenes.quad((-2.0, -2.0, -1.0), (4.0, 0.0, 0.0), (0.0, 4.0, 0.0)))
     view, colors = _sheet(scenes.sun(32, 127)), scenes.lambertian((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    quadrature = Quadrature(_clear(planes, 0.3, 0.5), colors, view, 2, 4)
+    quadrature = Quadrature(with_alpha(planes, 0.3, 0.5), colors, view, 2, 4)
     sun = scenes.sun_direction(32, 127)[2]
     assert quadrature.coverage() == pytest.approx(0.65)
     assert quadrature.image() == pytest.approx(np.broadcast_to([0.3 * sun, 0.35 * 0.7 * sun, 0.0], (2, 2, 3)), rel=5e-3)
-    assert seen(_clear(planes, 1.0, 0.5), view, 2).weight == pytest.approx(1.0)
+    assert seen(with_alpha(planes, 1.0, 0.5), view, 2).weight == pytest.approx(1.0)
 
 
 def test_alpha_is_a_texture_over_uv() -> None:
     """Row 0 lies at v = 0; lookups are bilinear."""
-    surface = _clear(scenes.plane(2.0), np.array([[0.0, 0.2], [0.4, 0.8]]))
+    surface = with_alpha(scenes.plane(2.0), np.array([[0.0, 0.2], [0.4, 0.8]]))
     view = scenes.front_view(scenes.constant_light(), 2.0, width=8, height=8, vertical_fov=2.0 * math.atan(0.5))
     coverage = Quadrature(surface, scenes.lambertian((1.0, 1.0, 1.0)), view, 2, 2).coverage()
     assert coverage[[0, 0, 7, 7], [0, 7, 0, 7]] == pytest.approx([0.4, 0.8, 0.0, 0.2])
@@ -213,6 +199,6 @@ def test_a_clear_lid_casts_a_part_of_a_shadow() -> None:
     )
     view = View(Camera((0.0, 0.2, 0.0), up=(0.0, 0.0, -1.0), vertical_fov=0.1), sun, 2, 2)
     colors = scenes.lambertian((0.5, 0.5, 0.5), (1.0, 0.0, 0.0))
-    whole, none = (Quadrature(_clear(surface, 1.0, alpha), colors, view, 2, 4).image() for alpha in (0.0, 1.0))
+    whole, none = (Quadrature(with_alpha(surface, 1.0, alpha), colors, view, 2, 4).image() for alpha in (0.0, 1.0))
     assert none == pytest.approx(0.0)
-    assert Quadrature(_clear(surface, 1.0, 0.3), colors, view, 2, 4).image() == pytest.approx(0.7 * whole)
+    assert Quadrature(with_alpha(surface, 1.0, 0.3), colors, view, 2, 4).image() == pytest.approx(0.7 * whole)

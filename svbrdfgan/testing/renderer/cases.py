@@ -163,6 +163,23 @@ def whole(maps: Collection[str], light: Environment | None = None) -> Case:
     return replace(case, view=replace(case.view, camera=Camera((1.9, 0.6, 1.3), vertical_fov=0.3)))
 
 
+def clear() -> Case:
+    """`lidded`, from aslant, with a coloured lid of textured alpha before the floor, and a clear sheet above both."""
+    sheet = scenes.quad((-1.5, 1.0, 1.5), (3.0, 0.0, 0.0), (0.0, 0.0, -3.0))
+    surface = scenes.joined(scenes.occluder(), sheet)
+    surface = scenes.with_alpha(surface, 1.0, np.array([[0.9, 0.2], [0.5, 0.7]]), 0.3)
+    materials = scenes.lambertian(scenes.random_texture(4, 4), scenes.random_texture(3, 2, seed=1), (0.2, 0.4, 0.8))
+    camera = Camera((0.6, 3.0, 0.9), (0.2, 0.2, 0.0), up=(0.0, 0.0, -1.0), vertical_fov=0.5)
+    return Case(surface, materials, View(camera, soft_light(), 8, 8))
+
+
+def clear_corner() -> Case:
+    """`corner` with a coloured screen of alpha 0.4 across it."""
+    bare, screen = corner(), scenes.quad((0.4, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
+    surface = scenes.with_alpha(scenes.joined(bare.surface, screen), 1.0, 1.0, 1.0, 0.4)
+    return Case(surface, Materials((*bare.materials.parts, Material.lambertian((0.9, 0.2, 0.5)))), bare.view)
+
+
 def screened() -> Case:
     """A plane (part 0) of which the picture shows the middle, and a larger one behind it, which it hides whole."""
     behind = scenes.quad((-1.5, -1.5, -1.0), (3.0, 0.0, 0.0), (0.0, 3.0, 0.0))
