@@ -15,7 +15,7 @@ PLUGINS = sorted(
 PLUGIN_NAMES = {folder.name for folder in PLUGINS}
 
 CONTRACT = ("svbrdfgan.types", "svbrdfgan.protocols", "svbrdfgan.errors")
-FOR_BACKENDS = (*CONTRACT, "svbrdfgan.rendering.validation")
+FOR_BACKENDS = (*CONTRACT, "svbrdfgan.geometry.tangents", "svbrdfgan.rendering.validation")
 FOR_EMBEDDINGS = (*CONTRACT, "svbrdfgan.geometry")
 
 ROOMS = (

@@ -1,16 +1,17 @@
 """Paths from the camera over the surface to the light.
 
-They depend on geometry, light and which parts are glossy, never on the values of maps. So with a fixed seed a picture
-is a smooth function of those values, and its derivative is exactly that of the estimator.
+They depend on geometry, light, and those maps that say how a point scatters, but never on the base colour. So with a
+fixed seed a picture is a smooth function of the base colour, and its derivative is exactly that of the estimator; for
+other maps and the light, directions and their densities count as constants.
 
 At each vertex a path gathers light from two directions, one drawn where the light is bright and one as the surface
-scatters. Along the second it goes on, if it meets something there. `shading.Reflection` holds what it carries.
+scatters. Along the second it goes on, if it meets something there. `shading.Bounce` holds what it carries.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,27 +19,24 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from svbrdfgan.types import View
-from svbrdfgan_numpy import scattering
+from svbrdfgan_numpy.bsdf import Bsdf
 from svbrdfgan_numpy.bvh import search
 from svbrdfgan_numpy.environment import EnvironmentEmitter
-from svbrdfgan_numpy.scattering import Scattering
-from svbrdfgan_numpy.shading import Bounce, Gloss, Reflection
+from svbrdfgan_numpy.materials import MaterialPoints
+from svbrdfgan_numpy.shading import Arrival, Bounce
 from svbrdfgan_numpy.surface import Points, PreparedSurface, points_at
-from svbrdfgan_numpy.textures import Taps
+from svbrdfgan_numpy.textures import Texture
+from svbrdfgan_numpy.vectors import dot
 
 
 @dataclass(frozen=True, eq=False)
 class PathTracer:
-    """Everything that paths depend on.
-
-    Attributes:
-        glossy: whether the material of each part has `roughness`.
-    """
+    """Everything that paths depend on."""
 
     prepared: PreparedSurface
     emitter: EnvironmentEmitter
     view: View
-    glossy: Bool[ndarray, " parts"]
+    maps: Mapping[str, Texture]
 
     def trace(self, paths: range, *, spp: int, seed: int, max_bounces: int) -> Iterator[Bounce]:
         """The bounces of some paths, first to last. Path i belongs to pixel i // spp; bounces number them from 0."""
@@ -47,17 +45,35 @@ class PathTracer:
         hits = search(bvh, origin, direction)
         for depth in range(1, max_bounces + 1):
             path, points = path[hits.found], points_at(self.prepared, hits, direction)
-            shiny = np.flatnonzero(self.glossy[points.part])
-            random = uniforms(seed, depth, paths)[path]
-            to_light, direction = self.emitter.sample(random[:, :2]), scattering.sample(points, shiny, random[:, 2:])
+            vertices = MaterialPoints.of(self.prepared, points, self.maps)
+            bsdf, random = vertices.bsdf(self.maps), uniforms(seed, depth, paths)[path]
+            to_light, direction = self.emitter.sample(random[:, :2]), bsdf.sample(points.outgoing, random[:, 2:])
             shadow = search(bvh, points.leave(to_light, offset), to_light, any_hit=True)
             hits = search(bvh, points.leave(direction, offset), direction, any_hit=depth == max_bounces)
-            scattered = [scattering.scatter(points, shiny, drawn) for drawn in (to_light, direction)]
-            gathered = (
-                _gather(self.emitter, scattered[0], shiny, to_light, ~shadow.found),
-                _gather(self.emitter, scattered[1], shiny, direction, ~hits.found),
+            arrivals = (
+                self._arrival(points, bsdf, to_light, ~shadow.found, onward=False),
+                self._arrival(points, bsdf, direction, ~hits.found, onward=True),
             )
-            yield _bounce(path, points, shiny, scattered, gathered)
+            yield Bounce(path, vertices, arrivals)
+
+    def _arrival(
+        self,
+        points: Points,
+        bsdf: Bsdf,
+        direction: Float[ndarray, "points 3"],
+        visible: Bool[ndarray, " points"],
+        *,
+        onward: bool,
+    ) -> Arrival:
+        """The light from these directions, weighted by the balance heuristic.
+
+        It weights a sample of density p_i by p_i / (p_1 + p_2), so f / p_i becomes f / (p_1 + p_2) for both (Veach
+        1995). Light from behind the surface does not count, even where it is in front of a tilted normal.
+        """
+        density, in_front = bsdf.pdf(points.outgoing, direction), dot(points.normal, direction) > 0.0
+        gathered = _inverse(self.emitter.pdf(direction) + density, visible & in_front)
+        weight = _inverse(density, in_front & (density > 0.0)) if onward else np.zeros_like(density)
+        return Arrival(direction, self.emitter.taps(direction).scaled(gathered), weight)
 
 
 def camera_rays(
@@ -82,49 +98,5 @@ def uniforms(seed: int, depth: int, paths: range) -> Float[ndarray, "paths 4"]:
     return np.random.Generator(np.random.Philox(key=key, counter=paths.start)).random((len(paths), 4))
 
 
-def _gather(
-    emitter: EnvironmentEmitter,
-    scattered: Scattering,
-    shiny: Int[ndarray, " glossy"],
-    direction: Float[ndarray, "points 3"],
-    visible: Bool[ndarray, " points"],
-) -> tuple[Taps, Taps]:
-    """The light from these directions, reflected diffusely and as gloss, weighted by the balance heuristic.
-
-    It weights a sample of density p_i by p_i / (p_1 + p_2), so f / p_i becomes f / (p_1 + p_2) for both (Veach 1995).
-    """
-    taps, density = emitter.taps(direction), emitter.pdf(direction) + scattered.density
-    counts = visible & (scattered.density > 0.0)
-    diffuse = _ratio(scattered.diffuse, density, counts)
-    gloss = _ratio(scattered.gloss, density[shiny], counts[shiny])
-    return taps.scaled(diffuse), taps.at(shiny).scaled(gloss)
-
-
-def _bounce(
-    path: Int[ndarray, " points"],
-    points: Points,
-    shiny: Int[ndarray, " glossy"],
-    scattered: Sequence[Scattering],
-    gathered: Sequence[tuple[Taps, Taps]],
-) -> Bounce:
-    """The record of these vertices. The paths go on along the second of the two directions."""
-    (to_light, onward), (diffuse, gloss) = scattered, zip(*gathered, strict=True)
-    in_front = onward.density > 0.0
-    diffuse_onward = _ratio(onward.diffuse, onward.density, in_front)
-    gloss_onward = _ratio(onward.gloss, onward.density[shiny], in_front[shiny])
-    return Bounce(
-        path,
-        points.part,
-        points.uv,
-        Reflection(np.arange(len(path)), Taps.summed(diffuse), diffuse_onward),
-        (
-            Gloss(to_light.cosines, Reflection(shiny, gloss[0], np.zeros(len(shiny)))),
-            Gloss(onward.cosines, Reflection(shiny, gloss[1], gloss_onward)),
-        ),
-    )
-
-
-def _ratio(
-    value: Float[ndarray, " points"], density: Float[ndarray, " points"], counts: Bool[ndarray, " points"]
-) -> Float[ndarray, " points"]:
-    return np.divide(value, density, out=np.zeros_like(value), where=counts)
+def _inverse(density: Float[ndarray, " points"], counts: Bool[ndarray, " points"]) -> Float[ndarray, " points"]:
+    return np.divide(1.0, density, out=np.zeros_like(density), where=counts)

@@ -14,14 +14,13 @@ from torch import Tensor
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import RendererCapabilities
 from svbrdfgan.rendering.validation import check_cotangent, check_render, check_transport
-from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
+from svbrdfgan.types import Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan_numpy.environment import pixels_of, prepare_emitter
 from svbrdfgan_numpy.integrator import PathTracer
+from svbrdfgan_numpy.materials import MAPS
 from svbrdfgan_numpy.shading import Bounce, radiance, radiance_vjp, shade, shade_vjp
 from svbrdfgan_numpy.surface import PreparedSurface, prepare
 from svbrdfgan_numpy.textures import Taps, Texture
-
-MAPS = ("base_color", "roughness")
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,7 @@ class NumpyRenderer:
         self._check(prepared, materials, spp)
         maps, environment = _textures(materials, prepared.surface), pixels_of(view.environment)
         image, coverage = np.zeros((view.height * view.width, 3)), np.zeros(view.height * view.width)
-        for pixels, bounces in self._trace(_tracer(prepared, view, materials), spp, seed):
+        for pixels, bounces in self._trace(_tracer(prepared, view, maps), spp, seed):
             shadings = [shade(bounce, maps, environment) for bounce in bounces]
             image[pixels] = radiance(len(pixels) * spp, bounces, shadings).reshape(-1, spp, 3).mean(axis=1)
             coverage[pixels] = np.bincount(bounces[0].path // spp, minlength=len(pixels)) / spp
@@ -86,18 +85,18 @@ class NumpyRenderer:
         spp: int,
         seed: int,
     ) -> Gradients:
-        """The gradient; see `Renderer.render_vjp`. The environment's treats the drawn directions as constants."""
+        """The gradient; see `Renderer.render_vjp`. All but the base colour's treat drawn directions as constants."""
         self._check(prepared, materials, spp, wrt)
         check_cotangent("numpy", view, grad_image)
         maps, environment = _textures(materials, prepared.surface), pixels_of(view.environment)
         grad_pixels = grad_image.detach().cpu().double().numpy().reshape(-1, 3) / spp
         grad_maps = {name: np.zeros_like(texture.texels) for name, texture in maps.items() if name in wrt}
         grad_environment = np.zeros_like(environment)
-        for pixels, bounces in self._trace(_tracer(prepared, view, materials), spp, seed):
+        for pixels, bounces in self._trace(_tracer(prepared, view, maps), spp, seed):
             shadings = [shade(bounce, maps, environment) for bounce in bounces]
             grads = radiance_vjp(bounces, shadings, np.repeat(grad_pixels[pixels], spp, axis=0))
-            for bounce, grad_values, grad_lights in zip(bounces, *grads, strict=True):
-                _add_to_maps(grad_maps, shade_vjp(bounce, maps, grad_values))
+            for bounce, shading, grad_reflected, grad_lights in zip(bounces, shadings, *grads, strict=True):
+                _add_to_maps(grad_maps, shade_vjp(bounce, shading, maps, grad_reflected))
                 if "environment" in wrt:
                     _add_to_environment(grad_environment, bounce, grad_lights)
         split = {name: maps[name].split(grad) for name, grad in grad_maps.items()}
@@ -112,7 +111,9 @@ class NumpyRenderer:
             UnsupportedError: `max_bounces` is above 1, where pictures are not linear in the base colour.
         """
         check_transport("numpy", self.capabilities, spp=spp)
-        return _samples(self._trace(_tracer(prepared, view), spp, seed), pixels_of(view.environment), spp)
+        white = Materials((Material.lambertian((1.0, 1.0, 1.0)),) * len(prepared.surface.parts))
+        maps, environment = _textures(white, prepared.surface), pixels_of(view.environment)
+        return _samples(self._trace(_tracer(prepared, view, maps), spp, seed), maps, environment, spp)
 
     def _check(
         self, prepared: PreparedSurface, materials: Materials, spp: int, wrt: frozenset[str] = frozenset()
@@ -126,12 +127,8 @@ class NumpyRenderer:
         return _chunks(tracer, step, spp, seed, self.max_bounces)
 
 
-def _tracer(prepared: PreparedSurface, view: View, materials: Materials | None = None) -> PathTracer:
-    """The tracer; without materials every part is Lambertian."""
-    glossy = np.zeros(len(prepared.surface.parts), dtype=bool)
-    if materials is not None:
-        glossy |= np.array(["roughness" in material.maps for material in materials.parts])
-    return PathTracer(prepared, prepare_emitter(view.environment), view, glossy)
+def _tracer(prepared: PreparedSurface, view: View, maps: Mapping[str, Texture]) -> PathTracer:
+    return PathTracer(prepared, prepare_emitter(view.environment), view, maps)
 
 
 def _textures(materials: Materials, surface: Surface) -> dict[str, Texture]:
@@ -160,19 +157,24 @@ def _add_to_maps(
 def _add_to_environment(
     grad_environment: Float[ndarray, "pixels 3"], bounce: Bounce, grad_lights: Sequence[Float[ndarray, "_ 3"]]
 ) -> None:
-    for reflection, grad in zip(bounce.reflections, grad_lights, strict=True):
-        grad_environment += reflection.light.transpose(grad, len(grad_environment))
+    for arrival, grad in zip(bounce.arrivals, grad_lights, strict=True):
+        grad_environment += arrival.light.transpose(grad, len(grad_environment))
 
 
 def _samples(
-    chunks: Iterator[tuple[Int[ndarray, " pixels"], list[Bounce]]], environment: Float[ndarray, "texels 3"], spp: int
+    chunks: Iterator[tuple[Int[ndarray, " pixels"], list[Bounce]]],
+    maps: Mapping[str, Texture],
+    environment: Float[ndarray, "texels 3"],
+    spp: int,
 ) -> Iterator[TransportSamples]:
     for pixels, (bounce,) in chunks:
+        light = radiance(len(pixels) * spp, [bounce], [shade(bounce, maps, environment)])
+        points = bounce.vertices.points
         yield TransportSamples(
             pixel=torch.from_numpy(pixels[bounce.path // spp]),
-            part=torch.from_numpy(bounce.part),
-            uv=_tensor(bounce.uv),
-            weight=_tensor(bounce.diffuse.light.apply(environment) / spp),
+            part=torch.from_numpy(points.part),
+            uv=_tensor(points.uv),
+            weight=_tensor(light[bounce.path] / spp),
         )
 
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from svbrdfgan.geometry.tangents import Tangents, corner_tangents
 from svbrdfgan.types import Surface
 from svbrdfgan_numpy.bvh import Bvh, Hits, build
-from svbrdfgan_numpy.vectors import cross, dot, normalize
+from svbrdfgan_numpy.normal_map import Frame
+from svbrdfgan_numpy.vectors import cross, dot, normalize, tangents
 
 OFFSET = 1e-9
 """How far from the surface a leaving ray starts, as a share of the scene's diagonal: above float64's rounding."""
@@ -28,6 +31,11 @@ class PreparedSurface:
     bvh: Bvh
     offset: float
 
+    @cached_property
+    def tangents(self) -> Tangents:
+        """Those of the surface's faces. Only normal maps need them, so they are not made before one does."""
+        return corner_tangents(self.surface)
+
 
 @dataclass(frozen=True, eq=False)
 class Points:
@@ -38,6 +46,9 @@ class Points:
         outgoing: unit direction back along the ray.
         normal: unit shading normal, turned to the ray's side.
         geometric: unit normal of the face, on either side of it.
+        side: 1.0, or -1.0 where the shading normal had to be turned.
+        face: index of the face.
+        barycentric: of its three corners.
         part: index into the surface's parts.
         uv: texture coordinates.
     """
@@ -46,6 +57,9 @@ class Points:
     outgoing: Float[ndarray, "points 3"]
     normal: Float[ndarray, "points 3"]
     geometric: Float[ndarray, "points 3"]
+    side: Float[ndarray, " points"]
+    face: Int[ndarray, " points"]
+    barycentric: Float[ndarray, "points 3"]
     part: Int[ndarray, " points"]
     uv: Float[ndarray, "points 2"]
 
@@ -65,7 +79,8 @@ def prepare(surface: Surface) -> PreparedSurface:
 def points_at(prepared: PreparedSurface, hits: Hits, direction: Float[ndarray, "rays 3"]) -> Points:
     """The points of those rays that hit the surface."""
     surface, found = prepared.surface, hits.found
-    vertices, direction = surface.faces[hits.face[found]], direction[found]
+    face, direction = hits.face[found], direction[found]
+    vertices = surface.faces[face]
     second, third = hits.barycentric[found].T
     barycentric = np.stack([1.0 - second - third, second, third], axis=-1)
     position, normal, uv = (
@@ -75,5 +90,19 @@ def points_at(prepared: PreparedSurface, hits: Hits, direction: Float[ndarray, "
     first, second, third = np.moveaxis(surface.positions[vertices], 1, 0)
     geometric = normalize(cross(second - first, third - first), fallback=normal)
     normal = normalize(normal, fallback=geometric)
-    normal = np.where(dot(normal, direction)[:, None] > 0.0, -normal, normal)
-    return Points(position, -direction, normal, geometric, surface.face_part[hits.face[found]], uv)
+    side = np.where(dot(normal, direction) > 0.0, -1.0, 1.0)
+    normal, part = side[:, None] * normal, surface.face_part[face]
+    return Points(position, -direction, normal, geometric, side, face, barycentric, part, uv)
+
+
+def frames_at(prepared: PreparedSurface, points: Points, some: Int[ndarray, " some"]) -> Frame:
+    """The tangent frames of some of the points, turned to the viewer as their normals are."""
+    if not len(some):
+        return Frame(np.zeros((0, 3, 3)), np.zeros((0, 3)))
+    normal, side, face = points.normal[some], points.side[some, None], points.face[some]
+    tangent = np.einsum("pk,pkc->pc", points.barycentric[some], prepared.tangents.direction[face])
+    tangent = tangent - dot(tangent, normal)[:, None] * normal
+    tangent = side * normalize(tangent, fallback=tangents(normal)[0])
+    # Of the turned N and T, the product is not turned: it takes the sign on its own.
+    bitangent = side * prepared.tangents.handedness[face, None] * cross(normal, tangent)
+    return Frame(np.stack([tangent, bitangent, normal], axis=1), points.outgoing[some])

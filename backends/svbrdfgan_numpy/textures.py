@@ -5,7 +5,6 @@ The adjoint of a lookup is the transpose of the same map, so gradients and pictu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,25 +33,28 @@ class Taps:
         """The weighted sum of its texels at each point."""
         return np.einsum("pt,ptc->pc", self.weight, texels[self.index])
 
-    def at(self, points: Int[ndarray, " chosen"]) -> Taps:
-        """The lookups of some of the points."""
-        return Taps(self.index[points], self.weight[points])
-
     def scaled(self, factor: Float[ndarray, " points"]) -> Taps:
         """The same lookups, each point's result multiplied by its factor."""
         return Taps(self.index, self.weight * factor[:, None])
-
-    @staticmethod
-    def summed(taps: Sequence[Taps]) -> Taps:
-        """The sum of several lookups at the same points."""
-        index, weight = [t.index for t in taps], [t.weight for t in taps]
-        return Taps(np.concatenate(index, axis=1), np.concatenate(weight, axis=1))
 
     def transpose(self, values: Float[ndarray, "points channels"], texels: int) -> Float[ndarray, "texels channels"]:
         """The values at the points, scattered to the texels: the transpose of `apply`."""
         index = self.index.ravel()
         scattered = [np.bincount(index, (self.weight * v[:, None]).ravel(), minlength=texels) for v in values.T]
         return np.stack(scattered, axis=-1, dtype=np.float64)  # without points, bincount returns int64
+
+
+@dataclass(frozen=True, eq=False)
+class Lookup:
+    """The lookup of a map where points have it.
+
+    Attributes:
+        points: indices of these points.
+        taps: their lookups.
+    """
+
+    points: Int[ndarray, " some"]
+    taps: Taps
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +85,12 @@ class Texture:
         first = np.cumsum(rows * cols) - rows * cols
         taps = bilinear_taps(uv, rows[part], cols[part], self.repeat)
         return Taps(first[part, None] + taps.index, taps.weight)
+
+    def lookup(self, part: Int[ndarray, " points"], uv: Float[ndarray, "points 2"]) -> Lookup:
+        """The lookup at those points whose parts have the map."""
+        has = np.array([shape.numel() > 0 for shape in self.shapes])
+        points = np.flatnonzero(has[part])
+        return Lookup(points, self.taps(part[points], uv[points]))
 
     def split(self, gradient: Float[ndarray, "texels channels"]) -> list[Float[Tensor, "*shape"]]:
         """The gradient of each part's map, float32 and shaped like that map."""

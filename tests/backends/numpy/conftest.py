@@ -1,4 +1,4 @@
-"""Makes `import dielectric` work in this folder's tests."""
+"""Makes `import gltf` work in this folder's tests."""
 
 import sys
 from pathlib import Path

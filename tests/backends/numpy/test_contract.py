@@ -7,7 +7,6 @@ from svbrdfgan_numpy import NumpyRenderer
 from svbrdfgan.errors import ConfigError, UnsupportedError
 from svbrdfgan.protocols import Renderer, TransportRenderer
 from svbrdfgan.testing import scenes
-from svbrdfgan.types import Material, Materials
 
 RENDERER = NumpyRenderer()
 PREPARED = RENDERER.prepare(scenes.plane())
@@ -20,8 +19,9 @@ def test_it_is_a_renderer_with_transport() -> None:
     assert isinstance(RENDERER, Renderer)
     assert isinstance(RENDERER, TransportRenderer)
     assert RENDERER.device == torch.device("cpu")
-    assert RENDERER.capabilities.maps == {"base_color", "roughness"}
-    assert RENDERER.capabilities.differentiable == {"base_color", "roughness", "environment"}
+    maps = {"base_color", "roughness", "metallic", "normal"}
+    assert RENDERER.capabilities.maps == maps
+    assert RENDERER.capabilities.differentiable == {*maps, "environment"}
     assert NumpyRenderer(max_bounces=5).capabilities.max_bounces == 5
 
 
@@ -39,13 +39,6 @@ def test_impossible_chunks_are_refused() -> None:
 def test_no_samples_are_refused() -> None:
     with pytest.raises(ConfigError, match="spp is 0"):
         RENDERER.render(PREPARED, WHITE, VIEW, spp=0, seed=0)
-
-
-def test_a_map_it_does_not_read_is_refused() -> None:
-    metal = Materials((Material({"base_color": torch.ones(3), "metallic": torch.ones(1)}),))
-    message = "'part0' has metallic, but the renderer reads only base_color, roughness"
-    with pytest.raises(UnsupportedError, match=message):
-        RENDERER.render(PREPARED, metal, VIEW, spp=1, seed=0)
 
 
 def test_materials_must_fit_the_parts() -> None:

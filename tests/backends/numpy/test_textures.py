@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from svbrdfgan_numpy.textures import Taps, bilinear_taps
+from svbrdfgan_numpy.textures import bilinear_taps
 
 RNG = np.random.default_rng(0)
 UV = RNG.uniform(0.0, 1.0, (500, 2))
@@ -30,6 +30,5 @@ def test_repeating_is_looking_up_in_a_tiled_texture(repeat: tuple[bool, bool]) -
 
 def test_transpose_is_the_transpose() -> None:
     taps = bilinear_taps(UV, 5, 7, (True, False)).scaled(RNG.uniform(size=500))
-    both = Taps.summed([taps, bilinear_taps(UV[::-1], 5, 7, (False, False))])
     values, texels = RNG.normal(size=(500, 3)), RNG.normal(size=(35, 3))
-    assert np.isclose((both.apply(texels) * values).sum(), (texels * both.transpose(values, 35)).sum())
+    assert np.isclose((taps.apply(texels) * values).sum(), (texels * taps.transpose(values, 35)).sum())

@@ -1,18 +1,24 @@
-"""With gloss too, the adjoint is the exact derivative of `render`'s picture."""
+"""Gradients of pictures in every map and the light are the derivatives of the same samples.
 
-from collections.abc import Callable
+For the base colour that is the derivative of `render`'s picture. Other maps decide where samples are drawn; there paths
+are traced with the maps as they are, and shaded with moved ones.
+"""
 
-import dielectric
+from collections.abc import Callable, Mapping
+
+import gltf
 import pytest
 import torch
 from svbrdfgan_numpy import NumpyRenderer, renderer
+from svbrdfgan_numpy.environment import pixels_of
+from svbrdfgan_numpy.shading import radiance, shade
 from svbrdfgan_numpy.surface import PreparedSurface
 from torch import Tensor
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.types import Environment, Material, Materials, View
 
-WRT = frozenset({"base_color", "roughness", "environment"})
+WRT = frozenset({"base_color", "roughness", "metallic", "normal", "environment"})
 SPP, SEED = 4, 3
 
 
@@ -26,11 +32,21 @@ def _random(*shape: int, seed: int = 0) -> Tensor:
     return torch.randn(shape, generator=torch.Generator().manual_seed(seed)).double()
 
 
+def _relief(rows: int, cols: int, seed: int) -> Tensor:
+    """A normal map so steep that some normals must be bent."""
+    return scenes.random_texture(rows, cols, seed) * torch.tensor([2.0, 2.0, 0.3]) + torch.tensor([-1.0, -1.0, 0.3])
+
+
 def _corner(max_bounces: int) -> tuple[NumpyRenderer, PreparedSurface, View, list[dict[str, Tensor]]]:
-    """Parts that see one another: glossy by a texture, Lambertian, and glossy by a constant; and their maps."""
+    """Parts that see one another: with all maps as textures, Lambertian with a normal map, and constants."""
     maps = [
-        {"base_color": scenes.random_texture(6, 5), "roughness": scenes.random_texture(3, 7, seed=2)[..., :1]},
-        {"base_color": torch.tensor([0.9, 0.5, 0.2])},
+        {
+            "base_color": scenes.random_texture(6, 5),
+            "roughness": scenes.random_texture(3, 7, seed=2)[..., :1],
+            "metallic": scenes.random_texture(4, 4, seed=3)[..., :1],
+            "normal": _relief(5, 3, seed=4),
+        },
+        {"base_color": torch.tensor([0.9, 0.5, 0.2]), "normal": _relief(2, 6, seed=5)},
         {"base_color": scenes.random_texture(3, 4, seed=1), "roughness": torch.tensor([0.25])},
     ]
     tracer, view = NumpyRenderer(max_bounces), scenes.corner_view(scenes.random_light())
@@ -48,25 +64,66 @@ def _slope(loss: Callable[[float], float], step: float) -> float:
     return (4.0 * narrow - wide) / 3.0
 
 
+def _moved(maps: list[dict[str, Tensor]], part: int, name: str, by: Tensor) -> Materials:
+    return _materials([*maps[:part], {**maps[part], name: maps[part][name] + by}, *maps[part + 1 :]])
+
+
 @pytest.mark.parametrize("max_bounces", [1, 3])
-@pytest.mark.parametrize(
-    ("part", "name"), [(0, "base_color"), (1, "base_color"), (2, "base_color"), (0, "roughness"), (2, "roughness")]
-)
-def test_maps_against_finite_differences(part: int, name: str, max_bounces: int) -> None:
+@pytest.mark.parametrize("part", [0, 1, 2])
+def test_base_color_against_finite_differences(part: int, max_bounces: int) -> None:
     tracer, prepared, view, maps = _corner(max_bounces)
-    cotangent, along = _random(view.height, view.width, 3), _random(*maps[part][name].shape, seed=part + 1)
+    cotangent, along = _random(view.height, view.width, 3), _random(*maps[part]["base_color"].shape, seed=part + 1)
 
     def loss(step: float) -> float:
-        moved = {**maps[part], name: maps[part][name] + step * along}
-        materials = _materials([*maps[:part], moved, *maps[part + 1 :]])
+        materials = _moved(maps, part, "base_color", step * along)
         return float((tracer.render(prepared, materials, view, spp=SPP, seed=SEED).image * cotangent).sum())
+
+    gradients = tracer.render_vjp(prepared, _materials(maps), view, cotangent, wrt=WRT, spp=SPP, seed=SEED)
+    gradient = gradients.materials[part]["base_color"]
+    slope = float((gradient.double() * along).sum())
+    assert (gradient.dtype, gradient.shape) == (torch.float32, maps[part]["base_color"].shape)
+    assert abs(slope) > 1e-3
+    assert _slope(loss, 1e-3) == pytest.approx(slope, rel=1e-5)
+
+
+def _image_of_paths(
+    tracer: NumpyRenderer, prepared: PreparedSurface, view: View, maps: list[dict[str, Tensor]]
+) -> Callable[[Materials], Tensor]:
+    """The picture of other materials on the paths that are traced with these maps."""
+
+    def textures(materials: Materials) -> Mapping[str, renderer.Texture]:
+        return renderer._textures(materials, prepared.surface)
+
+    samples = view.height * view.width * SPP
+    paths = renderer._tracer(prepared, view, textures(_materials(maps)))
+    bounces = list(paths.trace(range(samples), spp=SPP, seed=SEED, max_bounces=tracer.max_bounces))
+
+    def image(materials: Materials) -> Tensor:
+        shadings = [shade(bounce, textures(materials), pixels_of(view.environment)) for bounce in bounces]
+        mean = radiance(samples, bounces, shadings).reshape(-1, SPP, 3).mean(axis=1)
+        return torch.from_numpy(mean.reshape(view.height, view.width, 3))
+
+    return image
+
+
+@pytest.mark.parametrize("max_bounces", [1, 3])
+@pytest.mark.parametrize(
+    ("part", "name"), [(0, "roughness"), (2, "roughness"), (0, "metallic"), (0, "normal"), (1, "normal")]
+)
+def test_other_maps_against_finite_differences_on_the_same_paths(part: int, name: str, max_bounces: int) -> None:
+    tracer, prepared, view, maps = _corner(max_bounces)
+    cotangent, along = _random(view.height, view.width, 3), _random(*maps[part][name].shape, seed=part + 1)
+    image = _image_of_paths(tracer, prepared, view, maps)
+    rendered = tracer.render(prepared, _materials(maps), view, spp=SPP, seed=SEED).image
+    assert torch.allclose(image(_materials(maps)), rendered, rtol=1e-12)
 
     gradients = tracer.render_vjp(prepared, _materials(maps), view, cotangent, wrt=WRT, spp=SPP, seed=SEED)
     gradient = gradients.materials[part][name]
     slope = float((gradient.double() * along).sum())
+    found = _slope(lambda step: float((image(_moved(maps, part, name, step * along)) * cotangent).sum()), 1e-6)
     assert (gradient.dtype, gradient.shape) == (torch.float32, maps[part][name].shape)
     assert abs(slope) > 1e-3
-    assert _slope(loss, 1e-3) == pytest.approx(slope, rel=1e-5)
+    assert found == pytest.approx(slope, rel=1e-5)
 
 
 @pytest.mark.parametrize("max_bounces", [1, 3])
@@ -90,7 +147,7 @@ def test_environment_against_finite_differences(max_bounces: int) -> None:
     assert float((gradients.environment * radiance).sum()) == pytest.approx(picture(radiance), rel=1e-9)
 
 
-def test_only_glossy_parts_have_a_gradient_of_roughness_and_only_if_asked() -> None:
+def test_parts_have_gradients_of_their_maps_and_only_if_asked() -> None:
     tracer, prepared, view, maps = _corner(1)
     ones = torch.ones(view.height, view.width, 3)
 
@@ -99,15 +156,21 @@ def test_only_glossy_parts_have_a_gradient_of_roughness_and_only_if_asked() -> N
         assert (gradients.environment is not None) == ("environment" in wrt)
         return [set(part) for part in gradients.materials]
 
-    assert named(set(WRT)) == [{"base_color", "roughness"}, {"base_color"}, {"base_color", "roughness"}]
+    assert named(set(WRT)) == [
+        {"base_color", "roughness", "metallic", "normal"},
+        {"base_color", "normal"},
+        {"base_color", "roughness"},
+    ]
     assert named({"roughness"}) == [{"roughness"}, set(), {"roughness"}]
+    assert named({"metallic", "environment"}) == [{"metallic"}, set(), set()]
+    assert named({"normal"}) == [{"normal"}, {"normal"}, set()]
     assert named({"base_color"}) == 3 * [{"base_color"}]
 
 
 def test_unseen_texels_and_unseen_parts_have_exactly_no_gradient() -> None:
     behind = scenes.quad((-1.0, -1.0, -1.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0))
     rough = [torch.full((8, 8, 1), 0.3), torch.full((4, 4, 1), 0.3)]
-    materials = Materials(tuple(dielectric.glossy((0.0, 0.0, 0.0), r) for r in rough))
+    materials = Materials(tuple(gltf.glossy((0.0, 0.0, 0.0), r) for r in rough))
     tracer, view = NumpyRenderer(), scenes.front_view(scenes.random_light(), 1.0, vertical_fov=0.8)
     prepared = tracer.prepare(scenes.joined(scenes.plane(2.0), behind))
     gradients = tracer.render_vjp(prepared, materials, view, torch.ones(16, 16, 3), wrt=WRT, spp=4, seed=0).materials
@@ -124,7 +187,7 @@ def test_roughness_below_the_bound_has_exactly_no_gradient() -> None:
     below, above = (
         tracer.render_vjp(
             prepared,
-            Materials((dielectric.glossy((0.5, 0.5, 0.5), roughness),)),
+            Materials((gltf.glossy((0.5, 0.5, 0.5), roughness),)),
             view,
             torch.ones(16, 16, 3),
             wrt=WRT,

@@ -2,7 +2,7 @@
 
 import math
 
-import dielectric
+import gltf
 import numpy as np
 import pytest
 import torch
@@ -17,7 +17,7 @@ WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 
 
 def _glossy(base_color: tuple[float, ...] | Tensor, roughness: float | Tensor) -> Materials:
-    return Materials((dielectric.glossy(base_color, roughness),))
+    return Materials((gltf.glossy(base_color, roughness),))
 
 
 def _plane_seen_at(direction: np.ndarray, environment: Environment) -> View:
@@ -41,7 +41,7 @@ def test_a_small_sun_shines_by_the_formula_at_the_mirror_angle_and_off_it(roughn
     view = np.array([-math.sin(angle), 0.0, math.cos(angle)])
     sun = _plane_seen_at(view, scenes.sun(row, col, rows, cols))
     image = scenes.picture(DIRECT, scenes.plane(), _glossy((0.5, 0.5, 0.5), roughness), sun, spp=16).image
-    truth = math.pi * light[2] * dielectric.bsdf(view[None], light[None], 0.5, roughness)[0]
+    truth = math.pi * light[2] * gltf.bsdf(view[None], light[None], 0.5, roughness)[0]
     assert light == pytest.approx([math.sqrt(0.5), 0.0, math.sqrt(0.5)], abs=0.01)
     mean, error = _mean_and_error(image)
     assert abs(mean - truth) < 0.004 * truth + 4.0 * error
@@ -52,12 +52,12 @@ def test_a_small_sun_shines_by_the_formula_at_the_mirror_angle_and_off_it(roughn
 @pytest.mark.parametrize("roughness", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("cosine", [0.95, 0.3])
 def test_furnace_a_plane_in_uniform_light_has_its_albedo(cosine: float, roughness: float, max_bounces: int) -> None:
-    view = _plane_seen_at(dielectric.direction(cosine)[0], scenes.constant_light())
+    view = _plane_seen_at(gltf.direction(cosine)[0], scenes.constant_light())
     for base_color in (WHITE, BLACK):
         materials = _glossy(base_color, roughness)
         image = scenes.picture(NumpyRenderer(max_bounces), scenes.plane(), materials, view, spp=64).image
         mean, error = _mean_and_error(image)
-        assert abs(mean - dielectric.albedo(cosine, base_color[0], max(roughness, 0.05))) < 4.5 * error
+        assert abs(mean - gltf.albedo(cosine, base_color[0], max(roughness, 0.05))) < 4.5 * error
         assert error < 0.05 * mean
 
 
@@ -72,8 +72,8 @@ def test_furnace_gloss_among_white_walls_reflects_them_as_if_they_were_light(bas
     target, toward = chip.positions.mean(axis=0), np.array([1.6, 1.4, 1.8])
     view = View(Camera(tuple(target + toward), tuple(target), vertical_fov=0.001), scenes.constant_light(), 8, 8)
     surface = scenes.joined(scenes.corner_box(), chip)
-    materials = Materials((*scenes.lambertian(WHITE, WHITE, WHITE).parts, dielectric.glossy(3 * (base_color,), 0.3)))
-    truth = dielectric.albedo(1.4 / float(np.linalg.norm(toward)), base_color, 0.3)
+    materials = Materials((*scenes.lambertian(WHITE, WHITE, WHITE).parts, gltf.glossy(3 * (base_color,), 0.3)))
+    truth = gltf.albedo(1.4 / float(np.linalg.norm(toward)), base_color, 0.3)
     mean, error = _mean_and_error(scenes.picture(NumpyRenderer(32), surface, materials, view, spp=96).image)
     direct, _ = _mean_and_error(scenes.picture(DIRECT, surface, materials, view, spp=64).image)
     assert abs(mean - truth) < 4.5 * error
@@ -88,8 +88,8 @@ def test_a_roughness_map_lies_as_a_base_colour_does() -> None:
     view = scenes.front_view(scenes.constant_light(), 2.0, 8, 8, 2.0 * math.atan(0.25))
     image = scenes.picture(DIRECT, scenes.plane(), _glossy(BLACK, roughness), view, spp=256).image[..., 0]
     top_right, others = image[:2, -2:].mean(), [image[:2, :2], image[-2:, :2], image[-2:, -2:]]
-    assert top_right == pytest.approx(dielectric.albedo(0.95, 0.0, 0.1), rel=0.1)
-    assert all(other.mean() == pytest.approx(dielectric.albedo(0.95, 0.0, 1.0), rel=0.1) for other in others)
+    assert top_right == pytest.approx(gltf.albedo(0.95, 0.0, 0.1), rel=0.1)
+    assert all(other.mean() == pytest.approx(gltf.albedo(0.95, 0.0, 1.0), rel=0.1) for other in others)
 
 
 def test_the_map_is_looked_up_first_and_then_bounded() -> None:
@@ -126,7 +126,7 @@ def test_direct_light_is_affine_in_the_base_colour() -> None:
 
 def test_a_lambertian_part_looks_the_same_beside_a_glossy_one() -> None:
     view = scenes.front_view(scenes.random_light(), vertical_fov=0.6)
-    red, shiny = Material.lambertian(scenes.RED), dielectric.glossy(scenes.GREEN, 0.2)
+    red, shiny = Material.lambertian(scenes.RED), gltf.glossy(scenes.GREEN, 0.2)
     beside, alone = (
         scenes.picture(NumpyRenderer(2), scenes.two_parts(), Materials((red, other)), view).image
         for other in (shiny, Material.lambertian(scenes.GREEN))
@@ -139,7 +139,7 @@ def test_the_same_seed_gives_the_same_glossy_picture_however_it_is_cut() -> None
     surface: Surface = scenes.corner_box()
     view = scenes.corner_view(scenes.random_light())
     materials = Materials(
-        (dielectric.glossy(WHITE, scenes.random_texture(3, 4)[..., :1]), *scenes.lambertian(scenes.RED, WHITE).parts)
+        (gltf.glossy(WHITE, scenes.random_texture(3, 4)[..., :1]), *scenes.lambertian(scenes.RED, WHITE).parts)
     )
     images = [scenes.picture(NumpyRenderer(3, chunk), surface, materials, view).image for chunk in (100_000, 500, 1)]
     assert all(torch.equal(images[0], image) for image in images[1:])
