@@ -105,9 +105,9 @@ def _met(
         distance, u, v = (each[0] for each in _crossings(origin, direction, corners))
         hit = np.flatnonzero(np.isfinite(distance))
         found.append((hit, distance[hit], np.full(len(hit), face), np.stack([1.0 - u - v, u, v], axis=-1)[hit]))
-    ray, distance, face, at = (np.concatenate(each) for each in zip(*found, strict=True))
+    ray, distance, face, at = (np.concatenate([each[i] for each in found]) for i in range(4))
     order = np.lexsort((distance, ray))
-    ray, distance, face, at = (each[order] for each in (ray, distance, face, at))
+    ray, distance, face, at = ray[order], distance[order], face[order], at[order]
     part, uv = surface.face_part[face], (surface.uv[surface.faces[face]] * at[..., None]).sum(axis=1)
     weight = _shares(ray, distance, part, _alpha(surface, part, uv))
     ends = weight > 0.0

@@ -106,6 +106,14 @@ def soft_light(rows: int = 4, cols: int = 8, rotation: float = 0.6) -> Environme
     return replace(light, radiance=light.radiance + 0.3)
 
 
+def side_light() -> Environment:
+    """A random environment that is brightest on one side, where tilting a normal matters most."""
+    light = soft_light()
+    radiance = 0.2 * light.radiance
+    radiance[1, :2] += 3.0
+    return replace(light, radiance=radiance)
+
+
 def sheet(light: Environment | None = None, size: int = 8, texels: tuple[int, int] = (4, 4)) -> Case:
     """A textured plane that fills the picture."""
     view = scenes.front_view(light or soft_light(), width=size, height=size, vertical_fov=0.5)
@@ -150,7 +158,7 @@ def rich(maps: Collection[str]) -> Case:
 def dressed(case: Case, part: int, maps: Collection[str]) -> Case:
     """A copy with random textures of these maps, but for the base colour, in one part."""
     values = 0.3 + 0.6 * scenes.random_texture(3, 2, seed=3)  # in [0.42, 0.84)
-    tilts = scenes.random_texture(2, 3, seed=4) - torch.tensor([0.55, 0.55, 0.0])
+    tilts = scenes.random_texture(2, 3, seed=4) - torch.tensor([0.55, 0.55, -0.4])
     textures = {"roughness": values[..., :1], "metallic": 1.5 * values[..., 1:2] - 0.6, "normal": tilts}
     for name in (name for name in textures if name in maps):
         case = case.with_map(part, name, textures[name])
@@ -158,9 +166,21 @@ def dressed(case: Case, part: int, maps: Collection[str]) -> Case:
 
 
 def whole(maps: Collection[str], light: Environment | None = None) -> Case:
-    """`sheet` with random textures of these maps, seen aslant, so that some of its normals are bent."""
-    case = dressed(sheet(light), 0, maps)
-    return replace(case, view=replace(case.view, camera=Camera((1.9, 0.6, 1.3), vertical_fov=0.3)))
+    """`sheet` with random textures of these maps, seen aslant, and none of its normals bent: gradients are smooth."""
+    case = dressed(sheet(light or side_light()), 0, maps)
+    return replace(case, view=replace(case.view, camera=Camera((0.7, 0.4, 2.4), vertical_fov=0.35)))
+
+
+def rim(maps: Collection[str], light: Environment | None = None) -> Case:
+    """`sheet` with these maps at a grazing angle, all of its normals turned so far from the viewer that they are bent.
+
+    As they all are, gradients are smooth here, too.
+    """
+    case = dressed(sheet(light or side_light()), 0, maps)
+    if "normal" in maps:
+        tilts = 0.5 * scenes.random_texture(2, 3, seed=4) - torch.tensor([0.95, 0.25, -0.5])
+        case = case.with_map(0, "normal", tilts)
+    return replace(case, view=replace(case.view, camera=Camera((2.0, 0.2, 0.9), vertical_fov=0.2)))
 
 
 def clear() -> Case:

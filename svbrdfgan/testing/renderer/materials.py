@@ -82,7 +82,7 @@ class MaterialTests(MeasuredKit):
         light = dict(zip(pixels, turned, strict=True))
         cases: list[Inputs] = []
         for seen, lit in (pixels, pixels[::-1]):
-            view = scenes.spot_view((0.0, 0.0, 0.0), scenes.sun_direction(*seen), light[lit])
+            view = scenes.spot_view((0.0, 0.0, 0.0), tuple(scenes.sun_direction(*seen)), light[lit])
             cases += [(plane, materials, view) for materials in _dielectric_and_metal(self, 0.8)]
         runs = self.brightnesses(*cases, spp=64)
         cosines = [float(scenes.sun_direction(*lit)[2]) for lit in pixels[::-1]]

@@ -20,6 +20,8 @@ _NAMES = "Tilted towards +u, -u, +v, -v, and not"
 _BESIDE = (20, 110)
 """A pixel of a sun of 64 x 128 that lights the plane from above and, more, from the right."""
 
+Constants = dict[str, float | Sequence[float] | Tensor]
+
 
 class NormalMapTests(MeasuredKit):
     """The tangent frame, the lookup, both horizons, and no black rims. Lambertian, unless gloss must be there."""
@@ -55,10 +57,9 @@ class NormalMapTests(MeasuredKit):
     def test_a_neutral_normal_changes_nothing(self) -> None:
         """(0, 0, 1) and (0, 0, 0.3) look as no normal map does, from the front and aslant."""
         _declares(self)
-        gloss = {"roughness": 0.5} if "roughness" in self.capabilities.maps else {}
-        plain = {"base_color": (0.5, 0.5, 0.5), **gloss}
+        plain: Constants = {"base_color": (0.5, 0.5, 0.5), **self._gloss}
         flat = [torch.tensor(normal) for normal in ((0.0, 0.0, 1.0), (0.0, 0.0, 0.3))]
-        maps = [plain, *({**plain, "normal": normal} for normal in (*flat, flat[1].expand(2, 3, 3)))]
+        maps: list[Constants] = [plain, *({**plain, "normal": normal} for normal in (*flat, flat[1].expand(2, 3, 3)))]
         for towards in (FRONT, (0.9, 0.1, 0.3)):
             view = scenes.spot_view(ORIGIN, towards, scenes.random_light())
             runs = self.brightnesses(*((scenes.plane(), Materials((scenes.material(**m),)), view) for m in maps))
@@ -96,13 +97,12 @@ class NormalMapTests(MeasuredKit):
     def test_no_light_comes_from_behind(self) -> None:
         """Light from below the surface is none, even if the normal leans to it; nor is light from below its own."""
         _declares(self)
-        gloss = {"roughness": 0.5} if "roughness" in self.capabilities.maps else {}
         below, low = scenes.sun(32, 58), scenes.sun(32, 100)  # at -X and -Z, at +X and +Z
         for what, normal, light in (
             ("a sun behind the surface that the normal leans to", (-0.9, 0.0, 0.3), below),
             ("a sun before the surface and behind the normal", (-0.9, 0.0, 0.3), low),
         ):
-            material = scenes.material(base_color=(0.8, 0.8, 0.8), normal=normal, **gloss)
+            material = scenes.material(base_color=(0.8, 0.8, 0.8), normal=normal, **self._gloss)
             view = scenes.spot_view(ORIGIN, (-0.1, 0.0, 1.0), light)
             image = self.render(scenes.plane(), Materials((material,)), view, spp=64).image
             check_zero(image.cpu().numpy(), f"In {what} a tilted plane should be black.")
@@ -111,7 +111,9 @@ class NormalMapTests(MeasuredKit):
         """Normals that turn away from the viewer are bent to it, as by quadrature."""
         _declares(self)
         view = scenes.spot_view(ORIGIN, (0.9, 0.0, 0.3), scenes.constant_light(1.0, 16, 32))
-        maps = [{"normal": normal} for normal in ((-0.6, 0.0, 0.8), (-0.95, 0.0, 0.3), (0.5, 0.5, 0.7))]
+        maps: list[Constants] = [
+            {"normal": normal} for normal in ((-0.6, 0.0, 0.8), (-0.95, 0.0, 0.3), (0.5, 0.5, 0.7))
+        ]
         if "metallic" in self.capabilities.maps:
             maps += [{**each, "roughness": 0.5, "metallic": 1.0} for each in maps]
         cases: list[Inputs] = [
@@ -122,6 +124,10 @@ class NormalMapTests(MeasuredKit):
         check(bool((truth > 0.1).all()), "the quadrature itself is wrong.")
         message = "Seen at a grazing angle: normals turned away, far away, and to a side; then of metal; then flat."
         self.check_ratios(self.brightnesses(*cases, spp=64), truth, message)
+
+    @property
+    def _gloss(self) -> Constants:
+        return {"roughness": 0.5} if "roughness" in self.capabilities.maps else {}
 
     def _require_tilts(
         self,
@@ -146,7 +152,7 @@ def _declares(kit: MeasuredKit) -> None:
 
 
 def _grey(normal: tuple[float, float, float] | Tensor | None = None) -> Material:
-    tilt = {} if normal is None else {"normal": normal}
+    tilt: Constants = {} if normal is None else {"normal": normal}
     return scenes.material(base_color=(0.5, 0.5, 0.5), **tilt)
 
 
