@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,12 @@ from svbrdfgan_numpy.vectors import cross, dot
 
 LEAF_FACES = 2
 """A leaf holds from this many faces to twice as many."""
+
+Stops = Callable[[Int[ndarray, " hits"], Int[ndarray, " hits"], Float[ndarray, "hits 2"]], Bool[ndarray, " hits"]]
+"""Whether rays end where they meet faces: takes indices of rays and faces, and barycentrics as `Hits` has them.
+
+A ray and a face always give the same answer, as a search may meet them again.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +101,19 @@ def build(corners: Float[ndarray, "faces 3 3"]) -> Bvh:
 
 
 def search(
-    bvh: Bvh, origin: Float[ndarray, "rays 3"], direction: Float[ndarray, "rays 3"], *, any_hit: bool = False
+    bvh: Bvh,
+    origin: Float[ndarray, "rays 3"],
+    direction: Float[ndarray, "rays 3"],
+    *,
+    any_hit: bool = False,
+    stops: Stops | None = None,
 ) -> Hits:
     """The first triangle that each ray meets; with `any_hit`, any triangle, which is faster.
 
     Depth first, near child first: in each step every unfinished ray pops one node from its own stack.
+
+    Args:
+        stops: decides which triangles count; without it all do.
     """
     hits = Hits.none(len(origin))
     inverse = 1.0 / np.where(direction == 0.0, 1e-300, direction)  # finite, so that 0 * inverse is not NaN
@@ -111,7 +126,7 @@ def search(
         enters = _enters(bvh.bounds[node], origin[active], inverse[active], hits.distance[active])
         ray, node = active[enters], node[enters]
         leaf = node >= bvh.leaves
-        _visit_leaves(bvh, hits, ray[leaf], node[leaf], origin, direction)
+        _visit_leaves(bvh, hits, ray[leaf], node[leaf], origin, direction, stops)
         _push_children(bvh, stack, height, ray[~leaf], node[~leaf], direction)
         done = (height[active] == 0) | (any_hit & (hits.face[active] >= 0))
         active = active[~done]
@@ -164,13 +179,18 @@ def _visit_leaves(
     node: Int[ndarray, " visits"],
     origin: Float[ndarray, "rays 3"],
     direction: Float[ndarray, "rays 3"],
+    stops: Stops | None,
 ) -> None:
     """Intersects each ray with every face of its leaf."""
     faces = len(bvh.order)
     start, stop = ((node - bvh.leaves + k) * faces // bvh.leaves for k in (0, 1))
     for step in range(-(-faces // bvh.leaves)):
         face = bvh.order[np.minimum(start + step, stop - 1)]
-        hits.keep_nearer(ray, face, *intersect(bvh.corners[face], origin[ray], direction[ray]))
+        distance, barycentric = intersect(bvh.corners[face], origin[ray], direction[ray])
+        if stops is not None:
+            met = np.flatnonzero(distance < np.inf)
+            distance[met[~stops(ray[met], face[met], barycentric[met])]] = np.inf
+        hits.keep_nearer(ray, face, distance, barycentric)
 
 
 def _push_children(

@@ -20,12 +20,13 @@ from numpy import ndarray
 
 from svbrdfgan.types import View
 from svbrdfgan_numpy.bsdf import Bsdf
-from svbrdfgan_numpy.bvh import search
+from svbrdfgan_numpy.bvh import Hits, search
 from svbrdfgan_numpy.environment import EnvironmentEmitter
 from svbrdfgan_numpy.materials import MaterialPoints
 from svbrdfgan_numpy.shading import Arrival, Bounce
 from svbrdfgan_numpy.surface import Points, PreparedSurface, points_at
 from svbrdfgan_numpy.textures import Texture
+from svbrdfgan_numpy.transparency import RayNumbers
 from svbrdfgan_numpy.vectors import dot
 
 
@@ -40,21 +41,36 @@ class PathTracer:
 
     def trace(self, paths: range, *, spp: int, seed: int, max_bounces: int) -> Iterator[Bounce]:
         """The bounces of some paths, first to last. Path i belongs to pixel i // spp; bounces number them from 0."""
-        bvh, offset, path = self.prepared.bvh, self.prepared.offset, np.arange(len(paths))
+        offset, path = self.prepared.offset, np.arange(len(paths))
         origin, direction = camera_rays(self.view, (paths.start + path) // spp, uniforms(seed, 0, paths)[:, :2])
-        hits = search(bvh, origin, direction)
+        hits = self._search(origin, direction, RayNumbers(seed, 0, paths.start + path))
         for depth in range(1, max_bounces + 1):
             path, points = path[hits.found], points_at(self.prepared, hits, direction)
             vertices = MaterialPoints.of(self.prepared, points, self.maps)
             bsdf, random = vertices.bsdf(self.maps), uniforms(seed, depth, paths)[path]
             to_light, direction = self.emitter.sample(random[:, :2]), bsdf.sample(points.outgoing, random[:, 2:])
-            shadow = search(bvh, points.leave(to_light, offset), to_light, any_hit=True)
-            hits = search(bvh, points.leave(direction, offset), direction, any_hit=depth == max_bounces)
+            rays = [RayNumbers(seed, 2 * depth + second, paths.start + path) for second in (0, 1)]
+            shadow = self._search(points.leave(to_light, offset), to_light, rays[0], any_hit=True)
+            hits = self._search(points.leave(direction, offset), direction, rays[1], any_hit=depth == max_bounces)
             arrivals = (
                 self._arrival(points, bsdf, to_light, ~shadow.found, onward=False),
                 self._arrival(points, bsdf, direction, ~hits.found, onward=True),
             )
             yield Bounce(path, vertices, arrivals)
+
+    def _search(
+        self,
+        origin: Float[ndarray, "rays 3"],
+        direction: Float[ndarray, "rays 3"],
+        rays: RayNumbers,
+        *,
+        any_hit: bool = False,
+    ) -> Hits:
+        """What the rays meet and do not pass through."""
+        if self.prepared.transparency is None:
+            return search(self.prepared.bvh, origin, direction, any_hit=any_hit)
+        stops = self.prepared.transparency.stops(rays)
+        return search(self.prepared.bvh, origin, direction, any_hit=any_hit, stops=stops)
 
     def _arrival(
         self,
@@ -70,9 +86,10 @@ class PathTracer:
         It weights a sample of density p_i by p_i / (p_1 + p_2), so f / p_i becomes f / (p_1 + p_2) for both (Veach
         1995). Light from behind the surface does not count, even where it is in front of a tilted normal.
         """
-        density, in_front = bsdf.pdf(points.outgoing, direction), dot(points.normal, direction) > 0.0
-        gathered = _inverse(self.emitter.pdf(direction) + density, visible & in_front)
-        weight = _inverse(density, in_front & (density > 0.0)) if onward else np.zeros_like(density)
+        density = bsdf.pdf(points.outgoing, direction)
+        counts = (density > 0.0) & (dot(points.normal, direction) > 0.0)
+        gathered = _inverse(self.emitter.pdf(direction) + density, counts & visible)
+        weight = _inverse(density, counts) if onward else np.zeros_like(density)
         return Arrival(direction, self.emitter.taps(direction).scaled(gathered), weight)
 
 

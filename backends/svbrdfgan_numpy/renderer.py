@@ -52,6 +52,7 @@ class NumpyRenderer:
             max_bounces=self.max_bounces,
             transport=self.max_bounces == 1,
             stochastic=True,
+            alpha=True,
         )
 
     @property

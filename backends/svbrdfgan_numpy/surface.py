@@ -13,6 +13,7 @@ from svbrdfgan.geometry.tangents import Tangents, corner_tangents
 from svbrdfgan.types import Surface
 from svbrdfgan_numpy.bvh import Bvh, Hits, build
 from svbrdfgan_numpy.normal_map import Frame
+from svbrdfgan_numpy.transparency import Transparency
 from svbrdfgan_numpy.vectors import cross, dot, normalize, tangents
 
 OFFSET = 1e-9
@@ -25,11 +26,13 @@ class PreparedSurface:
 
     Attributes:
         offset: how far from the surface a leaving ray starts, metres.
+        transparency: by which rays pass through; None if every part is opaque.
     """
 
     surface: Surface
     bvh: Bvh
     offset: float
+    transparency: Transparency | None
 
     @cached_property
     def tangents(self) -> Tangents:
@@ -73,7 +76,7 @@ def prepare(surface: Surface) -> PreparedSurface:
     """The surface with its search tree."""
     corners = surface.positions[surface.faces]
     size = np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0))
-    return PreparedSurface(surface, build(corners), OFFSET * float(size))
+    return PreparedSurface(surface, build(corners), OFFSET * float(size), Transparency.of(surface))
 
 
 def points_at(prepared: PreparedSurface, hits: Hits, direction: Float[ndarray, "rays 3"]) -> Points:

@@ -22,6 +22,7 @@ def test_it_is_a_renderer_with_transport() -> None:
     maps = {"base_color", "roughness", "metallic", "normal"}
     assert RENDERER.capabilities.maps == maps
     assert RENDERER.capabilities.differentiable == {*maps, "environment"}
+    assert RENDERER.capabilities.alpha
     assert NumpyRenderer(max_bounces=5).capabilities.max_bounces == 5
 
 

@@ -67,8 +67,8 @@ def without_shadows() -> Iterator[None]:
     from svbrdfgan_numpy import integrator
     from svbrdfgan_numpy.bvh import Hits
 
-    def search(bvh: Any, origin: np.ndarray, direction: np.ndarray, *, any_hit: bool = False) -> Any:
-        return Hits.none(len(origin)) if any_hit else right(bvh, origin, direction)
+    def search(bvh: Any, origin: np.ndarray, direction: np.ndarray, *, any_hit: bool = False, **how: Any) -> Any:
+        return Hits.none(len(origin)) if any_hit else right(bvh, origin, direction, **how)
 
     right = integrator.search
     with mock.patch.object(integrator, "search", search):
