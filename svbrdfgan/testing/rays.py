@@ -100,14 +100,13 @@ def _met(
     surface: Surface, origin: Float[ndarray, "1 3"], direction: Float[ndarray, "rays 3"]
 ) -> tuple[Int[ndarray, " hits"], Float[ndarray, " hits"], Int[ndarray, " hits"], Float[ndarray, "hits 3 1"]]:
     """The hits that light comes from: their ray, their share of it, their face, and barycentrics."""
-    found = []
-    for face, corners in enumerate(surface.positions[surface.faces]):
-        distance, u, v = (each[0] for each in _crossings(origin, direction, corners))
-        hit = np.flatnonzero(np.isfinite(distance))
-        found.append((hit, distance[hit], np.full(len(hit), face), np.stack([1.0 - u - v, u, v], axis=-1)[hit]))
-    ray, distance, face, at = (np.concatenate([each[i] for each in found]) for i in range(4))
-    order = np.lexsort((distance, ray))
-    ray, distance, face, at = ray[order], distance[order], face[order], at[order]
+    found = [_crossings(origin, direction, corners) for corners in surface.positions[surface.faces]]
+    distances, u, v = (np.concatenate(each) for each in zip(*found, strict=True))  # (faces, rays)
+    order = np.argsort(distances, axis=0).T
+    near = np.take_along_axis(distances.T, order, axis=1)
+    ray, place = np.nonzero(np.isfinite(near))
+    face, distance = order[ray, place], near[ray, place]
+    at = np.stack([1.0 - u - v, u, v], axis=-1)[face, ray]
     part, uv = surface.face_part[face], (surface.uv[surface.faces[face]] * at[..., None]).sum(axis=1)
     weight = _shares(ray, distance, part, _alpha(surface, part, uv))
     ends = weight > 0.0

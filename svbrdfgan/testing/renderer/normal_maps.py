@@ -17,8 +17,8 @@ from svbrdfgan.types import Material, Materials, Surface, View
 FRONT, BACK, ORIGIN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.0, 0.0, 0.0)
 TILTS = ((0.5, 0.0, 0.8), (-0.5, 0.0, 0.8), (0.0, 0.5, 0.8), (0.0, -0.5, 0.8), (0.0, 0.0, 1.0))
 _NAMES = "Tilted towards +u, -u, +v, -v, and not"
-_BESIDE = (20, 110)
-"""A pixel of a sun of 64 x 128 that lights the plane from above and, more, from the right."""
+_BESIDE = (10, 55, 32, 64)
+"""A pixel of an environment of 32 x 64, that lights the plane from above and, more, from the right."""
 
 Constants = dict[str, float | Sequence[float] | Tensor]
 
@@ -140,8 +140,8 @@ class NormalMapTests(MeasuredKit):
     ) -> None:
         """Fails unless tilts brighten and darken the surface, in a sun beside the viewer, as quadrature says."""
         _declares(self)
-        row, col = _BESIDE
-        view = scenes.spot_view(at, towards, scenes.sun(row, 64 - (128 - col) if back else col))
+        row, col, *size = _BESIDE
+        view = scenes.spot_view(at, towards, scenes.sun(row, size[1] // 2 - (size[1] - col) if back else col, *size))
         cases: list[Inputs] = [(surface, Materials((_grey(normal),)), view) for normal in TILTS]
         truth = expected(*cases, split=4).mean(axis=-1)
         self.check_ratios(self.brightnesses(*cases), truth, f"{_NAMES}: {what}")

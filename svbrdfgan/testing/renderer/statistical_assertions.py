@@ -132,7 +132,8 @@ def unbiased(
     """Fails where the mean over seeds is not the truth, or where a relative bias of `claim` might not be detected.
 
     The claim is for all values that make up a fiftieth of the total or more. Starts with `spp` samples per pixel and
-    takes more if these are too few, or more seeds if `fixed`, up to `most` camera samples in each round. A deterministic renderer must be right within the claim.
+    takes more if these are too few, or more seeds if `fixed`, up to `most` camera samples in each round. A
+    deterministic renderer must be right within the claim.
     """
     if not rendered.renderer.capabilities.stochastic:
         none = np.zeros_like(known.truth)
