@@ -83,11 +83,14 @@ class AlphaTests(MeasuredKit):
         _declares(self)
         box = scenes.corner_box()
         screen = scenes.quad((0.4, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
-        view, white = scenes.corner_view(scenes.constant_light(), 4, 4), WHITE.parts[0]
+        view, black = scenes.corner_view(scenes.constant_light(), 4, 4), scenes.lambertian((0.0, 0.0, 0.0))
         hidden: Surface = scenes.with_alpha(scenes.joined(box, screen), 1.0, 1.0, 1.0, 0.0)
-        cases: list[Inputs] = [(box, Materials((white,) * 3), view), (hidden, Materials((white,) * 4), view)]
+        cases: list[Inputs] = [
+            (box, Materials(WHITE.parts * 3), view),
+            (hidden, Materials((*WHITE.parts * 3, *black.parts)), view),
+        ]
         runs = self.brightnesses(*cases, spp=64)
-        self.check_ratios(runs, [1.0, 1.0], "The corner of a room, and with a screen of alpha 0 in it.")
+        self.check_ratios(runs, [1.0, 1.0], "The corner of a room, and with a black screen of alpha 0 in it.")
 
 
 WHITE = scenes.lambertian((1.0, 1.0, 1.0))

@@ -184,13 +184,12 @@ def rim(maps: Collection[str], light: Environment | None = None) -> Case:
 
 
 def clear() -> Case:
-    """`lidded`, from aslant, with a coloured lid of textured alpha before the floor, and a clear sheet above both."""
+    """`lidded`, with a coloured lid of textured alpha, and a clear sheet above both."""
     sheet = scenes.quad((-1.5, 1.0, 1.5), (3.0, 0.0, 0.0), (0.0, 0.0, -3.0))
     surface = scenes.joined(scenes.occluder(), sheet)
     surface = scenes.with_alpha(surface, 1.0, np.array([[0.9, 0.2], [0.5, 0.7]]), 0.3)
     materials = scenes.lambertian(scenes.random_texture(4, 4), scenes.random_texture(3, 2, seed=1), (0.2, 0.4, 0.8))
-    camera = Camera((0.6, 3.0, 0.9), (0.2, 0.2, 0.0), up=(0.0, 0.0, -1.0), vertical_fov=0.5)
-    return Case(surface, materials, View(camera, soft_light(), 8, 8))
+    return Case(surface, materials, lidded().view)
 
 
 def clear_corner() -> Case:

@@ -43,6 +43,18 @@ class MapGradientTests(StatisticalKit):
 
         self.unbiased("image, by blocks", rendered, measure, known, claim=0.03, spp=16)
 
+    def test_image_of_metal_in_total(self) -> None:
+        """The picture of a metal plane is as quadrature says, to 0.5 % in total."""
+        declared("metallic" in self.capabilities.maps, "metallic")
+        case = cases.glossy(0.45).with_map(0, "metallic", torch.ones(1))
+        known = self.known(case, lambda scene: scene.image().sum(axis=(0, 1)), split=32)
+        rendered = RenderedCase(self.renderer, case)
+
+        def measure(spp: int, seed: int) -> Float[ndarray, " channels"]:
+            return rendered.image(spp=spp, seed=seed).sum(axis=(0, 1))
+
+        self.unbiased("image, in total", rendered, measure, known, claim=0.005, spp=64)
+
     def test_roughness_gradients_of_whole_materials(self) -> None:
         """Every texel's gradient of roughness beside all other maps is as quadrature says, to 8 %."""
         self._in_each_texel("roughness")

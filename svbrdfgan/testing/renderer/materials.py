@@ -15,6 +15,8 @@ from svbrdfgan.types import Environment, Materials, View
 
 GREY = scenes.lambertian((0.1, 0.1, 0.1))
 UNIFORM = scenes.constant_light()
+MIRRORED = scenes.sun(4, 16, 16, 32)
+"""A large sun that the floor mirrors towards a viewer in front (+Z), 45 degrees above it."""
 
 
 class MaterialTests(MeasuredKit):
@@ -108,14 +110,16 @@ class MaterialTests(MeasuredKit):
     def test_metal_in_uniform_light_is_the_formulas(self) -> None:
         """In uniform light white metal is nearly white, as by quadrature."""
         _declares_metal(self)
-        view = _floor_view(40.0, scenes.constant_light(1.0, 16, 32))
-        cases: list[Inputs] = [(scenes.floor(), metal((1.0, 1.0, 1.0), rough), view) for rough in (0.35, 1.0)]
-        _check_beside_grey(self, cases, view, "White metal of roughness 0.35 and 1, and a Lambertian grey.")
+        view = _floor_view(60.0, scenes.constant_light(1.0, 16, 32))
+        cases: list[Inputs] = [(scenes.floor(), metal((1.0, 1.0, 1.0), rough), view) for rough in (0.35, 0.7, 1.0)]
+        cases.append((scenes.floor(), scenes.lambertian((0.8, 0.8, 0.8)), view))
+        runs, truth = self.brightnesses(*cases, spp=256), expected(*cases, split=8).mean(axis=-1)
+        self.check_ratios(runs, truth, "White metal of roughness 0.35, 0.7 and 1, and a Lambertian grey.")
 
     def test_metallic_mixes(self) -> None:
         """Between 0 and 1 `metallic` mixes a dielectric and a metal; without it there is no metal."""
         _declares_metal(self)
-        view = _floor_view(45.0, scenes.row_lights(3, 4, rows=16, cols=32))
+        view = _floor_view(45.0, MIRRORED)
         mixed = [metal((0.8, 0.4, 0.2), 0.5, metallic) for metallic in (0.0, 0.3, 1.0)]
         cases: list[Inputs] = [(scenes.floor(), each, view) for each in (*mixed, glossy((0.8, 0.4, 0.2), 0.5))]
         _check_channels(self, cases, "Metallic 0, 0.3 and 1, and no such map.")
@@ -124,8 +128,8 @@ class MaterialTests(MeasuredKit):
         """Texels of a metallic map lie where those of a base colour would."""
         _declares_metal(self)
         texels = torch.tensor([[0.0, 0.3], [0.6, 1.0]])[..., None]
-        towards, light = (0.0, 1.0, 1.0), scenes.row_lights(3, 4, rows=16, cols=32)
-        spots = [scenes.spot_view((x, 0.0, -y), towards, light) for y in (-0.5, 0.5) for x in (-0.5, 0.5)]
+        towards = (0.0, 1.0, 1.0)
+        spots = [scenes.spot_view((x, 0.0, -y), towards, MIRRORED) for y in (-0.5, 0.5) for x in (-0.5, 0.5)]
         cases: list[Inputs] = [(scenes.floor(), metal((0.9, 0.9, 0.9), 0.5, texels), view) for view in spots]
         runs, truth = self.brightnesses(*cases), expected(*cases, split=8).mean(axis=-1)
         self.check_ratios(runs, truth, "Texels (0, 0), (0, 1), (1, 0), (1, 1) of metallic 0, 0.3, 0.6, 1.")

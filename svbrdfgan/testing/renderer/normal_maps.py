@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from svbrdfgan.testing import scenes
-from svbrdfgan.testing.kit import check, declared
+from svbrdfgan.testing.kit import declared
 from svbrdfgan.testing.renderer.measure import Inputs, MeasuredKit, check_zero, expected
 from svbrdfgan.types import Material, Materials, Surface, View
 
@@ -68,12 +68,12 @@ class NormalMapTests(MeasuredKit):
     def test_normals_are_looked_up_and_then_scaled(self) -> None:
         """Between texels of other lengths lies the direction of their mean; the length does not matter."""
         _declares(self)
-        texels = torch.tensor([[[0.6, 0.0, 0.3], [0.0, 0.0, 1.0]]])
-        normals = (texels, torch.tensor([0.3, 0.0, 0.65]), torch.tensor([0.15, 0.0, 0.325]), torch.tensor(FRONT))
+        texels = torch.tensor([[[0.3, 0.0, 0.1], [0.0, 0.0, 0.9]]])
+        normals = (texels, torch.tensor([0.15, 0.0, 0.5]), torch.tensor([0.3, 0.0, 1.0]), torch.tensor(FRONT))
         view = scenes.spot_view(ORIGIN, FRONT, scenes.sun(*_BESIDE), extent=0.001)
         runs = self.brightnesses(*(_tilted(normal, view) for normal in normals))
         truth = expected(*(_tilted(normal, view) for normal in normals), split=4).mean(axis=-1)
-        self.check_ratios(runs, truth, "Between (0.6, 0, 0.3) and (0, 0, 1), their mean, half of it, and (0, 0, 1).")
+        self.check_ratios(runs, truth, "Between (0.3, 0, 0.1) and (0, 0, 0.9), their mean, twice that, and (0, 0, 1).")
 
     def test_normal_maps_lie_as_textures(self) -> None:
         """Texels of a normal map lie where those of a base colour would."""
@@ -97,7 +97,7 @@ class NormalMapTests(MeasuredKit):
     def test_no_light_comes_from_behind(self) -> None:
         """Light from below the surface is none, even if the normal leans to it; nor is light from below its own."""
         _declares(self)
-        below, low = scenes.sun(32, 58), scenes.sun(32, 100)  # at -X and -Z, at +X and +Z
+        below, low = scenes.sun(32, 36), scenes.sun(32, 100)  # at -X and a little -Z, at +X and a little +Z
         for what, normal, light in (
             ("a sun behind the surface that the normal leans to", (-0.9, 0.0, 0.3), below),
             ("a sun before the surface and behind the normal", (-0.9, 0.0, 0.3), low),
@@ -110,20 +110,21 @@ class NormalMapTests(MeasuredKit):
     def test_rims_are_not_black(self) -> None:
         """Normals that turn away from the viewer are bent to it, as by quadrature."""
         _declares(self)
-        view = scenes.spot_view(ORIGIN, (0.9, 0.0, 0.3), scenes.constant_light(1.0, 16, 32))
         maps: list[Constants] = [
-            {"normal": normal} for normal in ((-0.6, 0.0, 0.8), (-0.95, 0.0, 0.3), (0.5, 0.5, 0.7))
+            {"normal": normal} for normal in ((-0.6, 0.0, 0.8), (-0.95, 0.0, 0.3), (0.3, 0.5, 0.7))
         ]
         if "metallic" in self.capabilities.maps:
             maps += [{**each, "roughness": 0.5, "metallic": 1.0} for each in maps]
-        cases: list[Inputs] = [
-            (scenes.plane(), Materials((scenes.material(base_color=(0.9, 0.9, 0.9), **each),)), view)
-            for each in (*maps, {})
-        ]
-        truth = expected(*cases, split=8).mean(axis=-1)
-        check(bool((truth > 0.1).all()), "the quadrature itself is wrong.")
-        message = "Seen at a grazing angle: normals turned away, far away, and to a side; then of metal; then flat."
-        self.check_ratios(self.brightnesses(*cases, spp=64), truth, message)
+        materials = [Materials((scenes.material(base_color=(0.9, 0.9, 0.9), **each),)) for each in (*maps, {})]
+        for towards, light in (
+            ((0.9, 0.0, 0.3), scenes.constant_light(1.0, 16, 32)),
+            ((0.6, 0.0, 0.5), scenes.sun(*_BESIDE)),
+        ):
+            view = scenes.spot_view(ORIGIN, towards, light)
+            cases: list[Inputs] = [(scenes.plane(), each, view) for each in materials]
+            truth = expected(*cases, split=8).mean(axis=-1)
+            message = f"From {towards}: normals turned away, far away, and to a side; then of metal; then flat."
+            self.check_ratios(self.brightnesses(*cases, spp=64), truth, message)
 
     @property
     def _gloss(self) -> Constants:
