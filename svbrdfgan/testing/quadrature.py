@@ -1,7 +1,8 @@
 """Direct light without random numbers: sums over a grid in each pixel and over cells of the environment.
 
-The reference for the kit, written from `docs/conventions.md` alone. It tests every ray against every triangle, so it
-suits surfaces of a few triangles and environments of a few pixels. All in NumPy, in double precision.
+The reference for the kit, written from `docs/conventions.md` alone: the whole material, tilted normals, and parts that
+are not opaque. It tests every ray against every triangle, so it suits surfaces of a few triangles and environments of
+a few pixels. All in NumPy, in double precision.
 """
 
 from __future__ import annotations
@@ -15,10 +16,16 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
-from svbrdfgan.testing.rays import Points, seen, shadowed
-from svbrdfgan.types import DIELECTRIC_REFLECTANCE, LEAST_ROUGHNESS, Material, Materials, Surface, View
+from svbrdfgan.testing.lookups import bilinear
+from svbrdfgan.testing.rays import Points, passing, seen
+from svbrdfgan.testing.reflection import Shades, reflected
+from svbrdfgan.types import Materials, Surface, View
 
 _POINTS_AT_ONCE, _STEP = 128, 1e-3
+_ABSENT = {"base_color": (0.0, 0.0, 0.0), "roughness": (1.0,), "metallic": (0.0,), "normal": (0.0, 0.0, 1.0)}
+
+Gathered = tuple[Float[ndarray, "points 3"], Float[ndarray, "points 3"]]
+"""The light that points reflect per unit of base colour, and whatever that is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,93 +45,94 @@ class Quadrature:
 
     def image(self) -> Float[ndarray, "height width 3"]:
         """The radiance of the surface, times its coverage."""
-        return self._film(self._radiance)
+        by_color, alone = self._gathered
+        return self._film(self._shades.base_color * by_color + alone)
 
     def coverage(self) -> Float[ndarray, "height width"]:
         return self._film(np.ones((len(self.points.pixel), 1)))[..., 0]
 
     def texel_gradients(self, grad_image: Float[ndarray, "height width 3"]) -> list[Float[ndarray, "*shape"]]:
         """For each part, the gradient of sum(image * grad_image) in its base colour, shaped as that."""
-        grad = self._at_points(grad_image) * self._gathered[0]
-        shapes = [tuple(material.base_color.shape) for material in self.materials.parts]
-        lookups = [self._lookup(part, shape) for part, shape in enumerate(shapes)]
-        return [(lookup.T @ grad).reshape(shape) for lookup, shape in zip(lookups, shapes, strict=True)]
+        return [self.map_gradients("base_color", (grad_image,), part)[0] for part in range(len(self.materials))]
 
-    def roughness_gradients(
-        self, grad_images: Sequence[Float[ndarray, "height width 3"]], part: int
-    ) -> Float[ndarray, "grads rows cols 1"]:
-        """The gradient of each sum(image * grad_image) in a part's roughness, shaped as that, by differences."""
-        more, less = (self._rougher(part, step)._radiance for step in (_STEP, -_STEP))
-        slope = (more - less) / (2.0 * _STEP)
-        shape = tuple(self.materials[part].maps["roughness"].shape)
-        lookup = self._lookup(part, shape)
-        pulled = [(slope * self._at_points(grad)).sum(axis=1) for grad in grad_images]
+    def map_gradients(
+        self, name: str, grad_images: Sequence[Float[ndarray, "height width 3"]], part: int
+    ) -> Float[ndarray, "*shape"]:
+        """The gradient of each sum(image * grad_image) in a map of a part: for each, an array shaped as that.
+
+        By central differences, but for `base_color`, in which pictures are linear.
+        """
+        shape, mine = tuple(self.materials[part].maps[name].shape), self.points.part == part
+        linear = name == "base_color"
+        slope = self._gathered[0][mine, None, :] * np.eye(3) if linear else self._slopes(name, mine)
+        pulled = [np.einsum("pmc,pc->pm", slope, self._at_points(grad)[mine]) for grad in grad_images]
+        lookup = self._lookup(part, shape)[mine]
         return np.stack([(lookup.T @ each).reshape(shape) for each in pulled])
 
     def environment_gradient(self, grad_image: Float[ndarray, "height width 3"]) -> Float[ndarray, "rows cols 3"]:
         """The gradient of sum(image * grad_image) in the environment's radiance."""
         direction, light = cells(self.view, self.split)
         grad, total = self._at_points(grad_image), np.zeros((len(direction), 3))
-        for some, diffuse, gloss in self._transfer(direction):
-            total += diffuse.T @ (self._base_color[some] * grad[some]) + gloss.T @ grad[some]
+        for some in self._chunks(len(grad)):
+            points, shades = self.points.at(some), self._shades.at(some)
+            passes = passing(points.position, direction, self.surface)
+            by_color, alone = (each * passes for each in reflected(points, shades, direction))
+            total += by_color.T @ (shades.base_color * grad[some]) + alone.T @ grad[some]
         return (light.T @ total).reshape(self.view.environment.radiance.shape)
 
     @cached_property
     def points(self) -> Points:
         return seen(self.surface, self.view, self.grid)
 
-    @property
-    def _radiance(self) -> Float[ndarray, "points 3"]:
-        diffuse, gloss = self._gathered
-        return self._base_color * diffuse + gloss
-
-    def _rougher(self, part: int, step: float) -> Quadrature:
-        parts = list(self.materials.parts)
-        maps = parts[part].maps
-        parts[part] = Material({**maps, "roughness": maps["roughness"].double() + step})
-        return replace(self, materials=Materials(tuple(parts)))
+    def _slopes(self, name: str, mine: Bool[ndarray, " points"]) -> Float[ndarray, "mine channels 3"]:
+        """The derivative of the radiance of some points with respect to a map's channels there."""
+        shades = self._shades.at(mine)
+        steps = _STEP * np.eye(getattr(shades, name).shape[1])
+        moved = [replace(shades, **{name: getattr(shades, name) + step}) for step in (*steps, *-steps)]
+        radiance = [
+            shades.base_color * by_color + alone for by_color, alone in self._gather(self.points.at(mine), moved)
+        ]
+        more, less = np.split(np.stack(radiance, axis=1), 2, axis=1)
+        return np.asarray((more - less) / (2.0 * _STEP))
 
     @cached_property
-    def _gathered(self) -> tuple[Float[ndarray, "points 3"], Float[ndarray, "points 3"]]:
-        """At each point: the light reflected per unit of base colour, and the light reflected as gloss."""
+    def _gathered(self) -> Gathered:
+        return self._gather(self.points, [self._shades])[0]
+
+    def _gather(self, points: Points, variants: Sequence[Shades]) -> list[Gathered]:
+        """What the points gather with each of these shades."""
+        direction, radiance = self._lights
+        total = np.zeros((len(variants), 2, len(points.pixel), 3))
+        for some in self._chunks(len(points.pixel)):
+            passes = passing(points.position[some], direction, self.surface)
+            for variant, shades in enumerate(variants):
+                for kind, each in enumerate(reflected(points.at(some), shades.at(some), direction)):
+                    total[variant, kind, some] = (each * passes) @ radiance
+        return [(by_color, alone) for by_color, alone in total]
+
+    @cached_property
+    def _lights(self) -> tuple[Float[ndarray, "lit 3"], Float[ndarray, "lit 3"]]:
+        """The cells that are not black: directions, and radiance times solid angle."""
         direction, light = cells(self.view, self.split)
         radiance = light @ self.view.environment.radiance.detach().cpu().double().numpy().reshape(-1, 3)
         lit = radiance.any(axis=1)
-        both = [
-            (diffuse @ radiance[lit], gloss @ radiance[lit]) for _, diffuse, gloss in self._transfer(direction[lit])
-        ]
-        none = np.zeros((0, 3))
-        return np.concatenate([none, *(d for d, _ in both)]), np.concatenate([none, *(g for _, g in both)])
+        return direction[lit], radiance[lit]
 
-    def _transfer(self, direction: Float[ndarray, "cells 3"]) -> Iterator[tuple[slice, ndarray, ndarray]]:
-        """Chunks of points with their reflection (points, cells) of unit light: per base colour, and as gloss."""
-        roughness, glossy = self._sum_of_lookups("roughness"), self._glossy[self.points.part]
-        for first in range(0, len(self.points.pixel), _POINTS_AT_ONCE):
-            some = slice(first, first + _POINTS_AT_ONCE)
-            normal, to_viewer = self.points.normal[some], self.points.to_viewer[some]
-            cosine = np.maximum(normal @ direction.T, 0.0)
-            arriving = cosine * ~shadowed(self.points.position[some], direction, self.surface)
-            fresnel, gloss = np.zeros((2, *cosine.shape))
-            if glossy[some].any():
-                cosine_viewer = (normal * to_viewer).sum(axis=1, keepdims=True)
-                lobe = dielectric(cosine, cosine_viewer, to_viewer @ direction.T, roughness[some])
-                fresnel, gloss = (part * glossy[some, None] for part in lobe)
-            yield some, arriving * (1.0 - fresnel) / np.pi, arriving * gloss
-
-    @property
-    def _glossy(self) -> Bool[ndarray, " parts"]:
-        return np.array(["roughness" in material.maps for material in self.materials.parts])
+    @staticmethod
+    def _chunks(count: int) -> Iterator[slice]:
+        return (slice(first, first + _POINTS_AT_ONCE) for first in range(0, count, _POINTS_AT_ONCE))
 
     @cached_property
-    def _base_color(self) -> Float[ndarray, "points 3"]:
-        return self._sum_of_lookups("base_color")
+    def _shades(self) -> Shades:
+        glossy = np.array(["roughness" in material.maps for material in self.materials.parts])
+        return Shades(glossy[self.points.part], **{name: self._looked_up(name) for name in _ABSENT})
 
-    def _sum_of_lookups(self, name: str) -> Float[ndarray, "points channels"]:
-        total = np.zeros((len(self.points.pixel), 1))
+    def _looked_up(self, name: str) -> Float[ndarray, "points channels"]:
+        total = np.zeros((len(self.points.pixel), len(_ABSENT[name])))
         for part, material in enumerate(self.materials.parts):
-            if name in material.maps:
-                texels = material.maps[name].detach().cpu().double().numpy()
-                total = total + self._lookup(part, texels.shape) @ texels.reshape(-1, texels.shape[-1])
+            absent = np.array(_ABSENT[name])
+            texels = material.maps[name].detach().cpu().double().numpy() if name in material.maps else absent
+            total = total + self._lookup(part, texels.shape) @ texels.reshape(-1, texels.shape[-1])
         return total
 
     def _lookup(self, part: int, shape: tuple[int, ...]) -> csr_matrix:
@@ -135,11 +143,12 @@ class Quadrature:
 
     def _film(self, values: Float[ndarray, "points c"]) -> Float[ndarray, "height width c"]:
         pixels = self.view.height * self.view.width
-        total = np.stack([np.bincount(self.points.pixel, channel, pixels) for channel in values.T], axis=-1)
+        weighted = (values * self.points.weight[:, None]).T
+        total = np.stack([np.bincount(self.points.pixel, channel, pixels) for channel in weighted], axis=-1)
         return total.reshape(self.view.height, self.view.width, -1) / self.grid**2
 
     def _at_points(self, grad_image: Float[ndarray, "height width 3"]) -> Float[ndarray, "points 3"]:
-        return grad_image.reshape(-1, 3)[self.points.pixel] / self.grid**2
+        return grad_image.reshape(-1, 3)[self.points.pixel] * self.points.weight[:, None] / self.grid**2
 
 
 def cells(view: View, split: int) -> tuple[Float[ndarray, "cells 3"], csr_matrix]:
@@ -153,38 +162,3 @@ def cells(view: View, split: int) -> tuple[Float[ndarray, "cells 3"], csr_matrix
     return local @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]).T, bilinear(
         x, y, rows, cols, (True, False), solid_angle
     )
-
-
-def bilinear(
-    x: Float[ndarray, " points"],
-    y: Float[ndarray, " points"],
-    rows: int,
-    cols: int,
-    repeat: tuple[bool, bool],
-    scale: Float[ndarray, " points"],
-) -> csr_matrix:
-    """(points, rows * cols): the weights of the four pixels around each point, given in pixels, times `scale`."""
-    point, entries = np.arange(len(x)), []
-    left, below = np.floor(x - 0.5), np.floor(y - 0.5)
-    for col, row in ((left, below), (left + 1, below), (left, below + 1), (left + 1, below + 1)):
-        weight = (1.0 - abs(x - 0.5 - col)) * (1.0 - abs(y - 0.5 - row)) * scale
-        wrapped = [
-            (i % n if again else np.clip(i, 0, n - 1)).astype(int)
-            for i, n, again in ((row, rows, repeat[1]), (col, cols, repeat[0]))
-        ]
-        entries.append((weight, wrapped[0] * cols + wrapped[1]))
-    weights, texels = (np.concatenate(each) for each in zip(*entries, strict=True))
-    return csr_matrix((weights, (np.tile(point, 4), texels)), shape=(len(x), rows * cols))
-
-
-def dielectric(
-    cosine: ndarray, cosine_viewer: ndarray, between: ndarray, roughness: ndarray
-) -> tuple[ndarray, ndarray]:
-    """Fresnel's F, and F D G / (4 cosine cosine_viewer): glTF 2.0, appendix B. `between` is the cosine w_i.w_o."""
-    square = np.maximum(roughness, LEAST_ROUGHNESS) ** 4
-    half = np.sqrt(np.maximum((1.0 + between) / 2.0, 1e-12))
-    fresnel = DIELECTRIC_REFLECTANCE + (1.0 - DIELECTRIC_REFLECTANCE) * (1.0 - half) ** 5
-    normal_half = (cosine + cosine_viewer) / (2.0 * half)
-    spread = square / (np.pi * (normal_half**2 * (square - 1.0) + 1.0) ** 2)
-    smith = [c + np.sqrt(square + (1.0 - square) * c**2) for c in (cosine, cosine_viewer)]
-    return fresnel, fresnel * spread / (smith[0] * smith[1])

@@ -217,6 +217,18 @@ def lambertian(*base_colors: Tensor | tuple[float, float, float]) -> Materials:
     return Materials(tuple(Material.lambertian(color) for color in base_colors))
 
 
+def material(**maps: float | Sequence[float] | Tensor) -> Material:
+    """A material of these maps: numbers and sequences are constants, tensors textures or constants."""
+    values = {name: torch.as_tensor(value, dtype=torch.float32) for name, value in maps.items()}
+    return Material({name: value.reshape(1) if value.ndim == 0 else value for name, value in values.items()})
+
+
+def with_alpha(surface: Surface, *alphas: float | ndarray) -> Surface:
+    """The surface with these alphas, one for each part."""
+    parts = zip(surface.parts, alphas, strict=True)
+    return dataclasses.replace(surface, parts=tuple(dataclasses.replace(part, alpha=alpha) for part, alpha in parts))
+
+
 def random_texture(rows: int, cols: int, seed: int = 0) -> Float[Tensor, "rows cols 3"]:
     """Another colour in every texel, in [0.2, 0.9)."""
     return 0.2 + 0.7 * torch.rand((rows, cols, 3), generator=torch.Generator().manual_seed(seed))

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import pytest
 import torch
-from tiers import AT_POWER, CHANGED_BY_BOUNCES, only, without
+from tiers import AT_POWER, CHANGED_BY_BOUNCES, IN_TOTAL, only, without
 
 from svbrdfgan.plugins import RENDERERS, list_plugins
 from svbrdfgan.testing import RendererTests
@@ -41,7 +41,7 @@ class Backend(RendererTests):
             pytest.skip("there is no CUDA device")
 
 
-@without(*SLOW_WITHOUT_BOUNCES)
+@without(*SLOW_WITHOUT_BOUNCES, *IN_TOTAL)
 class TestNumpy(Backend):
     name, power = "numpy", FAST
 
@@ -52,11 +52,13 @@ class TestNumpyBounces(Backend):
     options: ClassVar[Mapping[str, object]] = {"max_bounces": 3}
 
 
+@without(*IN_TOTAL)
 class TestWarp(Backend):
     name, package, power = "warp", "warp", FAST
     options: ClassVar[Mapping[str, object]] = {"device": "cpu"}
 
 
+@without(*IN_TOTAL)
 class TestMitsuba(Backend):
     name, package, power = "mitsuba", "mitsuba", FAST
     options: ClassVar[Mapping[str, object]] = {"device": "cpu"}

@@ -14,11 +14,8 @@ from svbrdfgan.testing.kit import FAST, names_of_tests
 
 @pytest.mark.full
 def test_only_tests_at_power_depend_on_power() -> None:
-    """Run with `warp`, which is fast, and with `numpy` for the tests of roughness."""
-    read: set[str] = set()
-    for name in names_of_tests(RendererTests):
-        for renderer in ("warp", "numpy") if "rough" in name or "gloss" in name else ("warp",):
-            read |= {name} if _reads_power(name, renderer) else set()
+    """Run with `warp`, which is fast."""
+    read = {name for name in names_of_tests(RendererTests) if _reads_power(name, "warp")}
     assert read <= set(AT_POWER)
     assert len(read) > 40
 

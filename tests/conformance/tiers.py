@@ -8,13 +8,29 @@ from typing import TypeVar
 from svbrdfgan.testing import RendererTests
 from svbrdfgan.testing.kit import Kit, group_of, names_of_tests
 
-_STATISTICAL = ("agreement", "orientation", "radiometry", "randomness", "roughness")
+_STATISTICAL = (
+    "agreement",
+    "alpha",
+    "map_gradients",
+    "materials",
+    "normal_maps",
+    "orientation",
+    "radiometry",
+    "randomness",
+)
 
 AT_POWER = (
     *(name for name in names_of_tests(RendererTests) if group_of(RendererTests, name) in _STATISTICAL),
     "test_environment_moves_the_picture",
 )
 """All tests whose samples `Kit.power` decides, and few others; `test_tiers.py` checks it."""
+
+IN_TOTAL = (
+    "test_the_gradient_of_roughness_in_total",
+    "test_the_gradient_of_metallic_in_total",
+    "test_the_gradient_of_the_normal_in_total",
+)
+"""Tests that find 1 %: too slow for the fast tier even at little power."""
 
 CHANGED_BY_BOUNCES = (
     "test_capabilities_name_what_exists",
@@ -31,6 +47,10 @@ CHANGED_BY_BOUNCES = (
     "test_pullback_is_the_gradient",
     "test_render_layer_gives_torch_these_gradients",
     "test_interreflection_as_numpy",
+    "test_interreflection_of_metal_as_numpy",
+    "test_interreflection_behind_clear_parts_as_numpy",
+    "test_paths_pass_what_is_not_there",
+    "test_base_color_beneath_all_maps",
 )
 """Tests whose scene has surfaces that light one another, or whose subject is what several bounces allow."""
 

@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from svbrdfgan.testing import scenes
-from svbrdfgan.testing.quadrature import Quadrature, dielectric
+from svbrdfgan.testing.quadrature import Quadrature
+from svbrdfgan.testing.reflection import gloss
 from svbrdfgan.testing.renderer import cases
 from svbrdfgan.types import Camera, Environment, Materials, Surface, View
 
@@ -72,27 +73,27 @@ def test_pixels_see_what_lies_there() -> None:
     assert image[[0, 0, 7, 7], [0, 7, 0, 7], 0] == pytest.approx([0.4, 0.8, 0.1, 0.2])
 
 
-def test_dielectric_at_normal_incidence() -> None:
-    """At normal incidence, of roughness 1: F = 0.04, D = 1 / pi and G = 1, so that F D G / 4 is 0.01 / pi."""
+def test_gloss_at_normal_incidence() -> None:
+    """At normal incidence, of roughness 1: D = 1 / pi and G = 1, so that D G / 4 is 1 / (4 pi)."""
     one = np.ones((1, 1))
-    fresnel, gloss = dielectric(one, one, one, one)
-    assert fresnel == pytest.approx(0.04)
-    assert gloss == pytest.approx(0.01 / math.pi)
+    schlick, facets = gloss(one, one, one, one)
+    assert schlick == pytest.approx(0.0)
+    assert facets == pytest.approx(0.25 / math.pi)
 
 
 def test_gloss_is_reciprocal() -> None:
     """Light and viewer may be exchanged."""
     a, b, between, rough = (np.array([[x]]) for x in (0.9, 0.3, 0.5, 0.4))
-    assert dielectric(a, b, between, rough)[1] == pytest.approx(dielectric(b, a, between, rough)[1])
+    assert gloss(a, b, between, rough)[1] == pytest.approx(gloss(b, a, between, rough)[1])
 
 
 def test_gloss_has_smiths_masking_of_its_normals() -> None:
-    """What is masked from the viewer alone reflects all light but for Fresnel: the weak furnace (Heitz 2014)."""
+    """What is masked from the viewer alone reflects all light: the weak furnace (Heitz 2014)."""
     angle = (np.arange(20000) + 0.5) / 20000 * np.pi / 2.0
     cosine, roughness = np.cos(angle)[None], 0.3
-    fresnel, gloss = dielectric(cosine, np.ones((1, 1)), cosine, np.full((1, 1), roughness))
+    facets = gloss(cosine, np.ones((1, 1)), cosine, np.full((1, 1), roughness))[1]
     shadowing = 2.0 * cosine / (cosine + np.sqrt(roughness**4 + (1.0 - roughness**4) * cosine**2))
-    reflected = (gloss / fresnel / shadowing * cosine * np.sin(angle)).sum() * 2.0 * np.pi * np.pi / 2.0 / 20000
+    reflected = (facets / shadowing * cosine * np.sin(angle)).sum() * 2.0 * np.pi * np.pi / 2.0 / 20000
     assert reflected == pytest.approx(1.0, abs=0.01)
 
 
@@ -120,7 +121,7 @@ def test_the_gradient_of_roughness_is_that_of_the_image() -> None:
     """By differences of whole pictures, texel by texel."""
     case = cases.glossy(torch.tensor([[0.5, 0.9, 0.6], [0.7, 0.4, 0.8]])[..., None])
     grads, roughness, step = (case.smooth(), case.random()), case.materials[0].maps["roughness"], 1e-2
-    found = _quadrature(case.surface, case.materials, case.view).roughness_gradients(grads, 0)
+    found = _quadrature(case.surface, case.materials, case.view).map_gradients("roughness", grads, 0)
     assert found.shape == (2, 2, 3, 1)
     for texel in range(6):
         moved = torch.eye(6)[texel].reshape(2, 3, 1) * step

@@ -57,7 +57,7 @@ def each(wrongs: list[Wrong]) -> Any:
     return pytest.mark.parametrize("wrong", wrongs, ids=lambda wrong: wrong.renderer.__name__)
 
 
-@each(WRONG)
+@each([wrong for wrong in WRONG if not wrong.late])
 def test_each_wrong_one_is_caught_at_little_power(wrong: Wrong) -> None:
     """By one of the tests meant for it, or more: `wrong_table.py` says by which."""
     assert failures(wrong.renderer, *wrong.tests, power=FAST)

@@ -5,13 +5,16 @@ class TestMine(RendererTests):
 """
 
 from svbrdfgan.testing.renderer.agreement import AgreementTests
+from svbrdfgan.testing.renderer.alpha import AlphaTests
 from svbrdfgan.testing.renderer.contract import ContractTests
 from svbrdfgan.testing.renderer.gradients import GradientTests
 from svbrdfgan.testing.renderer.layers import LayerTests
+from svbrdfgan.testing.renderer.map_gradients import MapGradientTests
+from svbrdfgan.testing.renderer.materials import MaterialTests
+from svbrdfgan.testing.renderer.normal_maps import NormalMapTests
 from svbrdfgan.testing.renderer.orientation import OrientationTests
 from svbrdfgan.testing.renderer.radiometry import RadiometryTests
 from svbrdfgan.testing.renderer.randomness import RandomnessTests
-from svbrdfgan.testing.renderer.roughness import RoughnessTests
 from svbrdfgan.testing.renderer.shapes import ShapeTests
 from svbrdfgan.testing.renderer.side_effects import SideEffectTests
 from svbrdfgan.testing.renderer.stress import StressTests
@@ -24,12 +27,15 @@ class RendererTests(
     SideEffectTests,
     ShapeTests,
     RadiometryTests,
-    RoughnessTests,
+    MaterialTests,
+    NormalMapTests,
+    AlphaTests,
     OrientationTests,
     GradientTests,
     LayerTests,
     RandomnessTests,
     AgreementTests,
+    MapGradientTests,
     StressTests,
 ):
     """What every renderer must do: `svbrdfgan.protocols` and `docs/conventions.md`."""

@@ -55,6 +55,11 @@ class AgreementTests(StatisticalKit):
         roughness = torch.tensor([[0.3, 0.9, 0.5], [0.7, 0.4, 1.0]]).reshape(2, 3, 1)
         self._image(cases.glossy(roughness, scenes.random_light(rotation=0.9)))
 
+    def test_image_behind_clear_parts(self) -> None:
+        """Parts that rays pass through, their shadows and what is behind look as quadrature says, to 3 % in blocks."""
+        declared(self.capabilities.alpha, "alpha")
+        self._image(cases.clear(), split=8)
+
     def test_texel_gradients_of_three_parts(self) -> None:
         """Every texel's gradient on three parts is as quadrature says, to 5 %."""
         case = cases.strips(scenes.random_light(rotation=0.9))
@@ -74,7 +79,7 @@ class AgreementTests(StatisticalKit):
         declared("roughness" in self.capabilities.differentiable, "the gradient of roughness")
         case = cases.glossy(torch.tensor([[0.5, 0.9, 0.6], [0.7, 0.4, 0.8]])[..., None])
         grads = (case.smooth(), 1.0 + 0.5 * case.random())
-        known = self.known(case, lambda scene: scene.roughness_gradients(grads, 0), split=16)
+        known = self.known(case, lambda scene: scene.map_gradients("roughness", grads, 0), split=16)
         largest = np.broadcast_to(known.size.max(axis=(1, 2, 3), keepdims=True), known.size.shape)
         rendered = RenderedCase(self.renderer, case)
 
@@ -93,11 +98,24 @@ class AgreementTests(StatisticalKit):
 
     def test_interreflection_as_numpy(self) -> None:
         """Parts that light one another look as `numpy` renders them, to 5 % in blocks."""
+        self._interreflection(cases.corner())
+
+    def test_interreflection_of_metal_as_numpy(self) -> None:
+        """So do parts with all the maps that it has: metal, gloss, tilted normals."""
+        declared(len(self.capabilities.maps) > 1, "another map")
+        self._interreflection(cases.rich(self.capabilities.maps))
+
+    def test_interreflection_behind_clear_parts_as_numpy(self) -> None:
+        """So do parts behind others that rays pass through."""
+        declared(self.capabilities.alpha, "alpha")
+        self._interreflection(cases.clear_corner())
+
+    def _interreflection(self, case: Case) -> None:
         bounces = self.capabilities.max_bounces
         declared(bounces > 1, "a second bounce")
         declared(self.name != "numpy", "another renderer than numpy")
-        mine = RenderedCase(self.renderer, cases.corner())
-        other = RenderedCase(load_renderer("numpy", {"max_bounces": bounces}), mine.case)
+        mine = RenderedCase(self.renderer, case)
+        other = RenderedCase(load_renderer("numpy", {"max_bounces": bounces}), case)
         size = block_sums(other.image(spp=16), _BLOCK)
 
         def apart(spp: int, seed: int) -> Float[ndarray, "*shape"]:

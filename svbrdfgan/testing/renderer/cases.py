@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -96,14 +96,22 @@ def flat(gradients: Gradients) -> dict[str, ndarray]:
 
 
 def differentiable(capabilities: RendererCapabilities) -> list[str]:
-    """What the renderer can differentiate, of the inputs that these cases have."""
-    return sorted(capabilities.differentiable & {"base_color", "roughness", "environment"})
+    """What the renderer can differentiate."""
+    return sorted(capabilities.differentiable)
 
 
 def soft_light(rows: int = 4, cols: int = 8, rotation: float = 0.6) -> Environment:
     """A random environment without dark pixels."""
     light = scenes.random_light(rows, cols, seed=5, rotation=rotation)
     return replace(light, radiance=light.radiance + 0.3)
+
+
+def side_light() -> Environment:
+    """A random environment that is brightest on one side, where tilting a normal matters most."""
+    light = soft_light()
+    radiance = 0.2 * light.radiance
+    radiance[1, :2] += 3.0
+    return replace(light, radiance=radiance)
 
 
 def sheet(light: Environment | None = None, size: int = 8, texels: tuple[int, int] = (4, 4)) -> Case:
@@ -138,10 +146,57 @@ def corner() -> Case:
     return Case(scenes.corner_box(), scenes.lambertian(*colors), scenes.corner_view(soft_light(), 8, 8))
 
 
-def rich(gloss: bool) -> Case:
-    """`corner`, with all maps that there may be."""
-    texture = 0.3 + 0.6 * scenes.random_texture(3, 2, seed=3)[..., :1]
-    return corner().with_map(0, "roughness", texture) if gloss else corner()
+def rich(maps: Collection[str]) -> Case:
+    """`corner`, with all these maps: textures in part 0, constants in part 1, and a base colour alone in part 2."""
+    case = dressed(corner(), 0, maps)
+    constants = {"roughness": [0.5], "metallic": [0.7], "normal": [0.3, -0.2, 0.9]}
+    for name in (name for name in constants if name in maps):
+        case = case.with_map(1, name, torch.tensor(constants[name]))
+    return case
+
+
+def dressed(case: Case, part: int, maps: Collection[str]) -> Case:
+    """A copy with random textures of these maps, but for the base colour, in one part."""
+    values = 0.3 + 0.6 * scenes.random_texture(3, 2, seed=3)  # in [0.42, 0.84)
+    tilts = scenes.random_texture(2, 3, seed=4) - torch.tensor([0.55, 0.55, -0.4])
+    textures = {"roughness": values[..., :1], "metallic": 1.5 * values[..., 1:2] - 0.6, "normal": tilts}
+    for name in (name for name in textures if name in maps):
+        case = case.with_map(part, name, textures[name])
+    return case
+
+
+def whole(maps: Collection[str], light: Environment | None = None) -> Case:
+    """`sheet` with random textures of these maps, seen aslant, and none of its normals bent: gradients are smooth."""
+    case = dressed(sheet(light or side_light()), 0, maps)
+    return replace(case, view=replace(case.view, camera=Camera((0.7, 0.4, 2.4), vertical_fov=0.35)))
+
+
+def rim(maps: Collection[str], light: Environment | None = None) -> Case:
+    """`sheet` with these maps at a grazing angle, all of its normals turned so far from the viewer that they are bent.
+
+    As they all are, gradients are smooth here, too.
+    """
+    case = dressed(sheet(light or side_light()), 0, maps)
+    if "normal" in maps:
+        tilts = 0.5 * scenes.random_texture(2, 3, seed=4) - torch.tensor([0.95, 0.25, -0.5])
+        case = case.with_map(0, "normal", tilts)
+    return replace(case, view=replace(case.view, camera=Camera((2.0, 0.2, 0.9), vertical_fov=0.2)))
+
+
+def clear() -> Case:
+    """`lidded`, with a coloured lid of textured alpha, and a clear sheet above both."""
+    sheet = scenes.quad((-1.5, 1.0, 1.5), (3.0, 0.0, 0.0), (0.0, 0.0, -3.0))
+    surface = scenes.joined(scenes.occluder(), sheet)
+    surface = scenes.with_alpha(surface, 1.0, np.array([[0.9, 0.2], [0.5, 0.7]]), 0.3)
+    materials = scenes.lambertian(scenes.random_texture(4, 4), scenes.random_texture(3, 2, seed=1), (0.2, 0.4, 0.8))
+    return Case(surface, materials, lidded().view)
+
+
+def clear_corner() -> Case:
+    """`corner` with a coloured screen of alpha 0.4 across it."""
+    bare, screen = corner(), scenes.quad((0.4, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
+    surface = scenes.with_alpha(scenes.joined(bare.surface, screen), 1.0, 1.0, 1.0, 0.4)
+    return Case(surface, Materials((*bare.materials.parts, Material.lambertian((0.9, 0.2, 0.5)))), bare.view)
 
 
 def screened() -> Case:

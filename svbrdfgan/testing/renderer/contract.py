@@ -78,7 +78,8 @@ class ContractTests(PluginTests, RendererKit):
         lacking = sorted(CHANNELS.keys() - self.capabilities.maps)
         declared(bool(lacking), "lacking a map")
         for name in lacking:
-            maps = {"base_color": torch.ones(3), name: torch.full((CHANNELS[name],), 0.5)}
+            needed = {"roughness"} if name == "metallic" else set()  # without it, it is no material
+            maps = {each: torch.full((CHANNELS[each],), 0.5) for each in ("base_color", name, *needed)}
             self._require_refused(UnsupportedError, name, *_OF_MATERIALS, materials=Materials((Material(maps),)))
 
     def test_gradients_it_lacks_are_refused(self) -> None:

@@ -47,6 +47,17 @@ class GradientTests(StatisticalKit):
         declared("roughness" in self.capabilities.maps, "roughness")
         self._require_own_gradient(cases.glossy(torch.tensor([[0.3, 0.9], [0.6, 0.4]])[..., None]))
 
+    def test_base_color_beneath_all_maps(self) -> None:
+        """Beside every other map, too, and where parts light one another, it is that of the picture."""
+        declared(len(self.capabilities.maps) > 1, "another map")
+        self._require_own_gradient(cases.whole(self.capabilities.maps))
+        self._require_own_gradient(cases.rich(self.capabilities.maps))
+
+    def test_base_color_behind_clear_parts(self) -> None:
+        """Behind, above and on parts that rays pass through, it is that of the picture."""
+        declared(self.capabilities.alpha, "alpha")
+        self._require_own_gradient(cases.clear())
+
     def test_unseen_texels_have_no_gradient(self) -> None:
         """Texels and parts that are lit, but not seen, have a gradient of exactly zero."""
         self._declared("base_color")
@@ -119,7 +130,7 @@ class GradientTests(StatisticalKit):
 
     def test_linear_in_the_cotangent(self) -> None:
         """The gradient for 2 a - 3 b is 2 times that for a less 3 times that for b."""
-        case = cases.rich("roughness" in self.capabilities.maps)
+        case = cases.rich(self.capabilities.maps)
         rendered, wrt, a, b = (
             RenderedCase(self.renderer, case),
             cases.differentiable(self.capabilities),
@@ -136,7 +147,7 @@ class GradientTests(StatisticalKit):
 
     def test_inputs_together_are_as_each_alone(self) -> None:
         """The gradient of one input is the same whatever else is asked for."""
-        case = cases.rich("roughness" in self.capabilities.maps)
+        case = cases.rich(self.capabilities.maps)
         rendered = RenderedCase(self.renderer, case)
         together = flat(rendered.gradients(case.smooth(), *cases.differentiable(self.capabilities)))
         for name in cases.differentiable(self.capabilities):
@@ -146,7 +157,7 @@ class GradientTests(StatisticalKit):
 
     def test_finite_in_the_dark_and_on_black(self) -> None:
         """On black and in the dark gradients are finite; of what is unlit, zero."""
-        case = cases.rich("roughness" in self.capabilities.maps)
+        case = cases.rich(self.capabilities.maps)
         black = cases.Case(case.surface, _blackened(case.materials), case.view)
         dark = case.lit_by(torch.zeros_like(case.view.environment.radiance))
         for name, scene in (("on black", black), ("in the dark", dark)):
@@ -177,6 +188,10 @@ class GradientTests(StatisticalKit):
         yield cases.sheet(scenes.sun(30, 5, rotation=0.4))
         if "roughness" in self.capabilities.maps:
             yield cases.glossy(0.4)
+        if len(self.capabilities.maps) > 1:
+            yield cases.rich(self.capabilities.maps)
+        if self.capabilities.alpha:
+            yield cases.clear()
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,14 +46,14 @@ class LayerTests(RendererKit):
         declared(self.capabilities.pullback, "pullback")
         assert isinstance(self.renderer, PullbackRenderer)
         able = cases.differentiable(self.capabilities)
-        for gloss in sorted({False, "roughness" in self.capabilities.maps}):
+        for maps in {frozenset({"base_color"}), self.capabilities.maps}:
             for wrt in (able, *([name] for name in able)):
-                self._require_pullback(self.renderer, cases.rich(gloss), frozenset(wrt))
+                self._require_pullback(self.renderer, cases.rich(maps), frozenset(wrt))
 
     def test_render_layer_gives_torch_these_gradients(self) -> None:
         """`RenderLayer` gives torch the picture, and `render_vjp` as its gradient."""
         wrt = cases.differentiable(self.capabilities)
-        case = cases.rich("roughness" in self.capabilities.maps)
+        case = cases.rich(self.capabilities.maps)
         rendered, grad = RenderedCase(self.renderer, case), case.random()
         maps = [{n: v.clone().requires_grad_(n in wrt) for n, v in m.maps.items()} for m in case.materials.parts]
         light = case.view.environment.radiance.clone().requires_grad_("environment" in wrt)
@@ -83,7 +83,8 @@ class LayerTests(RendererKit):
 
     def _transported(self) -> Iterator[RenderedCase]:
         declared(self.capabilities.transport, "transport")
-        for case in (cases.strips(), cases.whole_sheet((True, False)), cases.lidded(), cases.screened()):
+        clear = (cases.clear(),) if self.capabilities.alpha else ()
+        for case in (cases.strips(), cases.whole_sheet((True, False)), cases.lidded(), cases.screened(), *clear):
             yield RenderedCase(self.renderer, case)
 
 

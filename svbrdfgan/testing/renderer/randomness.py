@@ -132,7 +132,7 @@ class RandomnessTests(StatisticalKit):
 
     def _twice(self, one: int, other: int) -> list[tuple[str, ndarray, ndarray]]:
         """The picture and every gradient, with each of two seeds, by renderers of their own."""
-        case = cases.rich("roughness" in self.capabilities.maps)
+        case = cases.rich(self.capabilities.maps)
         wrt, found = cases.differentiable(self.capabilities), []
         for seed in (one, other):
             rendered = RenderedCase(self.make_renderer(), case)

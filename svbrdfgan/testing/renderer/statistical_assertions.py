@@ -20,8 +20,11 @@ RUNS = 24
 EXACT = 5e-4
 """What single precision may lose in a sum over a small picture, of its largest term."""
 
+SAMPLES = 1_000_000
+"""Camera samples that a test takes in one round, at most, unless it says otherwise."""
+
 _COARSE = 0.25  # power at which half as fine a quadrature is as good, beside the claim
-_FIRST_SEED, _SAMPLES = 1000, 1_000_000
+_FIRST_SEED = 1000
 _ROUNDS, _SHARE, _ROUNDING = 4, 0.02, 2e-5
 
 Measure = Callable[[int, int], Float[ndarray, "*shape"]]
@@ -49,10 +52,12 @@ class StatisticalKit(RendererKit):
         claim: float,
         spp: int,
         fixed: bool = False,
+        most: int = SAMPLES,
     ) -> None:
         """`unbiased` with the kit's share of the samples, of which a larger error can be claimed to be found."""
         runs, few = (self.count(RUNS), spp) if fixed else fewer(RUNS, spp, self.power)
-        unbiased(what, rendered, measure, known, claim=claim / math.sqrt(self.power), spp=few, runs=runs, fixed=fixed)
+        claim, most = claim / math.sqrt(self.power), max(SAMPLES, round(self.power * most))
+        unbiased(what, rendered, measure, known, claim=claim, spp=few, runs=runs, fixed=fixed, most=most)
 
     def count(self, runs: int) -> int:
         """The kit's share of the runs, where their samples are fixed."""
@@ -122,11 +127,13 @@ def unbiased(
     spp: int,
     runs: int = RUNS,
     fixed: bool = False,
+    most: int = SAMPLES,
 ) -> None:
     """Fails where the mean over seeds is not the truth, or where a relative bias of `claim` might not be detected.
 
     The claim is for all values that make up a fiftieth of the total or more. Starts with `spp` samples per pixel and
-    takes more if these are too few, or more seeds if `fixed`. A deterministic renderer must be right within the claim.
+    takes more if these are too few, or more seeds if `fixed`, up to `most` camera samples in each round. A
+    deterministic renderer must be right within the claim.
     """
     if not rendered.renderer.capabilities.stochastic:
         none = np.zeros_like(known.truth)
@@ -136,7 +143,9 @@ def unbiased(
     for _ in range(_ROUNDS):
         found = _over_seeds(measure, spp, runs, seed)
         blind = _blindness(found, known, claim)
-        more = (spp, _more(rendered, blind, runs, spp)) if fixed else (_more(rendered, blind, spp, runs), runs)
+        more = (
+            (spp, _more(rendered, blind, runs, spp, most)) if fixed else (_more(rendered, blind, spp, runs, most), runs)
+        )
         if blind <= 1.0 or more == (spp, runs):
             break
         (spp, runs), seed = more, seed + runs
@@ -152,10 +161,10 @@ def _over_seeds(measure: Measure, spp: int, runs: int, first: int) -> Estimate:
     return estimate([measure(spp, first + run) for run in range(runs)])
 
 
-def _more(rendered: RenderedCase, blind: float, have: int, each: int) -> int:
-    """The number needed, with half of it to spare, and at most _SAMPLES camera samples in all."""
-    most = _SAMPLES // (each * rendered.case.view.height * rendered.case.view.width)
-    return max(have, min(most, int(1.5 * have * min(blind, 1e3) ** 2)))
+def _more(rendered: RenderedCase, blind: float, have: int, each: int, most: int) -> int:
+    """The number needed, with half of it to spare, and at most `most` camera samples in all."""
+    limit = most // (each * rendered.case.view.height * rendered.case.view.width)
+    return max(have, min(limit, int(1.5 * have * min(blind, 1e3) ** 2)))
 
 
 def _blindness(found: Estimate, known: Known, claim: float) -> float:

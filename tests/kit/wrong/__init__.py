@@ -5,9 +5,12 @@ transport alike: whoever holds a texture upside down does so in all three. Impor
 """
 
 from wrong import (  # noqa: F401
+    alpha,
     contract,
     filtering,
     gradients,
+    materials,
+    normal_maps,
     orientation,
     paths,
     pullbacks,

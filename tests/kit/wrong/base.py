@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, ClassVar
+from unittest import mock
 
 import torch
 from jaxtyping import Float
@@ -174,3 +176,61 @@ class OnNumpy(Right):
     @property
     def right(self) -> Renderer[Any]:
         return slow_renderer(self.bounces)
+
+
+Patch = tuple[object, str, Any]
+"""A module or a class, the name of a function or property in it, and what it is replaced with."""
+
+
+class Patched(OnNumpy):
+    """The slow renderer with some of its functions replaced while it works."""
+
+    def patches(self) -> list[Patch]:
+        raise NotImplementedError
+
+    def render(self, prepared: Any, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
+        with patched(*self.patches()):
+            return super().render(prepared, materials, view, spp=spp, seed=seed)
+
+    def render_vjp(
+        self,
+        prepared: Any,
+        materials: Materials,
+        view: View,
+        grad_image: Float[Tensor, "height width 3"],
+        *,
+        wrt: frozenset[str],
+        spp: int,
+        seed: int,
+    ) -> Gradients:
+        with patched(*self.patches()):
+            return super().render_vjp(prepared, materials, view, grad_image, wrt=wrt, spp=spp, seed=seed)
+
+    def transport(self, prepared: Any, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
+        with patched(*self.patches()):
+            samples = list(super().transport(prepared, view, spp=spp, seed=seed))
+        return iter(samples)
+
+
+def patched(*patches: Patch) -> ExitStack:
+    """Replaces functions until it is closed."""
+    stack = ExitStack()
+    for owner, name, replacement in patches:
+        stack.enter_context(mock.patch.object(owner, name, replacement))
+    return stack
+
+
+def with_map(materials: Materials, name: str, change: Callable[[Tensor], Tensor]) -> Materials:
+    """The materials with every map of this name changed."""
+    return Materials(
+        tuple(
+            Material({n: change(value.detach()) if n == name else value for n, value in material.maps.items()})
+            for material in materials.parts
+        )
+    )
+
+
+def gradient_of(gradients: Gradients, name: str, change: Callable[[Tensor], Tensor]) -> Gradients:
+    """The gradients with those of every map of this name changed."""
+    parts = [{n: change(value) if n == name else value for n, value in part.items()} for part in gradients.materials]
+    return replace(gradients, materials=tuple(parts))

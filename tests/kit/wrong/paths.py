@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
-from unittest import mock
 
-import numpy as np
-from jaxtyping import Float
-from torch import Tensor
+from svbrdfgan_numpy import integrator
+from svbrdfgan_numpy.bvh import Hits
 
-from svbrdfgan.types import Gradients, Material, Materials, Rendering, TransportSamples, View
-from wrong.base import Call, OnNumpy, slow_renderer
+from svbrdfgan.types import Gradients, Material, Materials
+from wrong.base import Call, OnNumpy, Patch, Patched, gradient_of, slow_renderer
 from wrong.table import caught_by
 
 
@@ -35,44 +31,16 @@ class BouncesOnceLess(OnNumpy):
 
 
 @caught_by("test_a_lid_casts_a_shadow_and_only_there", whole=True)
-class WithoutShadows(OnNumpy):
+class WithoutShadows(Patched):
     """Light arrives whatever is in its way."""
 
-    def render(self, prepared: Any, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
-        with without_shadows():
-            return super().render(prepared, materials, view, spp=spp, seed=seed)
+    def patches(self) -> list[Patch]:
+        right = integrator.search
 
-    def render_vjp(
-        self,
-        prepared: Any,
-        materials: Materials,
-        view: View,
-        grad_image: Float[Tensor, "height width 3"],
-        *,
-        wrt: frozenset[str],
-        spp: int,
-        seed: int,
-    ) -> Gradients:
-        with without_shadows():
-            return super().render_vjp(prepared, materials, view, grad_image, wrt=wrt, spp=spp, seed=seed)
+        def search(bvh: Any, origin: Any, direction: Any, *, any_hit: bool = False, **stops: Any) -> Hits:
+            return Hits.none(len(origin)) if any_hit else right(bvh, origin, direction, **stops)
 
-    def transport(self, prepared: Any, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
-        with without_shadows():
-            yield from list(super().transport(prepared, view, spp=spp, seed=seed))
-
-
-@contextmanager
-def without_shadows() -> Iterator[None]:
-    """The NumPy renderer finds nothing where it asks only whether there is something."""
-    from svbrdfgan_numpy import integrator
-    from svbrdfgan_numpy.bvh import Hits
-
-    def search(bvh: Any, origin: np.ndarray, direction: np.ndarray, *, any_hit: bool = False, **how: Any) -> Any:
-        return Hits.none(len(origin)) if any_hit else right(bvh, origin, direction, **how)
-
-    right = integrator.search
-    with mock.patch.object(integrator, "search", search):
-        yield
+        return [(integrator, "search", search)]
 
 
 @caught_by(
@@ -106,12 +74,23 @@ class RoughnessIsAlpha(OnNumpy):
         return replace(gradients, materials=tuple(parts))
 
 
-@caught_by("test_roughness_gradients_of_gloss")
+@caught_by("test_roughness_gradients_of_gloss", whole=True, late=True)
 class RoughnessGradientTooSteep(OnNumpy):
     """The gradient of roughness is 10 % too large."""
 
     def gradient(self, gradients: Gradients, call: Call) -> Gradients:
-        parts = [{n: v * 1.1 if n == "roughness" else v for n, v in part.items()} for part in gradients.materials]
+        return gradient_of(gradients, "roughness", lambda gradient: 1.1 * gradient)
+
+
+@caught_by("test_roughness_gradients_of_gloss", "test_roughness_gradients_of_whole_materials", whole=True)
+class RoughnessGradientOfAlpha(OnNumpy):
+    """The gradient of roughness is that of alpha, its square."""
+
+    def gradient(self, gradients: Gradients, call: Call) -> Gradients:
+        parts = [
+            {n: v * 0.5 / material.maps[n].detach() if n == "roughness" else v for n, v in part.items()}
+            for part, material in zip(gradients.materials, call.materials.parts, strict=True)
+        ]
         return replace(gradients, materials=tuple(parts))
 
 

@@ -25,6 +25,16 @@ WHOLE = (
     "test_texel_gradients_in_shadow",
     "test_texel_gradients_under_a_strong_sun",
     "test_roughness_gradients_of_gloss",
+    "test_image_of_metal_in_total",
+    "test_image_of_whole_materials",
+    "test_image_behind_clear_parts",
+    "test_roughness_gradients_of_whole_materials",
+    "test_metallic_gradients_of_whole_materials",
+    "test_normal_gradients_of_whole_materials",
+    "test_normal_gradients_of_bent_normals",
+    "test_the_gradient_of_roughness_in_total",
+    "test_the_gradient_of_metallic_in_total",
+    "test_the_gradient_of_the_normal_in_total",
     "test_environment_gradient_in_the_open",
     "test_environment_gradient_through_shadow",
     "test_one_sample_is_unbiased",
@@ -43,12 +53,14 @@ class Wrong:
     Attributes:
         tests: all that catch it, but for those of `WHOLE`; of these only if it is for them to catch.
         whole: whether any other of `WHOLE` sees it, too. Which of them is a matter of the scenes.
+        late: whether so little is wrong that it takes full power to find.
         reason: what is wrong; and why several tests catch it, where they do.
     """
 
     renderer: type[Right]
     tests: frozenset[str]
     whole: bool
+    late: bool
     reason: str
 
     @property
@@ -65,11 +77,13 @@ class Wrong:
 WRONG: list[Wrong] = []
 
 
-def caught_by(*tests: str, whole: bool = False, reason: str = "") -> Callable[[type[Right]], type[Right]]:
+def caught_by(
+    *tests: str, whole: bool = False, late: bool = False, reason: str = ""
+) -> Callable[[type[Right]], type[Right]]:
     """Enters a wrong renderer in the table."""
 
     def note(renderer: type[Right]) -> type[Right]:
-        WRONG.append(Wrong(renderer, frozenset(tests), whole, f"{renderer.__doc__} {reason}".strip()))
+        WRONG.append(Wrong(renderer, frozenset(tests), whole, late, f"{renderer.__doc__} {reason}".strip()))
         return renderer
 
     return note
