@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from svbrdfgan.geometry.cells import CellGrid
 
-_PAIRS_AT_ONCE = 1 << 21  # (point, triangle) pairs per batch; limits memory
+_PAIRS_AT_ONCE = 1 << 16  # (point, triangle) pairs per batch: its arrays fit into the CPU cache
 _EDGE = 1e-9  # barycentric tolerance: points on an edge are in both triangles, so no ray passes between neighbours
 _ROUNDS_A_STEP = 4  # rounds of `any_higher` before the number of triangles per round doubles
 _POINTS_AT_ONCE = 1 << 14  # points per batch: its arrays fit into the CPU cache
