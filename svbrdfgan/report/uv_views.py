@@ -63,11 +63,11 @@ def paint(seen: Seen, shown: Bool[ndarray, " faces"], color: Callable[[Seen], Rg
 
 def checker(uv: Float[ndarray, "*n 2"]) -> Rgb:
     """A checkerboard of 32 x 32 whose colour tells the place: hue runs along u, v from pale to deep."""
-    from matplotlib.colors import hsv_to_rgb
-
     u, v = np.moveaxis(np.clip(uv, 0.0, 1.0), -1, 0)
     dark = (np.floor(u * CHECKS) + np.floor(v * CHECKS)) % 2
-    return np.asarray(hsv_to_rgb(np.stack([0.85 * u, 0.25 + 0.6 * v, 1.0 - 0.45 * dark], axis=-1)))
+    rgb = np.abs((6.0 * 0.85 * u[..., None] + (0.0, 4.0, 2.0)) % 6.0 - 3.0) - 1.0  # of the hue at full saturation
+    pale = 1.0 - (0.25 + 0.6 * v[..., None]) * (1.0 - np.clip(rgb, 0.0, 1.0))
+    return np.asarray(pale * (1.0 - 0.45 * dark[..., None]))
 
 
 def _uv(surface: Surface, raster: Raster) -> Float[ndarray, "rows cols 2"]:
