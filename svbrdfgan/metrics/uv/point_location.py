@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from svbrdfgan.geometry.cells import CellGrid
+from svbrdfgan.geometry.cells import CellGrid, boxes
 
 _PAIRS_AT_ONCE = 1 << 16  # (point, triangle) pairs per batch: its arrays fit into the CPU cache
 _EDGE = 1e-9  # barycentric tolerance: points on an edge are in both triangles, so no ray passes between neighbours
@@ -99,7 +99,7 @@ class PointLocator:
             height: heights of the triangles' corners. `ranked` must have sorted the triangles by their highest corner,
                 descending.
         """
-        table = np.concatenate([self.rows, height.T, height.max(axis=1)[None]]).T.copy()
+        table = np.concatenate([self.rows, height.T, boxes(height)[1][None]])
         cell = self.grid.cells(points)
         order = np.argsort(cell.astype(np.uint16), kind="stable")  # points of the same cell read the same triangles
         found = np.zeros(len(points), dtype=bool)
@@ -113,7 +113,7 @@ class PointLocator:
                 # the first few triangles decide most points: test one per round at first, later up to 32
                 entry = place[:, None] + np.arange(1 << min(rounds // _ROUNDS_A_STEP, 5))
                 triangle = self.listed.take(entry, mode="clip")
-                bx, by, b1, cx, cy, c1, h0, h1, h2, top = np.moveaxis(table.take(triangle, axis=0), -1, 0)
+                bx, by, b1, cx, cy, c1, h0, h1, h2, top = table.take(triangle, axis=1)
                 b, c = bx * x[:, None] + by * y[:, None] + b1, cx * x[:, None] + cy * y[:, None] + c1
                 a = 1.0 - b - c
                 inside = (b >= -_EDGE) & (c >= -_EDGE) & (a >= -_EDGE) & (entry < last[:, None])
