@@ -40,7 +40,11 @@ class Raster:
         self, faces: Int[ndarray, "faces 3"], attribute: Float[ndarray, " vertices *k"]
     ) -> Float[ndarray, "rows cols *k"]:
         """A per-vertex attribute, interpolated at the texels' centres; zero where there is no face."""
-        return np.einsum("rcj,rcj...->rc...", self.barycentric, attribute[faces[self.face]])
+        values = np.zeros((*self.face.shape, *attribute.shape[1:]))
+        covered = self.mask
+        corners = attribute[faces[self.face[covered]]]
+        values[covered] = np.einsum("tj,tj...->t...", self.barycentric[covered], corners)
+        return values
 
 
 @dataclass(frozen=True, eq=False)

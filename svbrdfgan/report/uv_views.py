@@ -24,7 +24,7 @@ _MARGIN = 1.06
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What each sample of a picture shows, top row first.
+    """What samples show: those of a whole picture, top row first, or any of them.
 
     Attributes:
         face: of the surface, -1 where there is none.
@@ -32,9 +32,9 @@ class Seen:
         light: from 0 to 1, how brightly it is lit.
     """
 
-    face: Int[ndarray, "height width"]
-    uv: Float[ndarray, "height width 2"]
-    light: Float[ndarray, "height width"]
+    face: Int[ndarray, "*n"]
+    uv: Float[ndarray, "*n 2"]
+    light: Float[ndarray, "*n"]
 
 
 def look(surface: Surface, azimuth: float, elevation: float, width: int, height: int) -> Seen:
@@ -54,11 +54,14 @@ def look(surface: Surface, azimuth: float, elevation: float, width: int, height:
 
 def paint(seen: Seen, shown: Bool[ndarray, " faces"], color: Callable[[Seen], Rgb]) -> Float[ndarray, "height width 3"]:
     """The picture, in sRGB: the colour, lit, where `shown`; grey where not, and paper where there is no surface."""
-    picture = np.where(shown[seen.face][..., None], color(seen), UNSEEN) * seen.light[..., None]
-    picture = np.where((seen.face >= 0)[..., None], picture, PAPER)
-    rows, cols = seen.face.shape
-    small = picture.reshape(rows // _SMOOTH, _SMOOTH, cols // _SMOOTH, _SMOOTH, 3)
-    return np.clip(np.asarray(small.mean(axis=(1, 3))), 0.0, 1.0)
+    covered = seen.face >= 0
+    on_surface = Seen(seen.face[covered], seen.uv[covered], seen.light[covered])
+    colors = np.where(shown[on_surface.face][:, None], color(on_surface), UNSEEN) * on_surface.light[:, None]
+    picture = np.broadcast_to(PAPER, (*covered.shape, 3)).copy()
+    picture[covered] = np.clip(colors, 0.0, 1.0)
+    rows, cols = covered.shape
+    lines = picture.reshape(rows // _SMOOTH, _SMOOTH, -1).mean(axis=1)
+    return np.asarray(lines.reshape(len(lines), cols // _SMOOTH, _SMOOTH, 3).mean(axis=2))
 
 
 def checker(uv: Float[ndarray, "*n 2"]) -> Rgb:
