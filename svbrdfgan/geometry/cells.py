@@ -83,7 +83,7 @@ class CellGrid:
         return np.clip((points - self.low) / self.cell, 0, self.side - 1).astype(np.int64)
 
 
-def boxes(corners: Float[ndarray, "n 3 *k"]) -> tuple[Float[ndarray, "n *k"], Float[ndarray, "n *k"]]:
+def boxes(corners: Float[ndarray, " n 3 *k"]) -> tuple[Float[ndarray, " n *k"], Float[ndarray, " n *k"]]:
     """The least and the greatest corner of each triangle's bounding box; faster than NumPy's reduction of three."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
