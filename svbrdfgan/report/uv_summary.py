@@ -49,12 +49,14 @@ def write_summary(folder: Path, surface: Surface, title: str) -> UVSummary:
     Raises:
         AssetError: the disk refuses.
     """
+    card = Image.new("RGB", _CARD, "white")
     with ThreadPoolExecutor(len(_VIEWS)) as threads:
         views = threads.map(lambda angles: look(surface, angles[0], angles[1], *_SIZE), _VIEWS)
         visible = visible_surface(surface)
-        atlas = threads.submit(atlas_picture, visible)
-        summary = UVSummary.of(visible)
-    card = _card(surface, visible, list(views), atlas.result(), summary, title)
+        measured, atlas = threads.submit(UVSummary.of, visible), threads.submit(atlas_picture, visible)
+        _draw_views(card, surface, visible, list(views))
+    summary = measured.result()
+    _draw_map(card, atlas.result(), summary, title)
     with atomic_path(folder / "card.json") as temporary:
         temporary.write_text(summary_json(summary) + "\n")
     with atomic_path(folder / "card.png") as temporary:
@@ -69,57 +71,25 @@ def summary_json(summary: UVSummary) -> str:
     )
 
 
-def _card(
-    surface: Surface,
-    visible: VisibleSurface,
-    views: Sequence[Seen],
-    atlas: Float[ndarray, "rows cols 3"],
-    summary: UVSummary,
-    title: str,
-) -> Image.Image:
-    """The views on the left, once for each colouring; the atlas and the measures on the right."""
+def _draw_views(card: Image.Image, surface: Surface, visible: VisibleSurface, views: Sequence[Seen]) -> None:
+    """The left side: the views with the checkerboard, and below with the stretch and its scale."""
     shown = exposed_faces(surface)
-    card = Image.new("RGB", _CARD, "white")
-    draw = ImageDraw.Draw(card)
     stretch = _Stretch.of(surface, visible)
     for x, seen in zip(_COLUMNS, views, strict=False):
         for y, color in zip(_ROWS, (lambda seen: checker(seen.uv), stretch.color), strict=True):
             card.paste(_image(paint(seen, shown, color)), (x, y))
-    card.paste(_image(atlas[::-1]), (_COLUMNS[2], _ROWS[0]))
-    captions = (
-        (_COLUMNS[0], _ROWS[0], "checkerboard of 32 x 32"),
-        (_COLUMNS[0], _ROWS[1], "stretch: length on the surface per length in UV; 1 is the mean"),
-        (_COLUMNS[2], _ROWS[0], f"{title}: the map of what is seen"),
-    )
-    for x, y, caption in captions:
-        # Pillow's own font has ASCII only, but the other one costs the import of matplotlib
-        font = ImageFont.load_default(_CAPTION) if caption.isascii() else unicode_font(_CAPTION)
-        draw.text((x, y - 8), caption, "black", font, anchor="ls")
-    _draw_scale(card, draw)
-    _draw_measures(draw, summary)
-    return card
+    _caption(card, _COLUMNS[0], _ROWS[0], "checkerboard of 32 x 32")
+    _caption(card, _COLUMNS[0], _ROWS[1], "stretch: length on the surface per length in UV; 1 is the mean")
+    _draw_scale(card)
 
 
-def _image(picture: Float[ndarray, "height width 3"]) -> Image.Image:
-    return Image.fromarray((255.0 * picture + 0.5).astype(np.uint8))
-
-
-def _draw_scale(card: Image.Image, draw: ImageDraw.ImageDraw) -> None:
-    """The bar that explains the colours of stretch, below the views."""
-    left, top, width, height = _COLUMNS[0] + 160, _ROWS[1] + _SIZE[1] + 24, 808, 16
-    card.paste(_image(np.tile(_cool_to_warm(np.linspace(-1.0, 1.0, width)), (height, 1, 1))), (left, top))
-    draw.rectangle((left - 1, top - 1, left + width, top + height), outline="black")
-    for at, label in enumerate(("1/4 or less", "1/2", "1", "2", "4 or more")):
-        x = left + at * (width - 1) // 4
-        draw.line((x, top + height, x, top + height + 5), "black")
-        draw.text((x, top + height + 8), label, "black", ImageFont.load_default(_SMALL), anchor="ma")
-
-
-def _draw_measures(draw: ImageDraw.ImageDraw, summary: UVSummary) -> None:
-    """The measures in columns below the atlas, and what its colours mean."""
-    font = ImageFont.load_default(_SMALL)
-    values = summary.flat()
+def _draw_map(card: Image.Image, atlas: Float[ndarray, "rows cols 3"], summary: UVSummary, title: str) -> None:
+    """The right side: the atlas, below it the measures in columns, and what its colours mean."""
     left, top = _COLUMNS[2], _ROWS[0] + _ATLAS + 10
+    card.paste(_image(atlas[::-1]), (left, _ROWS[0]))
+    _caption(card, left, _ROWS[0], f"{title}: the map of what is seen")
+    draw, font = ImageDraw.Draw(card), ImageFont.load_default(_SMALL)
+    values = summary.flat()
     for row, line in enumerate(_LINES):
         for column, (name, key) in enumerate(line):
             x, y = left + 275 * column, top + 20 * row
@@ -127,6 +97,29 @@ def _draw_measures(draw: ImageDraw.ImageDraw, summary: UVSummary) -> None:
             draw.text((x + 200, y), _number(values[key]), "black", font, anchor="ra")
     meaning = "red: mirrored, as seen from outside; blue: holds two places; purple: both"
     draw.text((left, top + 20 * len(_LINES) + 10), meaning, "black", font)
+
+
+def _caption(card: Image.Image, x: int, y: int, text: str) -> None:
+    """A line of text above a picture whose upper left corner is at (x, y)."""
+    # Pillow's own font has ASCII only, but the other one costs the import of matplotlib
+    font = ImageFont.load_default(_CAPTION) if text.isascii() else unicode_font(_CAPTION)
+    ImageDraw.Draw(card).text((x, y - 8), text, "black", font, anchor="ls")
+
+
+def _image(picture: Float[ndarray, "height width 3"]) -> Image.Image:
+    return Image.fromarray((255.0 * picture + 0.5).astype(np.uint8))
+
+
+def _draw_scale(card: Image.Image) -> None:
+    """The bar that explains the colours of stretch, below the views."""
+    draw, font = ImageDraw.Draw(card), ImageFont.load_default(_SMALL)
+    left, top, width, height = _COLUMNS[0] + 160, _ROWS[1] + _SIZE[1] + 24, 808, 16
+    card.paste(_image(np.tile(_cool_to_warm(np.linspace(-1.0, 1.0, width)), (height, 1, 1))), (left, top))
+    draw.rectangle((left - 1, top - 1, left + width, top + height), outline="black")
+    for at, label in enumerate(("1/4 or less", "1/2", "1", "2", "4 or more")):
+        x = left + at * (width - 1) // 4
+        draw.line((x, top + height, x, top + height + 5), "black")
+        draw.text((x, top + height + 8), label, "black", font, anchor="ma")
 
 
 @dataclass(frozen=True, eq=False)
