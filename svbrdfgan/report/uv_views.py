@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from svbrdfgan.geometry.normals import unit
-from svbrdfgan.geometry.rasterize import Raster, rasterize
+from svbrdfgan.geometry.rasterize import rasterize
 from svbrdfgan.types import Camera, Surface
 
 Rgb = Float[ndarray, "*n 3"]
@@ -47,9 +47,9 @@ def look(surface: Surface, azimuth: float, elevation: float, width: int, height:
     pixel = _MARGIN * max((high[0] - low[0]) / cols, (high[1] - low[1]) / rows, 1e-300)
     screen = 0.5 + (turned[:, :2] - (low + high)[:2] / 2) / (pixel * np.array([cols, rows]))
     raster = rasterize(replace(surface, uv=screen, elevation=turned[:, 2]), rows, cols)
-    normal = unit(raster.interpolate(surface.faces, surface.normals)) @ frame.T
-    lit = np.abs(normal @ unit(np.array([-0.35, 0.65, 0.75])))
-    return Seen(_upright(raster.face), _upright(_uv(surface, raster)), _upright(0.35 + 0.65 * lit))
+    seen = raster.interpolate(surface.faces, np.column_stack([surface.normals, surface.uv]))
+    lit = np.abs(unit(seen[..., :3]) @ (unit(np.array([-0.35, 0.65, 0.75])) @ frame))
+    return Seen(_upright(raster.face), _upright(seen[..., 3:]), _upright(0.35 + 0.65 * lit))
 
 
 def paint(seen: Seen, shown: Bool[ndarray, " faces"], color: Callable[[Seen], Rgb]) -> Float[ndarray, "height width 3"]:
@@ -71,10 +71,6 @@ def checker(uv: Float[ndarray, "*n 2"]) -> Rgb:
     rgb = np.abs((6.0 * 0.85 * u[..., None] + (0.0, 4.0, 2.0)) % 6.0 - 3.0) - 1.0  # of the hue at full saturation
     pale = 1.0 - (0.25 + 0.6 * v[..., None]) * (1.0 - np.clip(rgb, 0.0, 1.0))
     return np.asarray(pale * (1.0 - 0.45 * dark[..., None]))
-
-
-def _uv(surface: Surface, raster: Raster) -> Float[ndarray, "rows cols 2"]:
-    return np.asarray(raster.interpolate(surface.faces, surface.uv))
 
 
 def _upright(values: ndarray) -> ndarray:
