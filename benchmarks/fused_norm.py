@@ -24,9 +24,9 @@ Columns:
 
 The last cases are whole generators, where `compiled whole` is `torch.compile` of the module with the reference inside.
 
-On an H100 (torch 2.11, bf16, batch 16, 256x256, width 64) a generator's forward pass and gradient take 16.2 ms with our
-kernels, 33.5 with the best compiled norm, 38.2 with the whole network compiled and 48.2 by eager torch; the forward pass
-alone takes 5.4, 10.1, 5.5 and 17.4. Compiled code loses most where padding or upsampling follows the norm, and it
+On an H100 (torch 2.11, bf16, batch 16, 256x256, width 64) a generator's forward pass and gradient take 16.2 ms with
+our kernels, 33.5 with the best compiled norm, 38.2 with the whole network compiled and 48.2 by eager torch; the forward
+pass alone takes 5.4, 10.1, 5.5 and 17.4. Compiled code loses most where padding or upsampling follows the norm, and it
 refuses second derivatives ("torch.compile with aot_autograd does not currently support double backward"), on a CPU too.
 Errors are alike. So the kernels stay.
 """
