@@ -32,7 +32,7 @@ class CellGrid:
     @classmethod
     def around(cls, corners: Float[ndarray, "triangles 3 2"], side: float) -> CellGrid:
         """A grid of at most `side` (1 to `MOST_CELLS`) cells along a side, halved until `entries` are few."""
-        lows, highs = corners.min(axis=1), corners.max(axis=1)
+        lows, highs = boxes(corners)
         low = lows.min(axis=0)
         extent = max(float((highs.max(axis=0) - low).max()), 1e-300)
         cells = int(np.clip(side, 1, MOST_CELLS))
@@ -52,8 +52,8 @@ class CellGrid:
         self, corners: Float[ndarray, "triangles 3 2"]
     ) -> tuple[Int[ndarray, " entries"], Int[ndarray, " entries"]]:
         """All pairs (triangle, cell) where the triangle's bounding box overlaps the cell, sorted by triangle."""
-        low = self._place(corners.min(axis=1))
-        size = self._place(corners.max(axis=1)) - low + 1
+        low, high = (self._place(corner) for corner in boxes(corners))
+        size = high - low + 1
         count = size.prod(axis=1)
         triangle, step = ranges(np.zeros_like(count), count)
         row, col = np.divmod(step, size[triangle, 0])
@@ -67,12 +67,13 @@ class CellGrid:
         These are a subset of `entries`, much smaller for slivers. The test is conservative by a millionth of a cell.
         """
         local = (corners - self.low) / self.cell
+        lows, highs = boxes(local)
         bottom, top = (
-            np.clip(y, 0, self.side - 1).astype(np.int64)
-            for y in (local[:, :, 1].min(axis=1) - _SLACK, local[:, :, 1].max(axis=1) + _SLACK)
+            np.clip(y, 0, self.side - 1).astype(np.int64) for y in (lows[:, 1] - _SLACK, highs[:, 1] + _SLACK)
         )
         triangle, row = ranges(bottom, top - bottom + 1)
-        left, right = _spans(local[triangle], row - _SLACK, row + 1.0 + _SLACK)
+        corner = np.ascontiguousarray(local.T).take(triangle, axis=2)
+        left, right = _spans(corner, row - _SLACK, row + 1.0 + _SLACK)
         first, last = (np.clip(x, 0, self.side - 1).astype(np.int64) for x in (left - _SLACK, right + _SLACK))
         span, col = ranges(first, np.maximum(last - first + 1, 0))
         return triangle[span], row[span] * self.side + col
@@ -82,6 +83,12 @@ class CellGrid:
         return np.clip((points - self.low) / self.cell, 0, self.side - 1).astype(np.int64)
 
 
+def boxes(corners: Float[ndarray, " n 3 *k"]) -> tuple[Float[ndarray, " n *k"], Float[ndarray, " n *k"]]:
+    """The least and the greatest corner of each triangle's bounding box; faster than NumPy's reduction of three."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+
+
 def ranges(start: Int[ndarray, " n"], count: Int[ndarray, " n"]) -> tuple[Int[ndarray, " m"], Int[ndarray, " m"]]:
     """The concatenated ranges start[i] ... start[i] + count[i] - 1: the index i of each number, and the number."""
     owner = np.repeat(np.arange(len(start)), count)
@@ -89,20 +96,17 @@ def ranges(start: Int[ndarray, " n"], count: Int[ndarray, " n"]) -> tuple[Int[nd
 
 
 def _spans(
-    corners: Float[ndarray, "n 3 2"], low: Float[ndarray, " n"], high: Float[ndarray, " n"]
+    corners: Float[ndarray, "2 3 n"], low: Float[ndarray, " n"], high: Float[ndarray, " n"]
 ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
     """The least and the greatest x of each triangle within its strip low <= y <= high; (inf, -inf) if it misses it."""
-    left, right = np.full(len(corners), np.inf), np.full(len(corners), -np.inf)
-    for k in range(3):
-        (x0, y0), (x1, y1) = corners[:, k - 1].T, corners[:, k].T
-        rise = y1 - y0
-        # a horizontal edge has no crossing with a line; the other two edges contribute its end points
-        slope = np.where(rise != 0.0, (x1 - x0) / np.where(rise != 0.0, rise, 1.0), 0.0)
-        below, above = np.minimum(y0, y1), np.maximum(y0, y1)
-        within = (above >= low) & (below <= high)
-        for line in (low, high):
-            x = x0 + (np.clip(line, below, above) - y0) * slope
-            x = np.clip(x, np.minimum(x0, x1), np.maximum(x0, x1))
-            left = np.where(within & (x < left), x, left)
-            right = np.where(within & (x > right), x, right)
-    return left, right
+    (x0, y0), (x1, y1) = np.roll(corners, 1, axis=1), corners  # the ends of the three edges
+    rise = y1 - y0
+    # a horizontal edge has no crossing with a line; the other two edges contribute its end points
+    slope = np.where(rise != 0.0, (x1 - x0) / np.where(rise != 0.0, rise, 1.0), 0.0)
+    below, above = np.minimum(y0, y1), np.maximum(y0, y1)
+    within = (above >= low) & (below <= high)
+    crossings = [x0 + (np.clip(line, below, above) - y0) * slope for line in (low, high)]
+    least, greatest = np.minimum(x0, x1), np.maximum(x0, x1)
+    left = np.maximum(np.minimum(*crossings), least)
+    right = np.minimum(np.maximum(*crossings), greatest)
+    return np.where(within, left, np.inf).min(axis=0), np.where(within, right, -np.inf).max(axis=0)

@@ -40,7 +40,11 @@ class Raster:
         self, faces: Int[ndarray, "faces 3"], attribute: Float[ndarray, " vertices *k"]
     ) -> Float[ndarray, "rows cols *k"]:
         """A per-vertex attribute, interpolated at the texels' centres; zero where there is no face."""
-        return np.einsum("rcj,rcj...->rc...", self.barycentric, attribute[faces[self.face]])
+        values = np.zeros((*self.face.shape, *attribute.shape[1:]))
+        covered = self.mask
+        corners = attribute[faces[self.face[covered]]]
+        values[covered] = np.einsum("tj,tj...->t...", self.barycentric[covered], corners)
+        return values
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +159,7 @@ def _raster(
     used = np.flatnonzero(top > -np.inf)
     row, col = np.divmod(used, cols)
     barycentric = np.zeros((rows * cols, 3))
-    barycentric[used] = _covered(corners[best[used]], np.arange(len(used)), col, row)[1]
+    barycentric[used] = _covered(corners, best[used], col, row)[1]
     face = np.where(top > -np.inf, best, -1)
     return Raster(face.reshape(rows, cols), barycentric.reshape(rows, cols, 3), top.reshape(rows, cols))
 
@@ -202,7 +206,8 @@ def _block_floors(top: Float[ndarray, " texels"], rows: int, cols: int) -> Float
     tall, wide = -(-rows // _BLOCK), -(-cols // _BLOCK)
     padded = np.full((tall * _BLOCK, wide * _BLOCK), np.inf)
     padded[:rows, :cols] = top.reshape(rows, cols)
-    return padded.reshape(tall, _BLOCK, wide, _BLOCK).min(axis=(1, 3))
+    # whole rows first: a minimum over few neighbours in memory is slow, and this leaves an eighth to it
+    return padded.reshape(tall, _BLOCK, -1).min(axis=1).reshape(tall, wide, _BLOCK).min(axis=2)
 
 
 def _reaches(

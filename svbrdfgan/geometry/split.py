@@ -24,13 +24,12 @@ def split_corners(
     """
     columns = [faces.reshape(-1, 1), np.repeat(face_part, 3)[:, None]]
     columns += [np.round(a.reshape(faces.size, -1) * _STEPS).astype(np.int64) for a in attributes]
-    label = np.zeros(faces.size, dtype=np.int64)
-    for column in np.concatenate(columns, axis=1).T:
-        _, rank = np.unique(column, return_inverse=True)
-        # ranks keep the combined label small, so that int64 does not overflow
-        _, label = np.unique(label * (int(rank.max()) + 1) + rank, return_inverse=True)
-    _, corner, vertex = np.unique(label, return_index=True, return_inverse=True)
-    return corner, vertex.reshape(-1, 3)
+    keys = np.concatenate(columns, axis=1).T
+    order = np.lexsort(keys[::-1])
+    fresh = (np.diff(keys[:, order], prepend=-1) != 0).any(axis=0)  # no position has index -1: the first is fresh
+    vertex = np.empty_like(order)
+    vertex[order] = np.cumsum(fresh) - 1
+    return order[fresh], vertex.reshape(-1, 3)
 
 
 def surface_from_corners(

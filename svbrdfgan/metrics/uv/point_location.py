@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from svbrdfgan.geometry.cells import CellGrid
+from svbrdfgan.geometry.cells import CellGrid, boxes
 
-_PAIRS_AT_ONCE = 1 << 21  # (point, triangle) pairs per batch; limits memory
+_PAIRS_AT_ONCE = 1 << 16  # (point, triangle) pairs per batch: its arrays fit into the CPU cache
 _EDGE = 1e-9  # barycentric tolerance: points on an edge are in both triangles, so no ray passes between neighbours
 _ROUNDS_A_STEP = 4  # rounds of `any_higher` before the number of triangles per round doubles
 _POINTS_AT_ONCE = 1 << 14  # points per batch: its arrays fit into the CPU cache
@@ -99,7 +99,7 @@ class PointLocator:
             height: heights of the triangles' corners. `ranked` must have sorted the triangles by their highest corner,
                 descending.
         """
-        table = np.concatenate([self.rows, height.T, height.max(axis=1)[None]]).T.copy()
+        table = np.concatenate([self.rows, height.T, boxes(height)[1][None]])
         cell = self.grid.cells(points)
         order = np.argsort(cell.astype(np.uint16), kind="stable")  # points of the same cell read the same triangles
         found = np.zeros(len(points), dtype=bool)
@@ -111,16 +111,16 @@ class PointLocator:
             while len(going):
                 point, place, last, x, y, z = (values[going] for values in (point, place, last, x, y, z))
                 # the first few triangles decide most points: test one per round at first, later up to 32
-                entry = place[:, None] + np.arange(1 << min(rounds // _ROUNDS_A_STEP, 5))
+                entry = place + np.arange(1 << min(rounds // _ROUNDS_A_STEP, 5))[:, None]
                 triangle = self.listed.take(entry, mode="clip")
-                bx, by, b1, cx, cy, c1, h0, h1, h2, top = np.moveaxis(table.take(triangle, axis=0), -1, 0)
-                b, c = bx * x[:, None] + by * y[:, None] + b1, cx * x[:, None] + cy * y[:, None] + c1
+                bx, by, b1, cx, cy, c1, h0, h1, h2, top = table.take(triangle, axis=1)
+                b, c = bx * x + by * y + b1, cx * x + cy * y + c1
                 a = 1.0 - b - c
-                inside = (b >= -_EDGE) & (c >= -_EDGE) & (a >= -_EDGE) & (entry < last[:, None])
-                higher = (inside & (a * h0 + b * h1 + c * h2 > z[:, None])).any(axis=1)
+                inside = (b >= -_EDGE) & (c >= -_EDGE) & (a >= -_EDGE) & (entry < last)
+                higher = (inside & (a * h0 + b * h1 + c * h2 > z)).any(axis=0)
                 found[point[higher]] = True
-                place = entry[:, -1] + 1
-                going = np.flatnonzero(~higher & (place < last) & (top[:, -1] > z))  # all later triangles are lower
+                place = entry[-1] + 1
+                going = np.flatnonzero(~higher & (place < last) & (top[-1] > z))  # all later triangles are lower
                 rounds += 1
         return found
 
