@@ -1,4 +1,4 @@
-"""Renders a case of `peer_cycles.py` by Blender's Cycles: `python peer_cycles_render.py CASE.npz OUT.npy SPP`, with `bpy`.
+"""Renders a case of `peer_cycles.py` by Cycles: `python peer_cycles_render.py CASE.npz OUT.npy SPP`, where `bpy` is.
 
 The scene is built from plain arrays, so that nothing of svbrdfgan is imported where Blender is.
 """
