@@ -1,4 +1,6 @@
-"""Mitsuba 3 without us in between, as a peer of `svbrdfgan bench`: its own `prb`, `envmap` and bitmap texture.
+"""Mitsuba 3 without us in between, as a peer of `svbrdfgan bench`: its own `prb`, `envmap` and bitmap textures.
+
+Scenes with all maps (`--material whole`) get Mitsuba's `principled` under its `normalmap`.
 
     svbrdfgan bench --peer "python benchmarks/peer_mitsuba.py {scene} --spp {spp} --repeats {repeats}"
 
@@ -50,7 +52,7 @@ def main() -> None:
 
 def _timed(dr: Any, mi: Any, scene: Any, spp: int, repeats: int) -> tuple[float, float]:
     params = mi.traverse(scene)
-    key = next(name for name in params.keys() if name.endswith("reflectance.data"))  # noqa: SIM118
+    keys = [name for name in params.keys() if name.startswith("part0.") and name.endswith(".data")]  # noqa: SIM118
 
     def forward(seed: int) -> None:
         dr.eval(mi.render(scene, params, spp=spp, seed=seed))
@@ -58,10 +60,11 @@ def _timed(dr: Any, mi: Any, scene: Any, spp: int, repeats: int) -> tuple[float,
     def forward_backward(seed: int) -> None:
         image = mi.render(scene, params, spp=spp, seed=seed)
         dr.backward(dr.mean(dr.square(image), axis=None))
-        dr.eval(dr.grad(params[key]))
+        dr.eval([dr.grad(params[key]) for key in keys])
 
     first = _median(dr, forward, repeats)
-    dr.enable_grad(params[key])
+    for key in keys:
+        dr.enable_grad(params[key])
     params.update()
     return first, _median(dr, forward_backward, repeats)
 
@@ -104,8 +107,7 @@ def _mesh(mi: Any, arrays: Arrays, part: int) -> Any:
     """A part's faces, with the vertices that they use; part 0 has the texture."""
     used, faces = np.unique(arrays["faces"][arrays["face_part"] == part], return_inverse=True)
     properties = mi.Properties()
-    bsdf = {"type": "diffuse", "reflectance": _reflectance(mi, arrays, part)}
-    properties["bsdf"] = mi.load_dict({"type": "twosided", "bsdf": bsdf})
+    properties["bsdf"] = mi.load_dict({"type": "twosided", "bsdf": _bsdf(mi, arrays, part)})
     sizes = {"vertex_count": len(used), "face_count": faces.size // 3}
     mesh = mi.Mesh(f"part{part}", **sizes, has_vertex_normals=True, has_vertex_texcoords=True, props=properties)
     params = mi.traverse(mesh)
@@ -117,11 +119,25 @@ def _mesh(mi: Any, arrays: Arrays, part: int) -> Any:
     return mesh
 
 
-def _reflectance(mi: Any, arrays: Arrays, part: int) -> dict[str, Any]:
+def _bsdf(mi: Any, arrays: Arrays, part: int) -> dict[str, Any]:
     if part:
-        return {"type": "rgb", "value": arrays["base_color"][part].tolist()}
+        return {"type": "diffuse", "reflectance": {"type": "rgb", "value": arrays["base_color"][part].tolist()}}
+    if not arrays["gloss"].size:
+        return {"type": "diffuse", "reflectance": _texture(mi, arrays, arrays["texture"])}
+    rough, metallic, normal = (_texture(mi, arrays, v) for v in np.split(_encoded(arrays["gloss"]), (1, 2), axis=2))
+    principled = {"base_color": _texture(mi, arrays, arrays["texture"]), "roughness": rough, "metallic": metallic}
+    return {"type": "normalmap", "normalmap": normal, "bsdf": {"type": "principled", **principled}}
+
+
+def _encoded(gloss: np.ndarray) -> np.ndarray:
+    """The maps with normals as files store them."""
+    return np.concatenate([gloss[..., :2], 0.5 + 0.5 * gloss[..., 2:]], axis=2)
+
+
+def _texture(mi: Any, arrays: Arrays, values: np.ndarray) -> dict[str, Any]:
     wrap = "repeat" if arrays["repeat"].any() else "clamp"
-    return {"type": "bitmap", "bitmap": mi.Bitmap(arrays["texture"]), "raw": True, "wrap_mode": wrap}
+    bitmap = mi.Bitmap(np.ascontiguousarray(values, dtype=np.float32))
+    return {"type": "bitmap", "bitmap": bitmap, "raw": True, "wrap_mode": wrap}
 
 
 if __name__ == "__main__":

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-STANDARD = "standard"
+STANDARD, GLOSSY = "standard", "standard, whole material"
+"""Names of the standard scene, with base colours alone and with all maps."""
 VERTICES, PIXELS, TEXELS = 1_000_000, 256, 512
 """Of the standard scene: vertices, pixels and texels along a side."""
 
@@ -26,7 +27,7 @@ class Case:
     """One amount of work.
 
     Attributes:
-        scene: "standard", or the name of a mesh.
+        scene: `STANDARD`, `GLOSSY`, or the name of a mesh.
         vertices: approximate number in the standard scene; None for a mesh.
         pixels: along each side of the picture.
         spp: samples per pixel.

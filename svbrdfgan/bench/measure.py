@@ -22,7 +22,7 @@ TOLERANCE = 1e-3
 
 
 def measure(renderer: Renderer[Any], scene: BenchScene, spp: int, batch: int, repeats: int) -> Meter:
-    """Time and memory of each step for `batch` pictures, each with its own texture.
+    """Time and memory of each step for `batch` pictures, each with its own textures.
 
     Preparing the surface and building a transport are done once. The memory of `stored_` steps is that of transports
     and products, without the surface and the renderer.
@@ -31,20 +31,21 @@ def measure(renderer: Renderer[Any], scene: BenchScene, spp: int, batch: int, re
         BenchError: the transport's picture differs from the renderer's picture of the same seed.
     """
     surface, view = scene.surface(), scene.view()
-    textures = [torch.tensor(scene.texture, device=renderer.device, requires_grad=True) for _ in range(batch)]
+    textures = [scene.textures(renderer.device) for _ in range(batch)]
+    inputs = [values.requires_grad_() for each in textures for values in each.values()]
     layer, meter = RenderLayer(renderer, spp), Meter(renderer.device, repeats)
     prepared = meter.step("prepare", lambda: renderer.prepare(surface))
 
     def fresh() -> Tensor:
-        materials = [scene.materials(texture) for texture in textures]
+        materials = [scene.materials(each) for each in textures]
         return torch.stack([layer(prepared, each, view, seed=seed).image for seed, each in enumerate(materials)])
 
-    _both_passes(meter, "", fresh, textures)
-    if renderer.capabilities.transport:
+    _both_passes(meter, "", fresh, inputs)
+    if renderer.capabilities.transport and not scene.gloss.size:
         transport = meter.step("transport", lambda: _transport(renderer, prepared, scene, view, spp))
         meter.start(kept=transport.nbytes)
         stored = TransportBatch.stack([transport, *(_copy(transport) for _ in range(batch - 1))])
-        texels = torch.stack([texture.detach() for texture in textures]).requires_grad_()
+        texels = torch.stack([each["base_color"].detach() for each in textures]).requires_grad_()
         _check_same(stored.render(texels)[0].detach(), fresh()[0].detach())
         _both_passes(meter, "stored_", lambda: stored.render(texels), [texels])
     return meter
@@ -66,12 +67,12 @@ def _both_passes(meter: Meter, prefix: str, render: Callable[[], Tensor], textur
 
 def _transport(renderer: Any, prepared: Any, scene: BenchScene, view: View, spp: int) -> LightTransport:
     """The transport of the first rendered picture, whose seed is 0."""
-    texture = torch.from_numpy(scene.texture)
+    textures = scene.textures(torch.device("cpu"))
     return build_transport(
         renderer.transport(prepared, view, spp=spp, seed=0),
-        materials=scene.materials(texture),
+        materials=scene.materials(textures),
         learnable=(0,),
-        gbuffer=torch.zeros(*texture.shape[:2], 6),
+        gbuffer=torch.zeros(*scene.texture.shape[:2], 6),
         view=view,
         spp=spp,
         repeat=(bool(scene.repeat[0]), bool(scene.repeat[1])),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 import torch
@@ -30,6 +31,8 @@ class BenchScene:
         vertical_fov: full angle over the picture's height, radians.
         width, height: of the picture, in pixels.
         embedding_s: seconds that embedding and baking took; 0 for a scene that was made with UVs.
+        gloss: roughness, metallic and unit normal of part 0, over the same UVs; without texels if it is Lambertian.
+            Gradients are taken with respect to it, too.
     """
 
     positions: Float[ndarray, "vertices 3"]
@@ -47,6 +50,7 @@ class BenchScene:
     width: int
     height: int
     embedding_s: float = 0.0
+    gloss: Float[ndarray, "rows cols 5"] = field(default_factory=lambda: np.zeros((0, 0, 5), np.float32))
 
     @classmethod
     def of(
@@ -102,10 +106,17 @@ class BenchScene:
         environment = Environment(torch.from_numpy(self.radiance), float(self.rotation))
         return View(camera, environment, int(self.width), int(self.height))
 
-    def materials(self, texture: Float[torch.Tensor, "rows cols 3"]) -> Materials:
-        """The materials of all parts, with this texture on part 0."""
+    def textures(self, device: torch.device) -> dict[str, Float[torch.Tensor, "rows cols channels"]]:
+        """The maps of part 0, by name."""
+        maps = {"base_color": self.texture}
+        if self.gloss.size:
+            maps |= dict(zip(("roughness", "metallic", "normal"), np.split(self.gloss, (1, 2), axis=2), strict=True))
+        return {name: torch.tensor(values, device=device) for name, values in maps.items()}
+
+    def materials(self, textures: Mapping[str, Float[torch.Tensor, "rows cols channels"]]) -> Materials:
+        """The materials of all parts, with these maps on part 0."""
         plain = [Material.lambertian(torch.from_numpy(color)) for color in self.base_color[1:]]
-        return Materials((Material.lambertian(texture), *plain))
+        return Materials((Material(dict(textures)), *plain))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         np.savez(path, **{field.name: getattr(self, field.name) for field in fields(self)})

@@ -42,6 +42,16 @@ def standard_scene(vertices: int = VERTICES, pixels: int = PIXELS, texels: int =
     return BenchScene.of(_surface(max(3, round(math.sqrt(vertices)))), view, noise(texels), np.zeros((1, 3)))
 
 
+def glossy_scene(scene: BenchScene) -> BenchScene:
+    """The same scene with noise in all maps of part 0: rough and smooth, metal and paint, tilted by up to 30 degrees."""
+    rows, cols, _ = scene.texture.shape
+    random = np.random.RandomState(2).rand(rows, cols, 4).astype(np.float32)
+    tilt = np.concatenate([0.8 * random[..., 2:] - 0.4, np.ones((rows, cols, 1), np.float32)], axis=2)
+    normal = tilt / np.linalg.norm(tilt, axis=2, keepdims=True)
+    gloss = np.concatenate([0.2 + 0.7 * random[..., :1], random[..., 1:2], normal], axis=2)
+    return replace(scene, gloss=gloss)
+
+
 def noise(texels: int) -> Float[ndarray, "rows cols 3"]:
     """White noise between 0 and 0.8 in every texel, so that no renderer profits from smoothness."""
     return np.float32(0.8) * np.random.RandomState(1).rand(texels, texels, 3).astype(np.float32)

@@ -11,8 +11,10 @@ import click
 from svbrdfgan.cli.display import print_table, progress
 
 if TYPE_CHECKING:
+    from svbrdfgan.bench.cases import Case
     from svbrdfgan.bench.report import Report
     from svbrdfgan.bench.run import Maker
+    from svbrdfgan.bench.scene import BenchScene
 
 
 @click.command("bench")
@@ -33,6 +35,13 @@ if TYPE_CHECKING:
 @click.option("--mesh", type=click.Path(path_type=Path), help="Measure this vehicle too; needs --environment.")
 @click.option("--environment", type=click.Path(path_type=Path), help="The vehicle's environment light, .hdr or .exr.")
 @click.option("--embedding", default="hemispherical", show_default=True, help="The vehicle's UV embedding.")
+@click.option(
+    "--material",
+    type=click.Choice(["base_color", "whole"]),
+    default="base_color",
+    show_default=True,
+    help="Of the standard scene; whole has roughness, metallic and normal maps, and no stored transport.",
+)
 @click.option("--scaling", is_flag=True, help="Also vary vertices, pixels, spp and batch, one at a time.")
 @click.option("--vertices", default=1_000_000, show_default=True, type=click.IntRange(9), help="Of the standard scene.")
 @click.option("--pixels", default=256, show_default=True, type=click.IntRange(1), help="Along a side of the picture.")
@@ -46,6 +55,7 @@ def command(
     mesh: Path | None,
     environment: Path | None,
     embedding: str,
+    material: str,
     scaling: bool,
     vertices: int,
     pixels: int,
@@ -64,7 +74,7 @@ def command(
         from svbrdfgan.bench.programs import Program
         from svbrdfgan.bench.run import Bench, backend_programs, working_backends
 
-        makers = _makers(mesh, environment, embedding, texels)
+        makers = _makers(mesh, environment, embedding, material, texels)
         report = _report(list(makers), spps, vertices, pixels, repeats, scaling)
         programs = backend_programs(names or working_backends())
         bench = Bench(makers, programs, tuple(map(Program.peer, peers)), repeats, report.cases[0].spp)
@@ -82,15 +92,20 @@ def command(
         click.echo(f"written to {out}")
 
 
-def _makers(mesh: Path | None, environment: Path | None, embedding: str, texels: int) -> dict[str, Maker]:
+def _makers(
+    mesh: Path | None, environment: Path | None, embedding: str, material: str, texels: int
+) -> dict[str, Maker]:
     """How each scene is made, by its name; a mesh's is its file's."""
-    from svbrdfgan.bench.cases import STANDARD, VERTICES
-    from svbrdfgan.bench.scenes import standard_scene, vehicle_scene
+    from svbrdfgan.bench.cases import GLOSSY, STANDARD, VERTICES
+    from svbrdfgan.bench.scenes import glossy_scene, standard_scene, vehicle_scene
     from svbrdfgan.plugins import load_embedding
 
-    makers: dict[str, Maker] = {
-        STANDARD: lambda case: standard_scene(case.vertices or VERTICES, case.pixels, texels),
-    }
+    def standard(case: Case) -> BenchScene:
+        return standard_scene(case.vertices or VERTICES, case.pixels, texels)
+
+    makers: dict[str, Maker] = {STANDARD: standard}
+    if material == "whole":
+        makers = {GLOSSY: lambda case: glossy_scene(standard(case))}
     if mesh is not None and environment is not None:
         chosen, files = load_embedding(embedding), (mesh, environment)
         makers[mesh.name] = lambda case: vehicle_scene(*files, chosen, case.pixels, texels)
@@ -103,11 +118,11 @@ def _report(
     """A report of all cases to measure, without results yet."""
     import torch
 
-    from svbrdfgan.bench.cases import STANDARD, Case, axes
+    from svbrdfgan.bench.cases import GLOSSY, STANDARD, Case, axes
     from svbrdfgan.bench.report import Report
 
     gpu = torch.cuda.is_available()
     spps = tuple(dict.fromkeys(spps)) or ((16, 200) if gpu else (16,))
-    sizes = {scene: vertices if scene == STANDARD else None for scene in scenes}
+    sizes = {scene: vertices if scene in (STANDARD, GLOSSY) else None for scene in scenes}
     cases = tuple(Case(scene, sizes[scene], pixels, spp) for scene in scenes for spp in spps)
     return Report(cases, axes(cases[0], gpu) if scaling else {}, repeats)

@@ -14,6 +14,7 @@ from svbrdfgan.bench.measure import measure
 from svbrdfgan.bench.meter import Meter, median_seconds
 from svbrdfgan.bench.programs import STEPS
 from svbrdfgan.bench.scene import BenchScene
+from svbrdfgan.bench.scenes import glossy_scene
 from svbrdfgan.plugins import load_renderer
 
 CPU = torch.device("cpu")
@@ -30,6 +31,15 @@ def test_every_step_is_measured(tiny: BenchScene) -> None:
 def test_a_renderer_without_transport_has_fresh_steps_alone(tiny: BenchScene) -> None:
     renderer = load_renderer("numpy", {"max_bounces": 2})
     assert list(measure(renderer, tiny, 1, 1, 1).seconds) == ["prepare", "forward", "forward_backward"]
+
+
+def test_a_whole_material_has_fresh_steps_alone_and_gradients_of_every_map(tiny: BenchScene) -> None:
+    scene = glossy_scene(tiny)
+    assert list(measure(load_renderer("numpy"), scene, 1, 1, 1).seconds) == ["prepare", "forward", "forward_backward"]
+    maps = scene.textures(CPU)
+    assert list(maps) == ["base_color", "roughness", "metallic", "normal"]
+    assert torch.allclose(maps["normal"].norm(dim=-1), torch.ones(16, 16), atol=1e-5)
+    assert torch.equal(scene.materials(maps)[0].maps["metallic"], torch.from_numpy(scene.gloss[..., 1:2]))
 
 
 def test_a_wrong_transport_is_found(tiny: BenchScene, monkeypatch: pytest.MonkeyPatch) -> None:

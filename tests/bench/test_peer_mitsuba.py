@@ -13,7 +13,7 @@ import torch
 from svbrdfgan.bench.cases import Case
 from svbrdfgan.bench.programs import Program
 from svbrdfgan.bench.scene import BenchScene
-from svbrdfgan.bench.scenes import standard_scene
+from svbrdfgan.bench.scenes import glossy_scene, standard_scene
 from svbrdfgan.plugins import load_renderer
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="Mitsuba is not installed")
@@ -52,15 +52,16 @@ def test_its_picture_is_ours(scene: BenchScene, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     theirs = torch.from_numpy(np.load(tmp_path / "picture.npy"))
     renderer = load_renderer("numpy")
-    materials = scene.materials(torch.from_numpy(scene.texture))
+    materials = scene.materials(scene.textures(renderer.device))
     ours = renderer.render(renderer.prepare(scene.surface()), materials, scene.view(), spp=512, seed=0).image
     apart = float((ours - theirs).abs().mean() / ours.mean())
     assert apart < 0.1  # 0.24 with the light mirrored, 0.9 with the texture upside down
     assert torch.allclose(ours.mean((0, 1)), theirs.mean((0, 1)), rtol=0.02)
 
 
-def test_it_prints_its_figures(scene: BenchScene, tmp_path: Path) -> None:
-    scene.save(tmp_path / "scene.npz")
+@pytest.mark.parametrize("whole", [False, True])
+def test_it_prints_its_figures(scene: BenchScene, tmp_path: Path, whole: bool) -> None:
+    (glossy_scene(scene) if whole else scene).save(tmp_path / "scene.npz")
     program = Program.peer(f"'{sys.executable}' '{PEER}' {{scene}} --spp {{spp}} --repeats 1 --variant llvm_ad_rgb")
     figures = program.run(Case("standard", 900, 12, 4), tmp_path / "scene.npz", 1)
     assert figures.name.startswith("mitsuba 3.")

@@ -58,7 +58,7 @@ def test_a_vehicle(tmp_path: Path) -> None:
     renderer, surface = load_renderer("numpy"), scene.surface()
     black, white = (
         renderer.render(
-            renderer.prepare(surface), scene.materials(torch.full((32, 32, 3), c)), scene.view(), spp=2, seed=0
+            renderer.prepare(surface), scene.materials({"base_color": torch.full((32, 32, 3), c)}), scene.view(), spp=2, seed=0
         )
         for c in (0.0, 1.0)
     )
