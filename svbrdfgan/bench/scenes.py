@@ -43,7 +43,7 @@ def standard_scene(vertices: int = VERTICES, pixels: int = PIXELS, texels: int =
 
 
 def glossy_scene(scene: BenchScene) -> BenchScene:
-    """The same scene with noise in all maps of part 0: rough and smooth, metal and paint, tilted by up to 30 degrees."""
+    """The same scene with noise in all maps of part 0: rough and smooth, metal and paint, tilted by up to 30°."""
     rows, cols, _ = scene.texture.shape
     random = np.random.RandomState(2).rand(rows, cols, 4).astype(np.float32)
     tilt = np.concatenate([0.8 * random[..., 2:] - 0.4, np.ones((rows, cols, 1), np.float32)], axis=2)

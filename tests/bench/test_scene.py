@@ -57,10 +57,8 @@ def test_a_vehicle(tmp_path: Path) -> None:
     assert scene.embedding_s > 0
     renderer, surface = load_renderer("numpy"), scene.surface()
     black, white = (
-        renderer.render(
-            renderer.prepare(surface), scene.materials({"base_color": torch.full((32, 32, 3), c)}), scene.view(), spp=2, seed=0
-        )
-        for c in (0.0, 1.0)
+        renderer.render(renderer.prepare(surface), scene.materials({"base_color": color}), scene.view(), spp=2, seed=0)
+        for color in (torch.zeros(32, 32, 3), torch.ones(32, 32, 3))
     )
     assert 0.15 < float(white.coverage.mean()) < 0.6
     learnable = (white.image - black.image).sum(-1) > 0.1
