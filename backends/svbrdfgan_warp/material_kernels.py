@@ -25,7 +25,7 @@ wp.set_module_options({"enable_backward": False})
 
 @wp.struct
 class Maps:
-    """All maps of all parts. A map that a part lacks is one neutral texel."""
+    """All maps of all parts. A map that a part lacks is one neutral texel, number 0."""
 
     base_color_atlas: Atlas
     roughness_atlas: Atlas

@@ -49,7 +49,7 @@ class MaterialPass:
         device, height, width = self.maps.device, self.view.height, self.view.width
         image = torch.empty(height * width, 3, dtype=torch.float32, device=device)
         coverage = torch.empty(height * width, dtype=torch.float32, device=device)
-        maps, results = self.maps.argument(), (wp.from_torch(image, wp.vec3), wp.from_torch(coverage))
+        maps, results = self.maps.argument, (wp.from_torch(image, wp.vec3), wp.from_torch(coverage))
 
         def render(chunk: FilmChunk) -> LightRecords:
             records = self.tracer(chunk, maps)
@@ -81,7 +81,7 @@ class MaterialPass:
         self, grad_image: Float[Tensor, "pixels 3"], names: Set[str], light: bool
     ) -> Iterator[RecordGradients]:
         """Of one chunk after the other; on the CPU, several are computed at once."""
-        maps, device = self.maps.argument(), self.maps.device
+        maps, device = self.maps.argument, self.maps.device
         pixels = wp.from_torch(grad_image, wp.vec3)
 
         def differentiate(chunk: FilmChunk) -> RecordGradients:

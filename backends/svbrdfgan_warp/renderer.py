@@ -113,7 +113,7 @@ class WarpRenderer:
         """The transport of a surface with alpha: that of the light samples of Lambertian parts."""
         white = Materials((Material.lambertian((1.0, 1.0, 1.0)),) * len(prepared.parts))
         render_pass = self._material_pass(prepared, white, view, spp, seed, dark=False)
-        tracer, maps = render_pass.tracer, render_pass.maps.argument()
+        tracer, maps = render_pass.tracer, render_pass.maps.argument
         return in_order(lambda chunk: tracer.lambertian(chunk, maps).transport(), render_pass.chunks, self.device)
 
     def _render_pass(
