@@ -20,7 +20,7 @@ REACH = wp.constant(8)
 """How far along the curve a cluster looks for its partner."""
 
 _NATIVE = resources.files(__package__).joinpath("native")
-_WIDEN, _TRAVERSE = (_NATIVE.joinpath(name).read_text(encoding="utf-8") for name in ("widen.h", "traverse.h"))
+_WIDEN, TRAVERSE = (_NATIVE.joinpath(name).read_text(encoding="utf-8") for name in ("widen.h", "traverse.h"))
 
 
 @wp.struct
@@ -110,7 +110,7 @@ def copy_triangles(
 
 
 @wp.func_native(
-    _TRAVERSE.replace(
+    TRAVERSE.replace(
         "ON_HIT", "nearest = t; found.f = face; found_u = u / determinant; found_v = v / determinant;"
     ).replace("RESULT", "Word x, y; x.f = found_u; y.f = found_v; return wp::vec3i(found.i, x.i, y.i);")
 )
@@ -120,6 +120,6 @@ def nearest(
     """The first face that a ray hits, -1 for none; and the bits of the barycentrics of its first two corners."""
 
 
-@wp.func_native(_TRAVERSE.replace("ON_HIT", "return true;").replace("RESULT", "return false;"))
+@wp.func_native(TRAVERSE.replace("ON_HIT", "return true;").replace("RESULT", "return false;"))
 def blocked(nodes: wp.array(dtype=wp.uint32), triangles: wp.array2d(dtype=wp.vec4), start: wp.vec3, d: wp.vec3) -> bool:
     """Whether a ray hits anything."""

@@ -1,4 +1,4 @@
-"""The renderer: direct light, its gradients with respect to base colours and environment, and its transport."""
+"""The renderer: direct light, its gradients with respect to all maps and the environment, and its transport."""
 
 from __future__ import annotations
 
@@ -11,24 +11,33 @@ from torch import Tensor
 
 from svbrdfgan.protocols import Pullback, RendererCapabilities
 from svbrdfgan.rendering.validation import check_cotangent, check_device, check_render, check_transport
-from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
-from svbrdfgan_warp import scene
+from svbrdfgan.types import Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
+from svbrdfgan.types.material import CHANNELS
+from svbrdfgan_warp import light_records, scene
 from svbrdfgan_warp.device import choose_device, in_order
 from svbrdfgan_warp.environment import EmitterCache
+from svbrdfgan_warp.frame import TangentSpace
+from svbrdfgan_warp.light_records import LightTracer
+from svbrdfgan_warp.material_pass import MaterialPass
+from svbrdfgan_warp.materials import linear_in_base_color
 from svbrdfgan_warp.render_pass import RenderPass
 from svbrdfgan_warp.scene import PreparedSurface, Tracer, film_chunks, prepare_camera
 
 CAPABILITIES = RendererCapabilities(
-    maps=frozenset({"base_color"}),
-    differentiable=frozenset({"base_color", "environment"}),
+    maps=frozenset(CHANNELS),
+    differentiable=frozenset({*CHANNELS, "environment"}),
     transport=True,
     pullback=True,
+    alpha=True,
 )
 
 
 @dataclass(frozen=True, init=False)
 class WarpRenderer:
     """Direct light from the environment by multiple importance sampling, on CUDA or on all of torch's CPU threads.
+
+    Pictures of surfaces whose parts are all Lambertian, smooth and opaque are products with their base colours, and
+    have kernels of their own, which are faster than those of whole materials.
 
     Pictures depend only on the seed, not on the number of threads; on the CPU, so do gradients. On CUDA, atomics sum
     the gradients in varying order, so their last bits may differ between runs.
@@ -72,17 +81,18 @@ class WarpRenderer:
         spp: int,
         seed: int,
     ) -> Gradients:
-        """The gradient of sum(image * grad_image): the transpose of `render` on the same samples.
+        """The gradient of sum(image * grad_image), on the same samples as `render`.
 
-        The environment's gradient treats the drawn directions as constants.
+        For all but the base colours it treats the drawn directions and their densities as constants.
         """
         return _pullback(self._render_pass(prepared, materials, view, wrt, spp, seed), wrt)(grad_image)
 
     def render_pullback(
         self, prepared: PreparedSurface, materials: Materials, view: View, *, wrt: frozenset[str], spp: int, seed: int
     ) -> tuple[Rendering, Pullback]:
-        """The picture, and `render_vjp` from its records, which take 24 bytes a sample, or 48 for light's gradient.
+        """The picture, and `render_vjp` from its records.
 
+        Those take 36 bytes a sample; where all parts are Lambertian, smooth and opaque 24, or 48 for light's gradient.
         At most `svbrdfgan_warp.render_pass.KEPT` samples are kept; the others are traced again.
         """
         render_pass = self._render_pass(prepared, materials, view, wrt, spp, seed)
@@ -91,24 +101,49 @@ class WarpRenderer:
     def transport(self, prepared: PreparedSurface, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
         """The samples that `render` draws, without materials, sorted by pixel."""
         check_transport("warp", CAPABILITIES, spp=spp)
+        if prepared.alpha is not None:
+            return self._transport_through(prepared, view, spp, seed)
         tracer = self._tracer(prepared, view)
-        chunks = film_chunks(view, spp, seed, self.device)
+        chunks = film_chunks(view, spp, seed, scene.CHUNK[self.device.type])
         return in_order(lambda chunk: tracer(chunk).transport(), chunks, self.device)
+
+    def _transport_through(
+        self, prepared: PreparedSurface, view: View, spp: int, seed: int
+    ) -> Iterator[TransportSamples]:
+        """The transport of a surface with alpha: that of the light samples of Lambertian parts."""
+        white = Materials((Material.lambertian((1.0, 1.0, 1.0)),) * len(prepared.parts))
+        render_pass = self._material_pass(prepared, white, view, spp, seed, dark=False)
+        tracer, maps = render_pass.tracer, render_pass.maps.argument
+        return in_order(lambda chunk: tracer.lambertian(chunk, maps).transport(), render_pass.chunks, self.device)
 
     def _render_pass(
         self, prepared: PreparedSurface, materials: Materials, view: View, wrt: frozenset[str], spp: int, seed: int
-    ) -> RenderPass:
+    ) -> RenderPass | MaterialPass:
         check_render("warp", CAPABILITIES, prepared.parts, materials, spp=spp, wrt=wrt)
-        tracer = self._tracer(prepared, view, light_samples="environment" in wrt)
-        return RenderPass.of(tracer, view, film_chunks(view, spp, seed, self.device), materials)
+        light = "environment" in wrt
+        if prepared.alpha is None and linear_in_base_color(materials):
+            chunks = film_chunks(view, spp, seed, scene.CHUNK[self.device.type])
+            return RenderPass.of(self._tracer(prepared, view, light_samples=light), view, chunks, materials)
+        return self._material_pass(prepared, materials, view, spp, seed, dark=light)
 
     def _tracer(self, prepared: PreparedSurface, view: View, *, light_samples: bool = False) -> Tracer:
         check_device("warp", prepared.device, self.device)
         camera, emitter = prepare_camera(view, prepared.centre), self._emitters.emitter(view.environment)
         return Tracer(prepared, camera, emitter, light_samples)
 
+    def _material_pass(
+        self, prepared: PreparedSurface, materials: Materials, view: View, spp: int, seed: int, *, dark: bool
+    ) -> MaterialPass:
+        check_device("warp", prepared.device, self.device)
+        camera, emitter = prepare_camera(view, prepared.centre), self._emitters.emitter(view.environment)
+        tilted = any("normal" in material.maps for material in materials.parts)
+        space = prepared.tangent_space if tilted else TangentSpace()
+        tracer = LightTracer(prepared, space, camera, emitter, dark)
+        chunks = film_chunks(view, spp, seed, light_records.CHUNK[self.device.type])
+        return MaterialPass.of(tracer, view, chunks, materials)
 
-def _pullback(render_pass: RenderPass, wrt: frozenset[str]) -> Pullback:
+
+def _pullback(render_pass: RenderPass | MaterialPass, wrt: frozenset[str]) -> Pullback:
     def pullback(grad_image: Float[Tensor, "height width 3"]) -> Gradients:
         check_cotangent("warp", render_pass.view, grad_image)
         return render_pass.backward(grad_image, wrt)

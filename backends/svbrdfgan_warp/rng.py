@@ -61,13 +61,18 @@ def numbers(pixel: int, sample: int, low: wp.uint32, high: wp.uint32):
 
 
 @wp.func
-def cosine_direction(n: wp.vec3, a: float, b: float):
-    """A direction about `n` with density cosine / pi, in the frame of Duff et al., JCGT 2017."""
+def tangents(n: wp.vec3):
+    """Two unit vectors perpendicular to a unit vector and to each other: the frame of Duff et al., JCGT 2017."""
     sign = wp.where(n[2] >= 0.0, 1.0, -1.0)
     c = -1.0 / (sign + n[2])
     e = n[0] * n[1] * c
-    s = wp.vec3(1.0 + sign * n[0] * n[0] * c, sign * e, -sign * n[0])
-    t = wp.vec3(e, sign + n[1] * n[1] * c, -n[1])
+    return wp.vec3(1.0 + sign * n[0] * n[0] * c, sign * e, -sign * n[0]), wp.vec3(e, sign + n[1] * n[1] * c, -n[1])
+
+
+@wp.func
+def cosine_direction(n: wp.vec3, a: float, b: float):
+    """A direction about `n` with density cosine / pi."""
+    s, t = tangents(n)
     radius = wp.sqrt(a)
     angle = b * wp.tau
     return wp.normalize(s * (radius * wp.cos(angle)) + t * (radius * wp.sin(angle)) + n * wp.sqrt(1.0 - a))

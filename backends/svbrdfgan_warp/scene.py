@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -12,10 +13,13 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
+from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.types import Surface, TransportSamples, View
-from svbrdfgan_warp import emitter, texture_kernels, trace_kernels
+from svbrdfgan_warp import alpha_kernels, emitter, texture_kernels, trace_kernels
+from svbrdfgan_warp.alpha_kernels import AlphaMaps
 from svbrdfgan_warp.bvh import build_bvh
 from svbrdfgan_warp.device import launch, quiet
+from svbrdfgan_warp.frame import TangentSpace
 
 CHUNK = {"cpu": 2**15, "cuda": 2**24}
 """Camera samples traced at a time. A record takes 24 bytes, and 24 more with its light samples."""
@@ -30,6 +34,8 @@ class PreparedSurface:
         centre: middle of the bounding box, in the surface's own coordinates.
         parts: the parts' names.
         repeat: `Surface.repeat`.
+        surface: as it was given.
+        alpha: of the parts; None if all are opaque.
     """
 
     geometry: trace_kernels.Geometry
@@ -37,6 +43,21 @@ class PreparedSurface:
     parts: tuple[str, ...]
     repeat: tuple[bool, bool]
     device: torch.device
+    surface: Surface
+    alpha: AlphaMaps | None
+
+    @cached_property
+    def tangent_space(self) -> TangentSpace:
+        """The tangents of normal maps, computed when first used: most scenes need none."""
+        tangents, result = corner_tangents(self.surface), cast(Any, TangentSpace())
+        direction, handedness = (
+            torch.from_numpy(np.ascontiguousarray(values, dtype=np.float32)).to(self.device)
+            for values in (tangents.direction, tangents.handedness)
+        )
+        result.tangents, result.handedness = wp.from_torch(direction, wp.vec3), wp.from_torch(handedness)
+        if self.device.type == "cuda":
+            torch.cuda.synchronize(self.device)  # a later caller may render in another stream
+        return cast(TangentSpace, result)
 
 
 def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
@@ -63,9 +84,27 @@ def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
     geometry.normals = wp.from_torch(floats(surface.normals), wp.vec3)
     geometry.uv = wp.from_torch(floats(surface.uv), wp.vec2)
     geometry.face_part = wp.from_torch(integers(surface.face_part))
+    opaque = all(part.opaque for part in surface.parts)
+    alpha = None if opaque else _alpha_maps(surface, geometry, device)
     if device.type == "cuda":
         torch.cuda.synchronize(device)  # the caller may render in another stream than this one
-    return PreparedSurface(geometry, centre, tuple(part.name for part in surface.parts), surface.repeat, device)
+    names = tuple(part.name for part in surface.parts)
+    return PreparedSurface(geometry, centre, names, surface.repeat, device, surface, alpha)
+
+
+def _alpha_maps(surface: Surface, geometry: trace_kernels.Geometry, device: torch.device) -> AlphaMaps:
+    """The alpha of all parts in one array; a constant is one texel."""
+    with quiet():
+        wp.load_module(alpha_kernels, device=wp.device_from_torch(device))
+    maps = [np.atleast_2d(np.asarray(part.alpha, dtype=np.float32)) for part in surface.parts]
+    first = np.cumsum([0, *(each.size for each in maps[:-1])])
+    layout = np.array([(begin, *each.shape) for begin, each in zip(first, maps, strict=True)], dtype=np.int32)
+    result: Any = alpha_kernels.AlphaMaps()
+    result.layout = wp.from_torch(torch.from_numpy(layout).to(device), dtype=wp.vec3i)
+    result.texels = wp.from_torch(torch.from_numpy(np.concatenate([each.ravel() for each in maps])).to(device))
+    result.repeat_u, result.repeat_v = surface.repeat
+    result.corners, result.uv, result.face_part = geometry.corners, geometry.uv, geometry.face_part
+    return cast(AlphaMaps, result)
 
 
 def prepare_camera(view: View, centre: Float[ndarray, 3]) -> trace_kernels.PreparedCamera:
@@ -111,9 +150,9 @@ class FilmChunk:
         return result
 
 
-def film_chunks(view: View, spp: int, seed: int, device: torch.device) -> list[FilmChunk]:
-    """The film, cut into chunks of at most `CHUNK` samples, or of one pixel."""
-    film, size = view.width * view.height, max(1, CHUNK[device.type] // spp)
+def film_chunks(view: View, spp: int, seed: int, most: int) -> list[FilmChunk]:
+    """The film, cut into chunks of at most `most` samples, or of one pixel."""
+    film, size = view.width * view.height, max(1, most // spp)
     return [FilmChunk(first, min(size, film - first), spp, seed) for first in range(0, film, size)]
 
 

@@ -7,6 +7,8 @@ length are not replayed. Gradients are summed in float64: the float32 sum of a c
 
 # mypy: ignore-errors
 
+from typing import Any
+
 import warp as wp
 
 from svbrdfgan_warp import emitter
@@ -52,7 +54,8 @@ def taps(atlas: Atlas, part: int, uv: wp.vec2):
 
 
 @wp.func
-def base_color(atlas: Atlas, texels: wp.array(dtype=wp.vec3), part: int, uv: wp.vec2):
+def lookup(atlas: Atlas, texels: wp.array(dtype=Any), part: int, uv: wp.vec2):
+    """The map of a part at `uv`, bilinear between texel centres."""
     t, w = taps(atlas, part, uv)
     return texels[t[0]] * w[0] + texels[t[1]] * w[1] + texels[t[2]] * w[2] + texels[t[3]] * w[3]
 
@@ -75,7 +78,7 @@ def gather(
     for sample in range(samples.spp):
         i = pixel * samples.spp + sample
         if part[i] >= 0:
-            total += wp.cw_mul(weight[i], base_color(atlas, texels, part[i], uv[i]))
+            total += wp.cw_mul(weight[i], lookup(atlas, texels, part[i], uv[i]))
             hits += 1
     image[samples.first + pixel] = total
     coverage[samples.first + pixel] = float(hits) / float(samples.spp)
@@ -151,7 +154,7 @@ def scatter_radiance(
     """The transpose for the radiance: adds factor * base_color * grad_image to the pixels of each light sample."""
     i = wp.tid()
     if part[i] >= 0:
-        g = wp.cw_mul(base_color(atlas, texels, part[i], uv[i]), grad_image[samples.first + i / samples.spp])
+        g = wp.cw_mul(lookup(atlas, texels, part[i], uv[i]), grad_image[samples.first + i / samples.spp])
         for j in range(2):
             light = light_samples[i, j]
             if light[2] > 0.0:

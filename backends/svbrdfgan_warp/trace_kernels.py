@@ -99,6 +99,12 @@ def camera_ray(camera: PreparedCamera, pixel: int, a: float, b: float):
     return wp.normalize(camera.forward + camera.right * x + camera.top * y)
 
 
+@wp.func
+def camera_start(geometry: Geometry, camera: PreparedCamera, d: wp.vec3):
+    """Where a camera ray starts: at the bounding sphere, as from a distant camera distances would lose digits."""
+    return camera.origin + d * wp.max(0.0, -wp.dot(camera.origin, d) - geometry.radius)
+
+
 @wp.kernel
 def find_hits(
     geometry: Geometry,
@@ -112,9 +118,7 @@ def find_hits(
     pixel = samples.first + i / samples.spp
     u, _ = rng.numbers(pixel, i % samples.spp, samples.seed_low, samples.seed_high)
     d = camera_ray(camera, pixel, rng.unit(u[0]), rng.unit(u[1]))
-    # Start at the bounding sphere: from a distant camera, distances would lose float32 digits.
-    start = camera.origin + d * wp.max(0.0, -wp.dot(camera.origin, d) - geometry.radius)
-    hit = bvh_kernels.nearest(geometry.nodes, geometry.triangles, start, d)
+    hit = bvh_kernels.nearest(geometry.nodes, geometry.triangles, camera_start(geometry, camera, d), d)
     part[i] = hit[0]
     uv[i] = wp.vec2(wp.cast(hit[1], wp.float32), wp.cast(hit[2], wp.float32))
 

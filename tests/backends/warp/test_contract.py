@@ -11,7 +11,7 @@ from svbrdfgan_warp.scene import PreparedSurface
 from svbrdfgan.errors import AssetError, ConfigError, UnsupportedError
 from svbrdfgan.protocols import Renderer, TransportRenderer
 from svbrdfgan.testing import scenes
-from svbrdfgan.types import Environment, Material, Materials
+from svbrdfgan.types import Environment
 
 WHITE = scenes.lambertian((1.0, 1.0, 1.0))
 VIEW = scenes.front_view(scenes.random_light(), width=48, height=48)
@@ -71,19 +71,14 @@ def test_materials_must_be_as_many_as_parts(renderer: WarpRenderer, prepared: Pr
         renderer.render(prepared, scenes.lambertian(scenes.RED, scenes.GREEN), VIEW, spp=1, seed=0)
 
 
-def test_maps_that_are_not_read_are_refused(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
-    rough = Materials((Material({"base_color": torch.ones(3), "roughness": torch.ones(1)}),))
-    wrt = frozenset({"base_color"})
-    with pytest.raises(UnsupportedError, match=r"part0.*roughness, but the renderer reads only base_color"):
-        renderer.render(prepared, rough, VIEW, spp=1, seed=0)
-    with pytest.raises(UnsupportedError, match=r"part0.*roughness, but the renderer reads only base_color"):
-        renderer.render_vjp(prepared, rough, VIEW, ONES, wrt=wrt, spp=1, seed=0)
+def test_it_reads_every_map(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
+    assert renderer.capabilities.maps == {"base_color", "roughness", "metallic", "normal"}
+    assert renderer.capabilities.differentiable == renderer.capabilities.maps | {"environment"}
 
 
 def test_gradients_that_are_not_declared_are_refused(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
-    assert renderer.capabilities.differentiable == {"base_color", "environment"}
-    with pytest.raises(UnsupportedError, match="no gradient for roughness; wrt may name base_color, environment"):
-        renderer.render_vjp(prepared, WHITE, VIEW, ONES, wrt=frozenset({"base_color", "roughness"}), spp=1, seed=0)
+    with pytest.raises(UnsupportedError, match="no gradient for alpha; wrt may name base_color, environment"):
+        renderer.render_vjp(prepared, WHITE, VIEW, ONES, wrt=frozenset({"base_color", "alpha"}), spp=1, seed=0)
 
 
 def test_a_gradient_of_another_film_is_refused(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
