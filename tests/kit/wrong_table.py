@@ -20,7 +20,8 @@ HEADER = """# Which wrong renderers the kit catches
 `tests/kit/wrong` holds renderers with one mistake each, and names the tests of the kit that are meant to catch it.
 The fast tier of the tests runs the kit with an eighth of the samples (`Kit.power`), the full tier with all of them.
 The fast tier checks that each wrong renderer is caught by one of its tests at least, unless so little is wrong that it
-takes full power to find; the full tier checks that it is caught by all. `python tests/kit/wrong_table.py` makes this page.
+takes full power to find; the full tier checks that it is caught by all. `python tests/kit/wrong_table.py` makes this
+page.
 
 With fewer samples, errors must be larger to be found. A right renderer passes every test with a probability of 99.99 %
 at any power. The tests of the base colour's gradient, of transport and of the contract compare exact numbers, so power
@@ -56,7 +57,7 @@ def claims(*powers: float) -> Iterator[str]:
     """The errors that statistical tests find with probability 95 %, for each power."""
     yield from _table("what", *(f"power {power:g}" for power in powers))
     for what, claim in CLAIMS.items():
-        yield f"| {what} | {' | '.join(f'{claim / math.sqrt(power):.0%}' for power in powers)} |"
+        yield f"| {what} | {' | '.join(f'{100.0 * claim / math.sqrt(power):.2g}%' for power in powers)} |"
 
 
 def _table(*columns: str) -> Iterator[str]:
