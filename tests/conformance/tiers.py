@@ -26,11 +26,12 @@ AT_POWER = (
 """All tests whose samples `Kit.power` decides, and few others; `test_tiers.py` checks it."""
 
 IN_TOTAL = (
+    "test_image_of_metal_in_total",
     "test_the_gradient_of_roughness_in_total",
     "test_the_gradient_of_metallic_in_total",
     "test_the_gradient_of_the_normal_in_total",
 )
-"""Tests that find 1 %: too slow for the fast tier even at little power."""
+"""Tests that find 1 % or less: too slow for the fast tier even at little power."""
 
 CHANGED_BY_BOUNCES = (
     "test_capabilities_name_what_exists",

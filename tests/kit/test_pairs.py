@@ -215,6 +215,9 @@ def test_the_jacobian_by_gradients_is_that_by_transport() -> None:
     assert abs(found.difference[0]) < 0.03
 
 
+OF_FILES = ("real car", "glossy", "metallic", "normal-mapped")
+
+
 def stored(scene: PairScene, dice: int = 0, rounds: range = range(40)) -> Reference:
     """A reference of the noisy renderer."""
     rendered = RenderedScene("old", Noisy(dice=9), seen_texels(), scene)
@@ -278,7 +281,7 @@ def test_rounds_go_where_most_is_missing() -> None:
 
 def test_a_fingerprint_tells_scenes_apart_and_forgives_rounding() -> None:
     scene = make_scene("convex")
-    prints = [make_scene(name).fingerprint() for name in SCENES if name != "real car"]
+    prints = [make_scene(name).fingerprint() for name in SCENES if name not in OF_FILES]
     assert len(set(prints)) == len(prints)
     rounded = replace(scene, surface=replace(scene.surface, positions=scene.surface.positions * (1 + 1e-15)))
     moved = replace(scene, surface=replace(scene.surface, positions=scene.surface.positions + 1e-4))
@@ -297,10 +300,29 @@ def test_a_fingerprint_forgives_another_order_and_no_other_texture() -> None:
     assert not same_scene(painted.fingerprint(), scene.fingerprint())
 
 
-def test_a_scene_without_its_files_is_skipped_and_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", OF_FILES)
+def test_a_scene_without_its_files_is_skipped_and_says_why(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("SVBRDFGAN_ASSETS", raising=False)
     with pytest.raises(SceneUnavailableError, match="SVBRDFGAN_ASSETS"):
-        SCENES["real car"]()
+        SCENES[name]()
+
+
+def test_a_renderer_is_not_compared_where_it_lacks_a_map(assets: Path) -> None:
+    """Nor is the Jacobian taken from transport where pictures are not linear in the base colour alone."""
+    scene = make_scene("glossy")
+    assert scene.maps == {"base_color", "roughness"}
+    assert prepared("noisy", lambda _: Noisy(), scene) is None
+    (row,) = Table(CI, {name: lambda _: Noisy() for name in "ab"}).rows("glossy")
+    assert row.verdict == "skipped"
+    assert "read base_color, roughness" in row.reason
+    painted = replace(scene, materials=make_scene("metallic").materials)
+    assert not same_scene(painted.fingerprint(), scene.fingerprint())
+
+
+def test_maps_do_not_change_the_fingerprints_of_scenes_without() -> None:
+    """The stored reference is still of these scenes."""
+    known = load_reference().fingerprints
+    assert all(same_scene(known[name], make_scene(name).fingerprint()) for name in SCENES if name not in OF_FILES)
 
 
 def test_stopping_obeys_the_error_that_is_allowed() -> None:

@@ -30,6 +30,7 @@ NEIGHBOURS = (
     "test_surfaces_have_two_sides",
     "test_each_part_has_its_own_material",
     "test_linear_in_the_cotangent",
+    "test_a_part_without_normals_stays_flat",
     "test_same_seed_same_picture",
     "test_transport_times_texture_is_the_picture",
 )

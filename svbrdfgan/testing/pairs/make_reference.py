@@ -113,7 +113,7 @@ def carry_out(work: Work, processes: int, seconds: float, out: Path) -> None:
 def _subject(renderer: str, scene: str) -> RenderedScene:
     rendered = prepared(renderer, maker(renderer, {}), make_scene(scene))
     if rendered is None:
-        raise ConfigError(f"renderer {renderer!r} does not follow the paths of the scene {scene!r}.")
+        raise ConfigError(f"renderer {renderer!r} does not follow the paths of the scene {scene!r}, or lacks a map.")
     return rendered
 
 

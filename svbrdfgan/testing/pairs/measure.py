@@ -113,7 +113,8 @@ def _environment(rendered: RenderedScene, spp: int, seed: int) -> Float[ndarray,
 
 
 def _jacobian(rendered: RenderedScene, spp: int, seed: int) -> Float[ndarray, " blocks"]:
-    if isinstance(rendered.renderer, TransportRenderer) and rendered.renderer.capabilities.transport:
+    lambertian = rendered.scene.maps == {"base_color"}  # what transport is made for
+    if lambertian and isinstance(rendered.renderer, TransportRenderer) and rendered.renderer.capabilities.transport:
         return jacobian_of_transport(rendered, spp, seed).ravel()
     return jacobian_of_vjps(rendered, spp, seed).ravel()
 
@@ -133,7 +134,7 @@ def jacobian_of_transport(rendered: RenderedScene, spp: int, seed: int) -> Float
 
 
 def jacobian_of_vjps(rendered: RenderedScene, spp: int, seed: int) -> Float[ndarray, "cells _ cells"]:
-    """The same by six gradients, of three image blocks each: for several bounces, or without transport."""
+    """The same by six gradients, of three image blocks each: for several bounces, other maps, or without transport."""
     scene = rendered.scene
     total = np.zeros((_CELLS, scene.group_count, _CELLS))
     block = torch.from_numpy(film_blocks(scene))

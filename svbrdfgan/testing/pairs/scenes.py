@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -22,9 +22,9 @@ from svbrdfgan.geometry.layers import hide_inner_layers
 from svbrdfgan.io import load_environment, load_mesh
 from svbrdfgan.plugins import load_embedding
 from svbrdfgan.procedural import SkyParameters, build_sky, build_vehicle, sample_vehicle
-from svbrdfgan.testing.scenes import bowl, corner_box, floor, joined, lambertian, quad, random_light, random_texture
+from svbrdfgan.testing.scenes import bowl, corner_box, floor, joined, quad, random_light, random_texture
 from svbrdfgan.testing.scenes import sphere as ball
-from svbrdfgan.types import Camera, Environment, Materials, Mesh, Surface, View
+from svbrdfgan.types import Camera, Environment, Material, Materials, Mesh, Surface, View
 
 ASSETS = "SVBRDFGAN_ASSETS"
 FILM = 64
@@ -43,7 +43,7 @@ class PairScene:
     """One row of the table.
 
     Attributes:
-        surface: every part has its own texture, of TEXTURE x TEXTURE texels.
+        surface: every part has its own textures, of TEXTURE x TEXTURE texels.
         groups: for each part, the group that its texels are counted in.
         max_bounces: of the paths to compare.
     """
@@ -63,6 +63,11 @@ class PairScene:
     def pixels(self) -> int:
         return self.view.width * self.view.height
 
+    @property
+    def maps(self) -> frozenset[str]:
+        """What a renderer must read."""
+        return frozenset[str]().union(*(material.maps for material in self.materials.parts))
+
     def fingerprint(self) -> str:
         """A fingerprint for `same_scene`: a hash of everything but the surface, and measures of the surface."""
         digest = hashlib.sha256(f"{self.groups} {self.max_bounces} {self.surface.repeat}".encode())
@@ -75,6 +80,8 @@ class PairScene:
     def _arrays(self) -> Iterator[Float[ndarray, "*shape"]]:
         view, camera = self.view, self.view.camera
         yield from (material.base_color.double().numpy() for material in self.materials.parts)
+        for material in self.materials.parts:
+            yield from (material.maps[name].double().numpy() for name in sorted(material.maps.keys() - {"base_color"}))
         yield view.environment.radiance.double().numpy()
         yield np.array([*camera.origin, *camera.target, *camera.up, camera.vertical_fov, view.environment.rotation])
         yield np.array([view.width, view.height])
@@ -106,12 +113,30 @@ def _measures(surface: Surface) -> Float[ndarray, " measures"]:
 
 
 def _scene(
-    name: str, surface: Surface, camera: Camera, light: Environment, *, groups: tuple[int, ...] = (), bounces: int = 1
+    name: str,
+    surface: Surface,
+    camera: Camera,
+    light: Environment,
+    *,
+    groups: tuple[int, ...] = (),
+    bounces: int = 1,
+    maps: Collection[str] = (),
 ) -> PairScene:
-    """The scene with a random texture on every part, and each part a group of its own unless `groups` says more."""
+    """The scene with random textures on every part, and each part a group of its own unless `groups` says more."""
     parts = range(len(surface.parts))
-    materials = lambertian(*(random_texture(TEXTURE, TEXTURE, seed=part) for part in parts))
+    materials = Materials(tuple(_random_material(part, maps) for part in parts))
     return PairScene(name, surface, materials, View(camera, light, FILM, FILM), groups or tuple(parts), bounces)
+
+
+def _random_material(seed: int, maps: Collection[str]) -> Material:
+    """A random base colour and, of these maps, roughness in [0.3, 0.65), metallic in [0, 1], normals to 35 degrees."""
+    color, values, tilts = (random_texture(TEXTURE, TEXTURE, seed=seed + further) for further in (0, 100, 200))
+    textures = {
+        "roughness": 0.2 + 0.5 * values[..., :1],
+        "metallic": (2.0 * values[..., 1:2] - 0.6).clamp(0.0, 1.0),
+        "normal": tilts - torch.tensor([0.55, 0.55, -0.4]),
+    }
+    return Material({"base_color": color, **{name: textures[name] for name in textures if name in maps}})
 
 
 def ellipsoid(axes: tuple[float, float, float], centre: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Surface:
@@ -186,11 +211,34 @@ def _vehicle() -> PairScene:
 
 
 def _real_car() -> PairScene:
+    mesh, light = (_asset(name) for name in _REAL_CAR)
+    return _on_wheels("real car", load_mesh(mesh), load_environment(light))
+
+
+def _glossy() -> PairScene:
+    return _still_life("glossy", "pmndrs_studio", {"roughness"})
+
+
+def _metallic() -> PairScene:
+    return _still_life("metallic", "pmndrs_lobby", {"roughness", "metallic"})
+
+
+def _normal_mapped() -> PairScene:
+    return _still_life("normal-mapped", "pmndrs_sunset", {"roughness", "metallic", "normal"})
+
+
+def _still_life(name: str, light: str, maps: Collection[str]) -> PairScene:
+    """An ellipsoid on a floor, with these maps, under an HDRI."""
+    surface = joined(floor(2.0), ellipsoid((0.6, 0.5, 0.5), (0.0, 0.5, 0.0)))
+    camera = Camera((1.0, 1.5, 2.4), (0.0, 0.3, 0.0), vertical_fov=0.6)
+    return _scene(name, surface, camera, Environment(load_environment(_asset(f"envmaps/{light}.hdr"))), maps=maps)
+
+
+def _asset(name: str) -> Path:
     folder = os.environ.get(ASSETS)
     if not folder:
         raise SceneUnavailableError(f"{ASSETS} is not set: point it at a folder with cars/ and envmaps/ to compare it.")
-    mesh, light = (Path(folder) / name for name in _REAL_CAR)
-    return _on_wheels("real car", load_mesh(mesh), load_environment(light))
+    return Path(folder) / name
 
 
 def _on_wheels(name: str, mesh: Mesh, light: Float[Tensor, "rows cols 3"]) -> PairScene:
@@ -212,6 +260,9 @@ SCENES: Mapping[str, Callable[[], PairScene]] = MappingProxyType(
         "low light": _low_light,
         "vehicle": _vehicle,
         "real car": _real_car,
+        "glossy": _glossy,
+        "metallic": _metallic,
+        "normal-mapped": _normal_mapped,
     }
 )
 """The scenes of the table, in its order."""

@@ -100,7 +100,8 @@ class Table:
             names = ", ".join(
                 [rendered.name for rendered in rendered_scenes] + [self.stored_name + STORED] * bool(stored)
             )
-            reason = f"no two renderers follow {scene.max_bounces} bounces: only {names or 'none'}."
+            maps = ", ".join(sorted(scene.maps))
+            reason = f"no two renderers follow {scene.max_bounces} bounces and read {maps}: only {names or 'none'}."
             yield Row(scene_name, (), "skipped", reason=reason)
         else:
             yield from self._compared(scene, rendered_scenes, stored)
@@ -181,9 +182,11 @@ def maker(name: str, options: Mapping[str, object]) -> Maker:
 
 
 def prepared(name: str, make: Maker, scene: PairScene) -> RenderedScene | None:
-    """The renderer with the scene prepared; None if it cannot do the scene's `max_bounces`."""
+    """The renderer with the scene prepared; None if it cannot do the scene's `max_bounces`, or lacks a map."""
     renderer = make(scene.max_bounces)
-    return None if renderer is None else RenderedScene(name, renderer, renderer.prepare(scene.surface), scene)
+    if renderer is None or not scene.maps <= renderer.capabilities.maps:
+        return None
+    return RenderedScene(name, renderer, renderer.prepare(scene.surface), scene)
 
 
 def _verdict(found: Sequence[Comparison]) -> Verdict:

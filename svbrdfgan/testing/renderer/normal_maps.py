@@ -122,7 +122,7 @@ class NormalMapTests(MeasuredKit):
         ):
             view = scenes.spot_view(ORIGIN, towards, light)
             cases: list[Inputs] = [(scenes.plane(), each, view) for each in materials]
-            truth = expected(*cases, split=8).mean(axis=-1)
+            truth = expected(*cases, split=4).mean(axis=-1)
             message = f"From {towards}: normals turned away, far away, and to a side; then of metal; then flat."
             self.check_ratios(self.brightnesses(*cases, spp=64), truth, message)
 

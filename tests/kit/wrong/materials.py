@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from svbrdfgan_numpy import bsdf, ggx
+from svbrdfgan_numpy import bsdf, ggx, renderer
 
 from svbrdfgan.types import Gradients
 from wrong.base import Call, OnNumpy, Patch, Patched, gradient_of, with_map
@@ -189,6 +189,30 @@ class MetallicGradientOfGlossAlone(Patched):
             return (tinted - self.dielectric) * self.specular
 
         return [(Facets, "slope_in_metallic", slope)]
+
+
+@caught_by("test_roughness_gradients_of_whole_materials", whole=True)
+class GradientThroughTheDensity(Patched):
+    """The gradient of roughness takes the density of drawn directions for a function of it, and the draw for none."""
+
+    def patches(self) -> list[Patch]:
+        right = renderer.shade_vjp
+
+        def shade_vjp(bounce: Any, shading: Any, maps: Any, grad_reflected: Any) -> Any:
+            outgoing, step = bounce.vertices.points.outgoing, 1e-4
+            more, less = (replace(shading.bsdf, roughness=shading.bsdf.roughness + s) for s in (step, -step))
+            extra = np.zeros(len(outgoing))
+            for arrival, reflected, grad in zip(bounce.arrivals, shading.reflected, grad_reflected, strict=True):
+                of_density = (more.pdf(outgoing, arrival.direction) - less.pdf(outgoing, arrival.direction)) / (
+                    2 * step
+                )
+                # the light has been divided by the density: the sum of its weights is the inverse
+                extra -= (grad * reflected).sum(axis=-1) * of_density * arrival.light.weight.sum(axis=-1)
+            for name, taps, of_lookup in right(bounce, shading, maps, grad_reflected):
+                lookup = bounce.vertices.lookups[name].points
+                yield name, taps, of_lookup + extra[lookup, None] if name == "roughness" else of_lookup
+
+        return [(renderer, "shade_vjp", shade_vjp)]
 
 
 @caught_by("test_base_color_beneath_all_maps")
