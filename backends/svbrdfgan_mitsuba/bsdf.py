@@ -20,6 +20,10 @@ GLOSS = (0.25, 0.75)
 """Share of the directions at glossy points that are drawn from the gloss: of a dielectric, which reflects little, and
 of a metal. A metal has no diffuse lobe, but its gradient with respect to `metallic` is that of one."""
 
+EVEN = 0.1
+"""Share of the diffuse directions that are drawn evenly where there are normal maps. The gradient in a normal does not
+vanish at its horizon as the cosine does: drawn by the cosine alone, its variance on paths would be infinite."""
+
 
 class Bsdf(Protocol):
     """How a point reflects light."""
@@ -50,10 +54,10 @@ class Lambertian:
     normal: Any | None
 
     def sample(self, choice: Any, random: Any) -> Any:
-        return _to_frame(self.mi, self.normal, self.mi.warp.square_to_cosine_hemisphere(random))
+        return _to_frame(self.mi, self.normal, _drawn_diffusely(self.mi, self.normal, choice, random))
 
     def density(self, incoming: Any) -> Any:
-        return dr.maximum(cosine(self.normal, incoming), 0.0) * dr.inv_pi
+        return _diffuse_density(self.normal, incoming)
 
     def value(self, incoming: Any) -> Any:
         return self.base_color * (dr.maximum(cosine(self.normal, incoming), 0.0) * dr.inv_pi)
@@ -80,13 +84,14 @@ class MetallicRoughness:
     viewer: Any
 
     def sample(self, choice: Any, random: Any) -> Any:
-        drawn = self.mi.warp.square_to_cosine_hemisphere(random)
+        again = (choice - self._share) / (1.0 - self._share)  # uniform where the gloss was not chosen
+        drawn = _drawn_diffusely(self.mi, self.normal, again, random)
         viewer = self.viewer if self.normal is None else self.mi.Frame3f(self.normal).to_local(self.viewer)
         mirrored = self.mi.reflect(viewer, _visible_facet(self.mi, viewer, self._alpha, random))
         return _to_frame(self.mi, self.normal, dr.select(choice < self._share, mirrored, drawn))
 
     def density(self, incoming: Any) -> Any:
-        diffuse = dr.maximum(cosine(self.normal, incoming), 0.0) * dr.inv_pi
+        diffuse = _diffuse_density(self.normal, incoming)
         # Of visible facets, G1 D (w_o.h) / (n.w_o), over the Jacobian 4 (w_o.h) of the reflection.
         mirrored = self._facets(self._half(incoming)) * self._visible(self._toward_viewer) / 4.0
         return dr.lerp(diffuse, mirrored, self._share)
@@ -141,6 +146,23 @@ class MetallicRoughness:
 def cosine(normal: Any | None, direction: Any) -> Any:
     """Of the angle between the normal, or the z axis, and a direction."""
     return direction.z if normal is None else dr.dot(normal, direction)
+
+
+def _drawn_diffusely(mi: Any, normal: Any | None, choice: Any, random: Any) -> Any:
+    """A direction about the z axis."""
+    by_cosine = mi.warp.square_to_cosine_hemisphere(random)
+    if normal is None:
+        return by_cosine
+    return dr.select(choice < EVEN, mi.warp.square_to_uniform_hemisphere(random), by_cosine)
+
+
+def _diffuse_density(normal: Any | None, incoming: Any) -> Any:
+    """Of directions drawn diffusely, above the horizon of the normal."""
+    toward = cosine(normal, incoming)
+    by_cosine = dr.maximum(toward, 0.0) * dr.inv_pi
+    if normal is None:
+        return by_cosine
+    return dr.lerp(by_cosine, dr.select(toward > 0.0, 0.5 * dr.inv_pi, 0.0), EVEN)
 
 
 def _to_frame(mi: Any, normal: Any | None, direction: Any) -> Any:

@@ -10,7 +10,7 @@ import pytest
 from jaxtyping import Float
 from numpy import ndarray
 from svbrdfgan_mitsuba import MitsubaRenderer, variant
-from svbrdfgan_mitsuba.bsdf import GLOSS, Lambertian, MetallicRoughness
+from svbrdfgan_mitsuba.bsdf import EVEN, GLOSS, Bsdf, Lambertian, MetallicRoughness
 from svbrdfgan_mitsuba.interop import dr
 from svbrdfgan_mitsuba.normal_map import tilted_normal
 
@@ -95,7 +95,7 @@ def mi(renderer: MitsubaRenderer) -> Any:
     return variant.load(renderer.device)
 
 
-def drawn(mi: Any, bsdf: MetallicRoughness, count: int) -> Any:
+def drawn(mi: Any, bsdf: Bsdf, count: int) -> Any:
     """Directions of unit length."""
     random = np.random.default_rng(0).random((3, count), dtype=np.float32)
     return dr.normalize(bsdf.sample(mi.Float(random[0]), mi.Point2f(random[1], random[2])))
@@ -120,6 +120,8 @@ def test_directions_are_drawn_by_their_density(mi: Any, point: Point) -> None:
     density, directions = bsdf.density(incoming).numpy().astype(np.float64), in_float64(incoming)
     share = GLOSS[0] + (GLOSS[1] - GLOSS[0]) * point.metallic
     mirrored, diffuse = point.mirrored_density(directions), np.maximum(directions @ point.normal, 0.0) / np.pi
+    if point.normal is not UP:
+        diffuse = (1.0 - EVEN) * diffuse + EVEN * (diffuse > 0.0) / (2.0 * np.pi)
     np.testing.assert_allclose(
         density, share * mirrored + (1.0 - share) * diffuse, rtol=5e-3, atol=1e-3 * density.max()
     )
@@ -128,6 +130,21 @@ def test_directions_are_drawn_by_their_density(mi: Any, point: Point) -> None:
         assert ratio.max() < 4.1  # the least share of a lobe is a quarter
         assert ratio.mean() == pytest.approx(1.0, abs=4.5 * ratio.std() / np.sqrt(count) + 1e-4)
         assert ratio.std() / np.sqrt(count) < 3e-3
+
+
+@pytest.mark.parametrize("glossy", [False, True])
+def test_the_slope_in_a_normal_has_bounded_weights(mi: Any, glossy: bool) -> None:
+    """At the horizon of n the cosine vanishes, and so would a density by it alone, but not the slope."""
+    normal, viewer = vector(mi, TILTED), vector(mi, VIEWERS[1])
+    made = (
+        MetallicRoughness(mi, mi.Color3f(0.5), normal, mi.Float(0.4), mi.Float(0.5), mi.Bool(True), viewer)
+        if glossy
+        else Lambertian(mi, mi.Color3f(0.5), normal)
+    )
+    incoming = drawn(mi, made, 1_000_000)
+    cosines, density = dr.dot(normal, incoming).numpy(), made.density(incoming).numpy()
+    assert cosines.min() < 1e-4
+    assert density[cosines > 0.0].min() > 0.25 * EVEN / (2.0 * np.pi)
 
 
 def test_without_roughness_a_part_is_lambertian(mi: Any) -> None:
@@ -154,7 +171,8 @@ def test_a_normal_that_is_turned_away_shows_no_facets(mi: Any) -> None:
     """Only maps with z < 0 can make one; directions are then drawn diffusely, and everything is finite."""
     bsdf = Point(0.1, 1.0, unit(-0.5, 0.0, -0.8), VIEWERS[1]).made(mi, flat=False)
     incoming = drawn(mi, bsdf, 1000)
-    diffuse = np.maximum(incoming.numpy().T @ unit(-0.5, 0.0, -0.8), 0.0) / np.pi
+    cosines = incoming.numpy().T @ unit(-0.5, 0.0, -0.8)
+    diffuse = (1.0 - EVEN) * cosines / np.pi + EVEN / (2.0 * np.pi)
     np.testing.assert_allclose(bsdf.density(incoming).numpy(), diffuse, rtol=1e-4, atol=1e-6)
     assert np.isfinite(bsdf.value(incoming).numpy()).all()
 
