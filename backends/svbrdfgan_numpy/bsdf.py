@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from svbrdfgan.types import DIELECTRIC_REFLECTANCE, LEAST_ROUGHNESS
@@ -108,7 +108,8 @@ class Bsdf:
     def _share_of_facets(self, outgoing: Vectors) -> PerPoint:
         """The probability of drawing by facets, which must not depend on the base colour.
 
-        A metal has no diffuse lobe, but its gradient in `metallic` has one: some directions are always for that.
+        A metal has no diffuse lobe, but its gradient in `metallic` has one: some directions are always for that. A
+        viewer behind n sees no facets to draw by.
         """
         share, some = np.zeros(len(outgoing)), self.glossy
         share[some] = 0.5 + 0.4 * np.clip(self.metallic[some], 0.0, 1.0)
@@ -125,14 +126,12 @@ class _Facets:
 
     Attributes:
         towards: w_i, w_o and h, the unit vector halfway between them.
-        faces: whether n is turned to the viewer; if it is not, there is no gloss.
-        incoming, outgoing, half: the cosines of `towards` to n, not negative.
+        incoming, outgoing, half: the cosines of `towards` to n; negative ones count as 0.
         alpha2: the fourth power of the bounded roughness.
         schlick: p = (1 - w_o . h)^5.
     """
 
     towards: tuple[Vectors, Vectors, Vectors]
-    faces: Bool[ndarray, " points"]
     incoming: PerPoint
     outgoing: PerPoint
     half: PerPoint
@@ -144,8 +143,7 @@ class _Facets:
         towards = (incoming, outgoing, normalize(outgoing + incoming, fallback=normal))
         in_cosine, out_cosine, half = (np.maximum(dot(normal, direction), 0.0) for direction in towards)
         schlick = (1.0 - np.clip(dot(outgoing, towards[2]), 0.0, 1.0)) ** 5
-        faces = dot(normal, outgoing) >= 0.0
-        return cls(towards, faces, in_cosine, out_cosine, half, alpha2, schlick[:, None])
+        return cls(towards, in_cosine, out_cosine, half, alpha2, schlick[:, None])
 
     @property
     def dielectric(self) -> Float[ndarray, "points 1"]:
@@ -156,7 +154,7 @@ class _Facets:
     def specular(self) -> Float[ndarray, "points 1"]:
         """S, the BSDF of perfectly reflecting facets."""
         smith = ggx.masking(self.outgoing, self.alpha2) * ggx.masking(self.incoming, self.alpha2)
-        return np.where(self.faces, 0.25 * ggx.distribution(self.half, self.alpha2) * smith, 0.0)[:, None]
+        return (0.25 * ggx.distribution(self.half, self.alpha2) * smith)[:, None]
 
     def specular_slopes(self) -> tuple[Vectors, PerPoint]:
         """The gradient of S in the normal, as if it need not be of unit length, and in alpha squared."""
@@ -165,7 +163,11 @@ class _Facets:
             ggx.masking_slopes(self.outgoing, self.alpha2),
             ggx.distribution_slopes(self.half, self.alpha2),
         ]
-        in_normal = sum(slope[0][:, None] * towards for slope, towards in zip(slopes, self.towards, strict=True))
+        cosines = (self.incoming, self.outgoing, self.half)
+        in_normal = sum(
+            np.where(cosine > 0.0, slope[0], 0.0)[:, None] * towards
+            for cosine, slope, towards in zip(cosines, slopes, self.towards, strict=True)
+        )
         return self.specular * in_normal, self.specular[:, 0] * sum(slope[1] for slope in slopes)
 
     def reflectance(self, color: Rgb, metallic: Float[ndarray, "points 1"]) -> Rgb:

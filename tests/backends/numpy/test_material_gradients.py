@@ -7,16 +7,19 @@ are traced with the maps as they are, and shaded with moved ones.
 from collections.abc import Callable, Mapping
 
 import gltf
+import numpy as np
 import pytest
 import torch
 from svbrdfgan_numpy import NumpyRenderer, renderer
-from svbrdfgan_numpy.environment import pixels_of
+from svbrdfgan_numpy.bsdf import Bsdf
+from svbrdfgan_numpy.environment import pixels_of, prepare_emitter
+from svbrdfgan_numpy.normal_map import Frame
 from svbrdfgan_numpy.shading import radiance, shade
 from svbrdfgan_numpy.surface import PreparedSurface
 from torch import Tensor
 
 from svbrdfgan.testing import scenes
-from svbrdfgan.types import Environment, Material, Materials, View
+from svbrdfgan.types import Camera, Environment, Material, Materials, View
 
 WRT = frozenset({"base_color", "roughness", "metallic", "normal", "environment"})
 SPP, SEED = 4, 3
@@ -124,6 +127,57 @@ def test_other_maps_against_finite_differences_on_the_same_paths(part: int, name
     assert (gradient.dtype, gradient.shape) == (torch.float32, maps[part][name].shape)
     assert abs(slope) > 1e-3
     assert found == pytest.approx(slope, rel=1e-5)
+
+
+@pytest.mark.parametrize("texel", [(0.3, -0.2, 0.7), (-0.2, -0.34, 0.23)])
+def test_gradients_are_unbiased_though_maps_move_the_paths(texel: tuple[float, float, float]) -> None:
+    """They are the derivatives of sums over a grid of directions, which knows nothing of sampling.
+
+    The plane faces +Z, and so does the grid, whose edge is the horizon. The second normal is bent.
+    """
+    direction = np.array([1.9, 0.6, 1.3]) / np.linalg.norm([1.9, 0.6, 1.3])
+    view = View(Camera(tuple(direction), vertical_fov=1e-4), scenes.random_light(6, 12), 8, 8)
+    maps = {"base_color": 3 * (0.5,), "roughness": (0.45,), "metallic": (0.5,), "normal": texel}
+    values = {name: np.array(value) for name, value in maps.items()}
+    truth = _slopes_by_grid(view, direction, values)
+    materials = Materials((Material({name: torch.from_numpy(value) for name, value in values.items()}),))
+    tracer, ones = NumpyRenderer(), torch.ones(8, 8, 3) / 192.0
+    prepared, wrt = tracer.prepare(scenes.plane()), frozenset(maps)
+    runs = [
+        tracer.render_vjp(prepared, materials, view, ones, wrt=wrt, spp=512, seed=seed).materials[0]
+        for seed in range(16)
+    ]
+    for name in ("roughness", "metallic", "normal"):
+        found = np.stack([run[name].double().numpy() for run in runs])
+        error = found.std(axis=0, ddof=1) / 4.0
+        assert (np.abs(found.mean(axis=0) - truth[name]) < 5.0 * error).all()
+        assert np.linalg.norm(error) < 0.03 * max(0.1, float(np.linalg.norm(truth[name])))
+
+
+def _slopes_by_grid(view: View, outgoing: np.ndarray, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The derivatives of the mean radiance that leaves a plane which faces +Z, by central differences."""
+    height, azimuth = (a.ravel() for a in np.meshgrid(*2 * [(np.arange(600) + 0.5) / 600.0]))
+    sine, azimuth = np.sqrt(1.0 - height**2), 2.0 * np.pi * azimuth
+    incoming = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), height], axis=-1)
+    light = prepare_emitter(view.environment).taps(incoming).apply(pixels_of(view.environment)).mean(axis=1)
+    count, seen = len(height), np.broadcast_to(outgoing, incoming.shape)
+
+    def radiance_of(moved: Mapping[str, np.ndarray]) -> float:
+        normal = Frame(np.eye(3)[None], outgoing[None]).tilted(moved["normal"][None])
+        bsdf = Bsdf(
+            np.arange(count),
+            np.broadcast_to(moved["base_color"], (count, 3)),
+            np.repeat(moved["roughness"], count),
+            np.repeat(moved["metallic"], count),
+            np.broadcast_to(normal, (count, 3)),
+        )
+        return float((bsdf.evaluate(seen, incoming)[:, 0] * light).mean() * 2.0 * np.pi)
+
+    def slope(name: str, step: np.ndarray) -> float:
+        there, back = (radiance_of({**values, name: values[name] + sign * step}) for sign in (1.0, -1.0))
+        return (there - back) / (2.0 * float(np.abs(step).max()))
+
+    return {name: np.array([slope(name, step) for step in 1e-4 * np.eye(len(value))]) for name, value in values.items()}
 
 
 @pytest.mark.parametrize("max_bounces", [1, 3])
