@@ -61,7 +61,7 @@ def each(wrongs: list[Wrong]) -> Any:
 @each([wrong for wrong in WRONG if not wrong.late])
 def test_each_wrong_one_is_caught_at_little_power(wrong: Wrong) -> None:
     """By one of the tests meant for it, or more: `wrong_table.py` says by which."""
-    assert failures(wrong.renderer, *wrong.tests, power=FAST)
+    assert any(failures(wrong.renderer, test, power=FAST) for test in sorted(wrong.tests))
 
 
 @pytest.mark.full

@@ -53,7 +53,7 @@ class MapGradientTests(StatisticalKit):
         def measure(spp: int, seed: int) -> Float[ndarray, " channels"]:
             return rendered.image(spp=spp, seed=seed).sum(axis=(0, 1))
 
-        self.unbiased("image, in total", rendered, measure, known, claim=0.005, spp=64)
+        self.unbiased("image, in total", rendered, measure, known, claim=0.005, spp=512)
 
     def test_roughness_gradients_of_whole_materials(self) -> None:
         """Every texel's gradient of roughness beside all other maps is as quadrature says, to 8 %."""
@@ -99,7 +99,7 @@ class MapGradientTests(StatisticalKit):
     def _in_each_texel(self, name: str, case: Case | None = None) -> None:
         case = case or cases.whole(self.capabilities.maps)
         grads = case.smooth(), 1.0 + 0.5 * case.random()
-        self._unbiased_gradient(name, case, grads, lambda gradient: gradient, claim=0.08)
+        self._unbiased_gradient(name, case, grads, lambda gradient: gradient, claim=0.08, spp=64)
 
     def _in_total(self, name: str) -> None:
         case = cases.whole(self.capabilities.maps)
@@ -107,10 +107,10 @@ class MapGradientTests(StatisticalKit):
         def total(gradient: ndarray) -> ndarray:
             return np.asarray(gradient.sum(axis=(1, 2)))
 
-        self._unbiased_gradient(name, case, (case.smooth(),), total, claim=0.01)
+        self._unbiased_gradient(name, case, (case.smooth(),), total, claim=0.01, spp=512)
 
     def _unbiased_gradient(
-        self, name: str, case: Case, grads: tuple[ndarray, ...], summary: Summary, *, claim: float
+        self, name: str, case: Case, grads: tuple[ndarray, ...], summary: Summary, *, claim: float, spp: int
     ) -> None:
         self._declared_gradient(name)
 
@@ -128,7 +128,7 @@ class MapGradientTests(StatisticalKit):
 
         what = f"gradient of {name}"
         known = replace(known, size=largest)
-        self.unbiased(what, rendered, measure, known, claim=claim, spp=64, most=_MOST)
+        self.unbiased(what, rendered, measure, known, claim=claim, spp=spp, most=_MOST)
 
     def _declared_maps(self, *names: str) -> None:
         declared(bool(self.capabilities.maps & set(names)), " or ".join(names))

@@ -19,6 +19,11 @@ from svbrdfgan.plugins import load_renderer
 from svbrdfgan.protocols import Pullback, Renderer, RendererCapabilities
 from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
 
+COLOR_ALONE: Mapping[str, Any] = MappingProxyType(
+    {"maps": frozenset({"base_color"}), "differentiable": frozenset({"base_color", "environment"})}
+)
+"""Claims of a renderer that reads no other map."""
+
 
 @functools.cache
 def fast_renderer() -> Renderer[Any]:

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from svbrdfgan.protocols import RendererCapabilities
 from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, TransportSamples, View
-from wrong.base import Call, Right, light_of
+from wrong.base import COLOR_ALONE, Call, Right, light_of
 from wrong.table import caught_by
 
 
@@ -55,6 +55,8 @@ class TransportNotDivided(Right):
 @caught_by("test_maps_it_lacks_are_refused")
 class IgnoresUnknownMaps(Right):
     """Maps that it does not read are dropped in silence."""
+
+    claims = COLOR_ALONE
 
     def asked(self, call: Call) -> Call:
         known = self.capabilities.maps

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from svbrdfgan.protocols import Pullback
 from svbrdfgan.types import Gradients, Material, Materials, Rendering, View
-from wrong.base import Right
+from wrong.base import COLOR_ALONE, Right
 from wrong.table import caught_by
 
 
@@ -94,6 +94,8 @@ class PullsBackEverything(PullsBack):
 @caught_by("test_maps_it_lacks_are_refused")
 class PullsBackUnknownMaps(PullsBack):
     """Maps that it does not read its pullback drops in silence."""
+
+    claims = MappingProxyType({**PullsBack.claims, **COLOR_ALONE})
 
     def known_maps(self, materials: Materials) -> Materials:
         known = self.capabilities.maps
