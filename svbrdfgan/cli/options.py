@@ -80,7 +80,7 @@ def require_apart(mesh: Path, out: Path) -> None:
 
 
 def writer(
-    out: Path, picture: Path | None, environment: Path | None, renderer: str, maps: Mapping[str, float]
+    out: Path, picture: Path | None, environment: Path | None, renderer: str, maps: Mapping[str, float | None]
 ) -> Callable[[Subject, Layer], list[Path]]:
     """A function that writes a weathered mesh and gives the paths written. Checks paths and renderer beforehand.
 
@@ -120,7 +120,7 @@ def _require_writable(path: Path, *suffixes: str) -> None:
 
 
 def _picture_writer(
-    picture: Path | None, environment: Path | None, renderer: str, maps: Mapping[str, float]
+    picture: Path | None, environment: Path | None, renderer: str, maps: Mapping[str, float | None]
 ) -> Callable[[Subject, Layer], list[Path]]:
     """A function that writes the picture, if one is wanted, and gives the paths written."""
     if picture is None:

@@ -20,7 +20,7 @@ from svbrdfgan.cli.options import (
 
 @click.command("weather")
 @click.argument("mesh", type=click.Path(path_type=Path))
-@click.option("--recipe", default="road-dirt", show_default=True, help="road-dirt, dust or rust.")
+@click.option("--recipe", default="road-dirt", show_default=True, help="road-dirt, dust, rust or chipped-paint.")
 @click.option("--amount", default=1.0, show_default=True, type=click.FloatRange(0, 1), help="0 is clean.")
 @click.option("--seed", default=0, show_default=True, help="Each seed gives another pattern.")
 @click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the recipe; repeatable.")
@@ -29,9 +29,10 @@ from svbrdfgan.cli.options import (
     "maps",
     multiple=True,
     metavar="NAME=BARE",
-    help="Weather this map too, from its value on the bare surface, such as roughness=0.3 or normal=0 (flat); "
-    "repeatable. Other parts then keep the file's values, and glass its alpha.",
+    help="The value of this map on the bare surface, such as roughness=0.3 or normal=0 (flat); repeatable. Maps that "
+    "are not named are left out. By default all are weathered, from the file's own values.",
 )
+@click.option("--base-color-only", is_flag=True, help="Weather base colour alone; gloss, relief and alpha are dropped.")
 @click.option("--embedding", default="hemispherical", show_default=True, help="See `svbrdfgan embeddings`.")
 @learnable_option
 @click.option(
@@ -46,6 +47,7 @@ def command(
     seed: int,
     options: tuple[str, ...],
     maps: tuple[str, ...],
+    base_color_only: bool,
     embedding: str,
     learnable: tuple[str, ...],
     resolution: int,
@@ -54,17 +56,22 @@ def command(
     environment: Path | None,
     renderer: str,
 ) -> None:
-    """Weather MESH by a recipe; write it as GLB, and the layer alone as PNG beside it."""
+    """Weather MESH by a recipe; write it as GLB, and the layer and each map as PNG beside it."""
     require_apart(mesh, out)
+    if maps and base_color_only:
+        raise click.UsageError("--map and --base-color-only exclude each other.")
     with progress(f"loading {mesh}") as display:
         from svbrdfgan.config.choices import PartSelection
         from svbrdfgan.io import load_mesh
         from svbrdfgan.plugins import load_embedding
+        from svbrdfgan.rendering.compositing import BARE
         from svbrdfgan.scene.description import map_values
         from svbrdfgan.scene.subject import make_subject
         from svbrdfgan.weathering import recipe_from_options, weather
 
-        bare = map_values(key_values(maps), "--map")
+        bare: dict[str, float | None] = {**map_values(key_values(maps), "--map")}
+        if not maps and not base_color_only:
+            bare = dict.fromkeys(BARE)
         chosen = recipe_from_options(recipe, {"amount": amount, "seed": seed, **key_values(options)})
         write = writer(out, picture, environment, renderer, bare)
         loaded = load_mesh(mesh)

@@ -32,7 +32,10 @@ _QUANTILE, _BRIGHTEST = 0.98, 0.9
 
 
 def write_weathered(
-    path: Path, subject: Subject, layer: Float[Tensor, "rows cols channels"], maps: Mapping[str, float] | None = None
+    path: Path,
+    subject: Subject,
+    layer: Float[Tensor, "rows cols channels"],
+    maps: Mapping[str, float | None] | None = None,
 ) -> Path:
     """Writes the surface as GLB, with the layer composited over its learnable parts, and the layer as PNG beside it.
 
@@ -41,7 +44,7 @@ def write_weathered(
     `NAME.normal.png` holds 0.5 + 0.5 (x, y, z), +y upwards.
 
     Args:
-        maps: the maps that the layer paints beside base_color, with their values under the layer.
+        maps: as for `Subject.materials`.
 
     Returns:
         The path of the layer's PNG, which holds its RGBA.
@@ -73,7 +76,7 @@ def write_picture(
     layer: Float[Tensor, "rows cols channels"],
     renderer: Renderer[Any],
     environment: Float[Tensor, "rows cols 3"],
-    maps: Mapping[str, float] | None = None,
+    maps: Mapping[str, float | None] | None = None,
     *,
     spp: int = 64,
 ) -> None:
@@ -82,7 +85,7 @@ def write_picture(
     Args:
         path: .png or .jpg.
         environment: linear radiance, equirectangular; scaled to a fixed mean.
-        maps: the maps that the layer paints beside base_color, with their values under the layer.
+        maps: as for `Subject.materials`.
 
     Raises:
         AssetError: the layer does not have the channels of these maps, the light is black, or the file cannot be
@@ -119,14 +122,20 @@ def _camera(subject: Subject, azimuth: float, elevation: float) -> Camera:
 
 
 def _further_maps(subject: Subject, materials: Materials) -> dict[int, dict[str, Float[Tensor, "*shape"]]]:
-    """Roughness, metallic and unit normals by part. Learnable parts share the tensors of the one layer."""
+    """Roughness, metallic and unit normals by part. Learnable parts that have the same share their tensors."""
     further: dict[int, dict[str, Float[Tensor, "*shape"]]] = {}
     for part, material in enumerate(materials.parts):
-        first = next((k for k in subject.learnable if k in further), None)
-        if part in subject.learnable and first is not None:
+        same = (k for k in subject.learnable if part in subject.learnable and k < part)
+        if (first := next((k for k in same if _equal(materials[k].maps, material.maps)), None)) is not None:
             further[part] = further[first]
             continue
         further[part] = {name: values for name, values in material.maps.items() if name != "base_color"}
         if "normal" in further[part]:
             further[part]["normal"] = normalize(further[part]["normal"], dim=-1)
     return further
+
+
+def _equal(one: Mapping[str, Tensor], other: Mapping[str, Tensor]) -> bool:
+    """Whether both materials have the same maps beside base_color."""
+    names = one.keys() - {"base_color"}
+    return names == other.keys() - {"base_color"} and all(torch.equal(one[name], other[name]) for name in names)

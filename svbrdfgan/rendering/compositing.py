@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
+from types import MappingProxyType
 
 import torch
 from jaxtyping import Float
@@ -23,6 +24,10 @@ def layer_channels(maps: Iterable[str]) -> int:
 def has_normal(channels: int) -> bool:
     """Whether the last three of a layer's channels are a normal: no other map has three, and it comes last."""
     return channels >= RGBA + CHANNELS["normal"]
+
+
+BARE: Mapping[str, float] = MappingProxyType({"roughness": 0.9, "metallic": 0.0, "normal": 0.0})
+"""What lies under a layer where nobody says anything: matt paint."""
 
 
 def bare_maps(maps: Mapping[str, float]) -> dict[str, Float[Tensor, " channels"]]:

@@ -17,7 +17,7 @@ from svbrdfgan.geometry.bake import GeometryBuffer, bake
 from svbrdfgan.geometry.bake_materials import bake_base_color, bake_file_maps
 from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.protocols import UVEmbedding
-from svbrdfgan.rendering.compositing import bare_maps, composite, composite_maps
+from svbrdfgan.rendering.compositing import BARE, bare_maps, composite, composite_maps
 from svbrdfgan.types import Material, Materials, Mesh, Surface
 
 
@@ -76,25 +76,27 @@ class Subject:
         self,
         override: Mapping[str, tuple[float, float, float]],
         layer: Float[Tensor, "rows cols channels"] | None,
-        maps: Mapping[str, float] | None = None,
+        maps: Mapping[str, float | None] | None = None,
     ) -> Materials:
         """Materials of all parts, with the layer over the learnable ones, on its device.
 
         Args:
             maps: the further maps that the layer paints, and their values under it, on learnable parts and on their
-                hidden halves. Of these maps, other parts have what the mesh's file says; without roughness they are
-                Lambertian. With no further maps, all parts are.
+                hidden halves; None stands for what the mesh's file says, or else `BARE`. Of these maps, other parts
+                have what the file says; without roughness they are Lambertian. With no further maps, all parts are.
 
         Raises:
             AssetError: the layer has channels for other maps.
         """
         device, maps = None if layer is None else layer.device, maps or {}
-        bare = bare_maps(maps)
         names = [self.surface.parts[part].name for part in self.learnable]
         own = {*names, *(f"{name} (hidden)" for name in names)}
         made = []
         for part, color in enumerate(self.base_colors(override)):
-            further = bare if self.surface.parts[part].name in own else self._of_file(part, maps)
+            further = self._of_file(part, maps)
+            if self.surface.parts[part].name in own:
+                declared = {name: value for name, value in maps.items() if value is not None}
+                further = bare_maps({name: BARE[name] for name in maps}) | further | bare_maps(declared)
             base = {name: values.to(device) for name, values in {"base_color": color, **further}.items()}
             if layer is not None and part in self.learnable:
                 base = composite_maps(base, layer, maps)

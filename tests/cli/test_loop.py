@@ -16,11 +16,13 @@ import torch
 import trimesh
 from click.testing import CliRunner, Result
 from PIL import Image
+from svbrdfgan_numpy import NumpyRenderer
 
 from svbrdfgan.cli import main
 from svbrdfgan.data.exemplars import load_picture
 from svbrdfgan.io import load_mesh, save_environment, save_mesh_glb
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.protocols import RendererCapabilities
 
 Data = Callable[..., dict[str, Any]]
 
@@ -89,7 +91,18 @@ def test_bake(car: Path, tmp_path: Path) -> None:
 def test_weather(car: Path, tmp_path: Path) -> None:
     succeeded(invoke("weather", car, "--recipe", "rust", "--resolution", 32, "--seed", 3, "-o", tmp_path / "rusty.glb"))
     assert_painted(tmp_path / "rusty.glb", car)
+    beside = {"rusty.layer.png", "rusty.roughness.png", "rusty.metallic.png", "rusty.normal.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {"rusty.glb", *beside}
+
+
+def test_weather_of_base_colour_alone(car: Path, tmp_path: Path) -> None:
+    words = ("weather", car, "--resolution", 32, "--base-color-only", "-o", tmp_path / "dull.glb")
+    succeeded(invoke(*words))
+    assert_painted(tmp_path / "dull.glb", car)
     assert len(list(tmp_path.iterdir())) == 2
+    both = invoke(*words, "--map", "roughness=0.2")
+    assert both.exit_code == 2
+    assert "--map and --base-color-only exclude each other" in both.stderr
 
 
 def test_the_mesh_itself_is_not_written_over(car: Path, run: Path, tmp_path: Path) -> None:
@@ -288,14 +301,15 @@ def test_a_picture_by_another_light_and_with_roughness(car: Path, quick_glossy_r
         (("--picture", "car.png", "--renderer", "warpp"), "did you mean 'warp'"),
         (("--picture", "car.png", "--environment", "sky.hdr"), "sky.hdr does not exist"),
         (
-            ("--picture", "car.png", "--renderer", "warp", "--map", "roughness=0.2"),
-            "WarpRenderer cannot render roughness",
+            ("--picture", "car.png", "--renderer", "numpy", "--map", "roughness=0.2"),
+            "NumpyRenderer cannot render roughness",
         ),
     ],
 )
 def test_a_picture_that_cannot_be_is_refused_at_once(
-    words: tuple[str, ...], said: str, car: Path, tmp_path: Path
+    words: tuple[str, ...], said: str, car: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(NumpyRenderer, "capabilities", RendererCapabilities())
     result = invoke("weather", car, "-o", tmp_path / "car.glb", *words)
     assert result.exit_code != 0
     assert said in result.stderr

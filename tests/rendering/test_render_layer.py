@@ -227,14 +227,6 @@ def test_double_precision_gets_a_double_gradient(stage: Stage) -> None:
     assert color.grad.dtype == torch.float64
 
 
-def test_a_map_that_the_renderer_does_not_know_is_refused(stage: Stage) -> None:
-    metal = torch.tensor([0.5], requires_grad=True)
-    parts = list(stage.materials({}).parts)
-    parts[0] = Material({"base_color": torch.ones(3), "metallic": metal})
-    with pytest.raises(UnsupportedError, match="metallic"):
-        RenderLayer(stage.renderer, SPP)(stage.prepared, Materials(tuple(parts)), stage.view, seed=SEED)
-
-
 @dataclass
 class Seeing(Watched):
     """A renderer without gradients."""
@@ -242,6 +234,14 @@ class Seeing(Watched):
     @property
     def capabilities(self) -> Any:
         return replace(self.inner.capabilities, differentiable=frozenset())
+
+
+def test_gradients_of_maps_that_the_renderer_lacks_are_refused(stage: Stage) -> None:
+    rough = torch.tensor([0.5], requires_grad=True)
+    parts = list(stage.materials({}).parts)
+    parts[0] = Material({"base_color": torch.ones(3), "roughness": rough})
+    with pytest.raises(UnsupportedError, match="Seeing has no gradients for roughness"):
+        RenderLayer(Seeing(stage.renderer), SPP)(stage.prepared, Materials(tuple(parts)), stage.view, seed=SEED)
 
 
 def test_a_missing_gradient_is_refused_before_rendering(stage: Stage) -> None:
