@@ -16,7 +16,7 @@ from svbrdfgan.plugins.probe import probe_all
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.testing.pairs.compare import Comparison, Runs, compare
 from svbrdfgan.testing.pairs.measure import QUANTITIES, RenderedScene, offered
-from svbrdfgan.testing.pairs.references import Reference
+from svbrdfgan.testing.pairs.references import NOT_STORED, Reference
 from svbrdfgan.testing.pairs.sampling import Aim, Profile, sample
 from svbrdfgan.testing.pairs.scenes import SCENES, PairScene, SceneUnavailableError, make_scene
 
@@ -94,7 +94,9 @@ class Table:
         rendered_scenes = [
             rendered for rendered in (prepared(name, self.makers[name], scene) for name in live) if rendered
         ]
-        if reason:
+        if reason and scene_name in NOT_STORED:
+            yield Row(scene_name, (self.stored_name,), "skipped", reason=reason)
+        elif reason:
             yield Row(scene_name, (self.stored_name,), "stale", reason=reason)
         if len(rendered_scenes) + bool(stored) < 2 or not rendered_scenes:
             names = ", ".join(

@@ -114,6 +114,8 @@ def test_the_number_of_threads_changes_nothing(threads: None) -> None:
 
 def test_a_caller_s_settings_are_left_alone(device: str, capfd: pytest.CaptureFixture[str]) -> None:
     level, default = wp.config.log_level, torch.get_default_dtype()
+    scenes.picture(WarpRenderer(device), scenes.plane(), WHITE, scenes.front_view(VIEW.environment))  # loads kernels
+    capfd.readouterr()
     wp.config.log_level = wp.LOG_DEBUG
     torch.set_default_dtype(torch.float64)
     try:
