@@ -10,9 +10,12 @@ from torch import Tensor, nn
 
 from svbrdfgan.networks.fused import Features, NormActPad, norm_act_pad
 from svbrdfgan.networks.layers import Norm, make_norm
-from svbrdfgan.rendering.compositing import RGBA, has_normal
+from svbrdfgan.rendering.compositing import RGBA, layer_channels, layer_maps
 
 GEOMETRY_CHANNELS = 6
+
+_NO_METAL = -3.0
+"""What is added to metallic before the sigmoid. Without it training starts half metallic, and few things are."""
 
 Upsampling = Literal["nearest", "strided"]
 Residual = Float[Tensor, "batch channels rows cols"] | None
@@ -41,7 +44,9 @@ class Generator(nn.Module):
         channels: int = RGBA,
     ) -> None:
         super().__init__()
-        self.channels, self.paints_normals = channels, has_normal(channels)
+        self.channels, maps = channels, layer_maps(channels)
+        self.paints_normals = "normal" in maps
+        self.metallic = layer_channels(maps[: maps.index("metallic")]) if "metallic" in maps else None
         self.first = nn.Conv2d(GEOMETRY_CHANNELS, width, 7, bias=_biased(norm))
         self.down = nn.Sequential(
             _conv(width, 2 * width, 3, norm, stride=2), _conv(2 * width, 4 * width, 3, norm, stride=2)
@@ -53,15 +58,20 @@ class Generator(nn.Module):
     def forward(self, geometry: Float[Tensor, "batch 6 rows cols"]) -> Float[Tensor, "batch rows cols channels"]:
         """Straight-alpha linear values in (0, 1), but x and y of normals in (-1, 1).
 
-        Rows and columns must be multiples of four, and at least 16. Where the last convolution gives 0, normals are
-        (0, 0, 0.5), which is flat.
+        Rows and columns must be multiples of four, and at least 16. Where the last convolution gives 0, metallic is
+        0.05, and normals are (0, 0, 0.5), which is flat.
         """
         x: Tensor = self.down(self.first(norm_act_pad(geometry, NormActPad(pad=3)).padded))
         residual: Residual = None
         for block in self.blocks:
             x, residual = block(x, residual)
         x = self.last(self.up[1](self.up[0](x, residual)))
-        layer = torch.sigmoid(x.float()).permute(0, 2, 3, 1)
+        x = x.float()
+        if self.metallic is not None:
+            start = x.new_zeros(self.channels, 1, 1)
+            start[self.metallic] = _NO_METAL
+            x = x + start
+        layer = torch.sigmoid(x).permute(0, 2, 3, 1)
         if not self.paints_normals:
             return layer
         return torch.cat([layer[..., :-3], 2.0 * layer[..., -3:-1] - 1.0, layer[..., -1:]], dim=-1)

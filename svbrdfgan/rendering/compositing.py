@@ -21,9 +21,17 @@ def layer_channels(maps: Iterable[str]) -> int:
     return RGBA + sum(CHANNELS[name] for name in maps)
 
 
-def has_normal(channels: int) -> bool:
-    """Whether the last three of a layer's channels are a normal: no other map has three, and it comes last."""
-    return channels >= RGBA + CHANNELS["normal"]
+def layer_maps(channels: int) -> tuple[str, ...]:
+    """The inverse of `layer_channels`, which is unique since metallic needs roughness.
+
+    Raises:
+        AssetError: no layer has that number of channels.
+    """
+    gloss: tuple[tuple[str, ...], ...] = ((), ("roughness",), ("roughness", "metallic"))
+    for maps in (*gloss, *((*names, "normal") for names in gloss)):
+        if layer_channels(maps) == channels:
+            return maps
+    raise AssetError(f"no layer has {channels} channels.")
 
 
 BARE: Mapping[str, float] = MappingProxyType({"roughness": 0.9, "metallic": 0.0, "normal": 0.0})

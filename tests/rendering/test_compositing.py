@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.rendering.compositing import bare_maps, composite, composite_maps, has_normal, layer_channels, over
+from svbrdfgan.rendering.compositing import bare_maps, composite, composite_maps, layer_channels, layer_maps, over
 
 
 def test_clear_shows_the_base_and_opaque_the_layer() -> None:
@@ -87,9 +87,13 @@ def test_under_a_layer_normals_are_flat() -> None:
     }
 
 
-@pytest.mark.parametrize(("maps", "normal"), [([], False), (["roughness", "metallic"], False), (["normal"], True)])
-def test_the_number_of_channels_says_whether_there_are_normals(maps: list[str], normal: bool) -> None:
-    assert has_normal(layer_channels(maps)) is normal
+@pytest.mark.parametrize("gloss", [(), ("roughness",), ("roughness", "metallic")])
+@pytest.mark.parametrize("relief", [(), ("normal",)])
+def test_the_number_of_channels_says_which_maps_there_are(gloss: tuple[str, ...], relief: tuple[str, ...]) -> None:
+    maps = gloss + relief
+    assert layer_maps(layer_channels(maps)) == maps
+    with pytest.raises(AssetError, match="no layer has 3 channels"):
+        layer_maps(3)
 
 
 @pytest.mark.parametrize("channels", [4, 6])
