@@ -11,6 +11,7 @@ import torch
 from wrong import WHOLE, WRONG, Right, Wrong
 from wrong.base import Call
 from wrong.running import failures, outcomes
+from wrong.table import AFFECTED
 
 from svbrdfgan.testing.kit import FAST, names_of_tests
 from svbrdfgan.testing.renderer import RendererTests
@@ -67,9 +68,9 @@ def test_each_wrong_one_is_caught_at_little_power(wrong: Wrong) -> None:
 @pytest.mark.full
 @each(WRONG)
 def test_each_wrong_one_is_caught(wrong: Wrong) -> None:
-    """By all the tests meant for it, and by none of their neighbours."""
+    """By all the tests meant for it, and by none of their neighbours, but for those of materials that few have."""
     failed = failures(wrong.renderer, *wrong.tests, *NEIGHBOURS)
-    assert failed.keys() == wrong.tests, failed
+    assert failed.keys() - (AFFECTED - wrong.tests) == wrong.tests, failed
 
 
 @pytest.mark.slow

@@ -58,6 +58,7 @@ class AgreementTests(StatisticalKit):
     def test_image_behind_clear_parts(self) -> None:
         """Parts that rays pass through, their shadows and what is behind look as quadrature says, to 3 % in blocks."""
         declared(self.capabilities.alpha, "alpha")
+        declared(self.capabilities.max_bounces == 1, "direct light alone")
         self._image(cases.clear(), split=8)
 
     def test_texel_gradients_of_three_parts(self) -> None:

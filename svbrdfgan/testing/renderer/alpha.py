@@ -59,6 +59,7 @@ class AlphaTests(MeasuredKit):
     def test_a_clear_lid_casts_a_part_of_a_shadow(self) -> None:
         """Light passes a lid by what its alpha leaves, and takes nothing of its colour."""
         _declares(self)
+        declared(self.capabilities.max_bounces == 1, "direct light alone")
         alphas, colors = (0.0, 0.3, 0.8, np.array([[0.5]])), scenes.lambertian((0.5, 0.5, 0.5), (0.9, 0.1, 0.1))
         view = View(Camera((0.5, 0.2, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, -1.0), 0.1), scenes.row_lights(0), 4, 4)
         cases: list[Inputs] = [(scenes.with_alpha(scenes.occluder(), 1.0, alpha), colors, view) for alpha in alphas]
@@ -70,6 +71,7 @@ class AlphaTests(MeasuredKit):
     def test_two_clear_lids_cast_the_product(self) -> None:
         """Light that passes several parts keeps the product of what each leaves."""
         _declares(self)
+        declared(self.capabilities.max_bounces == 1, "direct light alone")
         higher = scenes.quad((0.0, 0.8, 1.0), (1.0, 0.0, 0.0), (0.0, 0.0, -2.0))
         lids = scenes.joined(scenes.occluder(), higher)
         view = View(Camera((0.5, 0.2, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, -1.0), 0.1), scenes.row_lights(0), 4, 4)

@@ -83,7 +83,7 @@ def test_an_exemplar_is_the_linear_picture_up_to_exposure_and_gloss(photographs:
     import_pictures(with_true_cameras(photographs), tmp_path / "own", base=photographs[0])
     found = load_exemplars(Dataset.open(tmp_path / "own"), "train")
     for number, one in enumerate(photographs[1]):
-        true = one.render(found.scenes[number].camera.camera(), (48, 48), 256)
+        true = one.render(found.scenes[number].camera.camera(), (48, 48), 2048)
         image, coverage = found.images[number].float(), found.coverage[number].float()
         veil = GLOSS * rendered(found, number, lambda s: white(s.learnable, len(s.surface.parts))).image
         below = (true.image * one.gain < SHOULDER).all(dim=-1)

@@ -107,7 +107,7 @@ class ShadowingWithoutMasking(Patched):
     def patches(self) -> list[Patch]:
         def one_sided(self: Any) -> Any:
             smith = ggx.masking(self.incoming, self.alpha2) / np.maximum(self.outgoing, 1e-4)
-            return np.where(self.faces, 0.25 * ggx.distribution(self.half, self.alpha2) * smith, 0.0)[:, None]
+            return (0.25 * ggx.distribution(self.half, self.alpha2) * smith)[:, None]
 
         return [(Facets, "specular", property(one_sided))]
 
@@ -120,7 +120,7 @@ class CorrelatedSmith(Patched):
         def correlated(self: Any) -> Any:
             views = [np.sqrt(self.alpha2 + (1.0 - self.alpha2) * c**2) for c in (self.incoming, self.outgoing)]
             shares = 0.5 / np.maximum(self.outgoing * views[0] + self.incoming * views[1], 1e-9)
-            return np.where(self.faces, ggx.distribution(self.half, self.alpha2) * shares, 0.0)[:, None]
+            return (ggx.distribution(self.half, self.alpha2) * shares)[:, None]
 
         return [(Facets, "specular", property(correlated))]
 

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.types import Environment, Gradients, Rendering, TransportSamples
+from svbrdfgan.types import Environment, Gradients, Material, Rendering, TransportSamples
 from wrong.base import Call, Right, light_of, scaled, with_colors
 from wrong.table import caught_by
 
@@ -45,8 +45,11 @@ class DecodesTextures(Right):
         return replace(call, materials=with_colors(call.materials, lambda color: color.detach() ** 2.2))
 
     def gradient(self, gradients: Gradients, call: Call) -> Gradients:
+        def slope(name: str, material: Material) -> Tensor:
+            return 2.2 * material.base_color.detach() ** 1.2 if name == "base_color" else torch.ones(1)
+
         parts = [
-            {name: value * 2.2 * material.base_color.detach().to(value) ** 1.2 for name, value in part.items()}
+            {name: value * slope(name, material).to(value) for name, value in part.items()}
             for part, material in zip(gradients.materials, call.materials.parts, strict=True)
         ]
         return replace(gradients, materials=tuple(parts))
