@@ -14,7 +14,7 @@ from torch import Tensor
 from svbrdfgan.config.error_messages import did_you_mean
 from svbrdfgan.config.models import build
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.geometry.bake import nearest_texels
+from svbrdfgan.geometry.bake_materials import nearest_texels
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.types import Surface
@@ -100,6 +100,8 @@ def _relief(
 
     Differences between texels would jump at the seams of the UVs.
     """
+    if not height.any():
+        return np.tile([0.0, 0.0, 1.0], (len(height), 1))
     step = max(site.texel, 1e-4)
     slopes = [(recipe.paint(site.moved(step * axis)).height - height) / step for axis in (tangent, bitangent)]
     return unit(np.stack([-slopes[0], -slopes[1], np.ones(len(height))], axis=1))

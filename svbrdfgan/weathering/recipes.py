@@ -70,16 +70,14 @@ class Recipe(Protocol):
 
 
 @dataclass(frozen=True)
-class RoadDirt:
-    """Mud and road film: strongest on the sills, behind the wheels, along the flanks and on the tail.
+class _Options:
+    """The options that every recipe has; a recipe's docstring says what its amounts look like.
 
     Attributes:
-        amount: 0 is clean, 1 is filthy.
+        amount: how much of the matter there is.
         seed: selects another pattern of the same kind.
         scale: size of the pattern, relative to the default.
         detail: 0 is smooth, 1 is as sharp as the texture allows.
-        reach: height up to which the dirt reaches, in heights of the vehicle.
-        spray: strength of the dirt behind the wheels.
 
     Raises:
         ConfigError: an option out of its range.
@@ -89,11 +87,26 @@ class RoadDirt:
     seed: int = number(0, 0, 2**31 - 1)
     scale: float = number(1.0, 0.25, 4.0)
     detail: float = number(0.0, 0.0, 1.0)
-    reach: float = number(0.65, 0.1, 1.5)
-    spray: float = number(1.0, 0.0, 2.0)
 
     def __post_init__(self) -> None:
         check_ranges(self)
+
+
+@dataclass(frozen=True)
+class RoadDirt(_Options):
+    """Mud and road film: strongest on the sills, behind the wheels, along the flanks and on the tail.
+
+    Attributes:
+        amount: 0 is clean, 1 is filthy.
+        reach: height up to which the dirt reaches, in heights of the vehicle.
+        spray: strength of the dirt behind the wheels.
+
+    Raises:
+        ConfigError: an option out of its range.
+    """
+
+    reach: float = number(0.65, 0.1, 1.5)
+    spray: float = number(1.0, 0.0, 2.0)
 
     def paint(self, site: Site) -> Coat:
         """All maps; see `Recipe.paint`."""
@@ -122,28 +135,18 @@ class RoadDirt:
 
 
 @dataclass(frozen=True)
-class Dust:
+class Dust(_Options):
     """A pale film on surfaces that face up, thicker in corners and recesses, with faint runs down the sides.
 
     Attributes:
         amount: 0 is clean, 1 is thickly covered.
-        seed: selects another pattern of the same kind.
-        scale: size of the pattern, relative to the default.
-        detail: 0 is smooth, 1 is as sharp as the texture allows.
         cling: how much dust stays on steep surfaces.
 
     Raises:
         ConfigError: an option out of its range.
     """
 
-    amount: float = number(0.8, 0.0, 1.0)
-    seed: int = number(0, 0, 2**31 - 1)
-    scale: float = number(1.0, 0.25, 4.0)
-    detail: float = number(0.0, 0.0, 1.0)
     cling: float = number(0.35, 0.0, 1.0)
-
-    def __post_init__(self) -> None:
-        check_ranges(self)
 
     def paint(self, site: Site) -> Coat:
         """All maps; see `Recipe.paint`."""
@@ -168,28 +171,18 @@ class Dust:
 
 
 @dataclass(frozen=True)
-class Rust:
+class Rust(_Options):
     """Corrosion that starts at edges, creases and recesses, spreads in blotches and stains the flanks below.
 
     Attributes:
         amount: 0 is intact metal, 1 is heavily rusted.
-        seed: selects another pattern of the same kind.
-        scale: size of the pattern, relative to the default.
-        detail: 0 is smooth, 1 is as sharp as the texture allows.
         bleed: strength of the runs below the blotches.
 
     Raises:
         ConfigError: an option out of its range.
     """
 
-    amount: float = number(0.8, 0.0, 1.0)
-    seed: int = number(0, 0, 2**31 - 1)
-    scale: float = number(1.0, 0.25, 4.0)
-    detail: float = number(0.0, 0.0, 1.0)
     bleed: float = number(1.0, 0.0, 2.0)
-
-    def __post_init__(self) -> None:
-        check_ranges(self)
 
     def paint(self, site: Site) -> Coat:
         """All maps; see `Recipe.paint`."""
@@ -227,14 +220,11 @@ class Rust:
 
 
 @dataclass(frozen=True)
-class ChippedPaint:
+class ChippedPaint(_Options):
     """Paint chipped off edges, the front and the sills down to primer and bare steel, and scratches along the flanks.
 
     Attributes:
         amount: 0 is intact paint, 1 is heavily chipped.
-        seed: selects another pattern of the same kind.
-        scale: size of the pattern, relative to the default.
-        detail: 0 is smooth, 1 is as sharp as the texture allows.
         scratches: strength of the scratches.
         rust: how much of the bare steel has begun to rust.
 
@@ -242,15 +232,9 @@ class ChippedPaint:
         ConfigError: an option out of its range.
     """
 
-    amount: float = number(0.8, 0.0, 1.0)
-    seed: int = number(0, 0, 2**31 - 1)
-    scale: float = number(1.0, 0.25, 4.0)
     detail: float = number(1.0, 0.0, 1.0)
     scratches: float = number(1.0, 0.0, 2.0)
     rust: float = number(0.5, 0.0, 1.0)
-
-    def __post_init__(self) -> None:
-        check_ranges(self)
 
     def paint(self, site: Site) -> Coat:
         """All maps; see `Recipe.paint`."""
