@@ -13,8 +13,8 @@ import warp as wp
 from svbrdfgan_warp import emitter, rng
 from svbrdfgan_warp.bvh_kernels import TRAVERSE
 from svbrdfgan_warp.frame import corners_of
-from svbrdfgan_warp.material_kernels import Records, shadow_start
-from svbrdfgan_warp.trace_kernels import Geometry, PreparedCamera, SampleRange, camera_ray, camera_start
+from svbrdfgan_warp.material_kernels import Records, sample_ray, shadow_start
+from svbrdfgan_warp.trace_kernels import Geometry, PreparedCamera, SampleRange, camera_start
 
 wp.set_module_options({"enable_backward": False})
 
@@ -91,11 +91,9 @@ def find_hits_through(
     """As `trace_kernels.find_hits`."""
     i = wp.tid()
     pixel = samples.first + i / samples.spp
-    sample = i % samples.spp
-    u, _ = rng.numbers(pixel, sample, samples.seed_low, samples.seed_high)
-    d = camera_ray(camera, pixel, rng.unit(u[0]), rng.unit(u[1]))
+    d = sample_ray(camera, samples, i)
     # Streams 0 and 1 belong to `rng.numbers`.
-    key = rng.hashed(wp.uint32(pixel), samples.seed_low, samples.seed_high, wp.uint32(sample + 2))
+    key = rng.hashed(wp.uint32(pixel), samples.seed_low, samples.seed_high, wp.uint32(i % samples.spp + 2))
     start = camera_start(geometry, camera, d)
     hit = nearest_through(geometry.nodes, geometry.triangles, alpha, start, d, key[0], key[1])
     face[i] = hit[0]

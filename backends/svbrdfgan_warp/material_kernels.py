@@ -282,20 +282,6 @@ def shade_vjp(
         gradients.normal[i] = passed
 
 
-@wp.func
-def add_to_map(sums: wp.array(dtype=Any), texel: wp.vec4i, a: Any, b: Any, c: Any, d: Any):
-    """Adds four sums to their texels, at once if the texels are one and the same. A texel of -1 means none."""
-    if texel[0] < 0:
-        return
-    if texel[0] == texel[3]:
-        wp.atomic_add(sums, texel[0], sums.dtype(a + b + c + d))
-    else:
-        wp.atomic_add(sums, texel[0], sums.dtype(a))
-        wp.atomic_add(sums, texel[1], sums.dtype(b))
-        wp.atomic_add(sums, texel[2], sums.dtype(c))
-        wp.atomic_add(sums, texel[3], sums.dtype(d))
-
-
 @wp.kernel
 def scatter_map(
     geometry: Geometry, atlas: Atlas, records: Records, gradient: wp.array(dtype=Any), sums: wp.array(dtype=Any)
@@ -316,7 +302,7 @@ def scatter_map(
             uv = texture_uv(geometry, corners_of(geometry, face), records.at[i])
             t, w = texture_kernels.taps(atlas, geometry.face_part[face], uv)
             if t[0] != texel[0] or t[3] != texel[3]:
-                add_to_map(sums, texel, a, b, c, d)
+                texture_kernels.add_to_texels(sums, texel, a, b, c, d)
                 texel = t
                 a = gradient.dtype(0.0)
                 b = gradient.dtype(0.0)
@@ -327,7 +313,7 @@ def scatter_map(
             b += g * w[1]
             c += g * w[2]
             d += g * w[3]
-    add_to_map(sums, texel, a, b, c, d)
+    texture_kernels.add_to_texels(sums, texel, a, b, c, d)
 
 
 scatter_colors = wp.overload(scatter_map, {"gradient": wp.array(dtype=wp.vec3), "sums": wp.array(dtype=wp.vec3d)})

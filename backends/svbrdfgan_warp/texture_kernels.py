@@ -85,19 +85,17 @@ def gather(
 
 
 @wp.func
-def add_to_texels(
-    grad_texels: wp.array(dtype=wp.vec3d), texel: wp.vec4i, a: wp.vec3, b: wp.vec3, c: wp.vec3, d: wp.vec3
-):
+def add_to_texels(sums: wp.array(dtype=Any), texel: wp.vec4i, a: Any, b: Any, c: Any, d: Any):
     """Adds four sums to their texels, at once if the texels are one and the same. A texel of -1 means none."""
     if texel[0] < 0:
         return
     if texel[0] == texel[3]:
-        wp.atomic_add(grad_texels, texel[0], wp.vec3d(a + b + c + d))
+        wp.atomic_add(sums, texel[0], sums.dtype(a + b + c + d))
     else:
-        wp.atomic_add(grad_texels, texel[0], wp.vec3d(a))
-        wp.atomic_add(grad_texels, texel[1], wp.vec3d(b))
-        wp.atomic_add(grad_texels, texel[2], wp.vec3d(c))
-        wp.atomic_add(grad_texels, texel[3], wp.vec3d(d))
+        wp.atomic_add(sums, texel[0], sums.dtype(a))
+        wp.atomic_add(sums, texel[1], sums.dtype(b))
+        wp.atomic_add(sums, texel[2], sums.dtype(c))
+        wp.atomic_add(sums, texel[3], sums.dtype(d))
 
 
 @wp.kernel
