@@ -12,8 +12,8 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from svbrdfgan.errors import ConfigError, EmbeddingError
-from svbrdfgan.geometry.normals import corner_normals, face_areas
-from svbrdfgan.geometry.split import split_corners
+from svbrdfgan.geometry.normals import face_areas
+from svbrdfgan.geometry.split import surface_over
 from svbrdfgan.protocols import UVCapabilities
 from svbrdfgan.types import Mesh, Surface
 from svbrdfgan_given.charts import charts_overlap, find_charts, signed_areas
@@ -144,20 +144,8 @@ def _halves(count: int, side: int) -> Float[ndarray, "faces 3 2"]:
 
 def _surface(mesh: Mesh, uv: Float[ndarray, "faces 3 2"]) -> Surface:
     """The surface with exactly these UVs: corners share a vertex only if their UVs are equal to the last bit."""
-    normals = corner_normals(mesh.positions, mesh.faces)
     rank = np.unique(uv.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 3, 1)
-    corner, faces = split_corners(mesh.faces, mesh.face_part, normals, rank.astype(np.float64))
-    return Surface(
-        positions=mesh.positions[mesh.faces.ravel()[corner]],
-        normals=normals.reshape(-1, 3)[corner],
-        uv=uv.reshape(-1, 2)[corner],
-        faces=faces,
-        face_part=mesh.face_part,
-        parts=mesh.parts,
-        elevation=np.zeros(len(corner)),
-        source_face=np.arange(len(faces)),
-        source_barycentric=np.tile(np.eye(3), (len(faces), 1, 1)),
-    )
+    return surface_over(mesh, uv, distinct=rank.astype(np.float64))
 
 
 def pack(

@@ -11,12 +11,12 @@ from numpy import ndarray
 from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
-from svbrdfgan.geometry.normals import corner_normals, unit
+from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.rasterize import Fragments
-from svbrdfgan.geometry.split import split_corners
+from svbrdfgan.geometry.split import surface_over
 from svbrdfgan.geometry.tangents import Tangents, corner_tangents
 from svbrdfgan.rendering.texture_filter import sample_texture
-from svbrdfgan.types import FileMap, Mesh, Surface
+from svbrdfgan.types import FileMap, Mesh
 
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -41,7 +41,7 @@ def bake_file_maps(mesh: Mesh, fragments: Fragments) -> tuple[dict[str, Float[Te
     parts = fragments.surface.parts
     frames = None
     if mesh.uv is not None and any("normal" in part.file_maps for part in parts):
-        frames = _Frames(corner_tangents(_over_own_uv(mesh, mesh.uv)), corner_tangents(fragments.surface))
+        frames = _Frames(corner_tangents(surface_over(mesh, mesh.uv)), corner_tangents(fragments.surface))
     baked = []
     for index, part in enumerate(parts):
         texels = _Texels(fragments, index)
@@ -129,20 +129,3 @@ def _perpendicular(
 ) -> Float[ndarray, "rows cols 3"]:
     """What is perpendicular to the normals, of unit length."""
     return unit(vectors - (vectors * normals).sum(axis=-1, keepdims=True) * normals)
-
-
-def _over_own_uv(mesh: Mesh, uv: Float[ndarray, "faces 3 2"]) -> Surface:
-    """The mesh with its own UVs, which may leave the unit square, as an embedding would return it."""
-    normals = corner_normals(mesh.positions, mesh.faces)
-    corner, faces = split_corners(mesh.faces, mesh.face_part, normals, uv)
-    return Surface(
-        positions=mesh.positions[mesh.faces.ravel()[corner]],
-        normals=normals.reshape(-1, 3)[corner],
-        uv=uv.reshape(-1, 2)[corner],
-        faces=faces,
-        face_part=mesh.face_part,
-        parts=mesh.parts,
-        elevation=np.zeros(len(corner)),
-        source_face=np.arange(len(faces)),
-        source_barycentric=np.broadcast_to(np.eye(3), (len(faces), 3, 3)),
-    )

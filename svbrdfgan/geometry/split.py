@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from svbrdfgan.geometry.normals import unit
+from svbrdfgan.geometry.normals import corner_normals, unit
 from svbrdfgan.geometry.subdivide import Pieces, cut_edges, unique_edges
-from svbrdfgan.types import Part, Surface
+from svbrdfgan.types import Mesh, Part, Surface
 
 _STEPS = 1 << 24  # attributes are compared after rounding to multiples of 1 / _STEPS
 
@@ -30,6 +30,29 @@ def split_corners(
     vertex = np.empty_like(order)
     vertex[order] = np.cumsum(fresh) - 1
     return order[fresh], vertex.reshape(-1, 3)
+
+
+def surface_over(
+    mesh: Mesh, uv: Float[ndarray, "faces 3 2"], distinct: Float[ndarray, "faces 3 _"] | None = None
+) -> Surface:
+    """The mesh as it is, over UVs that may leave the unit square.
+
+    Args:
+        distinct: what corners must have in common to share a vertex, beside position, normal and part; by default `uv`.
+    """
+    normals = corner_normals(mesh.positions, mesh.faces)
+    corner, faces = split_corners(mesh.faces, mesh.face_part, normals, uv if distinct is None else distinct)
+    return Surface(
+        positions=mesh.positions[mesh.faces.ravel()[corner]],
+        normals=normals.reshape(-1, 3)[corner],
+        uv=uv.reshape(-1, 2)[corner],
+        faces=faces,
+        face_part=mesh.face_part,
+        parts=mesh.parts,
+        elevation=np.zeros(len(corner)),
+        source_face=np.arange(len(faces)),
+        source_barycentric=np.tile(np.eye(3), (len(faces), 1, 1)),
+    )
 
 
 def surface_from_corners(

@@ -13,19 +13,17 @@ Quad = Callable[..., Path]
 
 
 @pytest.fixture
-def quad(tmp_path: Path) -> Quad:
-    """Writes a unit square in the XY plane as .gltf: `quad(material, picture=codes, ...)`, codes (rows, cols, 3 | 4).
+def gltf_quad() -> Quad:
+    """Writes a unit square in the XY plane as .gltf, with a .bin beside it: `gltf_quad(folder, material, extra)`.
 
-    Textures are numbered in the order of the pictures.
+    `extra` joins the header. The texture is upright seen from +Z.
     """
 
-    def write(material: dict[str, Any], **pictures: np.ndarray) -> Path:
+    def write(folder: Path, material: dict[str, Any], extra: dict[str, Any] | None = None) -> Path:
         positions = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype="<f4")
         uv = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], dtype="<f4")
         indices = np.array([0, 1, 2, 0, 2, 3], dtype="<u4")
-        (tmp_path / "quad.bin").write_bytes(positions.tobytes() + uv.tobytes() + indices.tobytes())
-        for name, codes in pictures.items():
-            Image.fromarray(codes.astype(np.uint8)).save(tmp_path / f"{name}.png")
+        (folder / "quad data.bin").write_bytes(positions.tobytes() + uv.tobytes() + indices.tobytes())
         attributes = {"POSITION": 0, "TEXCOORD_0": 1}
         header = {
             "asset": {"version": "2.0"},
@@ -34,9 +32,7 @@ def quad(tmp_path: Path) -> Quad:
             "nodes": [{"mesh": 0}],
             "meshes": [{"primitives": [{"attributes": attributes, "indices": 2, "material": 0}]}],
             "materials": [material],
-            "images": [{"uri": f"{name}.png"} for name in pictures],
-            "textures": [{"source": index} for index in range(len(pictures))],
-            "buffers": [{"uri": "quad.bin", "byteLength": 104}],
+            "buffers": [{"uri": "quad%20data.bin", "byteLength": 104}],
             "bufferViews": [
                 {"buffer": 0, "byteOffset": 0, "byteLength": 48},
                 {"buffer": 0, "byteOffset": 48, "byteLength": 32},
@@ -47,8 +43,28 @@ def quad(tmp_path: Path) -> Quad:
                 {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"},
                 {"bufferView": 2, "componentType": 5125, "count": 6, "type": "SCALAR"},
             ],
+            **(extra or {}),
         }
-        (tmp_path / "quad.gltf").write_text(json.dumps(header))
-        return tmp_path / "quad.gltf"
+        path = folder / "quad.gltf"
+        path.write_text(json.dumps(header))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def quad(tmp_path: Path, gltf_quad: Quad) -> Quad:
+    """Writes that square with pictures: `quad(material, picture=codes, ...)`, codes (rows, cols, 3 | 4).
+
+    Textures are numbered in the order of the pictures.
+    """
+
+    def write(material: dict[str, Any], **pictures: np.ndarray) -> Path:
+        for name, codes in pictures.items():
+            Image.fromarray(codes.astype(np.uint8)).save(tmp_path / f"{name}.png")
+        images = [{"uri": f"{name}.png"} for name in pictures]
+        return gltf_quad(
+            tmp_path, material, {"images": images, "textures": [{"source": index} for index in range(len(images))]}
+        )
 
     return write

@@ -1,7 +1,7 @@
 """What every kind of mesh file becomes."""
 
-import json
 import logging
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -37,38 +37,6 @@ def texel_at(mesh: Mesh, point: tuple[float, float, float]) -> np.ndarray:
     assert mesh.uv is not None
     col, row = np.clip(np.floor(mesh.uv[face, corner] * size), 0, size - 1).astype(int)
     return texture[row, col]
-
-
-def gltf_quad(folder: Path, material: dict, extra: dict | None = None) -> Path:
-    """A unit square in the XY plane as .gltf with a .bin beside it; its texture is upright seen from +Z."""
-    positions = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype="<f4")
-    uv = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], dtype="<f4")
-    indices = np.array([0, 1, 2, 0, 2, 3], dtype="<u4")
-    (folder / "quad data.bin").write_bytes(positions.tobytes() + uv.tobytes() + indices.tobytes())
-    attributes = {"POSITION": 0, "TEXCOORD_0": 1}
-    header = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": attributes, "indices": 2, "material": 0}]}],
-        "materials": [material],
-        "buffers": [{"uri": "quad%20data.bin", "byteLength": 104}],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": 0, "byteLength": 48},
-            {"buffer": 0, "byteOffset": 48, "byteLength": 32},
-            {"buffer": 0, "byteOffset": 80, "byteLength": 24},
-        ],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
-            {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"},
-            {"bufferView": 2, "componentType": 5125, "count": 6, "type": "SCALAR"},
-        ],
-        **(extra or {}),
-    }
-    path = folder / "quad.gltf"
-    path.write_text(json.dumps(header))
-    return path
 
 
 TEXTURED = {"name": "wood", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
@@ -131,12 +99,12 @@ def test_parts_of_one_name_and_material_are_one_and_namesakes_get_numbers(tmp_pa
     np.testing.assert_array_equal(np.bincount(mesh.face_part), [24, 12, 12])
 
 
-def test_gltf_factors_keep_their_precision(tmp_path: Path) -> None:
+def test_gltf_factors_keep_their_precision(tmp_path: Path, gltf_quad: Callable[..., Path]) -> None:
     material = {"name": "m", "pbrMetallicRoughness": {"baseColorFactor": [0.12345, 0.5004, 0.00021, 1.0]}}
     assert load_mesh(gltf_quad(tmp_path, material)).parts[0].base_color == (0.12345, 0.5004, 0.00021)
 
 
-def test_a_gltf_texture_is_upright_and_linear(tmp_path: Path) -> None:
+def test_a_gltf_texture_is_upright_and_linear(tmp_path: Path, gltf_quad: Callable[..., Path]) -> None:
     Image.fromarray(CORNER_COLORS // 255 * 188).save(tmp_path / "corners.png")
     mesh = load_mesh(gltf_quad(tmp_path, TEXTURED, PICTURE))
     half = ((188 / 255 + 0.055) / 1.055) ** 2.4  # about one half
@@ -173,7 +141,7 @@ def test_an_obj_texture_is_upright_and_kd_linear(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("content", [None, b"not a picture", b"cut"])
 def test_a_missing_or_broken_texture_is_a_warning(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, content: bytes | None
+    tmp_path: Path, gltf_quad: Callable[..., Path], caplog: pytest.LogCaptureFixture, content: bytes | None
 ) -> None:
     if content is not None:
         Image.fromarray(CORNER_COLORS).save(tmp_path / "corners.png")
