@@ -10,7 +10,7 @@ its random numbers. What a capability record declares must work; anything else r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
 
@@ -33,6 +33,7 @@ class RendererCapabilities:
         max_bounces: most scattering events on a path. 1 is direct light only.
         transport: whether it is a `TransportRenderer`.
         pullback: whether it is a `PullbackRenderer`.
+        deferred: whether it is a `DeferredRenderer`.
         stochastic: whether results depend on `seed`.
         alpha: whether rays pass through parts by their `alpha`; without it every part is opaque.
     """
@@ -42,6 +43,7 @@ class RendererCapabilities:
     max_bounces: int = 1
     transport: bool = False
     pullback: bool = False
+    deferred: bool = False
     stochastic: bool = True
     alpha: bool = False
 
@@ -124,6 +126,62 @@ class PullbackRenderer(Renderer[Prepared], Protocol[Prepared]):
         """The result of `render`, and `render_vjp` with the same arguments as a function of `grad_image`.
 
         Later writes into the tensors of materials and light do not affect the function.
+        """
+        ...
+
+
+class StoredLight(Protocol):
+    """What of a view's picture does not depend on the materials of its learnable parts; each renderer has its own."""
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of memory that keeping it takes."""
+        ...
+
+
+@runtime_checkable
+class DeferredRenderer(Renderer[Prepared], Protocol[Prepared]):
+    """A renderer that stores what camera samples hit and the light there, to shade it again for other materials.
+
+    Optional, and for direct light only. Unlike light transport it serves materials in which pictures are not linear.
+    """
+
+    def store_light(
+        self, prepared: Prepared, view: View, *, learnable: Sequence[int], hits: int, spp: int, seed: int
+    ) -> StoredLight:
+        """Traces `spp` camera samples of each pixel, and keeps at most `hits` that hit learnable parts, fairly chosen.
+
+        Raises:
+            SvbrdfganError: as for `render`.
+        """
+        ...
+
+    def shade(
+        self,
+        lights: Sequence[StoredLight],
+        textures: Float[Tensor, "textures rows cols channels"],
+        *,
+        maps: Sequence[str],
+        visit: int,
+        seed: int,
+    ) -> tuple[Float[Tensor, "views height width 3"], Callable[[Tensor], Tensor]]:
+        """Pictures of the learnable parts alone, premultiplied; unbiased for any visit and seed.
+
+        Args:
+            lights: of views of one film size, from `store_light`.
+            textures: of the learnable parts of each view, in the order of `learnable`, view after view.
+            maps: what the channels are: base_color first, in the order of `CHANNELS`.
+            visit: stored light is renewed little by little as visits grow, so that its noise cannot be learned. It
+                depends on the visit alone, not on earlier ones, and visits of a view must not decrease.
+            seed: of what is drawn anew for each picture.
+
+        Returns:
+            The pictures, and a function from their gradient to that of the textures, on the same samples. As with
+            `render_vjp`, drawn directions and densities are constants.
+
+        Raises:
+            UnsupportedError: a map that is not in `capabilities.maps`.
+            SvbrdfganError: the textures are not those of these views.
         """
         ...
 

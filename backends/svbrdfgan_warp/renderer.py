@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import torch
@@ -10,10 +10,18 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.protocols import Pullback, RendererCapabilities
-from svbrdfgan.rendering.validation import check_cotangent, check_device, check_render, check_transport
+from svbrdfgan.rendering.validation import (
+    check_cotangent,
+    check_device,
+    check_render,
+    check_shade,
+    check_store_light,
+    check_transport,
+)
 from svbrdfgan.types import Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan.types.material import CHANNELS
 from svbrdfgan_warp import light_records, scene
+from svbrdfgan_warp.deferred_shading import ShadingPass
 from svbrdfgan_warp.device import choose_device, in_order
 from svbrdfgan_warp.environment import EmitterCache
 from svbrdfgan_warp.frame import TangentSpace
@@ -22,12 +30,14 @@ from svbrdfgan_warp.material_pass import MaterialPass
 from svbrdfgan_warp.materials import linear_in_base_color
 from svbrdfgan_warp.render_pass import RenderPass
 from svbrdfgan_warp.scene import PreparedSurface, Tracer, film_chunks, prepare_camera
+from svbrdfgan_warp.stored_light import StoredLight, store_light
 
 CAPABILITIES = RendererCapabilities(
     maps=frozenset(CHANNELS),
     differentiable=frozenset({*CHANNELS, "environment"}),
     transport=True,
     pullback=True,
+    deferred=True,
     alpha=True,
 )
 
@@ -106,6 +116,31 @@ class WarpRenderer:
         tracer = self._tracer(prepared, view)
         chunks = film_chunks(view, spp, seed, scene.CHUNK[self.device.type])
         return in_order(lambda chunk: tracer(chunk).transport(), chunks, self.device)
+
+    def store_light(
+        self, prepared: PreparedSurface, view: View, *, learnable: Sequence[int], hits: int, spp: int, seed: int
+    ) -> StoredLight:
+        """Camera samples on learnable parts, with room for light samples. A hit takes 36 bytes."""
+        check_store_light("warp", CAPABILITIES, prepared.parts, learnable, hits=hits, spp=spp)
+        check_device("warp", prepared.device, self.device)
+        emitter = self._emitters.emitter(view.environment)
+        return store_light(prepared, emitter, view, learnable=learnable, hits=hits, spp=spp, seed=seed)
+
+    def shade(
+        self,
+        lights: Sequence[StoredLight],
+        textures: Float[Tensor, "textures rows cols channels"],
+        *,
+        maps: Sequence[str],
+        visit: int,
+        seed: int,
+    ) -> tuple[Float[Tensor, "views height width 3"], Callable[[Tensor], Tensor]]:
+        """Pictures from stored light samples, combined with a ray that each hit draws by its material."""
+        check_shade("warp", CAPABILITIES, [(light.film, light.textures) for light in lights], textures, maps)
+        values = textures.detach().to(self.device, torch.float32).contiguous()
+        shading = ShadingPass(tuple(lights), values, tuple(maps), seed)
+        shading.draw_light(visit)
+        return shading.forward(), shading.backward
 
     def _transport_through(
         self, prepared: PreparedSurface, view: View, spp: int, seed: int

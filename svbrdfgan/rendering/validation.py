@@ -14,6 +14,7 @@ from torch import Tensor
 from svbrdfgan.errors import AssetError, ConfigError, UnsupportedError
 from svbrdfgan.protocols import RendererCapabilities
 from svbrdfgan.types import Materials, View
+from svbrdfgan.types.material import CHANNELS
 
 
 def check_render(
@@ -66,6 +67,67 @@ def check_transport(renderer: str, capabilities: RendererCapabilities, *, spp: i
             "`svbrdfgan backends` shows which renderers have it."
         )
     _check_samples(renderer, spp)
+
+
+def check_store_light(
+    renderer: str,
+    capabilities: RendererCapabilities,
+    parts: Sequence[str],
+    learnable: Sequence[int],
+    *,
+    hits: int,
+    spp: int,
+) -> None:
+    """Checks the arguments of `store_light`.
+
+    Raises:
+        ConfigError: `spp` or `hits` is below 1, or `learnable` names a part twice or one that the surface lacks.
+        UnsupportedError: `capabilities.deferred` is false.
+    """
+    if not capabilities.deferred:
+        raise UnsupportedError(
+            f"{renderer} renderer: it stores no light; `svbrdfgan backends` shows which renderers do."
+        )
+    _check_samples(renderer, spp)
+    if hits < 1:
+        raise ConfigError(f"{renderer} renderer: hits is {hits}; wanted at least 1 hit per pixel.")
+    if len(set(learnable)) < len(learnable) or not set(learnable) <= set(range(len(parts))):
+        raise ConfigError(
+            f"{renderer} renderer: learnable is {list(learnable)}; wanted different parts of 0 to {len(parts) - 1}."
+        )
+
+
+def check_shade(
+    renderer: str,
+    capabilities: RendererCapabilities,
+    views: Sequence[tuple[tuple[int, int], int]],
+    textures: Float[Tensor, "textures rows cols channels"],
+    maps: Sequence[str],
+) -> None:
+    """Checks the arguments of `shade`.
+
+    Args:
+        views: of each view, the film's (height, width) and the number of learnable parts.
+
+    Raises:
+        ConfigError: there is no view, films differ in size, or the textures do not fit the views or the maps.
+        UnsupportedError: a map is not in `capabilities.maps`.
+    """
+    if unread := sorted(set(maps) - capabilities.maps):
+        raise UnsupportedError(f"{renderer} renderer: it does not read {', '.join(unread)}.")
+    if len({film for film, _ in views}) != 1:
+        raise ConfigError(f"{renderer} renderer: stored light of {len(views)} views; wanted views of one film size.")
+    if list(maps) != [name for name in CHANNELS if name in {"base_color", *maps}]:
+        raise ConfigError(
+            f"{renderer} renderer: maps are {', '.join(maps)}; wanted base_color and others in the order of "
+            f"{', '.join(CHANNELS)}."
+        )
+    count, channels = sum(learnable for _, learnable in views), sum(CHANNELS[name] for name in maps)
+    if textures.ndim != 4 or (textures.shape[0], textures.shape[3]) != (count, channels):
+        raise ConfigError(
+            f"{renderer} renderer: textures have shape {tuple(textures.shape)}; wanted ({count}, rows, cols, "
+            f"{channels})."
+        )
 
 
 def check_cotangent(renderer: str, view: View, grad_image: Tensor) -> None:

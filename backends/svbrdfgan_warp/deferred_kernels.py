@@ -1,0 +1,373 @@
+"""Warp kernels of deferred shading: the light of stored hits drawn and traced, shading under any maps, and its transpose.
+
+A light sample is stored as a pixel of the environment, drawn in proportion to its light, or `SHADOWED`. Where in that
+pixel the sample lies is a hash of hit and sample. Rays are drawn by the BSDF for the maps of the moment. Both are
+combined by the balance heuristic, whose densities gradients treat as constant.
+
+Kernels have a thread for each view of a batch, from `first` on, and each hit of a view, or each of its pixels.
+"""
+
+# mypy: ignore-errors
+
+import warp as wp
+
+from svbrdfgan_warp import alpha_kernels, bsdf, bvh_kernels, emitter, rng
+from svbrdfgan_warp.alpha_kernels import AlphaMaps
+from svbrdfgan_warp.frame import Frame, TangentSpace, bent_normal, bent_normal_vjp, corners_of, frame_at
+from svbrdfgan_warp.material_kernels import shadow_start
+from svbrdfgan_warp.texture_kernels import texel_index
+from svbrdfgan_warp.trace_kernels import Geometry
+
+wp.set_module_options({"enable_backward": False})
+
+SHADOWED = wp.constant(wp.uint32(0xFFFFFFFF))
+# Streams of `rng.hashed`; 0 and 1 belong to `rng.numbers`.
+_WITHIN = wp.constant(wp.uint32(0x10000))
+_PASSES = wp.constant(wp.uint32(0x20000))
+
+
+@wp.struct
+class StoredView:
+    """What of a view's picture does not depend on the learnable materials, and the view's place in a batch."""
+
+    geometry: Geometry
+    space: TangentSpace
+    alpha: AlphaMaps  # empty where all parts are opaque
+    environment: emitter.EnvironmentEmitter
+    origin: wp.vec3  # of the camera
+    texture: wp.array(dtype=wp.int32)  # of each part, counted within the view
+    repeat_u: wp.bool
+    repeat_v: wp.bool
+    start: wp.array(dtype=wp.int32)  # each pixel's first hit, and the number of hits
+    weight: wp.array(dtype=wp.float32)  # of each hit of a pixel in the pixel
+    pixel: wp.array(dtype=wp.int32)  # of each hit
+    face: wp.array(dtype=wp.int32)
+    at: wp.array(dtype=wp.vec2)  # barycentrics of the face's first two corners
+    light: wp.array2d(dtype=wp.uint32)  # (hits, samples)
+    seed_low: wp.uint32
+    seed_high: wp.uint32
+    first_hit: wp.int32
+    first_texture: wp.int32
+
+
+@wp.struct
+class Textures:
+    """The maps of all learnable parts of a batch, (textures, rows, cols, channels), base colour first."""
+
+    values: wp.array(dtype=wp.float32)
+    rows: wp.int32
+    cols: wp.int32
+    channels: wp.int32
+    roughness: wp.int32  # the first channel of a map; -1 where there is none
+    metallic: wp.int32
+    normal: wp.int32
+
+
+@wp.struct
+class Lookup:
+    """The four texels around a hit, as the index of their first channel, and their bilinear weights."""
+
+    texel: wp.vec4i
+    weight: wp.vec4
+
+
+@wp.struct
+class Mapped:
+    """A hit's maps, as they were looked up."""
+
+    roughness: wp.float32
+    metallic: wp.float32
+    normal: wp.vec3
+
+
+@wp.func
+def lookup(view: StoredView, textures: Textures, frame: Frame):
+    """The texels that a hit looks up."""
+    x = frame.uv[0] * float(textures.cols) - 0.5
+    y = frame.uv[1] * float(textures.rows) - 0.5
+    col = int(wp.floor(x))
+    row = int(wp.floor(y))
+    a = x - float(col)
+    b = y - float(row)
+    left = texel_index(col, textures.cols, view.repeat_u)
+    right = texel_index(col + 1, textures.cols, view.repeat_u)
+    first = (view.first_texture + view.texture[frame.part]) * textures.rows
+    below = (first + texel_index(row, textures.rows, view.repeat_v)) * textures.cols
+    above = (first + texel_index(row + 1, textures.rows, view.repeat_v)) * textures.cols
+    found = Lookup()
+    found.texel = wp.vec4i(below + left, below + right, above + left, above + right) * textures.channels
+    found.weight = wp.vec4((1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b)
+    return found
+
+
+@wp.func
+def number_at(textures: Textures, found: Lookup, channel: int):
+    total = float(0.0)  # noqa: UP018 - Warp's way to declare a variable
+    for k in range(4):
+        total += textures.values[found.texel[k] + channel] * found.weight[k]
+    return total
+
+
+@wp.func
+def vector_at(textures: Textures, found: Lookup, channel: int):
+    return wp.vec3(
+        number_at(textures, found, channel),
+        number_at(textures, found, channel + 1),
+        number_at(textures, found, channel + 2),
+    )
+
+
+@wp.func
+def maps_at(textures: Textures, found: Lookup):
+    mapped = Mapped()
+    if textures.roughness >= 0:
+        mapped.roughness = number_at(textures, found, textures.roughness)
+    if textures.metallic >= 0:
+        mapped.metallic = number_at(textures, found, textures.metallic)
+    if textures.normal >= 0:
+        mapped.normal = vector_at(textures, found, textures.normal)
+    return mapped
+
+
+@wp.func
+def material_of(textures: Textures, mapped: Mapped, frame: Frame):
+    """The material at a hit, without its base colour."""
+    material = bsdf.SurfaceMaterial()
+    material.normal = frame.normal
+    if textures.normal >= 0:
+        material.normal = bent_normal(frame, mapped.normal)
+    if textures.roughness >= 0:
+        material.alpha2 = bsdf.alpha2_of(mapped.roughness)
+        material.metallic = wp.clamp(mapped.metallic, 0.0, 1.0)
+    return material
+
+
+@wp.func
+def frame_of(view: StoredView, hit: int):
+    """The shading frame of a stored hit."""
+    geometry = view.geometry
+    corners = corners_of(geometry, view.face[hit])
+    at = view.at[hit]
+    p = geometry.points[corners[0]] * at[0] + geometry.points[corners[1]] * at[1]
+    p += geometry.points[corners[2]] * (1.0 - at[0] - at[1])
+    return frame_at(geometry, view.space, view.face[hit], at, wp.normalize(p - view.origin))
+
+
+@wp.func
+def reaches_light(view: StoredView, hit: int, d: wp.vec3, number: wp.uint32):
+    """Whether light along `d` reaches a hit. Of a ray that meets clear parts, `number` decides."""
+    geometry = view.geometry
+    start = shadow_start(geometry, corners_of(geometry, view.face[hit]), view.at[hit], d)
+    if view.alpha.layout.shape[0] > 0:
+        passed = alpha_kernels.transmittance(geometry.nodes, geometry.triangles, view.alpha, start, d)
+        return rng.unit(number) < passed
+    return not bvh_kernels.blocked(geometry.nodes, geometry.triangles, start, d)
+
+
+@wp.func
+def light_position(view: StoredView, hit: int, sample: int, stored: wp.uint32):
+    """The position in the environment of a stored light sample."""
+    within = rng.hashed(wp.uint32(hit), view.seed_low, view.seed_high, _WITHIN + wp.uint32(sample))
+    cols = wp.uint32(view.environment.texels.shape[1])
+    return wp.vec2(float(stored % cols) + rng.unit(within[0]), float(stored / cols) + rng.unit(within[1]))
+
+
+@wp.kernel(cuda_max_registers=64)  # as in `trace_kernels.illuminate_hits`
+def draw_light(views: wp.array(dtype=StoredView), first: int, group: int, groups: int, draw: wp.uint32):
+    """Draws those light samples of all hits anew whose number is `group` modulo `groups`."""
+    number, thread = wp.tid()
+    view = views[first + number]
+    samples = view.light.shape[1]
+    per_hit = (samples - group + groups - 1) / groups
+    hit = thread / per_hit
+    if hit >= view.face.shape[0]:
+        return
+    sample = group + thread % per_hit * groups
+    pixel = view.pixel[hit]
+    # What is drawn of a pixel's hits at once is one sequence: parts of a longer one would lie close together.
+    index = (hit - view.start[pixel]) * per_hit + thread % per_hit
+    u, v = rng.numbers(pixel, index, view.seed_low ^ draw, view.seed_high)
+    row = emitter.drawn_column(view.environment.row_first, 0, u[0])
+    stored = wp.uint32(row * view.environment.texels.shape[1])
+    stored += wp.uint32(emitter.drawn_column(view.environment.col_first, row, u[1]))
+    d = emitter.direction(view.environment, light_position(view, hit, sample, stored))
+    if wp.dot(frame_of(view, hit).normal, d) <= 0.0 or not reaches_light(view, hit, d, v[0]):
+        stored = SHADOWED
+    view.light[hit, sample] = stored
+
+
+@wp.kernel
+def draw_rays(
+    views: wp.array(dtype=StoredView),
+    first: int,
+    textures: Textures,
+    seed_low: wp.uint32,
+    seed_high: wp.uint32,
+    rays: wp.array2d(dtype=wp.vec2),
+):
+    """Draws the rays of all hits by their materials: positions in the environment, x = -1 where no light counts."""
+    number, hit = wp.tid()
+    view = views[first + number]
+    if hit >= view.face.shape[0]:
+        return
+    frame = frame_of(view, hit)
+    material = material_of(textures, maps_at(textures, lookup(view, textures, frame)), frame)
+    pixel = view.pixel[hit]
+    for ray in range(rays.shape[1]):
+        index = (hit - view.start[pixel]) * rays.shape[1] + ray
+        u, _ = rng.numbers(pixel, index, seed_low, seed_high + wp.uint32(first + number))
+        d = bsdf.sample(material, frame.outgoing, rng.unit(u[0]), rng.unit(u[1]))
+        at = wp.vec2(-1.0, 0.0)
+        if wp.dot(material.normal, d) > 0.0 and wp.dot(frame.normal, d) > 0.0:
+            at = emitter.position(view.environment, d)
+        rays[view.first_hit + hit, ray] = at
+
+
+@wp.kernel(cuda_max_registers=64)
+def trace_rays(
+    views: wp.array(dtype=StoredView),
+    first: int,
+    seed_low: wp.uint32,
+    seed_high: wp.uint32,
+    rays: wp.array2d(dtype=wp.vec2),
+):
+    """Removes the rays that do not reach the light."""
+    number, thread = wp.tid()
+    view = views[first + number]
+    hit = thread / rays.shape[1]
+    if hit >= view.face.shape[0]:
+        return
+    ray = thread % rays.shape[1]
+    at = rays[view.first_hit + hit, ray]
+    if at[0] < 0.0:
+        return
+    stream = _PASSES + wp.uint32(first + number)
+    passes = rng.hashed(wp.uint32(thread), seed_low, seed_high, stream)
+    if not reaches_light(view, hit, emitter.direction(view.environment, at), passes[0]):
+        rays[view.first_hit + hit, ray] = wp.vec2(-1.0, 0.0)
+
+
+@wp.func
+def sample_position(view: StoredView, rays: wp.array2d(dtype=wp.vec2), hit: int, sample: int):
+    """The position in the environment of a hit's sample: first the stored ones, then the rays. x is -1 in shadow."""
+    stored = view.light.shape[1]
+    if sample >= stored:
+        return rays[view.first_hit + hit, sample - stored]
+    light = view.light[hit, sample]
+    if light == SHADOWED:
+        return wp.vec2(-1.0, 0.0)
+    return light_position(view, hit, sample, light)
+
+
+@wp.func
+def sample_factor(
+    view: StoredView, rays: int, material: bsdf.SurfaceMaterial, frame: Frame, at: wp.vec2, d: wp.vec3
+):
+    """One over the summed densities of all samples (balance heuristic); 0 where no light counts."""
+    if wp.dot(material.normal, d) <= 0.0 or wp.dot(frame.normal, d) <= 0.0:
+        return 0.0
+    density = float(view.light.shape[1]) * emitter.density(view.environment, at, d)
+    return 1.0 / (density + float(rays) * bsdf.density(material, frame.outgoing, d))
+
+
+@wp.kernel
+def shade(
+    views: wp.array(dtype=StoredView),
+    first: int,
+    textures: Textures,
+    rays: wp.array2d(dtype=wp.vec2),
+    radiance: wp.array(dtype=wp.vec3),
+):
+    """The radiance of each hit."""
+    number, hit = wp.tid()
+    view = views[first + number]
+    if hit >= view.face.shape[0]:
+        return
+    frame = frame_of(view, hit)
+    found = lookup(view, textures, frame)
+    material = material_of(textures, maps_at(textures, found), frame)
+    material.base_color = vector_at(textures, found, 0)
+    total = wp.vec3(0.0)
+    for sample in range(view.light.shape[1] + rays.shape[1]):
+        at = sample_position(view, rays, hit, sample)
+        if at[0] >= 0.0:
+            d = emitter.direction(view.environment, at)
+            factor = sample_factor(view, rays.shape[1], material, frame, at, d)
+            if factor > 0.0:
+                value = bsdf.value(material, frame.outgoing, d)
+                total += wp.cw_mul(value, emitter.radiance(view.environment, at)) * factor
+    radiance[view.first_hit + hit] = total
+
+
+@wp.kernel
+def average(
+    views: wp.array(dtype=StoredView),
+    first: int,
+    radiance: wp.array(dtype=wp.vec3),
+    images: wp.array2d(dtype=wp.vec3),
+):
+    """The pixels: the weighted sums over their hits."""
+    number, pixel = wp.tid()
+    view = views[first + number]
+    total = wp.vec3(0.0)
+    for hit in range(view.start[pixel], view.start[pixel + 1]):
+        total += radiance[view.first_hit + hit]
+    images[first + number, pixel] = total * view.weight[pixel]
+
+
+@wp.kernel
+def shade_vjp(
+    views: wp.array(dtype=StoredView),
+    first: int,
+    textures: Textures,
+    rays: wp.array2d(dtype=wp.vec2),
+    grad_images: wp.array2d(dtype=wp.vec3),
+    grad_values: wp.array(dtype=wp.float32),
+):
+    """Adds the gradient of sum(images * grad_images) to that of the textures' values."""
+    number, hit = wp.tid()
+    view = views[first + number]
+    if hit >= view.face.shape[0]:
+        return
+    pixel = view.pixel[hit]
+    grad = grad_images[first + number, pixel] * view.weight[pixel]
+    frame = frame_of(view, hit)
+    found = lookup(view, textures, frame)
+    mapped = maps_at(textures, found)
+    material = material_of(textures, mapped, frame)
+    material.base_color = vector_at(textures, found, 0)
+    total = bsdf.MaterialGradient()
+    for sample in range(view.light.shape[1] + rays.shape[1]):
+        at = sample_position(view, rays, hit, sample)
+        if at[0] >= 0.0:
+            d = emitter.direction(view.environment, at)
+            factor = sample_factor(view, rays.shape[1], material, frame, at, d)
+            if factor > 0.0:
+                weight = wp.cw_mul(grad, emitter.radiance(view.environment, at)) * factor
+                one = bsdf.value_vjp(material, frame.outgoing, d, weight)
+                total.normal += one.normal
+                total.base_color += one.base_color
+                total.metallic += one.metallic
+                total.alpha2 += one.alpha2
+    roughness = total.alpha2 * bsdf.alpha2_slope(mapped.roughness)
+    metallic = wp.where(mapped.metallic >= 0.0 and mapped.metallic <= 1.0, total.metallic, 0.0)
+    normal = wp.vec3(0.0)
+    if textures.normal >= 0:
+        normal = bent_normal_vjp(frame, mapped.normal, total.normal)
+    for k in range(4):
+        texel = found.texel[k]
+        w = found.weight[k]
+        add_vector(grad_values, texel, total.base_color * w)
+        if textures.roughness >= 0:
+            wp.atomic_add(grad_values, texel + textures.roughness, roughness * w)
+        if textures.metallic >= 0:
+            wp.atomic_add(grad_values, texel + textures.metallic, metallic * w)
+        if textures.normal >= 0:
+            add_vector(grad_values, texel + textures.normal, normal * w)
+
+
+@wp.func
+def add_vector(values: wp.array(dtype=wp.float32), index: int, v: wp.vec3):
+    wp.atomic_add(values, index, v[0])
+    wp.atomic_add(values, index + 1, v[1])
+    wp.atomic_add(values, index + 2, v[2])

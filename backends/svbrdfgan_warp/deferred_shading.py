@@ -1,0 +1,144 @@
+"""Deferred shading: pictures of several views from their stored light, for any maps, and gradients back to the maps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+from typing import Any
+
+import torch
+import warp as wp
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.types.material import CHANNELS
+from svbrdfgan_warp import deferred_kernels
+from svbrdfgan_warp.device import in_order, launch
+from svbrdfgan_warp.stored_light import LIGHT_SAMPLES, REDRAWS, StoredLight
+
+RAYS = 1
+"""Rays that a hit draws by its material, at each visit."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShadingPass:
+    """One picture of each view of a batch, forward to pixels and backward to textures.
+
+    On CUDA each kernel is launched once for all views. On the CPU a launch has one thread, so views have launches of
+    their own.
+
+    Attributes:
+        lights: of the views.
+        values: a copy of the textures' maps, by texel; `channels` says which they are.
+        shape: of the textures: (textures, rows, cols, channels).
+        seed: of the rays.
+    """
+
+    lights: tuple[StoredLight, ...]
+    values: Float[Tensor, "textures rows cols channels"]
+    maps: tuple[str, ...]
+    seed: int
+
+    @property
+    def device(self) -> torch.device:
+        return self.values.device
+
+    def draw_light(self, visit: int) -> None:
+        """Brings the light samples to a visit: a share of them is drawn anew for each visit since the last one.
+
+        What they are then depends on the visit alone, not on those before it.
+        """
+        for drawn in range(visit - REDRAWS + 1, visit + 1):
+            due = [n for n, light in enumerate(self.lights) if light.visit < drawn]
+            if due:
+                self._draw(due, drawn)
+        for light in self.lights:
+            light.visit = max(light.visit, visit)
+
+    def forward(self) -> Float[Tensor, "views height width 3"]:
+        """The pictures of the learnable parts."""
+        height, width = self.lights[0].film
+        images = torch.empty(len(self.lights), height * width, 3, dtype=torch.float32, device=self.device)
+        pixels = wp.from_torch(images, dtype=wp.vec3)
+        radiance = wp.from_torch(torch.empty(self._hits, 3, dtype=torch.float32, device=self.device), dtype=wp.vec3)
+        seeds = wp.uint32(self.seed & 0xFFFFFFFF), wp.uint32((self.seed >> 32) & 0xFFFFFFFF)
+
+        def shade(first: int, views: int, hits: int) -> None:
+            at = self._views, first
+            launch(deferred_kernels.draw_rays, (views, hits), (*at, self._textures, *seeds, self._rays), self.device)
+            launch(deferred_kernels.trace_rays, (views, hits * RAYS), (*at, *seeds, self._rays), self.device)
+            launch(deferred_kernels.shade, (views, hits), (*at, self._textures, self._rays, radiance), self.device)
+            launch(deferred_kernels.average, (views, height * width), (*at, radiance, pixels), self.device)
+
+        self._for_views(shade)
+        return images.view(len(self.lights), height, width, 3)
+
+    def backward(
+        self, grad_images: Float[Tensor, "views height width 3"]
+    ) -> Float[Tensor, "textures rows cols channels"]:
+        """The gradient of sum(images * grad_images) for the textures, on the same samples."""
+        gradient = torch.zeros_like(self.values)
+        given = grad_images.detach().to(self.device, torch.float32).reshape(len(self.lights), -1, 3).contiguous()
+        arrays = wp.from_torch(given, dtype=wp.vec3), wp.from_torch(gradient.view(-1))
+
+        def differentiate(first: int, views: int, hits: int) -> None:
+            arguments = (self._views, first, self._textures, self._rays, *arrays)
+            launch(deferred_kernels.shade_vjp, (views, hits), arguments, self.device)
+
+        self._for_views(differentiate)
+        return gradient
+
+    @cached_property
+    def _hits(self) -> int:
+        return sum(len(light.hits) for light in self.lights)
+
+    @cached_property
+    def _views(self) -> Any:
+        """The views as kernels take them."""
+        hits = accumulate((len(light.hits) for light in self.lights), initial=0)
+        textures = accumulate((light.textures for light in self.lights), initial=0)
+        views = [light.argument(*first) for light, *first in zip(self.lights, hits, textures, strict=False)]
+        return wp.array(views, dtype=deferred_kernels.StoredView, device=wp.device_from_torch(self.device))
+
+    @cached_property
+    def _textures(self) -> deferred_kernels.Textures:
+        result: Any = deferred_kernels.Textures()
+        _, result.rows, result.cols, result.channels = self.values.shape
+        result.values = wp.from_torch(self.values.view(-1))
+        result.roughness = result.metallic = result.normal = -1
+        first = accumulate((CHANNELS[name] for name in self.maps), initial=0)
+        for name, channel in list(zip(self.maps, first, strict=False))[1:]:
+            setattr(result, name, channel)
+        return result
+
+    @cached_property
+    def _rays(self) -> Any:
+        """Drawn by `forward`, and read by `backward`."""
+        rays = torch.empty(self._hits, RAYS, 2, dtype=torch.float32, device=self.device)
+        return wp.from_torch(rays, dtype=wp.vec2)
+
+    def _draw(self, due: Sequence[int], visit: int) -> None:
+        """Draws the light samples of one visit for some of the views."""
+        group = visit % REDRAWS
+        draw = wp.uint32((visit * 0x9E3779B1 + 0x7F4A7C15) & 0xFFFFFFFF)
+        per_hit = len(range(group, LIGHT_SAMPLES, REDRAWS))
+
+        def redraw(first: int, views: int, hits: int) -> None:
+            arguments = (self._views, first, group, REDRAWS, draw)
+            launch(deferred_kernels.draw_light, (views, hits * per_hit), arguments, self.device)
+
+        if len(due) == len(self.lights):
+            self._for_views(redraw)
+        else:
+            for view in due:
+                redraw(view, 1, len(self.lights[view].hits))
+
+    def _for_views(self, job: Any) -> None:
+        """Calls `job` with the first of the views, their number, and the most hits of any."""
+        counts = [len(light.hits) for light in self.lights]
+        if self.device.type == "cuda":
+            job(0, len(counts), max(counts))
+        else:
+            list(in_order(lambda view: job(view, 1, counts[view]), range(len(counts)), self.device))

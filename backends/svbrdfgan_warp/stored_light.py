@@ -1,0 +1,175 @@
+"""The stored light of a view: hits of camera samples on learnable parts, and light samples that reach them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+import warp as wp
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from svbrdfgan.types import View
+from svbrdfgan_warp import alpha_kernels, deferred_kernels, light_records, trace_kernels
+from svbrdfgan_warp.device import in_order, launch, quiet
+from svbrdfgan_warp.emitter import EnvironmentEmitter
+from svbrdfgan_warp.scene import FilmChunk, PreparedSurface, film_chunks, prepare_camera
+
+LIGHT_SAMPLES = 4
+"""Stored light samples of a hit."""
+
+REDRAWS = 4
+"""Visits in which all light samples are drawn anew once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """Camera samples that hit learnable parts, in the order of their pixels.
+
+    Attributes:
+        start: each pixel's first hit, row * width + column, and the number of hits.
+        weight: what each hit of a pixel counts in it.
+        pixel: of each hit.
+        face: of each hit.
+        at: barycentrics of the face's first two corners.
+    """
+
+    start: Int[Tensor, " pixels+1"]
+    weight: Float[Tensor, " pixels"]
+    pixel: Int[Tensor, " hits"]
+    face: Int[Tensor, " hits"]
+    at: Float[Tensor, "hits 2"]
+
+    def __len__(self) -> int:
+        return len(self.face)
+
+
+@dataclass(eq=False)
+class StoredLight:
+    """What of a view's picture does not depend on the learnable materials, on one device.
+
+    Attributes:
+        camera_origin: in the prepared surface's coordinates.
+        texture: of each part its number among the learnable parts; -1 for the others.
+        light: light samples of each hit, as `deferred_kernels` stores them.
+        visit: for which they were drawn; at first one before all that visit 0 needs.
+    """
+
+    surface: PreparedSurface
+    emitter: EnvironmentEmitter
+    camera_origin: wp.vec3
+    film: tuple[int, int]
+    texture: Int[Tensor, " parts"]
+    hits: Hits
+    light: Int[Tensor, "hits samples"]
+    seed: int
+    visit: int = -REDRAWS
+
+    @property
+    def textures(self) -> int:
+        """The number of learnable parts."""
+        return int((self.texture >= 0).sum())
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its own tensors, without the surface and the environment."""
+        return sum(tensor.nbytes for tensor in (*vars(self.hits).values(), self.light, self.texture))
+
+    def argument(self, first_hit: int, first_texture: int) -> deferred_kernels.StoredView:
+        """The view as kernels take it, at its place in a batch."""
+        surface, hits, view = self.surface, self.hits, deferred_kernels.StoredView()
+        result: Any = view
+        result.geometry, result.space, result.environment = surface.geometry, surface.tangent_space, self.emitter
+        if surface.alpha is not None:
+            result.alpha = surface.alpha
+        result.origin, result.texture = self.camera_origin, wp.from_torch(self.texture)
+        result.repeat_u, result.repeat_v = surface.repeat
+        result.start, result.weight = wp.from_torch(hits.start), wp.from_torch(hits.weight)
+        result.pixel, result.face = wp.from_torch(hits.pixel), wp.from_torch(hits.face)
+        result.at = wp.from_torch(hits.at, dtype=wp.vec2)
+        result.light = wp.from_torch(self.light, dtype=wp.uint32)
+        result.seed_low, result.seed_high = self.seed & 0xFFFFFFFF, (self.seed >> 32) & 0xFFFFFFFF
+        result.first_hit, result.first_texture = first_hit, first_texture
+        return view
+
+
+def store_light(
+    surface: PreparedSurface,
+    emitter: EnvironmentEmitter,
+    view: View,
+    *,
+    learnable: Sequence[int],
+    hits: int,
+    spp: int,
+    seed: int,
+) -> StoredLight:
+    """Traces the camera samples of a view and keeps at most `hits` of each pixel. No light is drawn yet."""
+    device = surface.device
+    with quiet():
+        wp.load_module(deferred_kernels, device=wp.device_from_torch(device))
+    camera = prepare_camera(view, surface.centre)
+    numbers = np.full(len(surface.parts), -1, dtype=np.int32)
+    numbers[list(learnable)] = np.arange(len(learnable))
+    texture = torch.from_numpy(numbers).to(device)
+    generator = torch.Generator(device).manual_seed(seed)
+    chunks = film_chunks(view, spp, seed, light_records.CHUNK[device.type])
+    face_part = wp.to_torch(surface.geometry.face_part)
+
+    def trace(chunk: FilmChunk) -> tuple[Tensor, Tensor]:
+        face = torch.empty(len(chunk), dtype=torch.int32, device=device)
+        at = torch.empty(len(chunk), 2, dtype=torch.float32, device=device)
+        records = chunk.argument(), wp.from_torch(face), wp.from_torch(at, dtype=wp.vec2)
+        if surface.alpha is None:
+            launch(trace_kernels.find_hits, len(chunk), (surface.geometry, camera, *records), device)
+        else:
+            given = (surface.geometry, surface.alpha, camera, *records)
+            launch(alpha_kernels.find_hits_through, len(chunk), given, device)
+        return face, at
+
+    kept = [
+        _kept(chunk, face, at, texture[face_part[face.clamp(min=0)]] >= 0, hits, generator)
+        for chunk, (face, at) in zip(chunks, in_order(trace, chunks, device), strict=True)
+    ]
+    joined = _joined(kept)
+    light = torch.empty(len(joined), LIGHT_SAMPLES, dtype=torch.int32, device=device)
+    film = (view.height, view.width)
+    return StoredLight(surface, emitter, camera.origin, film, texture, joined, light, seed)
+
+
+def _kept(
+    chunk: FilmChunk,
+    face: Int[Tensor, " samples"],
+    at: Float[Tensor, "samples 2"],
+    learnable: Bool[Tensor, " samples"],
+    most: int,
+    generator: torch.Generator,
+) -> Hits:
+    """At most `most` hits of each pixel, evenly chosen from a random start: each is kept with equal probability."""
+    hit = ((face >= 0) & learnable).view(chunk.pixels, chunk.spp)
+    found = hit.sum(dim=1, keepdim=True)
+    step = most / found.clamp(min=most)
+    begin = torch.rand(chunk.pixels, 1, generator=generator, device=face.device)
+    rank = hit.cumsum(dim=1)
+    chosen = hit & ((rank * step + begin).floor() > ((rank - 1) * step + begin).floor())
+    count = chosen.sum(dim=1)
+    index = chosen.flatten().nonzero().squeeze(1)
+    return Hits(
+        start=torch.nn.functional.pad(count.cumsum(dim=0), (1, 0)).int(),
+        weight=found.squeeze(1) / (chunk.spp * count.clamp(min=1)),
+        pixel=(index // chunk.spp + chunk.first).int(),
+        face=face[index],
+        at=at[index],
+    )
+
+
+def _joined(chunks: Sequence[Hits]) -> Hits:
+    """The hits of consecutive chunks of the film."""
+    starts, first = [chunks[0].start[:1]], 0
+    for chunk in chunks:
+        starts.append(chunk.start[1:] + first)
+        first += len(chunk)
+    joined = {name: torch.cat([getattr(chunk, name) for chunk in chunks]) for name in ("weight", "pixel", "face", "at")}
+    return replace(chunks[0], start=torch.cat(starts), **joined)
