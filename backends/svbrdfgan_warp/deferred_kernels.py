@@ -1,4 +1,4 @@
-"""Warp kernels of deferred shading: the light of stored hits drawn and traced, shading under any maps, and its transpose.
+"""Warp kernels of deferred shading: light of stored hits drawn and traced, shading under any maps, and its transpose.
 
 A light sample is stored as a pixel of the environment, drawn in proportion to its light, or `SHADOWED`. Where in that
 pixel the sample lies is a hash of hit and sample. Rays are drawn by the BSDF for the maps of the moment. Both are
@@ -260,9 +260,7 @@ def sample_position(view: StoredView, rays: wp.array2d(dtype=wp.vec2), hit: int,
 
 
 @wp.func
-def sample_factor(
-    view: StoredView, rays: int, material: bsdf.SurfaceMaterial, frame: Frame, at: wp.vec2, d: wp.vec3
-):
+def sample_factor(view: StoredView, rays: int, material: bsdf.SurfaceMaterial, frame: Frame, at: wp.vec2, d: wp.vec3):
     """One over the summed densities of all samples (balance heuristic); 0 where no light counts."""
     if wp.dot(material.normal, d) <= 0.0 or wp.dot(frame.normal, d) <= 0.0:
         return 0.0

@@ -82,6 +82,8 @@ def evaluate(
     opened = _open_dataset(model.config, dataset)
     config = model.config if dataset is None else model.config.moved(opened)
     resolved = ResolvedRun(config.train, opened).unperturbed()
+    if resolved.deferred:  # pictures are compared with exemplars, and have all of their samples
+        resolved = resolved.with_config(rendering="fresh")
     renderer, _ = resolve_renderer(config.train.renderer, fabric.device, config.maps, differentiable=True)
 
     shown.begin(f"light transport of the {split} scenes")

@@ -35,6 +35,7 @@ def resolve_renderer(
     maps: Collection[str] = (),
     *,
     differentiable: bool = False,
+    deferred: bool = False,
 ) -> tuple[Renderer[Any], PluginChoice]:
     """The renderer that a configuration names, and the choice as it is recorded in files.
 
@@ -44,6 +45,7 @@ def resolve_renderer(
         device: the device of `auto`; None leaves that open, too.
         maps: maps that layers paint beside base_color.
         differentiable: whether the renderer must have gradients for them.
+        deferred: whether it must be a `DeferredRenderer`; of a named renderer, the caller finds out.
 
     Raises:
         ConfigError: the named renderer cannot render or differentiate these maps.
@@ -53,7 +55,7 @@ def resolve_renderer(
         kind: Literal["auto", "cpu", "cuda"] = "auto"
         if device is not None:
             kind = "cuda" if device.type == "cuda" else "cpu"
-        best = select_renderer(kind, maps, differentiable=differentiable)
+        best = select_renderer(kind, maps, differentiable=differentiable, deferred=deferred)
         return load_renderer(best.name, best.options), PluginChoice(name=best.name)
     renderer = load_renderer(choice.name, choice.options)
     able = renderer.capabilities.maps & renderer.capabilities.differentiable
@@ -67,7 +69,11 @@ def resolve_renderer(
 
 
 def select_renderer(
-    device: Literal["auto", "cpu", "cuda"] = "auto", maps: Collection[str] = (), *, differentiable: bool = False
+    device: Literal["auto", "cpu", "cuda"] = "auto",
+    maps: Collection[str] = (),
+    *,
+    differentiable: bool = False,
+    deferred: bool = False,
 ) -> PluginChoice:
     """The first renderer in `RANKING` that works on the device, and its options. For "auto", GPUs come before the CPU.
 
@@ -76,6 +82,7 @@ def select_renderer(
     Args:
         maps: maps that it must read.
         differentiable: whether it must have gradients with respect to these maps.
+        deferred: whether it must be a `DeferredRenderer`.
 
     Raises:
         PluginError: none works; the message says why for each.
@@ -84,7 +91,7 @@ def select_renderer(
     for wanted in _devices() if device == "auto" else (device,):
         for plugin in _ranked(list_plugins(RENDERERS), wanted):
             outcome = probe(plugin, wanted)
-            reason = outcome.reason or _lack(outcome, maps, differentiable)
+            reason = outcome.reason or _lack(outcome, maps, differentiable, deferred)
             if reason is None:
                 log.info("renderer: %s on %s", plugin.title, wanted)
                 return PluginChoice(name=plugin.name, options=dict(outcome.options))
@@ -93,13 +100,15 @@ def select_renderer(
     raise PluginError(f"no installed renderer works on {device!r}:{''.join(reasons) or ' none is installed.'}")
 
 
-def _lack(outcome: Probe, maps: Collection[str], differentiable: bool) -> str | None:
+def _lack(outcome: Probe, maps: Collection[str], differentiable: bool, deferred: bool) -> str | None:
     """What the renderer lacks of what is asked; None if it lacks nothing."""
     able = outcome.capabilities or {}
     for ability, needed in (("maps", True), ("differentiable", differentiable)):
         lacking = sorted(set(maps) - set(able[ability])) if needed else []
         if lacking:
             return f"{', '.join(lacking)} {'is' if len(lacking) == 1 else 'are'} not in its {ability}."
+    if deferred and not able.get("deferred", False):
+        return "it stores no light."
     return None
 
 

@@ -17,9 +17,10 @@ from svbrdfgan.data.gather import gather_environments, match_files
 from svbrdfgan.metrics.recovered import SeenTexels
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.render_layer import RenderLayer
-from svbrdfgan.rendering.transport.cache import TransportCache
+from svbrdfgan.rendering.transport.cache import MemoryCache
 from svbrdfgan.training.cached_rendering import CachedRendering
 from svbrdfgan.training.config import ScenesConfig, TrainConfig
+from svbrdfgan.training.deferred_rendering import DeferredRendering
 from svbrdfgan.training.demodulation import Demodulator
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.online_rendering import OnlineRendering
@@ -28,7 +29,7 @@ from svbrdfgan.training.resolve import ResolvedRun
 from svbrdfgan.training.scenes import SceneBatch
 from svbrdfgan.utils.copy_async import copy_async
 
-SceneRendering = CachedRendering | OnlineRendering
+SceneRendering = CachedRendering | DeferredRendering | OnlineRendering
 Progress = Callable[[int], None]
 """Called with the number of scenes that are done since the last call."""
 
@@ -75,9 +76,9 @@ class BatchSource:
             raise TypeError(f"{type(self.own_scenes).__name__} does not know what its pixels show")
         return Demodulator.of(self.own_scenes.batch(indices))
 
-    def scenes(self, indices: Sequence[int], rng: np.random.Generator) -> SceneBatch:
-        """Scenes for the fakes of these exemplars."""
-        return self.fake_scenes.scenes(indices, rng)
+    def scenes(self, indices: Sequence[int], rng: np.random.Generator, visit: int = 0) -> SceneBatch:
+        """Scenes for the fakes of these exemplars, which training has seen `visit` times before."""
+        return self.fake_scenes.scenes(indices, rng, visit)
 
     def prefetch(self, indices: Sequence[int], rng: np.random.Generator) -> None:
         """Starts to read what `scenes`, given an equal `rng`, and `demodulator` will need for these exemplars."""
@@ -125,7 +126,7 @@ def load_seen_texels(
     own = run.unperturbed().with_config(spp=exemplar_spp(run.config, exemplars))
     scenes = make_scenes(own, exemplars, split, renderer, torch.device("cpu"))
     if isinstance(scenes, CachedRendering):
-        scenes = replace(scenes, _cache=TransportCache(0))  # each scene is looked at once
+        scenes = replace(scenes, _cache=MemoryCache(0))  # each scene is looked at once
 
     def seen(index: int) -> Float[Tensor, "rows cols"]:
         if progress is not None:
@@ -154,6 +155,8 @@ def make_scenes(
     if config.rendering == "fresh":
         return OnlineRendering(exemplars, perturbation, RenderLayer(renderer, config.spp, config.spp_grad))
     pool, options = config.scenes.pool, config.renderer.options
+    if run.deferred:
+        return DeferredRendering(exemplars, perturbation, renderer, config.spp, config.hits, pool, device, config.seed)
     return CachedRendering(exemplars, perturbation, renderer, config.spp, pool, device, config.seed, options)
 
 
@@ -171,9 +174,9 @@ def _own_scenes(config: TrainConfig, fake_scenes: SceneRendering) -> SceneRender
     if config.scenes.matched and config.scenes.pool and spp == config.spp:
         return fake_scenes
     own = fake_scenes.in_scenes(ScenesConfig(), spp)
-    if config.discriminator.sees == "reflectance":
+    if config.discriminator.sees == "reflectance" or isinstance(own, DeferredRendering):
         return own
-    return replace(own, device=torch.device("cpu"), _cache=TransportCache(0))
+    return replace(own, device=torch.device("cpu"), _cache=MemoryCache(0))
 
 
 def _by_subject(exemplars: Exemplars) -> list[int]:
@@ -188,6 +191,6 @@ def _by_subject(exemplars: Exemplars) -> list[int]:
 def _gbuffers(
     config: TrainConfig, own_scenes: SceneRendering, device: torch.device
 ) -> Float[Tensor, "exemplars height width 6"] | None:
-    if not config.discriminator.guide or not isinstance(own_scenes, CachedRendering):
+    if not config.discriminator.guide or isinstance(own_scenes, OnlineRendering):
         return None
     return torch.stack([own_scenes.gbuffer(index) for index in range(len(own_scenes.exemplars))]).half().to(device)

@@ -20,7 +20,7 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import Renderer, TransportRenderer
 from svbrdfgan.rendering.compositing import composite
 from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
-from svbrdfgan.rendering.transport.cache import PendingTransport, TransportCache, TransportReader
+from svbrdfgan.rendering.transport.cache import MemoryCache, PendingTransport, TransportReader
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.demodulation import Demodulator
@@ -95,7 +95,7 @@ class CachedRendering:
     device: torch.device
     seed: int = 0
     options: Mapping[str, object] = field(default_factory=dict)
-    _cache: MutableMapping[_Key, LightTransport] = field(default_factory=TransportCache)
+    _cache: MutableMapping[_Key, LightTransport] = field(default_factory=MemoryCache)
     _pending: dict[_Key, PendingTransport] = field(default_factory=dict)
     _paths: dict[_Key, Path] = field(default_factory=dict)
     _prepared: dict[int, Any] = field(default_factory=dict)
@@ -116,8 +116,11 @@ class CachedRendering:
             if progress is not None:
                 progress(1)
 
-    def scenes(self, indices: Sequence[int], rng: np.random.Generator) -> CachedSceneBatch:
-        """A scene for each of these exemplars. `rng` chooses it from the pool, or draws it where there is no pool."""
+    def scenes(self, indices: Sequence[int], rng: np.random.Generator, visit: int = 0) -> CachedSceneBatch:
+        """A scene for each of these exemplars. `rng` chooses it from the pool, or draws it where there is no pool.
+
+        `visit` changes nothing: gradients of stored transport are exact, and its noise is that of few exemplars.
+        """
         if self.pool:
             transports = [self._stored(key) for key in self._chosen(indices, rng)]
         else:

@@ -15,7 +15,7 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.perturb import Perturbation
-from svbrdfgan.training.scenes import Coverage, Images, Layers, of_outermost_parts, prepared_surface
+from svbrdfgan.training.scenes import Coverage, Images, Layers, prepared_surface, seen_in_gradient
 from svbrdfgan.types import Rendering
 
 
@@ -58,8 +58,8 @@ class OnlineRendering:
             if progress is not None:
                 progress(1)
 
-    def scenes(self, indices: Sequence[int], rng: np.random.Generator) -> OnlineSceneBatch:
-        """A scene for each of these exemplars."""
+    def scenes(self, indices: Sequence[int], rng: np.random.Generator, visit: int = 0) -> OnlineSceneBatch:
+        """A scene for each of these exemplars; `visit` changes nothing."""
         scenes = tuple(self.perturbation.scene(self.exemplars.scenes[i], i, rng) for i in indices)
         prepared = tuple(self._surface(index) for index in indices)
         return OnlineSceneBatch(self.layer, scenes, self.exemplars, tuple(indices), prepared)
@@ -69,20 +69,7 @@ class OnlineRendering:
 
     def seen(self, index: int) -> Float[Tensor, "rows cols"]:
         """Positive at texels that an exemplar's picture shows of the outermost learnable surface; from its gradient."""
-        scene, subject = self.exemplars.scenes[index], self.exemplars.subject(index)
-        white = torch.full((*subject.buffer.part.shape, 4), 0.5)
-        view = self.exemplars.loader.view(scene)
-        gradients = self.layer.renderer.render_vjp(
-            self._surface(index),
-            subject.materials(scene.materials, white),
-            view,
-            torch.ones(view.height, view.width, 3),
-            wrt=frozenset({"base_color"}),
-            spp=self.layer.spp,
-            seed=scene.seed,
-        )
-        seen = [gradients.materials[part]["base_color"].abs().sum(dim=-1).cpu() for part in subject.learnable]
-        return of_outermost_parts(self.exemplars, index, torch.stack(seen))
+        return seen_in_gradient(self.exemplars, index, self.layer.renderer, self._surface(index), self.layer.spp)
 
     def _surface(self, index: int) -> Any:
         return prepared_surface(self.exemplars, index, self.layer.renderer, self._prepared)

@@ -8,7 +8,6 @@ from pathlib import Path
 import torch
 from lightning_fabric import Fabric
 
-from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
@@ -28,6 +27,11 @@ class ResolvedRun:
     dataset: Dataset
     base: Path = Path()
 
+    @property
+    def deferred(self) -> bool:
+        """Whether light is stored for layers of whole materials, in which pictures are not linear."""
+        return self.config.rendering == "transport" and bool(self.dataset.config.maps)
+
     def with_config(self, **update: object) -> ResolvedRun:
         """The same run with other values for some keys of its configuration."""
         return ResolvedRun(self.config.model_copy(update=update), self.dataset, self.base)
@@ -45,10 +49,8 @@ def resolve_run(config: TrainConfig, base: Path = Path()) -> ResolvedRun:
 
     Raises:
         AssetError: the data set is missing, or of another version.
-        ConfigError: this data set cannot do what the configuration asks.
     """
     dataset = Dataset.open((base / config.dataset).resolve())
-    _require_linear(config, dataset.config)
     return ResolvedRun(resolved(config, dataset.config.spp), dataset, base)
 
 
@@ -65,12 +67,3 @@ def make_fabric(device: str, *, devices: int = 1, precision: str = "auto") -> Fa
         cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
         precision = "bf16-mixed" if cuda else "32-true"
     return Fabric(accelerator=device, devices=devices, strategy=strategy, precision=precision)  # type: ignore[arg-type]  # one of its literals
-
-
-def _require_linear(config: TrainConfig, dataset: DatasetConfig) -> None:
-    """Stored light transport is linear in base_color alone."""
-    if dataset.maps and config.rendering == "transport":
-        raise ConfigError(
-            "rendering: transport is for base_color alone, and the data set's layers paint "
-            f"{', '.join(dataset.maps)} too: set rendering: fresh, and a renderer whose capabilities name these maps."
-        )

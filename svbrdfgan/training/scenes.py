@@ -1,4 +1,4 @@
-"""Batches of scenes that fakes are rendered in: what cached and online rendering have in common."""
+"""Batches of scenes that fakes are rendered in: what all ways of rendering them have in common."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.compositing import RGBA
 
 Layers = Float[Tensor, "batch rows cols channels"]
 Images = Float[Tensor, "batch height width 3"]
@@ -35,6 +36,26 @@ def prepared_surface(exemplars: Exemplars, index: int, renderer: Renderer[Any], 
     if number not in prepared:
         prepared[number] = renderer.prepare(exemplars.subjects[number].surface)
     return prepared[number]
+
+
+def seen_in_gradient(
+    exemplars: Exemplars, index: int, renderer: Renderer[Any], prepared: Any, spp: int
+) -> Float[Tensor, "rows cols"]:
+    """Positive at texels that an exemplar's picture shows of the outermost learnable surface; from its gradient."""
+    scene, subject = exemplars.scenes[index], exemplars.subject(index)
+    white = torch.full((*subject.buffer.part.shape, RGBA), 0.5)
+    view = exemplars.loader.view(scene)
+    gradients = renderer.render_vjp(
+        prepared,
+        subject.materials(scene.materials, white),
+        view,
+        torch.ones(view.height, view.width, 3),
+        wrt=frozenset({"base_color"}),
+        spp=spp,
+        seed=scene.seed,
+    )
+    seen = [gradients.materials[part]["base_color"].abs().sum(dim=-1).cpu() for part in subject.learnable]
+    return of_outermost_parts(exemplars, index, torch.stack(seen))
 
 
 def of_outermost_parts(

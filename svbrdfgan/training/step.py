@@ -35,7 +35,8 @@ def training_step(
         last = critic_step == len(batches) - 1
         rng = step_rng(fabric, config, state.step, critic_step)
         with torch.set_grad_enabled(last):  # only the last batch updates the generator
-            batch = _make_batch(fabric, state, source, indices, rng)
+            visit = (state.step * len(batches) + critic_step) * config.batch_size // len(source)
+            batch = _make_batch(fabric, state, source, indices, rng, visit)
         diagnostics |= _update_discriminator(fabric, config.loss, state, batch, rng)
     return diagnostics | _update_generator(fabric, config, state, batch)
 
@@ -66,11 +67,11 @@ def make_pair(
 
 
 def _make_batch(
-    fabric: Fabric, state: State, source: BatchSource, indices: Sequence[int], rng: np.random.Generator
+    fabric: Fabric, state: State, source: BatchSource, indices: Sequence[int], rng: np.random.Generator, visit: int
 ) -> DiscriminatorBatch:
     with fabric.autocast():
         layers = state.generator(source.geometry(indices))
-    return composite_pair(*make_pair(source, indices, source.scenes(indices, rng), layers), rng)
+    return composite_pair(*make_pair(source, indices, source.scenes(indices, rng, visit), layers), rng)
 
 
 def _update_discriminator(

@@ -139,7 +139,9 @@ def _train_in_process(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, 
 
 def _open_session(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path, display: Display) -> _Session:
     config, device = resolved.config, fabric.device
-    renderer, choice = resolve_renderer(config.renderer, device, record.maps, differentiable=True)
+    renderer, choice = resolve_renderer(
+        config.renderer, device, record.maps, differentiable=True, deferred=resolved.deferred
+    )
     if fabric.is_global_zero:
         origin = find_plugin(RENDERERS, choice.name).origin
         made_by = {"renderer": f"{choice.name} ({origin})"}

@@ -92,7 +92,9 @@ def probe_shortcuts(
 def _open(config: TrainConfig, base: Path, display: Display) -> tuple[RenderedPairs, dict[Confounder, str]]:
     """The pairs, not rendered yet, and the confounders of the configuration, in words."""
     device, run = make_fabric(config.device).device, resolve_run(config, base)
-    renderer, choice = resolve_renderer(config.renderer, device, run.dataset.config.maps, differentiable=True)
+    renderer, choice = resolve_renderer(
+        config.renderer, device, run.dataset.config.maps, differentiable=True, deferred=run.deferred
+    )
     exemplars = load_exemplars(run.dataset, "train")
     recorded = exemplars.scenes[0].renderer
     exemplar_renderer = renderer if recorded == choice else resolve_renderer(recorded, device)[0]

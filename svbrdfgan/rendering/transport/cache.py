@@ -1,4 +1,4 @@
-"""Stored transports in memory, within a budget, and their prefetching from files."""
+"""What is stored of scenes in memory, within a budget; and the prefetching of light transports from files."""
 
 from __future__ import annotations
 
@@ -8,41 +8,51 @@ from collections.abc import Iterator, MutableMapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import torch
 
 from svbrdfgan.rendering.transport.light_transport import LightTransport
 
-_SHARE = 4
-"""The default budget is this fraction of the memory: the networks and their activations need the rest."""
+_SHARE = 0.25
+"""The default budget is this share of the memory: the networks and their activations need the rest."""
 _UNKNOWN = 8 << 30
 """Bytes of memory assumed where the system does not say."""
 _THREADS = 4
 
+
+class _Stored(Protocol):
+    @property
+    def nbytes(self) -> int: ...
+
+    @property
+    def device(self) -> torch.device: ...
+
+
 Key = TypeVar("Key")
+Stored = TypeVar("Stored", bound=_Stored)
 
 
-class TransportCache(MutableMapping[Key, LightTransport]):
-    """Transports by key, within a budget of bytes. The least recently used are dropped first."""
+class MemoryCache(MutableMapping[Key, Stored], Generic[Key, Stored]):
+    """What is stored of scenes, by key, within a budget of bytes. The least recently used are dropped first."""
 
-    def __init__(self, budget: int | None = None) -> None:
-        """An empty cache of `budget` bytes; None takes a quarter of the memory of the first transport's device."""
-        self._budget = budget
-        self._held: OrderedDict[Key, LightTransport] = OrderedDict()
+    def __init__(self, budget: int | None = None, share: float = _SHARE) -> None:
+        """An empty cache of `budget` bytes; None takes this share of the memory of the first value's device."""
+        self._budget, self._share = budget, share
+        self._held: OrderedDict[Key, Stored] = OrderedDict()
         self.nbytes = 0
 
-    def __getitem__(self, key: Key) -> LightTransport:
+    def __getitem__(self, key: Key) -> Stored:
         self._held.move_to_end(key)
         return self._held[key]
 
-    def __setitem__(self, key: Key, transport: LightTransport) -> None:
-        """Keeps the transport; one that is larger than the budget is kept alone."""
+    def __setitem__(self, key: Key, stored: Stored) -> None:
+        """Keeps the value; one that is larger than the budget is kept alone."""
         self.pop(key, None)
-        self._held[key] = transport
-        self.nbytes += transport.nbytes
+        self._held[key] = stored
+        self.nbytes += stored.nbytes
         if self._budget is None:
-            self._budget = _memory(transport.texel.device) // _SHARE
+            self._budget = int(_memory(stored.device) * self._share)
         while self.nbytes > self._budget and len(self._held) > 1:
             del self[next(iter(self._held))]
 

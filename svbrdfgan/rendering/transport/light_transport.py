@@ -79,6 +79,10 @@ class LightTransport:
         return replace(self, weight=weight, scale=scale, background=background, gbuffer=gbuffer)
 
     @property
+    def device(self) -> torch.device:
+        return self.texel.device
+
+    @property
     def nbytes(self) -> int:
         """Bytes of its tensors."""
         return sum(tensor.nbytes for tensor in self.tensors().values())

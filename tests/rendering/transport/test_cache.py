@@ -8,7 +8,7 @@ import torch
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.rendering.transport import LightTransport, TransportBatch
-from svbrdfgan.rendering.transport.cache import TransportCache, TransportReader
+from svbrdfgan.rendering.transport.cache import MemoryCache, TransportReader
 
 Make = Callable[..., LightTransport]
 DEVICES = ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",)
@@ -16,7 +16,7 @@ DEVICES = ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",)
 
 def test_the_least_recently_used_is_dropped_first(make_transport: Make) -> None:
     transport = make_transport(0)
-    cache: TransportCache[str] = TransportCache(3 * transport.nbytes)
+    cache: MemoryCache[str] = MemoryCache(3 * transport.nbytes)
     for key in "abc":
         cache[key] = transport
     assert cache.get("a") is transport
@@ -28,7 +28,7 @@ def test_the_least_recently_used_is_dropped_first(make_transport: Make) -> None:
 
 def test_bytes_are_counted_through_every_change(make_transport: Make) -> None:
     transports = [make_transport(n, parts=n) for n in range(5)]
-    cache: TransportCache[int] = TransportCache(sum(t.nbytes for t in transports[1:4]))
+    cache: MemoryCache[int] = MemoryCache(sum(t.nbytes for t in transports[1:4]))
     for n in (0, 1, 2, 0, 3, 4, 1, 1, 2, 0):
         cache[n] = transports[n]
         assert cache.nbytes == sum(t.nbytes for t in cache.values())
@@ -39,13 +39,13 @@ def test_bytes_are_counted_through_every_change(make_transport: Make) -> None:
 
 
 def test_one_that_exceeds_the_budget_stays_alone(make_transport: Make) -> None:
-    cache: TransportCache[int] = TransportCache(1)
+    cache: MemoryCache[int] = MemoryCache(1)
     cache[0], cache[1] = make_transport(0), make_transport(1)
     assert list(cache) == [1]
 
 
 def test_without_a_budget_there_is_plenty(make_transport: Make) -> None:
-    cache: TransportCache[int] = TransportCache()
+    cache: MemoryCache[int] = MemoryCache()
     for n in range(50):
         cache[n] = make_transport(n)
     assert len(cache) == 50
@@ -57,7 +57,7 @@ def test_what_is_prefetched_is_what_was_saved(make_transport: Make, tmp_path: Pa
     transports = [make_transport(n, parts=2).half() for n in range(24)]
     for n, transport in enumerate(transports):
         transport.save(tmp_path / f"{n}.safetensors")
-    reader, cache = TransportReader(torch.device(device)), TransportCache[int](2 * transports[0].nbytes)
+    reader, cache = TransportReader(torch.device(device)), MemoryCache[int](2 * transports[0].nbytes)
     textures = torch.rand(2, 6, 8, 3, generator=torch.Generator().manual_seed(0))
     order = torch.randint(len(transports), (150,), generator=torch.Generator().manual_seed(1)).tolist()
     pending, pictures = [], []

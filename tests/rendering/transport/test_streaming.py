@@ -12,7 +12,7 @@ import torch
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.plugins import load_renderer
-from svbrdfgan.rendering.transport.cache import TransportCache
+from svbrdfgan.rendering.transport.cache import MemoryCache
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.training.cached_rendering import CachedRendering
 from svbrdfgan.training.config import ScenesConfig
@@ -50,7 +50,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory, tiny_dataset: Path, tiny_ex
 
 
 def test_a_small_budget_changes_nothing(stored: CachedRendering, tiny_dataset: Path) -> None:
-    small = transports(stored.exemplars, tiny_dataset, _cache=TransportCache(1))
+    small = transports(stored.exemplars, tiny_dataset, _cache=MemoryCache(1))
     small.build(range(6))
     assert len(small._cache) == 1
     assert small._prepared == {}
@@ -60,7 +60,7 @@ def test_a_small_budget_changes_nothing(stored: CachedRendering, tiny_dataset: P
 
 def test_what_is_prefetched_is_there_in_time(stored: CachedRendering, tiny_dataset: Path, monkeypatch: Any) -> None:
     two_batches = 6 * max(t.nbytes for t in stored._cache.values())
-    small = transports(stored.exemplars, tiny_dataset, _cache=TransportCache(two_batches))
+    small = transports(stored.exemplars, tiny_dataset, _cache=MemoryCache(two_batches))
     small.build(range(6))
     assert len(small._cache) < len(stored._cache)
     monkeypatch.setattr(CachedRendering, "_file", None)  # a synchronous read would fail
@@ -73,7 +73,7 @@ def test_what_is_prefetched_is_there_in_time(stored: CachedRendering, tiny_datas
 
 
 def test_prefetching_the_same_twice_reads_it_once(stored: CachedRendering, tiny_dataset: Path) -> None:
-    small = transports(stored.exemplars, tiny_dataset, _cache=TransportCache(1))
+    small = transports(stored.exemplars, tiny_dataset, _cache=MemoryCache(1))
     small.build(range(6))
     small.prefetch(BATCHES[0], rng(0))
     first = dict(small._pending)

@@ -1,0 +1,253 @@
+"""Deferred rendering: hits and light of each scene are stored once; then any layer of whole materials is shaded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, MutableMapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+from torch.autograd.function import once_differentiable
+
+from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.protocols import DeferredRenderer, Renderer, StoredLight
+from svbrdfgan.rendering.compositing import composite
+from svbrdfgan.rendering.texture_filter import sample_texture
+from svbrdfgan.rendering.transport.cache import MemoryCache
+from svbrdfgan.scene.description import Scene
+from svbrdfgan.training.config import ScenesConfig
+from svbrdfgan.training.perturb import Perturbation
+from svbrdfgan.training.scenes import Coverage, Images, Layers, prepared_surface, seen_in_gradient
+from svbrdfgan.types import Material, Materials, View
+from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.utils.copy_async import copy_async
+
+_Key = tuple[int, int]
+"""The index of an exemplar, and of one of the scenes that are stored for it."""
+
+_BLACK = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class DeferredScene:
+    """A scene whose light is stored.
+
+    Attributes:
+        light: of the learnable parts.
+        background: the picture of all other parts, premultiplied.
+        coverage: share of each pixel that shows the surface.
+        gbuffer: position and normal of the learnable parts, premultiplied; half precision.
+        base: the maps under the layer, for each learnable part.
+    """
+
+    light: StoredLight
+    background: Float[Tensor, "height width 3"]
+    coverage: Float[Tensor, "height width"]
+    gbuffer: Float[Tensor, "height width 6"]
+    base: Float[Tensor, "parts *#size values"]
+
+    @property
+    def nbytes(self) -> int:
+        tensors = (self.background, self.coverage, self.gbuffer, self.base)
+        return self.light.nbytes + sum(tensor.nbytes for tensor in tensors)
+
+    @property
+    def device(self) -> torch.device:
+        return self.background.device
+
+
+@dataclass(frozen=True, eq=False)
+class DeferredSceneBatch:
+    """A batch of scenes whose light is stored.
+
+    Attributes:
+        maps: that layers paint, base_color first.
+        visit, seed: of `DeferredRenderer.shade`.
+    """
+
+    renderer: DeferredRenderer[Any]
+    scenes: tuple[DeferredScene, ...]
+    maps: tuple[str, ...]
+    visit: int
+    seed: int
+
+    @cached_property
+    def gbuffer(self) -> Float[Tensor, "batch height width 6"]:
+        return torch.stack([scene.gbuffer for scene in self.scenes]).float()
+
+    @cached_property
+    def coverage(self) -> Coverage:
+        return torch.stack([scene.coverage for scene in self.scenes])
+
+    def render(self, layers: Layers) -> tuple[Images, Coverage]:
+        textures = composite(self._base, layers.float().index_select(0, self._owner))
+        shown: Tensor = _Shade.apply(self, textures)
+        return shown + torch.stack([scene.background for scene in self.scenes]), self.coverage
+
+    @property
+    def _base(self) -> Float[Tensor, "textures *#size values"]:
+        bases = [scene.base for scene in self.scenes]
+        rows, cols = (max(base.shape[axis] for base in bases) for axis in (1, 2))
+        return torch.cat([base.expand(-1, rows, cols, -1) for base in bases])
+
+    @property
+    def _owner(self) -> Int[Tensor, " textures"]:
+        """The scene of each texture."""
+        owners = [number for number, scene in enumerate(self.scenes) for _ in scene.base]
+        return copy_async(torch.tensor(owners), self.coverage.device)
+
+
+class _Shade(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, batch: DeferredSceneBatch, textures: Float[Tensor, "textures rows cols values"]) -> Tensor:
+        lights = [scene.light for scene in batch.scenes]
+        images, ctx.pullback = batch.renderer.shade(
+            lights, textures, maps=batch.maps, visit=batch.visit, seed=batch.seed
+        )
+        return images
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, grad_images: Images) -> tuple[None, Tensor]:
+        return None, ctx.pullback(grad_images)
+
+
+@dataclass(frozen=True, eq=False)
+class DeferredRendering:
+    """Scenes for fakes by stored light: what does not depend on the layer is traced once, and shaded at each visit.
+
+    Unlike stored light transport it serves whole materials, in which pictures are not linear. What it stores stays on
+    the device, up to half of its memory; what is dropped is traced again, which takes about as long as reading it.
+
+    Attributes:
+        exemplars: their scenes are perturbed.
+        perturbation: makes a scene for a fake from an exemplar's.
+        renderer: traces and shades the scenes.
+        spp: camera samples per pixel that are traced.
+        hits: the most of them that are kept, of those that hit learnable parts.
+        pool: scenes stored for each exemplar. With 0 every visit traces a new scene; surfaces stay prepared.
+        device: where layers are.
+        seed: of the perturbations.
+    """
+
+    exemplars: Exemplars
+    perturbation: Perturbation
+    renderer: Renderer[Any]
+    spp: int
+    hits: int
+    pool: int
+    device: torch.device
+    seed: int = 0
+    _cache: MutableMapping[_Key, DeferredScene] = field(default_factory=lambda: MemoryCache(share=0.5))
+    _prepared: dict[int, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.renderer, DeferredRenderer) or not self.renderer.capabilities.deferred:
+            raise ConfigError(
+                "rendering: transport of whole materials needs a renderer that stores light; "
+                f"{type(self.renderer).__name__} does not: set rendering: fresh or choose another renderer."
+            )
+
+    @property
+    def maps(self) -> tuple[str, ...]:
+        """The maps that layers paint, base_color first."""
+        return tuple(name for name in CHANNELS if name in {"base_color", *self.exemplars.scenes[0].maps})
+
+    def build(self, indices: Iterable[int], progress: Callable[[int], None] | None = None) -> None:
+        """Stores the light of scenes that are not stored yet, as far as memory holds it."""
+        for index in indices:
+            for variant in range(self.pool):
+                self._stored((index, variant))
+            if progress is not None:
+                progress(1)
+
+    def scenes(self, indices: Sequence[int], rng: np.random.Generator, visit: int = 0) -> DeferredSceneBatch:
+        """A scene for each of these exemplars. `rng` chooses it from the pool, or draws it where there is no pool."""
+        if self.pool:
+            scenes = [self._stored((index, int(rng.integers(self.pool)))) for index in indices]
+        else:
+            scenes = [
+                self._trace(index, self.perturbation.scene(self.exemplars.scenes[index], index, rng))
+                for index in indices
+            ]
+        assert isinstance(self.renderer, DeferredRenderer)
+        return DeferredSceneBatch(self.renderer, tuple(scenes), self.maps, visit, int(rng.integers(2**31)))
+
+    def in_scenes(self, config: ScenesConfig, spp: int) -> DeferredRendering:
+        """The same exemplars in otherwise perturbed scenes, one for each; they are looked at once, and not kept."""
+        perturbation, forgetful = Perturbation(config, self.perturbation.sampler), MemoryCache[_Key, DeferredScene](0)
+        return replace(self, perturbation=perturbation, spp=spp, pool=1, _cache=forgetful)
+
+    def prefetch(self, indices: Sequence[int], rng: np.random.Generator) -> None:
+        """Does nothing: what is stored is in memory."""
+
+    def gbuffer(self, index: int) -> Float[Tensor, "height width 6"]:
+        """Position and normal per pixel of the first stored scene of an exemplar."""
+        return self._stored((index, 0)).gbuffer
+
+    def seen(self, index: int) -> Float[Tensor, "rows cols"]:
+        """Positive at texels that an exemplar's picture shows of the outermost learnable surface."""
+        prepared = prepared_surface(self.exemplars, index, self.renderer, self._prepared)
+        return seen_in_gradient(self.exemplars, index, self.renderer, prepared, self.spp)
+
+    def _stored(self, key: _Key) -> DeferredScene:
+        found = self._cache.get(key)
+        if found is None:
+            index, variant = key
+            rng = np.random.default_rng([self.seed, index, variant])
+            found = self._trace(index, self.perturbation.scene(self.exemplars.scenes[index], index, rng))
+            self._cache[key] = found
+        return found
+
+    def _trace(self, index: int, scene: Scene) -> DeferredScene:
+        renderer, subject = self.renderer, self.exemplars.subject(index)
+        assert isinstance(renderer, DeferredRenderer)
+        prepared, view = (
+            prepared_surface(self.exemplars, index, renderer, self._prepared),
+            self.exemplars.loader.view(scene),
+        )
+        bare = subject.materials(scene.materials, None, scene.maps)
+        others = renderer.render(prepared, _blackened(bare, subject.learnable), view, spp=self.spp, seed=scene.seed)
+        light = renderer.store_light(
+            prepared, view, learnable=subject.learnable, hits=self.hits, spp=self.spp, seed=scene.seed
+        )
+        base = [torch.cat([_texture(bare[part], name) for name in self.maps], dim=-1) for part in subject.learnable]
+        return DeferredScene(
+            light,
+            others.image.to(self.device),
+            others.coverage.to(self.device),
+            self._gbuffer(index, prepared, view, scene.seed).half().to(self.device),
+            torch.stack(base).to(self.device),
+        )
+
+    def _gbuffer(self, index: int, prepared: Any, view: View, seed: int) -> Float[Tensor, "height width 6"]:
+        """Mean position and normal over a pixel's learnable samples, times their share of the pixel."""
+        subject = self.exemplars.subject(index)
+        shown = torch.zeros(view.height * view.width, 6, device=self.renderer.device)
+        assert isinstance(self.renderer, DeferredRenderer)
+        learnable = torch.tensor(subject.learnable)
+        texture = subject.geometry.permute(1, 2, 0)
+        for samples in self.renderer.transport(prepared, view, spp=self.spp, seed=seed):
+            device = samples.uv.device
+            learnable, texture, shown = learnable.to(device), texture.to(device), shown.to(device)
+            mine = torch.isin(samples.part, learnable)
+            values = sample_texture(texture, samples.uv[mine], subject.surface.repeat)
+            shown.index_add_(0, samples.pixel[mine].long(), values)
+        return (shown / self.spp).view(view.height, view.width, 6)
+
+
+def _blackened(materials: Materials, parts: Sequence[int]) -> Materials:
+    """The materials with these parts black: under direct light they add nothing to a picture."""
+    black = Material.lambertian(_BLACK)
+    return Materials(tuple(black if number in parts else m for number, m in enumerate(materials.parts)))
+
+
+def _texture(material: Material, name: str) -> Float[Tensor, "rows cols channels"]:
+    """A map as a texture; a constant is one texel."""
+    values = material.maps[name]
+    return values if values.ndim == 3 else values.view(1, 1, -1)
