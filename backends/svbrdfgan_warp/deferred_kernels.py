@@ -1,8 +1,8 @@
 """Warp kernels of deferred shading: light of stored hits drawn and traced, shading under any maps, and its transpose.
 
-A light sample is stored as a pixel of the environment, drawn in proportion to its light, or `SHADOWED`. Where in that
-pixel the sample lies is a hash of hit and sample. Rays are drawn by the BSDF for the maps of the moment. Both are
-combined by the balance heuristic, whose densities gradients treat as constant.
+A hit has two directions, as in `material_kernels`. One is drawn by the emitter and stored, as a pixel of the
+environment or `SHADOWED`; where in that pixel it lies is a hash of the hit. The other is drawn by the BSDF, for the
+maps of the moment. Both are combined by the balance heuristic, whose densities gradients treat as constant.
 
 Kernels have a thread for each view of a batch, from `first` on, and each hit of a view, or each of its pixels.
 """
@@ -43,7 +43,7 @@ class StoredView:
     pixel: wp.array(dtype=wp.int32)  # of each hit
     face: wp.array(dtype=wp.int32)
     at: wp.array(dtype=wp.vec2)  # barycentrics of the face's first two corners
-    light: wp.array2d(dtype=wp.uint32)  # (hits, samples)
+    light: wp.array(dtype=wp.uint32)
     seed_low: wp.uint32
     seed_high: wp.uint32
     first_hit: wp.int32
@@ -165,35 +165,33 @@ def reaches_light(view: StoredView, hit: int, d: wp.vec3, number: wp.uint32):
 
 
 @wp.func
-def light_position(view: StoredView, hit: int, sample: int, stored: wp.uint32):
-    """The position in the environment of a stored light sample."""
-    within = rng.hashed(wp.uint32(hit), view.seed_low, view.seed_high, _WITHIN + wp.uint32(sample))
+def light_position(view: StoredView, hit: int, stored: wp.uint32):
+    """The position in the environment of a hit's stored light sample."""
+    within = rng.hashed(wp.uint32(hit), view.seed_low, view.seed_high, _WITHIN)
     cols = wp.uint32(view.environment.texels.shape[1])
     return wp.vec2(float(stored % cols) + rng.unit(within[0]), float(stored / cols) + rng.unit(within[1]))
 
 
 @wp.kernel(cuda_max_registers=64)  # as in `trace_kernels.illuminate_hits`
 def draw_light(views: wp.array(dtype=StoredView), first: int, group: int, groups: int, draw: wp.uint32):
-    """Draws those light samples of all hits anew whose number is `group` modulo `groups`."""
-    number, thread = wp.tid()
+    """Draws the light samples of every hit anew whose place in its pixel is `group` modulo `groups`."""
+    number, hit = wp.tid()
     view = views[first + number]
-    samples = view.light.shape[1]
-    per_hit = (samples - group + groups - 1) / groups
-    hit = thread / per_hit
     if hit >= view.face.shape[0]:
         return
-    sample = group + thread % per_hit * groups
     pixel = view.pixel[hit]
-    # What is drawn of a pixel's hits at once is one sequence: parts of a longer one would lie close together.
-    index = (hit - view.start[pixel]) * per_hit + thread % per_hit
-    u, v = rng.numbers(pixel, index, view.seed_low ^ draw, view.seed_high)
+    place = hit - view.start[pixel]
+    if place % groups != group:
+        return
+    # What is drawn of a pixel at once is one sequence: parts of a longer one would lie close together.
+    u, v = rng.numbers(pixel, place / groups, view.seed_low ^ draw, view.seed_high)
     row = emitter.drawn_column(view.environment.row_first, 0, u[0])
     stored = wp.uint32(row * view.environment.texels.shape[1])
     stored += wp.uint32(emitter.drawn_column(view.environment.col_first, row, u[1]))
-    d = emitter.direction(view.environment, light_position(view, hit, sample, stored))
+    d = emitter.direction(view.environment, light_position(view, hit, stored))
     if wp.dot(frame_of(view, hit).normal, d) <= 0.0 or not reaches_light(view, hit, d, v[0]):
         stored = SHADOWED
-    view.light[hit, sample] = stored
+    view.light[hit] = stored
 
 
 @wp.kernel
@@ -203,9 +201,9 @@ def draw_rays(
     textures: Textures,
     seed_low: wp.uint32,
     seed_high: wp.uint32,
-    rays: wp.array2d(dtype=wp.vec2),
+    rays: wp.array(dtype=wp.vec2),
 ):
-    """Draws the rays of all hits by their materials: positions in the environment, x = -1 where no light counts."""
+    """Draws a ray for each hit by its material: a position in the environment, with x = -1 where no light counts."""
     number, hit = wp.tid()
     view = views[first + number]
     if hit >= view.face.shape[0]:
@@ -213,14 +211,12 @@ def draw_rays(
     frame = frame_of(view, hit)
     material = material_of(textures, maps_at(textures, lookup(view, textures, frame)), frame)
     pixel = view.pixel[hit]
-    for ray in range(rays.shape[1]):
-        index = (hit - view.start[pixel]) * rays.shape[1] + ray
-        u, _ = rng.numbers(pixel, index, seed_low, seed_high + wp.uint32(first + number))
-        d = bsdf.sample(material, frame.outgoing, rng.unit(u[0]), rng.unit(u[1]))
-        at = wp.vec2(-1.0, 0.0)
-        if wp.dot(material.normal, d) > 0.0 and wp.dot(frame.normal, d) > 0.0:
-            at = emitter.position(view.environment, d)
-        rays[view.first_hit + hit, ray] = at
+    u, _ = rng.numbers(pixel, hit - view.start[pixel], seed_low, seed_high + wp.uint32(first + number))
+    d = bsdf.sample(material, frame.outgoing, rng.unit(u[0]), rng.unit(u[1]))
+    at = wp.vec2(-1.0, 0.0)
+    if wp.dot(material.normal, d) > 0.0 and wp.dot(frame.normal, d) > 0.0:
+        at = emitter.position(view.environment, d)
+    rays[view.first_hit + hit] = at
 
 
 @wp.kernel(cuda_max_registers=64)
@@ -229,43 +225,38 @@ def trace_rays(
     first: int,
     seed_low: wp.uint32,
     seed_high: wp.uint32,
-    rays: wp.array2d(dtype=wp.vec2),
+    rays: wp.array(dtype=wp.vec2),
 ):
     """Removes the rays that do not reach the light."""
-    number, thread = wp.tid()
+    number, hit = wp.tid()
     view = views[first + number]
-    hit = thread / rays.shape[1]
     if hit >= view.face.shape[0]:
         return
-    ray = thread % rays.shape[1]
-    at = rays[view.first_hit + hit, ray]
+    at = rays[view.first_hit + hit]
     if at[0] < 0.0:
         return
-    stream = _PASSES + wp.uint32(first + number)
-    passes = rng.hashed(wp.uint32(thread), seed_low, seed_high, stream)
+    passes = rng.hashed(wp.uint32(hit), seed_low, seed_high, _PASSES + wp.uint32(first + number))
     if not reaches_light(view, hit, emitter.direction(view.environment, at), passes[0]):
-        rays[view.first_hit + hit, ray] = wp.vec2(-1.0, 0.0)
+        rays[view.first_hit + hit] = wp.vec2(-1.0, 0.0)
 
 
 @wp.func
-def sample_position(view: StoredView, rays: wp.array2d(dtype=wp.vec2), hit: int, sample: int):
-    """The position in the environment of a hit's sample: first the stored ones, then the rays. x is -1 in shadow."""
-    stored = view.light.shape[1]
-    if sample >= stored:
-        return rays[view.first_hit + hit, sample - stored]
-    light = view.light[hit, sample]
+def sample_position(view: StoredView, rays: wp.array(dtype=wp.vec2), hit: int, technique: int):
+    """The position in the environment of a hit's light sample (0) or ray (1); x is -1 in shadow."""
+    if technique == 1:
+        return rays[view.first_hit + hit]
+    light = view.light[hit]
     if light == SHADOWED:
         return wp.vec2(-1.0, 0.0)
-    return light_position(view, hit, sample, light)
+    return light_position(view, hit, light)
 
 
 @wp.func
-def sample_factor(view: StoredView, rays: int, material: bsdf.SurfaceMaterial, frame: Frame, at: wp.vec2, d: wp.vec3):
-    """One over the summed densities of all samples (balance heuristic); 0 where no light counts."""
+def sample_factor(view: StoredView, material: bsdf.SurfaceMaterial, frame: Frame, at: wp.vec2, d: wp.vec3):
+    """One over the summed densities of both directions (balance heuristic); 0 where no light counts."""
     if wp.dot(material.normal, d) <= 0.0 or wp.dot(frame.normal, d) <= 0.0:
         return 0.0
-    density = float(view.light.shape[1]) * emitter.density(view.environment, at, d)
-    return 1.0 / (density + float(rays) * bsdf.density(material, frame.outgoing, d))
+    return 1.0 / (emitter.density(view.environment, at, d) + bsdf.density(material, frame.outgoing, d))
 
 
 @wp.kernel
@@ -273,7 +264,7 @@ def shade(
     views: wp.array(dtype=StoredView),
     first: int,
     textures: Textures,
-    rays: wp.array2d(dtype=wp.vec2),
+    rays: wp.array(dtype=wp.vec2),
     radiance: wp.array(dtype=wp.vec3),
 ):
     """The radiance of each hit."""
@@ -286,11 +277,11 @@ def shade(
     material = material_of(textures, maps_at(textures, found), frame)
     material.base_color = vector_at(textures, found, 0)
     total = wp.vec3(0.0)
-    for sample in range(view.light.shape[1] + rays.shape[1]):
-        at = sample_position(view, rays, hit, sample)
+    for technique in range(2):
+        at = sample_position(view, rays, hit, technique)
         if at[0] >= 0.0:
             d = emitter.direction(view.environment, at)
-            factor = sample_factor(view, rays.shape[1], material, frame, at, d)
+            factor = sample_factor(view, material, frame, at, d)
             if factor > 0.0:
                 value = bsdf.value(material, frame.outgoing, d)
                 total += wp.cw_mul(value, emitter.radiance(view.environment, at)) * factor
@@ -318,7 +309,7 @@ def shade_vjp(
     views: wp.array(dtype=StoredView),
     first: int,
     textures: Textures,
-    rays: wp.array2d(dtype=wp.vec2),
+    rays: wp.array(dtype=wp.vec2),
     grad_images: wp.array2d(dtype=wp.vec3),
     grad_values: wp.array(dtype=wp.float32),
 ):
@@ -335,11 +326,11 @@ def shade_vjp(
     material = material_of(textures, mapped, frame)
     material.base_color = vector_at(textures, found, 0)
     total = bsdf.MaterialGradient()
-    for sample in range(view.light.shape[1] + rays.shape[1]):
-        at = sample_position(view, rays, hit, sample)
+    for technique in range(2):
+        at = sample_position(view, rays, hit, technique)
         if at[0] >= 0.0:
             d = emitter.direction(view.environment, at)
-            factor = sample_factor(view, rays.shape[1], material, frame, at, d)
+            factor = sample_factor(view, material, frame, at, d)
             if factor > 0.0:
                 weight = wp.cw_mul(grad, emitter.radiance(view.environment, at)) * factor
                 one = bsdf.value_vjp(material, frame.outgoing, d, weight)

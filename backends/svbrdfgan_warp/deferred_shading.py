@@ -16,10 +16,7 @@ from torch import Tensor
 from svbrdfgan.types.material import CHANNELS
 from svbrdfgan_warp import deferred_kernels
 from svbrdfgan_warp.device import in_order, launch
-from svbrdfgan_warp.stored_light import LIGHT_SAMPLES, REDRAWS, StoredLight
-
-RAYS = 1
-"""Rays that a hit draws by its material, at each visit."""
+from svbrdfgan_warp.stored_light import REDRAWS, StoredLight
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +65,7 @@ class ShadingPass:
         def shade(first: int, views: int, hits: int) -> None:
             at = self._views, first
             launch(deferred_kernels.draw_rays, (views, hits), (*at, self._textures, *seeds, self._rays), self.device)
-            launch(deferred_kernels.trace_rays, (views, hits * RAYS), (*at, *seeds, self._rays), self.device)
+            launch(deferred_kernels.trace_rays, (views, hits), (*at, *seeds, self._rays), self.device)
             launch(deferred_kernels.shade, (views, hits), (*at, self._textures, self._rays, radiance), self.device)
             launch(deferred_kernels.average, (views, height * width), (*at, radiance, pixels), self.device)
 
@@ -116,18 +113,17 @@ class ShadingPass:
     @cached_property
     def _rays(self) -> Any:
         """Drawn by `forward`, and read by `backward`."""
-        rays = torch.empty(self._hits, RAYS, 2, dtype=torch.float32, device=self.device)
+        rays = torch.empty(self._hits, 2, dtype=torch.float32, device=self.device)
         return wp.from_torch(rays, dtype=wp.vec2)
 
     def _draw(self, due: Sequence[int], visit: int) -> None:
         """Draws the light samples of one visit for some of the views."""
         group = visit % REDRAWS
         draw = wp.uint32((visit * 0x9E3779B1 + 0x7F4A7C15) & 0xFFFFFFFF)
-        per_hit = len(range(group, LIGHT_SAMPLES, REDRAWS))
 
         def redraw(first: int, views: int, hits: int) -> None:
             arguments = (self._views, first, group, REDRAWS, draw)
-            launch(deferred_kernels.draw_light, (views, hits * per_hit), arguments, self.device)
+            launch(deferred_kernels.draw_light, (views, hits), arguments, self.device)
 
         if len(due) == len(self.lights):
             self._for_views(redraw)

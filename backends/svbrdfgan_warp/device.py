@@ -57,7 +57,7 @@ def stream(device: torch.device) -> wp.Stream | None:
     return wp.stream_from_torch(torch.cuda.current_stream(device)) if device.type == "cuda" else None
 
 
-def launch(kernel: wp.Kernel, threads: int, arguments: Sequence[Any], device: torch.device) -> None:
+def launch(kernel: wp.Kernel, threads: int | tuple[int, int], arguments: Sequence[Any], device: torch.device) -> None:
     """Runs a kernel in torch's current stream, unrecorded by any tape of the caller's."""
     where = wp.device_from_torch(device)
     wp.launch(

@@ -120,7 +120,7 @@ class WarpRenderer:
     def store_light(
         self, prepared: PreparedSurface, view: View, *, learnable: Sequence[int], hits: int, spp: int, seed: int
     ) -> StoredLight:
-        """Camera samples on learnable parts, with room for light samples. A hit takes 36 bytes."""
+        """Camera samples on learnable parts, with room for a light sample each: 20 bytes for both."""
         check_store_light("warp", CAPABILITIES, prepared.parts, learnable, hits=hits, spp=spp)
         check_device("warp", prepared.device, self.device)
         emitter = self._emitters.emitter(view.environment)
@@ -135,7 +135,7 @@ class WarpRenderer:
         visit: int,
         seed: int,
     ) -> tuple[Float[Tensor, "views height width 3"], Callable[[Tensor], Tensor]]:
-        """Pictures from stored light samples, combined with a ray that each hit draws by its material."""
+        """Pictures from the samples that `render` would draw: one stored by light, one ray drawn by the material."""
         check_shade("warp", CAPABILITIES, [(light.film, light.textures) for light in lights], textures, maps)
         values = textures.detach().to(self.device, torch.float32).contiguous()
         shading = ShadingPass(tuple(lights), values, tuple(maps), seed)

@@ -18,9 +18,6 @@ from svbrdfgan_warp.device import in_order, launch, quiet
 from svbrdfgan_warp.emitter import EnvironmentEmitter
 from svbrdfgan_warp.scene import FilmChunk, PreparedSurface, film_chunks, prepare_camera
 
-LIGHT_SAMPLES = 4
-"""Stored light samples of a hit."""
-
 REDRAWS = 4
 """Visits in which all light samples are drawn anew once."""
 
@@ -54,7 +51,7 @@ class StoredLight:
     Attributes:
         camera_origin: in the prepared surface's coordinates.
         texture: of each part its number among the learnable parts; -1 for the others.
-        light: light samples of each hit, as `deferred_kernels` stores them.
+        light: the light sample of each hit, as `deferred_kernels` stores it.
         visit: for which they were drawn; at first one before all that visit 0 needs.
     """
 
@@ -64,7 +61,7 @@ class StoredLight:
     film: tuple[int, int]
     texture: Int[Tensor, " parts"]
     hits: Hits
-    light: Int[Tensor, "hits samples"]
+    light: Int[Tensor, " hits"]
     seed: int
     visit: int = -REDRAWS
 
@@ -134,7 +131,7 @@ def store_light(
         for chunk, (face, at) in zip(chunks, in_order(trace, chunks, device), strict=True)
     ]
     joined = _joined(kept)
-    light = torch.empty(len(joined), LIGHT_SAMPLES, dtype=torch.int32, device=device)
+    light = torch.empty(len(joined), dtype=torch.int32, device=device)
     film = (view.height, view.width)
     return StoredLight(surface, emitter, camera.origin, film, texture, joined, light, seed)
 
