@@ -100,10 +100,11 @@ def _relief(
 
     Differences between texels would jump at the seams of the UVs.
     """
-    if not height.any():
+    if not recipe.relief or not height.any():
         return np.tile([0.0, 0.0, 1.0], (len(height), 1))
     step = max(site.texel, 1e-4)
-    slopes = [(recipe.paint(site.moved(step * axis)).height - height) / step for axis in (tangent, bitangent)]
+    heights = [recipe.paint(site.moved(step * axis)).height for axis in (tangent, bitangent)]
+    slopes = [recipe.relief * (moved - height) / step for moved in heights]
     return unit(np.stack([-slopes[0], -slopes[1], np.ones(len(height))], axis=1))
 
 

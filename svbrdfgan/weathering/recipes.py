@@ -64,6 +64,9 @@ class Recipe(Protocol):
     @property
     def detail(self) -> float: ...
 
+    @property
+    def relief(self) -> float: ...
+
     def paint(self, site: Site) -> Coat:
         """All maps: a pure function of the site. `amount` 0 gives alpha 0."""
         ...
@@ -78,6 +81,7 @@ class _Options:
         seed: selects another pattern of the same kind.
         scale: size of the pattern, relative to the default.
         detail: 0 is smooth, 1 is as sharp as the texture allows.
+        relief: height of the relief, relative to the default, which is as high as the matter is thick.
 
     Raises:
         ConfigError: an option out of its range.
@@ -87,6 +91,7 @@ class _Options:
     seed: int = number(0, 0, 2**31 - 1)
     scale: float = number(1.0, 0.25, 4.0)
     detail: float = number(0.0, 0.0, 1.0)
+    relief: float = number(1.0, 0.0, 50.0)
 
     def __post_init__(self) -> None:
         check_ranges(self)

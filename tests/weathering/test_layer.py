@@ -55,6 +55,7 @@ class Ridges:
     seed: int = 0
     scale: float = 1.0
     detail: float = 1.0
+    relief: float = 1.0
 
     def paint(self, site):
         ones = np.ones(len(site.position))
