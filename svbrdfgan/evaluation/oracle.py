@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from jaxtyping import Float
 from lightning_fabric import Fabric
 from torch import Tensor
 
+from svbrdfgan.metrics.map_errors import LEAST_ERRORS
 from svbrdfgan.metrics.recovered import Scorer, Target
 from svbrdfgan.networks import Generator, initialise
 from svbrdfgan.training.config import TrainConfig
@@ -66,24 +67,29 @@ def train_oracle(
     schedule: OracleConfig,
     watch: Watch | None = None,
 ) -> Oracle:
-    """Minimises E of every map on the training targets until the score of `scorer` stops rising."""
+    """Minimises E of every map on the training targets until the score of `scorer` stops rising.
+
+    The error of a map counts relative to its constant layer's, as in `recovered`, in units of base_color's.
+    """
     generator = make_generator(config.generator, targets[0].truth.shape[-1])
     initialise(generator, torch.Generator().manual_seed(config.seed))
     generator.to(geometry.device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
     adam = torch.optim.Adam(generator.parameters(), schedule.rate, betas=(0.9, 0.99), fused=True)
     rng = np.random.default_rng([config.seed, 1])
+    weights = _weights(scorer.constant_errors, geometry.device)
     best, best_score, stalled, halved = copy.deepcopy(generator), -float("inf"), 0, 0
     for step in range(1, schedule.steps + 1):
         picked = [targets[int(i)] for i in rng.integers(len(targets), size=schedule.batch)]
         with fabric.autocast():
             layers = generator(geometry[[target.subject for target in picked]])
-        error = torch.stack([t.errors(layer).sum() for t, layer in zip(picked, layers.float(), strict=True)]).mean()
+        errors = [(t.errors(layer) * weights).sum() for t, layer in zip(picked, layers.float(), strict=True)]
+        error = torch.stack(errors).mean()
         adam.zero_grad(set_to_none=True)
         error.backward()
         adam.step()
         if step % schedule.every:
             continue
-        score = scorer.recovered(generator)
+        score = scorer.score(scorer.layers(generator))
         if watch is not None:
             watch(step, score)
         stalled = 0 if score > best_score + schedule.gain else stalled + 1
@@ -95,3 +101,12 @@ def train_oracle(
             if halved > schedule.halvings:
                 return Oracle(best, best_score, step, plateau=True)
     return Oracle(best, best_score, schedule.steps, plateau=False)
+
+
+def _weights(constant_errors: Mapping[str, float], device: torch.device) -> Float[Tensor, " maps"]:
+    """One for base_color. A map whose truth is constant counts as if its constant layer erred by the least error."""
+    unit = constant_errors["base_color"]
+    relative = [
+        1.0 if name == "base_color" else unit / max(error, LEAST_ERRORS[name]) for name, error in constant_errors.items()
+    ]
+    return torch.tensor(relative, device=device)

@@ -1,15 +1,16 @@
 """The score of a generator, `recovered`: how much of the ground-truth layers it found, on texels that pictures show.
 
 `recovered = 1 - E(generator) / E(constant)` is a skill score: 1 is perfect, 0 is no better than one colour everywhere.
-`E` is the mean absolute error of the composited base colour over seen texels of learnable parts, weighted by surface
-area. *constant* is the one RGBA layer that minimises E on the training subjects.
+`E` is the mean error of a map of the composited material over seen texels of learnable parts, weighted by surface area:
+the absolute error, and of normals the angle. Further maps than base_color count where they can be observed, if that is
+known. *constant* is the constant layer that minimises the map's E on the training subjects.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 
 import torch
@@ -19,13 +20,16 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io import srgb_from_linear
-from svbrdfgan.rendering.compositing import RGBA, bare_maps, composite
+from svbrdfgan.metrics.map_errors import LEAST_ERRORS, map_error
+from svbrdfgan.rendering.compositing import bare_maps, composite
 from svbrdfgan.types.material import CHANNELS
 
 SeenTexels = Callable[[int], Float[Tensor, "rows cols"]]
 """Maps an exemplar's index to a texture that is positive where its picture shows the outermost learnable surface."""
 
-_CONSTANT_TARGETS = 64
+Observed = Callable[[int], Mapping[str, Bool[Tensor, "rows cols"]]]
+"""Maps a subject's number to the texels where each further map can be observed in its pictures."""
+
 POLE_DEGREES = 30.0
 """Within this angle of a pole the hemispherical map stretches circles around the pole more than twofold."""
 
@@ -40,6 +44,7 @@ class Target:
         base: base colour under the layer, and the values of the further maps that the layer paints.
         weight: area in square metres of each scored texel; zero elsewhere.
         maps: names of those further maps.
+        observed: the weights of further maps that are scored on fewer texels.
     """
 
     subject: int
@@ -47,25 +52,43 @@ class Target:
     base: Float[Tensor, "rows cols values"]
     weight: Float[Tensor, "rows cols"]
     maps: tuple[str, ...] = ()
+    observed: Mapping[str, Float[Tensor, "rows cols"]] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All maps that the layer paints, in the order of `CHANNELS`."""
+        return ("base_color", *self.maps)
 
     def error(self, layer: Float[Tensor, "*#size channels"]) -> Float[Tensor, ""]:
-        """E of a layer."""
+        """E of a layer in base_color."""
         return self.errors(layer)[0]
 
     def errors(self, layer: Float[Tensor, "*#size channels"]) -> Float[Tensor, " maps"]:
-        """E of a layer, followed by the error of each further map."""
-        difference = (composite(self.base, layer) - composite(self.base, self.truth)).abs()
-        channels = [CHANNELS[name] for name in ("base_color", *self.maps)]
-        maps = torch.stack([values.mean(dim=-1) for values in difference.split(channels, dim=-1)])
-        return (maps * self.weight).sum(dim=(1, 2)) / self.weight.sum()
+        """E of a layer in each map; NaN in one that is observed nowhere."""
+        channels = [CHANNELS[name] for name in self.names]
+        made, true = (composite(self.base, painted).split(channels, dim=-1) for painted in (layer, self.truth))
+        return torch.stack([self._mean(*each) for each in zip(self.names, made, true, strict=True)])
+
+    def within(self, region: Bool[Tensor, "rows cols"]) -> Target:
+        """The same target, scored in a region of the texture alone."""
+        observed = {name: weight * region for name, weight in self.observed.items()}
+        return replace(self, weight=self.weight * region, observed=observed)
+
+    def _mean(self, name: str, made: Tensor, truth: Tensor) -> Float[Tensor, ""]:
+        weight = self.observed.get(name, self.weight)
+        return (map_error(name, made, truth) * weight).sum() / weight.sum()
 
 
 def make_targets(
-    exemplars: Exemplars, seen: SeenTexels, device: torch.device, limit: int | None = None
-) -> tuple[list[Target], float]:
-    """Targets of at most `limit` exemplars with known layers, evenly chosen, and the seen share of learnable area.
+    exemplars: Exemplars,
+    seen: SeenTexels,
+    device: torch.device,
+    limit: int | None = None,
+    observed: Observed | None = None,
+) -> tuple[list[Target], dict[str, float]]:
+    """Targets of at most `limit` exemplars with known layers, evenly chosen, and each map's scored share of their area.
 
-    A texel is scored if any picture of its subject shows it.
+    A texel is scored if any picture of its subject shows it; in a further map, if it can be observed there, too.
 
     Raises:
         AssetError: no exemplar has a known layer, or none shows a learnable texel.
@@ -74,78 +97,50 @@ def make_targets(
     known = list(filter(exemplars.weathered, views))
     if limit is not None and len(known) > limit:
         known = [known[int(i)] for i in torch.linspace(0, len(known) - 1, limit)]
-    targets, shares = [], []
+    targets: list[Target] = []
+    shares: list[dict[str, float]] = []
     for number, chosen in groupby(known, key=lambda view: int(exemplars.subject_of[view])):
         subject = exemplars.subjects[number]
         shown = torch.stack([seen(view).cpu() > 0 for view in exemplars.views_of(number)]).any(dim=0)
         area = subject.buffer.area * subject.learnable_texels
         weight = area * shown
-        shares.append(float(weight.sum() / area.sum().clamp(min=1e-12)))
+        masks = {} if observed is None else observed(number)
+        further = {name: weight * mask for name, mask in masks.items()}
+        weights = dict.fromkeys(_names(exemplars), weight) | further
+        shares.append({name: float(w.sum() / area.sum().clamp(min=1e-12)) for name, w in weights.items()})
         if weight.sum() > 0:
-            targets += [_target(exemplars, view, weight.to(device)) for view in chosen]
+            targets += [_target(exemplars, view, weight.to(device), further) for view in chosen]
     if not targets:
         raise AssetError(
             "nothing can be scored: no exemplar that shows a learnable part has a known layer (imported pictures have "
             "none)."
         )
-    return targets, sum(shares) / len(shares)
+    return targets, {name: sum(share[name] for share in shares) / len(shares) for name in shares[0]}
 
 
-def _target(exemplars: Exemplars, view: int, weight: Float[Tensor, "rows cols"]) -> Target:
+def _names(exemplars: Exemplars) -> tuple[str, ...]:
+    return ("base_color", *exemplars.scenes[0].maps)
+
+
+def _target(exemplars: Exemplars, view: int, weight: Float[Tensor, "rows cols"], further: Mapping[str, Tensor]) -> Target:
     scene, truth = exemplars.scenes[view], exemplars.layers[view]
     assert truth is not None
     albedo = exemplars.subject(view).base_albedo(scene.materials)
     bare = [values.expand(*albedo.shape[:2], -1) for values in bare_maps(scene.maps).values()]
     base, subject = torch.cat([albedo, *bare], dim=-1).to(weight.device), int(exemplars.subject_of[view])
-    return Target(subject, truth.to(weight.device), base, weight, tuple(scene.maps))
+    observed = {name: area.to(weight.device) for name, area in further.items()}
+    return Target(subject, truth.to(weight.device), base, weight, tuple(scene.maps), observed)
 
 
 def mean_errors(targets: Sequence[Target], layers: Float[Tensor, "subjects rows cols channels"]) -> list[float]:
-    """Mean E over all targets, with one layer for each subject, followed by the mean error of each further map."""
+    """Mean E over all targets in each map, with one layer for each subject; NaN in a map that is observed nowhere."""
     with torch.no_grad():
-        return torch.stack([target.errors(layers[target.subject]) for target in targets]).mean(dim=0).tolist()
+        return torch.stack([target.errors(layers[target.subject]) for target in targets]).nanmean(dim=0).tolist()
 
 
 def mean_error(targets: Sequence[Target], layers: Float[Tensor, "subjects rows cols channels"]) -> float:
-    """Mean E over all targets, with one layer for each subject."""
+    """Mean E over all targets in base_color, with one layer for each subject."""
     return mean_errors(targets, layers)[0]
-
-
-def best_constant(targets: Sequence[Target], steps: int = 400) -> Float[Tensor, " channels"]:
-    """The constant layer of least E on these targets; in further maps, the alpha-weighted mean of the true layers."""
-    device = targets[0].truth.device
-    truth = torch.stack([target.truth for target in targets])
-    base = torch.stack([target.base[..., :3] for target in targets])
-    weight = torch.stack([target.weight / target.weight.sum() for target in targets])
-    albedo = composite(base, truth)
-    picked = (weight > 0).flatten()
-    base, albedo, weight = base.reshape(-1, 3)[picked], albedo.reshape(-1, 3)[picked], weight.flatten()[picked]
-    truth = truth.flatten(0, 2)[picked]
-    mean = (truth[:, :RGBA] * weight[:, None]).sum(0) / weight.sum()
-    laid = weight * truth[:, 3]
-    further = (truth[:, RGBA:] * laid[:, None]).sum(0) / laid.sum().clamp(min=1e-12)
-    logits = torch.logit(mean.clamp(0.01, 0.99)).to(device).requires_grad_(True)
-    adam = torch.optim.Adam([logits], lr=0.05)
-    best = (float("inf"), mean)
-    for step in range(steps):
-        adam.param_groups[0]["lr"] = 0.05 * (1 - step / steps)
-        layer = torch.sigmoid(logits)
-        error = ((composite(base, layer) - albedo).abs().mean(dim=-1) * weight).sum() / len(targets)
-        if float(error.detach()) < best[0]:
-            best = (float(error.detach()), layer.detach().clone())
-        adam.zero_grad()
-        error.backward()
-        adam.step()
-    return torch.cat([best[1], further])
-
-
-def constant_layer(exemplars: Exemplars, seen: SeenTexels, device: torch.device) -> Float[Tensor, " channels"]:
-    """The constant layer of least E on at most 64 of these exemplars, evenly chosen.
-
-    Raises:
-        AssetError: as `make_targets`.
-    """
-    return best_constant(make_targets(exemplars, seen, device, _CONSTANT_TARGETS)[0])
 
 
 def near_poles(geometry: Float[Tensor, "subjects 6 rows cols"]) -> Bool[Tensor, "subjects rows cols"]:
@@ -164,34 +159,38 @@ class Scorer:
     Attributes:
         geometry: the generator's input for each subject.
         targets: the true layers.
-        constant_error: E of the constant layer.
-        seen: share of the learnable area that pictures show.
+        constant_errors: for each map, base_color first, E of its constant layer.
+        shares: for each map, the share of the learnable area that is scored: that pictures show, and where the map can
+            be observed.
     """
 
     geometry: Float[Tensor, "subjects 6 rows cols"]
     targets: list[Target]
-    constant_error: float
-    seen: float
+    constant_errors: dict[str, float]
+    shares: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def make(
-        cls, exemplars: Exemplars, seen: SeenTexels, constant: Float[Tensor, " channels"], device: torch.device
+        cls,
+        exemplars: Exemplars,
+        seen: SeenTexels,
+        constants: Float[Tensor, "maps channels"],
+        device: torch.device,
+        observed: Observed | None = None,
     ) -> Scorer:
-        """A scorer of these exemplars, against the constant layer of the training subjects."""
-        targets, share = make_targets(exemplars, seen, device)
+        """A scorer of these exemplars, against the constant layers of the training subjects."""
+        targets, shares = make_targets(exemplars, seen, device, observed=observed)
         geometry = torch.stack([subject.geometry for subject in exemplars.subjects]).to(device)
-        size = (len(geometry), *geometry.shape[2:], -1)
-        return cls(geometry, targets, mean_error(targets, constant.to(device).expand(size)), share)
+        return cls(geometry, targets, _constant_errors(targets, constants, geometry), shares)
 
-    def at_poles(self, constant: Float[Tensor, " channels"]) -> Scorer | None:
+    def at_poles(self, constants: Float[Tensor, "maps channels"]) -> Scorer | None:
         """A scorer of the texels near the poles alone; None if none is scored there."""
         near = near_poles(self.geometry)
-        masked = [replace(target, weight=target.weight * near[target.subject]) for target in self.targets]
+        masked = [target.within(near[target.subject]) for target in self.targets]
         targets = [target for target in masked if target.weight.sum() > 0]
         if not targets:
             return None
-        size = (len(self.geometry), *self.geometry.shape[2:], -1)
-        return replace(self, targets=targets, constant_error=mean_error(targets, constant.expand(size)))
+        return replace(self, targets=targets, constant_errors=_constant_errors(targets, constants, self.geometry))
 
     def layers(
         self, generator: Callable[[Tensor], Tensor], batch: int = 8
@@ -211,9 +210,35 @@ class Scorer:
         return srgb_from_linear(torch.cat([torch.cat(list(row), dim=1) for row in rows]).cpu())
 
     def recovered(self, generator: Callable[[Tensor], Tensor]) -> float:
-        """1 - E(generator) / E(constant)."""
+        """1 - E(generator) / E(constant) in base_color."""
         return self.recovered_by(self.layers(generator))
 
     def recovered_by(self, layers: Float[Tensor, "subjects rows cols channels"]) -> float:
-        """1 - E(layers) / E(constant)."""
-        return 1.0 - mean_error(self.targets, layers) / self.constant_error
+        """1 - E(layers) / E(constant) in base_color."""
+        return 1.0 - mean_error(self.targets, layers) / self.constant_errors["base_color"]
+
+    def errors_by(self, layers: Float[Tensor, "subjects rows cols channels"]) -> dict[str, float]:
+        """E of layers in each map; NaN in one that is observed nowhere."""
+        return dict(zip(self.constant_errors, mean_errors(self.targets, layers), strict=True))
+
+    def each_recovered_by(self, layers: Float[Tensor, "subjects rows cols channels"]) -> dict[str, float | None]:
+        """1 - E(layers) / E(constant) in each map; None where the truth is constant or nothing can be observed."""
+        worst = self.constant_errors
+        return {
+            name: 1.0 - error / worst[name] if worst[name] > LEAST_ERRORS.get(name, 0.0) else None
+            for name, error in self.errors_by(layers).items()
+        }
+
+    def score(self, layers: Float[Tensor, "subjects rows cols channels"]) -> float:
+        """The mean of what layers recovered of each map, by which models are chosen."""
+        found = [value for value in self.each_recovered_by(layers).values() if value is not None]
+        return sum(found) / len(found)
+
+
+def _constant_errors(
+    targets: Sequence[Target], constants: Float[Tensor, "maps channels"], geometry: Float[Tensor, "subjects 6 rows cols"]
+) -> dict[str, float]:
+    """E of each map's own constant layer."""
+    size = (len(geometry), *geometry.shape[2:], -1)
+    rows = [mean_errors(targets, row.to(geometry.device).expand(size)) for row in constants]
+    return {name: errors[n] for n, (name, errors) in enumerate(zip(targets[0].names, rows, strict=True))}

@@ -16,7 +16,8 @@ from lightning_fabric import Fabric
 
 from svbrdfgan.data.gather import INDEX
 from svbrdfgan.errors import ConfigError, TrainingError
-from svbrdfgan.metrics.recovered import Scorer, constant_layer
+from svbrdfgan.metrics.constant import constant_layers
+from svbrdfgan.metrics.recovered import Scorer
 from svbrdfgan.plugins import RENDERERS, find_plugin
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import layer_channels
@@ -150,10 +151,10 @@ def _open_session(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run:
     source = make_batch_source(resolved, "train", renderer, device, display.advance)
     scorer = None
     if "validation" in record.dataset.splits and fabric.is_global_zero:
-        constant = constant_layer(source.exemplars, source.seen, device)
+        constants = constant_layers(source.exemplars, source.seen, device)
         display.begin("light transport of the validation scenes")
         held_out = load_seen_texels(resolved, "validation", renderer, display.advance)
-        scorer = Scorer.make(*held_out, constant, device)
+        scorer = Scorer.make(*held_out, constants, device)
     return _Session(fabric, config, run, source, scorer, None, display)
 
 
@@ -223,17 +224,23 @@ def _report(session: _Session, state: State, diagnostics: Diagnostics, rate: flo
 
 
 def _score(session: _Session, state: State) -> None:
-    """Scores the averaged generator on the validation split, and saves it if it is the best so far."""
+    """Scores the averaged generator on the validation split, and saves it if it is the best so far.
+
+    With further maps, the score is the mean over maps, on all texels that pictures show: to find where each map can be
+    observed would take renderings of the whole split.
+    """
     if session.scorer is None or session.metrics_log is None:
         return
     with session.fabric.autocast():
         layers = session.scorer.layers(state.averaged)
-    score = session.scorer.recovered_by(layers)
+    score = session.scorer.score(layers)
     if not math.isfinite(score):
         raise _not_finite(session, state)
     session.metrics_log.add_image(state.step, "learned above truth", session.scorer.picture(layers))
     state.history.append({"step": state.step, "seconds": state.seconds, "recovered": score})
-    session.metrics_log.write(state.step, {"recovered": score, "seconds": state.seconds})
+    each = session.scorer.each_recovered_by(layers) if len(session.scorer.constant_errors) > 1 else {}
+    by_map = {f"recovered_{name}": value for name, value in each.items() if value is not None}
+    session.metrics_log.write(state.step, {"recovered": score, **by_map, "seconds": state.seconds})
     if score > state.best[0]:
         state.best = (score, state.step)
         save_generator(session.run / MODEL, state.averaged, session.config.generator, score)

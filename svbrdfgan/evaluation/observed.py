@@ -1,0 +1,103 @@
+"""Where each further map of a split can be observed: the texels whose true values matter to its pictures.
+
+The masks come from the truth, the split's scenes and the renderer alone, so that they are the same for every generator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Bool
+from torch import Tensor
+
+from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.io.image import luminance
+from svbrdfgan.metrics.map_errors import tilted
+from svbrdfgan.protocols import Renderer
+from svbrdfgan.training.scenes import of_outermost_parts
+from svbrdfgan.types import Material, Materials, View
+
+CHANGE, DEGREES, VISIBLE = 0.1, 10.0, 0.02
+"""How far a map is changed, how far a normal is tilted, and the least share of its luminance that a pixel changes by."""
+
+_SAMPLES = 4
+"""Samples per pixel, in those of the exemplars: of 64, noise alone passes for a change in pixels of small lights."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """Finds the texels where a subject's maps can be observed.
+
+    A texel counts for a map if some picture of its subject has a pixel that shows it and that changes by over 2 % when
+    the true map changes everywhere by 0.1, towards the inside of [0, 1], or when the true normals tilt by 10 degrees, in
+    either of two perpendicular directions. Both pictures have the same random numbers.
+    """
+
+    exemplars: Exemplars
+    renderer: Renderer[Any]
+    progress: Callable[[int], None]
+
+    def __call__(self, subject: int) -> dict[str, Bool[Tensor, "rows cols"]]:
+        """For each further map, the texels where it can be observed in pictures of that subject."""
+        views = list(filter(self.exemplars.weathered, self.exemplars.views_of(subject)))
+        prepared = self.renderer.prepare(self.exemplars.subjects[subject].surface)
+        found: dict[str, Tensor] = {}
+        for index in views:
+            for name, texels in self._of_view(index, prepared).items():
+                found[name] = found[name] | texels if name in found else texels
+            self.progress(1)
+        return found
+
+    def _of_view(self, index: int, prepared: Any) -> dict[str, Bool[Tensor, "rows cols"]]:
+        exemplars, scene = self.exemplars, self.exemplars.scenes[index]
+        subject, view = exemplars.subject(index), exemplars.loader.view(scene)
+        true = subject.materials(scene.materials, exemplars.layers[index], scene.maps)
+
+        def brightness(materials: Materials) -> Tensor:
+            picture = self.renderer.render(prepared, materials, view, spp=_SAMPLES * scene.spp, seed=scene.seed)
+            return luminance(picture.image.cpu())
+
+        found, before = {}, brightness(true)
+        for name in scene.maps:
+            changed = torch.zeros_like(before, dtype=torch.bool)
+            for materials in _changes(true, name, subject.learnable):
+                changed |= (brightness(materials) - before).abs() > VISIBLE * before
+            found[name] = self._shown(index, prepared, view, changed)
+        return found
+
+    def _shown(
+        self, index: int, prepared: Any, view: View, pixels: Bool[Tensor, "height width"]
+    ) -> Bool[Tensor, "rows cols"]:
+        """The texels of the outermost learnable surface that these pixels show: those with a gradient from them."""
+        scene, subject = self.exemplars.scenes[index], self.exemplars.subject(index)
+        grey = torch.full((*subject.buffer.part.shape, 4), 0.5)
+        gradients = self.renderer.render_vjp(
+            prepared,
+            subject.materials(scene.materials, grey),
+            view,
+            pixels.float().unsqueeze(-1).expand(-1, -1, 3).contiguous(),
+            wrt=frozenset({"base_color"}),
+            spp=_SAMPLES * scene.spp,
+            seed=scene.seed,
+        )
+        shown = [gradients.materials[part]["base_color"].abs().sum(dim=-1).cpu() for part in subject.learnable]
+        return of_outermost_parts(self.exemplars, index, torch.stack(shown)) > 0
+
+
+def _changes(materials: Materials, name: str, learnable: tuple[int, ...]) -> Iterator[Materials]:
+    """The materials with one map of the learnable parts changed, in each of its ways."""
+    for way in range(2 if name == "normal" else 1):
+        parts = list(materials.parts)
+        for part in learnable:
+            maps = parts[part].maps
+            parts[part] = Material({**maps, name: _changed(name, maps[name])[way]})
+        yield Materials(tuple(parts))
+
+
+def _changed(name: str, values: Tensor) -> tuple[Tensor, ...]:
+    if name == "normal":
+        return tilted(values, DEGREES)
+    return (torch.where(values < 0.5, values + CHANGE, values - CHANGE),)
