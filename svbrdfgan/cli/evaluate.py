@@ -20,6 +20,14 @@ from svbrdfgan.cli.display import progress
     help="The data to score it on.",
 )
 @click.option("--no-oracle", is_flag=True, help="Leave out the supervised oracle, whose training takes minutes.")
+@click.option(
+    "--relight",
+    "relight",
+    multiple=True,
+    metavar="FILES",
+    help="Environment maps for relit FLIP (a shell pattern, in quotes), which training never used; may be repeated. "
+    "By default procedural skies and rooms.",
+)
 @click.option("--dataset", type=click.Path(path_type=Path), help="The run's data set, if it was moved.")
 @click.option(
     "--device", default="auto", show_default=True, type=click.Choice(["auto", "cpu", "cuda"]), help="Where to compute."
@@ -28,6 +36,7 @@ def command(
     run: Path,
     split: Literal["train", "validation", "test"],
     no_oracle: bool,
+    relight: tuple[str, ...],
     dataset: Path | None,
     device: Literal["auto", "cpu", "cuda"],
 ) -> None:
@@ -37,9 +46,18 @@ def command(
     """
     with progress(f"opening {run}") as display:
         from svbrdfgan.evaluation.evaluate import evaluate
+        from svbrdfgan.evaluation.relight import Relight
         from svbrdfgan.report.page import write_report
 
-        evaluated = evaluate(run, split=split, oracle=not no_oracle, device=device, dataset=dataset, display=display)
+        evaluated = evaluate(
+            run,
+            split=split,
+            oracle=not no_oracle,
+            device=device,
+            dataset=dataset,
+            relight=Relight(relight),
+            display=display,
+        )
         display.stage("writing the report")
         report = write_report(run, evaluated)
     for line in evaluated.evaluation.lines():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -20,14 +21,18 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.gather import INDEX
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
+from svbrdfgan.evaluation.observed import Observation
 from svbrdfgan.evaluation.oracle import OracleConfig, train_oracle
-from svbrdfgan.evaluation.record import Evaluation, share
+from svbrdfgan.evaluation.record import Evaluation, MapScore, share
+from svbrdfgan.evaluation.relight import Relight, RelitScene, relit
 from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.metrics.constant import constant_layers
 from svbrdfgan.metrics.flip import display as as_displayed
 from svbrdfgan.metrics.flip import flip
-from svbrdfgan.metrics.recovered import Scorer, SeenTexels, constant_layer, make_targets, mean_errors
+from svbrdfgan.metrics.recovered import Observed, Scorer, SeenTexels, make_targets
 from svbrdfgan.networks import Generator
 from svbrdfgan.plugins.select import resolve_renderer
+from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source, stack_geometry
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric
@@ -35,6 +40,12 @@ from svbrdfgan.training.run import ORACLE, ORACLE_NOTES, RunConfig, load_generat
 from svbrdfgan.utils.display import Display, SilentDisplay
 
 _ORACLE_TARGETS = 2048
+_RELIT = {
+    "generated": "relit_flip",
+    "oracle": "relit_flip_oracle",
+    "constant": "relit_flip_constant",
+    "truth": "relit_flip_truth",
+}
 
 LoadedSplit = tuple[Exemplars, SeenTexels]
 """A split, and what its pictures show of each texel."""
@@ -48,12 +59,14 @@ class Evaluated:
         config: the run's.
         source: the scored split.
         layers: the layers of each subject, by what painted them: "generated", "oracle" or "constant".
+        relit: a few of the scenes that the run was relit in, with their pictures.
     """
 
     evaluation: Evaluation
     config: RunConfig
     source: BatchSource
     layers: dict[str, Float[Tensor, "subjects rows cols channels"]]
+    relit: tuple[RelitScene, ...] = ()
 
 
 def evaluate(
@@ -64,6 +77,7 @@ def evaluate(
     device: Literal["auto", "cpu", "cuda"] = "auto",
     dataset: Path | None = None,
     schedule: OracleConfig | None = None,
+    relight: Relight | None = None,
     display: Display | None = None,
 ) -> Evaluated:
     """Scores a run on a split and writes `evaluation.json`. It trains the oracle first if the run has none yet.
@@ -71,10 +85,11 @@ def evaluate(
     Args:
         dataset: the folder of the run's data set, if it was moved.
         schedule: how the oracle is trained.
+        relight: the scenes for relit FLIP; by default two for each vehicle, in procedural skies and rooms.
 
     Raises:
         AssetError: the folder is no run or has no model yet, or its data set or that split is missing.
-        ConfigError: the data set is another one, or torch finds no such device.
+        ConfigError: the data set is another one, training used a light to relight with, or torch finds no such device.
     """
     shown = display or SilentDisplay()
     fabric = make_fabric(device)
@@ -97,20 +112,31 @@ def evaluate(
         shown.begin(f"light transport of the {of} scenes")
         return load_seen_texels(resolved, of, renderer, shown.advance)
 
-    constant = constant_layer(*load("train"), fabric.device)
-    scorer = Scorer.make(source.exemplars, source.seen, constant, fabric.device)
+    constants = constant_layers(*load("train"), fabric.device)
+    observed = _observed(source, renderer, config, shown)
+    scorer = Scorer.make(source.exemplars, source.seen, constants, fabric.device, observed)
     layers = {"generated": _layers(fabric, scorer, model.generator)}
     found = None
     if oracle:
-        found = _oracle(run, fabric, config, load, constant, schedule or OracleConfig(), shown)
+        found = _oracle(run, fabric, config, load, constants, schedule or OracleConfig(), shown)
         layers["oracle"] = _layers(fabric, scorer, found.generator)
-    layers["constant"] = constant.expand_as(layers["generated"])
+    layers["constant"] = constants[0].expand_as(layers["generated"])
     shown.begin("comparing pictures", len(source))
-    evaluation = _judge(split, scorer, layers, found, constant, _flips(source, layers, shown))
-    further = mean_errors(scorer.targets, layers["generated"])[1:]
-    evaluation = evaluation.model_copy(update={"maps": dict(zip(config.maps, further, strict=True))})
+    evaluation = _judge(split, scorer, layers, found, constants, _flips(source, layers, shown))
+    shown.begin("comparing relit pictures")
+    again = relit(relight or Relight(), source.exemplars, opened.index, split, renderer, layers, shown.advance)
+    relit_flips = {_RELIT[name]: value for name, value in again.flips.items()}
+    evaluation = evaluation.model_copy(update=relit_flips)
     evaluation.save(run)
-    return Evaluated(evaluation, config, source, layers)
+    return Evaluated(evaluation, config, source, layers, again.scenes)
+
+
+def _observed(source: BatchSource, renderer: Renderer[Any], config: RunConfig, shown: Display) -> Observed | None:
+    """Where the split's further maps can be observed; None if layers paint base_color alone."""
+    if not config.maps:
+        return None
+    shown.begin("where each map can be observed", len(source))
+    return Observation(source.exemplars, renderer, shown.advance)
 
 
 def _open_dataset(config: RunConfig, moved_to: Path | None) -> Dataset:
@@ -138,7 +164,7 @@ def _oracle(
     fabric: Fabric,
     config: RunConfig,
     load: Callable[[Split], LoadedSplit],
-    constant: Tensor,
+    constants: Tensor,
     schedule: OracleConfig,
     shown: Display,
 ) -> _TrainedOracle:
@@ -151,7 +177,7 @@ def _oracle(
     trained, seen = load("train")
     targets, _ = make_targets(trained, seen, fabric.device, _ORACLE_TARGETS)
     held_out = load("validation") if "validation" in config.dataset.splits else (trained, seen)
-    scorer = Scorer.make(*held_out, constant, fabric.device)
+    scorer = Scorer.make(*held_out, constants, fabric.device)
     shown.begin("training the supervised oracle")
 
     def watch(step: int, score: float) -> None:
@@ -171,13 +197,13 @@ def _judge(
     scorer: Scorer,
     layers: dict[str, Tensor],
     oracle: _TrainedOracle | None,
-    constant: Tensor,
+    constants: Tensor,
     flips: dict[str, float],
 ) -> Evaluation:
     recovered = scorer.recovered_by(layers["generated"])
     best = scorer.recovered_by(layers["oracle"]) if oracle else None
-    ends = scorer.at_poles(constant)
-    red, green, blue, alpha = constant[:RGBA].tolist()
+    ends = scorer.at_poles(constants)
+    red, green, blue, alpha = constants[0, :RGBA].tolist()
     return Evaluation(
         split=split,
         recovered=recovered,
@@ -192,11 +218,34 @@ def _judge(
         flip_oracle=flips.get("oracle"),
         flip_constant=flips["constant"],
         flip_truth=flips["truth"],
-        seen=scorer.seen,
+        seen=scorer.shares["base_color"],
         constant=(red, green, blue, alpha),
         subjects=len(scorer.geometry),
         exemplars=len(scorer.targets),
+        maps=_map_scores(scorer, layers) if len(scorer.constant_errors) > 1 else {},
     )
+
+
+def _map_scores(scorer: Scorer, layers: dict[str, Tensor]) -> dict[str, MapScore]:
+    """The scores of each map, base_color among them."""
+    recovered, errors = scorer.each_recovered_by(layers["generated"]), scorer.errors_by(layers["generated"])
+    best = scorer.each_recovered_by(layers["oracle"]) if "oracle" in layers else dict.fromkeys(recovered)
+    return {
+        name: MapScore(
+            recovered=recovered[name],
+            oracle=best[name],
+            fraction=share(recovered[name], best[name]),
+            error=_known(errors[name]),
+            constant_error=_known(scorer.constant_errors[name]),
+            area=scorer.shares[name],
+        )
+        for name in recovered
+    }
+
+
+def _known(error: float) -> float | None:
+    """None for the error of a map that can be observed nowhere, since JSON has no NaN."""
+    return None if math.isnan(error) else error
 
 
 def _layers(fabric: Fabric, scorer: Scorer, generator: Generator) -> Float[Tensor, "subjects rows cols channels"]:

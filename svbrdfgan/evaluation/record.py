@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator
 
 from svbrdfgan.config.models import StrictModel
 from svbrdfgan.data.config import Split
 from svbrdfgan.io.records import save_record
 
 EVALUATION = "evaluation.json"
+LEAST_AREA = 0.2
+"""The least share of the learnable area on which a map's score says something of a vehicle."""
 
 
 def of_split(name: str, split: Split) -> str:
@@ -17,21 +22,51 @@ def of_split(name: str, split: Split) -> str:
     return name if split == "test" else f"{stem}.{split}.{suffix}"
 
 
+class MapScore(StrictModel):
+    """The score of one map of the composited material.
+
+    Attributes:
+        recovered, oracle: 1 - E / E(constant) of the generator and of the oracle; None where the truth is constant or
+            the map can be observed nowhere.
+        fraction: recovered / oracle, where the oracle recovered anything.
+        error, constant_error: E of the generator and of the map's constant layer: mean absolute error; of `normal`, the
+            mean angle in degrees.
+        area: share of the learnable area that is scored: that pictures show, and where the map can be observed.
+    """
+
+    recovered: float | None = None
+    oracle: float | None = None
+    fraction: float | None = None
+    error: float | None = None
+    constant_error: float | None = None
+    area: float | None = None
+
+
+def _from_error(value: Any) -> Any:
+    """Earlier versions recorded the mean absolute error alone."""
+    return {"error": value} if isinstance(value, float) else value
+
+
 class Evaluation(StrictModel):
     """The contents of `evaluation.json`; of other splits than `test`, `evaluation.SPLIT.json`.
 
     Attributes:
-        recovered, oracle: 1 - E / E(constant) of the generator and of the supervised oracle, on the split.
+        recovered, oracle: 1 - E / E(constant) of the generator and of the supervised oracle, on the split, in
+            base_color.
         fraction: recovered / oracle, where the oracle recovered anything.
         recovered_at_poles, oracle_at_poles: the same near the poles of the hemispherical map, the nose and tail of a
             vehicle, where the thesis saw artifacts; comparable across embeddings.
-        oracle_validation: what the oracle recovered on the validation split, by which it was chosen.
+        oracle_validation: what the oracle recovered on the validation split, by which it was chosen; with further maps,
+            the mean over all maps.
         oracle_plateau: whether the oracle had stopped improving.
         flip, flip_oracle, flip_constant: mean FLIP between pictures under the layers and the stored exemplars; what
             noise alone makes of it is `flip_truth`, with G0's own layers.
+        relit_flip, relit_flip_oracle, relit_flip_constant, relit_flip_truth: mean FLIP between fresh pictures under the
+            layers and under G0's own, in lights and from views that training never had. None in records of earlier
+            versions.
         seen: share of the learnable area that the split's pictures show; only that is scored.
         constant: the layer of least error on the training subjects.
-        maps: mean absolute error of the generator in each further map that layers paint.
+        maps: where layers paint further maps, the scores of all maps, base_color among them.
     """
 
     split: Split
@@ -47,14 +82,23 @@ class Evaluation(StrictModel):
     flip_oracle: float | None
     flip_constant: float
     flip_truth: float
+    relit_flip: float | None = None
+    relit_flip_oracle: float | None = None
+    relit_flip_constant: float | None = None
+    relit_flip_truth: float | None = None
     seen: float
     constant: tuple[float, float, float, float]
     subjects: int
     exemplars: int
-    maps: dict[str, float] = {}
+    maps: dict[str, Annotated[MapScore, BeforeValidator(_from_error)]] = {}
+
+    @property
+    def relit_ratio(self) -> float | None:
+        """Relit FLIP of the generator over that of the oracle: 1 is as good as the network can be."""
+        return None if not self.relit_flip_oracle or self.relit_flip is None else self.relit_flip / self.relit_flip_oracle
 
     def lines(self) -> list[str]:
-        """The scores in words, one line each."""
+        """The scores in words, one line each, and a table of the maps."""
         scored = f"{self.subjects} {self.split} subjects, {self.seen:.0%} of their area seen"
         lines = [f"recovered: {self.recovered:.3f} ({scored})"]
         if self.oracle is not None:
@@ -68,12 +112,55 @@ class Evaluation(StrictModel):
         lines.append(
             f"FLIP:      {self.flip:.3f} (constant layer {self.flip_constant:.3f}, noise alone {self.flip_truth:.3f})"
         )
-        return lines + [f"{name}: {error:.3f} mean absolute error" for name, error in self.maps.items()]
+        return lines + self._relit_lines() + self._map_lines()
+
+    def little_observed(self) -> list[str]:
+        """A warning for each map that is scored on less than a fifth of the learnable area."""
+        return [
+            f"{name} can be observed on only {score.area:.0%} of the learnable area: its score says little."
+            for name, score in self.maps.items()
+            if score.area is not None and score.area < LEAST_AREA
+        ]
 
     def save(self, run: Path) -> None:
         save_record(run / of_split(EVALUATION, self.split), self)
 
+    def _relit_lines(self) -> list[str]:
+        if self.relit_flip is None:
+            return []
+        best = "" if self.relit_flip_oracle is None else f"oracle {self.relit_flip_oracle:.3f}, "
+        ratio = "" if self.relit_ratio is None else f", {self.relit_ratio:.2f} times the oracle's"
+        others = f"{best}constant layer {self.relit_flip_constant:.3f}, noise alone {self.relit_flip_truth:.3f}"
+        return [f"relit:     FLIP {self.relit_flip:.3f}{ratio} ({others})"]
 
-def share(recovered: float, oracle: float | None) -> float | None:
-    """Recovered as a share of the oracle's; None where there is no oracle or it recovered nothing."""
-    return recovered / oracle if oracle is not None and oracle > 0 else None
+    def _map_lines(self) -> list[str]:
+        if not self.maps:
+            return []
+        heads = ("map", *map_cells("", MapScore()))
+        rows = [heads, *((name, *map_cells(name, score).values()) for name, score in self.maps.items())]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        aligned = ["  ".join(word.ljust(w) for word, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+        return aligned + self.little_observed()
+
+
+def map_cells(name: str, score: MapScore) -> dict[str, str]:
+    """A row of the table of maps: by its heading, what each cell says."""
+    form = ".1f" if name == "normal" else ".3f"
+    unit = " degrees" if name == "normal" else ""
+
+    def cell(value: float | None, form: str = ".3f", unit: str = "") -> str:
+        return "-" if value is None else f"{value:{form}}{unit}"
+
+    return {
+        "recovered": cell(score.recovered),
+        "oracle": cell(score.oracle),
+        "fraction": cell(score.fraction),
+        "error": cell(score.error, form, unit),
+        "of the constant": cell(score.constant_error, form, unit),
+        "area": cell(score.area, ".0%"),
+    }
+
+
+def share(recovered: float | None, oracle: float | None) -> float | None:
+    """Recovered as a share of the oracle's; None where either is unknown or the oracle recovered nothing."""
+    return recovered / oracle if recovered is not None and oracle is not None and oracle > 0 else None

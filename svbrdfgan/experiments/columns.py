@@ -6,6 +6,7 @@ import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from svbrdfgan.evaluation.record import MapScore
 from svbrdfgan.experiments.definition import Measure
 from svbrdfgan.experiments.outcome import RunOutcome
 
@@ -81,6 +82,22 @@ _VERDICTS = (
     ),
 )
 
+_RELIT = (
+    Column(
+        "relit_flip",
+        "relit FLIP",
+        "how different pictures look under the learned layers in new lights and from new views: 0 is no difference",
+        lambda outcome: outcome.evaluation.relit_flip,
+    ),
+    Column(
+        "relit_ratio",
+        "relit FLIP / oracle's",
+        "relit FLIP over that of the oracle",
+        lambda outcome: outcome.evaluation.relit_ratio,
+        ".2f",
+    ),
+)
+
 _MEASURES: dict[Measure, Column] = {
     "shown": Column(
         "shown",
@@ -105,9 +122,35 @@ _MEASURES: dict[Measure, Column] = {
 }
 
 
-def verdicts(measures: Sequence[Measure]) -> list[Column]:
-    """Columns for the quality of the learned layers."""
-    return [*_VERDICTS, *(_MEASURES[name] for name in measures)]
+def verdicts(measures: Sequence[Measure], outcomes: Sequence[RunOutcome] = ()) -> list[Column]:
+    """Columns for the quality of the learned layers. Of maps and relit pictures, what some outcome has a number for."""
+    names = dict.fromkeys(name for outcome in outcomes for name in outcome.evaluation.maps if name != "base_color")
+    optional = [*(column for name in names for column in _of_map(name)), *_RELIT]
+    known = [column for column in optional if column.over(outcomes) is not None]
+    return [*_VERDICTS, *known, *(_MEASURES[name] for name in measures)]
+
+
+def _of_map(name: str) -> tuple[Column, ...]:
+    """What was recovered of a further map, and of how much of the oracle's."""
+
+    def score(outcome: RunOutcome) -> MapScore:
+        return outcome.evaluation.maps.get(name, MapScore())
+
+    return (
+        Column(
+            f"recovered_{name}",
+            f"{name} recovered",
+            f"`recovered` of {name}, where it can be observed",
+            lambda outcome: score(outcome).recovered,
+        ),
+        Column(
+            f"fraction_{name}",
+            f"{name} of the oracle",
+            f"`recovered` / oracle of {name}",
+            lambda outcome: score(outcome).fraction,
+            ".2f",
+        ),
+    )
 
 
 def speeds(images: int, seconds: float) -> list[Column]:

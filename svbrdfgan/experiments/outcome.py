@@ -26,9 +26,18 @@ class Ceiling(StrictModel):
 
     def over(self, evaluation: Evaluation) -> Evaluation:
         """The evaluation of a run, completed with the oracle's scores."""
-        names = ("oracle", "oracle_at_poles", "oracle_validation", "oracle_plateau", "oracle_steps", "flip_oracle")
+        names = (
+            *("oracle", "oracle_at_poles", "oracle_validation", "oracle_plateau", "oracle_steps"),
+            *("flip_oracle", "relit_flip_oracle"),
+        )
         its = {name: getattr(self.evaluation, name) for name in names}
-        return evaluation.model_copy(update={**its, "fraction": share(evaluation.recovered, self.evaluation.oracle)})
+        best = {name: score.oracle for name, score in self.evaluation.maps.items()}
+        maps = {
+            name: score.model_copy(update={"oracle": best.get(name), "fraction": share(score.recovered, best.get(name))})
+            for name, score in evaluation.maps.items()
+        }
+        fraction = share(evaluation.recovered, self.evaluation.oracle)
+        return evaluation.model_copy(update={**its, "maps": maps, "fraction": fraction})
 
     def save(self, oracle: Path) -> None:
         save_record(oracle / CEILING, self)

@@ -56,7 +56,7 @@ class Results:
 
     def verdicts(self) -> list[Column]:
         """The columns for the quality of the learned layers."""
-        return verdicts(self.matrix.experiment.measures)
+        return verdicts(self.matrix.experiment.measures, self.outcomes)
 
     def speeds(self) -> list[Column]:
         """The columns for the speed of training, also within the largest budgets that all runs reached."""

@@ -1,0 +1,154 @@
+"""Relit FLIP: pictures of what was learned, under lights and from views that training never had."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.data.config import EnvironmentSource, ProceduralSkies, Split
+from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.data.gather import gather_environments, match_files
+from svbrdfgan.data.index import DatasetIndex
+from svbrdfgan.data.sampler import EnvironmentAsset
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.metrics.flip import display, flip
+from svbrdfgan.protocols import Renderer
+from svbrdfgan.scene.description import Scene
+from svbrdfgan.scene.loader import SceneLoader
+
+_SEED = 7919
+"""Of the scenes, and of the procedural lights: far from the seeds that data sets use."""
+_LIGHTS = 4
+_KEPT = 4
+
+
+@dataclass(frozen=True)
+class Relight:
+    """Which scenes a run is relit in.
+
+    Attributes:
+        files: shell patterns of environment maps that training never used; none stands for procedural skies and rooms.
+        scenes: scenes of each subject.
+    """
+
+    files: tuple[str, ...] = ()
+    scenes: int = 2
+
+
+@dataclass(frozen=True, eq=False)
+class RelitScene:
+    """Display-referred pictures of one scene: "reference" is the truth, "truth" the same with other random numbers."""
+
+    scene: Scene
+    coverage: Float[Tensor, "height width"]
+    pictures: dict[str, Float[Tensor, "height width 3"]]
+
+    def flips(self) -> dict[str, float]:
+        """FLIP between the reference and each other picture."""
+        reference = self.pictures["reference"]
+        return {name: flip(reference, picture) for name, picture in self.pictures.items() if name != "reference"}
+
+
+@dataclass(frozen=True, eq=False)
+class Relit:
+    """Mean FLIP by what painted the layers, with G0's own layers as "truth"; and the scenes of a few subjects."""
+
+    flips: dict[str, float]
+    scenes: tuple[RelitScene, ...]
+
+
+def relit(
+    config: Relight,
+    exemplars: Exemplars,
+    index: DatasetIndex,
+    split: Split,
+    renderer: Renderer[Any],
+    layers: Mapping[str, Float[Tensor, "subjects rows cols channels"]],
+    progress: Callable[[int], None],
+) -> Relit:
+    """Renders the layers of all weathered subjects in new scenes, and compares them with G0's.
+
+    Cameras come from the split's distribution, rotations and brightness from the data set's, from a seed of their own.
+    There are as many samples as in the exemplars.
+
+    Raises:
+        ConfigError: a pattern matches nothing, or a light is one that training used.
+        AssetError: a file cannot be read.
+    """
+    totals, kept = dict.fromkeys([*layers, "truth"], 0.0), []
+    with TemporaryDirectory() as folder:
+        lights = SceneLoader(Path(folder), keep=False)
+        pool = _lights(config.files, index, lights.folder)
+        scenes = list(_scenes(config.scenes, exemplars, index, split, pool))
+        spread = {round(n) for n in np.linspace(0, len(scenes) - 1, min(_KEPT, len(scenes)))}
+        prepared: dict[int, Any] = {}
+        for number, (exemplar, scene) in enumerate(scenes):
+            subject = int(exemplars.subject_of[exemplar])
+            if subject not in prepared:  # scenes of a subject follow each other
+                prepared = {subject: renderer.prepare(exemplars.subjects[subject].surface)}
+            painted = {name: chosen[subject] for name, chosen in layers.items()}
+            found = _render(exemplars, exemplar, scene, lights, renderer, prepared[subject], painted)
+            for name, value in found.flips().items():
+                totals[name] += value / len(scenes)
+            kept += [found] if number in spread else []
+            progress(1)
+    return Relit(totals, tuple(kept))
+
+
+def _lights(files: Sequence[str], index: DatasetIndex, folder: Path) -> tuple[EnvironmentAsset, ...]:
+    """The pool of lights, stored in a folder."""
+    rows = index.config.environment_rows
+    if not files:
+        kinds = (ProceduralSkies(count=_LIGHTS, kind=kind, seed=_SEED) for kind in ("outdoor", "indoor"))
+        pools = [gather_environments(EnvironmentSource(procedural=kind), [], rows, folder) for kind in kinds]
+        return tuple(light for pool in pools for light in pool)
+    pool = gather_environments(EnvironmentSource(files=tuple(files)), match_files(files, Path()), rows, folder)
+    trained = {light.asset.sha256 for light in index.environments["train"]}
+    if known := [light.name for light in pool if light.asset.sha256 in trained]:
+        raise ConfigError(f"training used {', '.join(known)}: name other environment maps to relight with.")
+    return pool
+
+
+def _scenes(
+    count: int, exemplars: Exemplars, index: DatasetIndex, split: Split, pool: tuple[EnvironmentAsset, ...]
+) -> Iterator[tuple[int, Scene]]:
+    """For each weathered subject, so many exemplars and each one's scene with another camera, light and seed."""
+    sampler = index.sampler(split)
+    for subject in range(len(exemplars.subjects)):
+        weathered = list(filter(exemplars.weathered, exemplars.views_of(subject)))
+        for number in range(count if weathered else 0):
+            exemplar, rng = weathered[number % len(weathered)], np.random.default_rng([_SEED, subject, number])
+            new = {
+                "camera": sampler.draw_camera(sampler.mesh(exemplar), rng),
+                "environment": sampler.draw_environment(rng, pool),
+                "seed": int(rng.integers(2**31)),
+            }
+            yield exemplar, exemplars.scenes[exemplar].model_copy(update=new)
+
+
+def _render(
+    exemplars: Exemplars,
+    exemplar: int,
+    scene: Scene,
+    lights: SceneLoader,
+    renderer: Renderer[Any],
+    prepared: Any,
+    painted: Mapping[str, Float[Tensor, "rows cols channels"]],
+) -> RelitScene:
+    """The reference has random numbers of its own, which the pictures that are compared with it share."""
+    subject, view, truth = exemplars.subject(exemplar), lights.view(scene), exemplars.layers[exemplar]
+    assert truth is not None
+    pictures = {}
+    for name, layer in {"reference": truth, **painted, "truth": truth}.items():
+        materials = subject.materials(scene.materials, layer.float(), scene.maps)
+        seed = scene.seed if name == "reference" else (scene.seed + 1) % 2**31
+        rendering = renderer.render(prepared, materials, view, spp=scene.spp, seed=seed)
+        pictures[name] = display(rendering.image.cpu(), coverage=rendering.coverage.cpu())
+    return RelitScene(scene, rendering.coverage.cpu(), pictures)
