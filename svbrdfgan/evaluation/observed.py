@@ -21,7 +21,7 @@ from svbrdfgan.training.scenes import of_outermost_parts
 from svbrdfgan.types import Material, Materials, View
 
 CHANGE, DEGREES, VISIBLE = 0.1, 10.0, 0.02
-"""How far a map is changed, how far a normal is tilted, and the least share of its luminance that a pixel changes by."""
+"""How far a map is changed, how far a normal is tilted, and the share of its luminance by which a pixel must change."""
 
 _SAMPLES = 4
 """Samples per pixel, in those of the exemplars: of 64, noise alone passes for a change in pixels of small lights."""
@@ -32,8 +32,8 @@ class Observation:
     """Finds the texels where a subject's maps can be observed.
 
     A texel counts for a map if some picture of its subject has a pixel that shows it and that changes by over 2 % when
-    the true map changes everywhere by 0.1, towards the inside of [0, 1], or when the true normals tilt by 10 degrees, in
-    either of two perpendicular directions. Both pictures have the same random numbers.
+    the true map changes everywhere by 0.1, towards the inside of [0, 1], or when the true normals tilt by 10 degrees,
+    in either of two perpendicular directions. Both pictures have the same random numbers.
     """
 
     exemplars: Exemplars

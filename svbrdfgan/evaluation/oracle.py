@@ -107,6 +107,7 @@ def _weights(constant_errors: Mapping[str, float], device: torch.device) -> Floa
     """One for base_color. A map whose truth is constant counts as if its constant layer erred by the least error."""
     unit = constant_errors["base_color"]
     relative = [
-        1.0 if name == "base_color" else unit / max(error, LEAST_ERRORS[name]) for name, error in constant_errors.items()
+        1.0 if name == "base_color" else unit / max(error, LEAST_ERRORS[name])
+        for name, error in constant_errors.items()
     ]
     return torch.tensor(relative, device=device)

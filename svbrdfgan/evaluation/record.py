@@ -95,7 +95,9 @@ class Evaluation(StrictModel):
     @property
     def relit_ratio(self) -> float | None:
         """Relit FLIP of the generator over that of the oracle: 1 is as good as the network can be."""
-        return None if not self.relit_flip_oracle or self.relit_flip is None else self.relit_flip / self.relit_flip_oracle
+        return (
+            None if not self.relit_flip_oracle or self.relit_flip is None else self.relit_flip / self.relit_flip_oracle
+        )
 
     def lines(self) -> list[str]:
         """The scores in words, one line each, and a table of the maps."""

@@ -122,7 +122,9 @@ def _names(exemplars: Exemplars) -> tuple[str, ...]:
     return ("base_color", *exemplars.scenes[0].maps)
 
 
-def _target(exemplars: Exemplars, view: int, weight: Float[Tensor, "rows cols"], further: Mapping[str, Tensor]) -> Target:
+def _target(
+    exemplars: Exemplars, view: int, weight: Float[Tensor, "rows cols"], further: Mapping[str, Tensor]
+) -> Target:
     scene, truth = exemplars.scenes[view], exemplars.layers[view]
     assert truth is not None
     albedo = exemplars.subject(view).base_albedo(scene.materials)
@@ -236,7 +238,9 @@ class Scorer:
 
 
 def _constant_errors(
-    targets: Sequence[Target], constants: Float[Tensor, "maps channels"], geometry: Float[Tensor, "subjects 6 rows cols"]
+    targets: Sequence[Target],
+    constants: Float[Tensor, "maps channels"],
+    geometry: Float[Tensor, "subjects 6 rows cols"],
 ) -> dict[str, float]:
     """E of each map's own constant layer."""
     size = (len(geometry), *geometry.shape[2:], -1)

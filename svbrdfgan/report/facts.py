@@ -55,6 +55,8 @@ def verdict(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> lis
             "How different renders look from the stored pictures, to the eye: 0 is no difference at all.",
         )
     )
+    if evaluation.relit_flip is not None:
+        found.append(KeyFigure("relit FLIP", f"{evaluation.relit_flip:.3f}", _relit_meaning(evaluation)))
     found.append(
         KeyFigure(
             "area seen",
@@ -84,14 +86,25 @@ def half_way(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> Ke
 
 def flip_bars(evaluation: Evaluation) -> list[Bar]:
     """FLIP of the pictures under each layer."""
+    found = (evaluation.flip_constant, evaluation.flip, evaluation.flip_oracle, evaluation.flip_truth)
+    return _bars(*found)
+
+
+def relit_bars(evaluation: Evaluation) -> list[Bar]:
+    """Relit FLIP under each layer; none in records of earlier versions."""
+    its = evaluation
+    return _bars(its.relit_flip_constant, its.relit_flip, its.relit_flip_oracle, its.relit_flip_truth)
+
+
+def _bars(constant: float | None, learned: float | None, oracle: float | None, truth: float | None) -> list[Bar]:
     values = {
-        "best constant layer": evaluation.flip_constant,
-        "learned": evaluation.flip,
-        "oracle": evaluation.flip_oracle,
-        "truth itself (noise alone)": evaluation.flip_truth,
+        "best constant layer": constant,
+        "learned": learned,
+        "oracle": oracle,
+        "truth itself (noise alone)": truth,
     }
     known = {name: value for name, value in values.items() if value is not None}
-    longest = max(*known.values(), 1e-9)
+    longest = max([*known.values(), 1e-9])
     return [Bar(name, f"{value:.3f}", 100 * (value / longest)) for name, value in known.items()]
 
 
@@ -132,6 +145,12 @@ def duration(seconds: float) -> str:
         return f"{seconds:.0f} s"
     minutes = seconds / 60
     return f"{minutes:.0f} min" if minutes < 120 else f"{minutes / 60:.1f} h"
+
+
+def _relit_meaning(evaluation: Evaluation) -> str:
+    ratio = evaluation.relit_ratio
+    compared = "" if ratio is None else f" It is {ratio:.2f} times the oracle's."
+    return f"The same in lights and from views that training never had.{compared}"
 
 
 def _oracle_meaning(evaluation: Evaluation) -> str:

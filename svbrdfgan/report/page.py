@@ -9,13 +9,13 @@ import yaml
 
 from svbrdfgan.config.models import StrictModel
 from svbrdfgan.evaluation.evaluate import Evaluated
-from svbrdfgan.evaluation.record import of_split
+from svbrdfgan.evaluation.record import map_cells, of_split
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.report.curves import charts, draw
-from svbrdfgan.report.facts import HELD_OUT, find_plan, flip_bars, summary, title, verdict
+from svbrdfgan.report.facts import HELD_OUT, find_plan, flip_bars, relit_bars, summary, title, verdict
 from svbrdfgan.report.patches import patch_maps
 from svbrdfgan.report.pictures import data_uri
-from svbrdfgan.report.vehicles import choose_views, error_scale, rendered, textured
+from svbrdfgan.report.vehicles import choose_views, error_scale, relit, rendered, textured
 from svbrdfgan.training.metrics_log import read_metrics
 
 REPORT = "report.html"
@@ -52,7 +52,11 @@ def _contents(run: Path, evaluated: Evaluated) -> dict[str, Any]:
         "summary": summary(evaluated, plan, log),
         "verdict": verdict(evaluation, config.train, log),
         "flip_bars": flip_bars(evaluation),
+        "relit_bars": relit_bars(evaluation),
+        "maps": {name: map_cells(name, score) for name, score in evaluation.maps.items()},
+        "little_observed": evaluation.little_observed(),
         "vehicles": [rendered(evaluated, index) for index in views],
+        "relit": [relit(scene) for scene in evaluated.relit],
         "textures": [textured(evaluated, index, top) for index in textures],
         "error_top": f"{top:.2f}",
         "patches": patch_maps(run, evaluated, views[:_JUDGED]),

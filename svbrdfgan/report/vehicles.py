@@ -13,6 +13,7 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation.evaluate import Evaluated, pictures
+from svbrdfgan.evaluation.relight import RelitScene
 from svbrdfgan.metrics.flip import display, flip
 from svbrdfgan.rendering.compositing import composite
 from svbrdfgan.report.pictures import Picture, framed, heat, over_checker, signed_as_color, upright
@@ -75,6 +76,17 @@ def rendered(evaluated: Evaluated, index: int) -> Vehicle:
         if name in made:
             columns.append(Titled(title, framed(made[name], coverage), f"FLIP {flip(truth, made[name]):.3f}"))
     return Vehicle(subject_name(exemplars.scenes[index]), _scene_note(exemplars.scenes[index]), tuple(columns))
+
+
+def relit(found: RelitScene) -> Vehicle:
+    """A vehicle in a light and from a view that training never had: the truth beside each layer, with its FLIP."""
+    titles = {"generated": "Learned", "oracle": "Oracle", "constant": "Best constant"}
+    flips, made = found.flips(), found.pictures
+    columns = [Titled("Truth", framed(made["reference"], found.coverage), f"noise alone {flips['truth']:.3f}")]
+    for name, title in titles.items():
+        if name in made:
+            columns.append(Titled(title, framed(made[name], found.coverage), f"FLIP {flips[name]:.3f}"))
+    return Vehicle(subject_name(found.scene), _scene_note(found.scene), tuple(columns))
 
 
 def textured(evaluated: Evaluated, index: int, top: float) -> Vehicle:
