@@ -106,8 +106,6 @@ def train_oracle(
 def _weights(constant_errors: Mapping[str, float], device: torch.device) -> Float[Tensor, " maps"]:
     """One for base_color. A map whose truth is constant counts as if its constant layer erred by the least error."""
     unit = constant_errors["base_color"]
-    relative = [
-        1.0 if name == "base_color" else unit / max(error, LEAST_ERRORS[name])
-        for name, error in constant_errors.items()
-    ]
+    errors = {name: max(error, LEAST_ERRORS.get(name, 0.0)) for name, error in constant_errors.items()}
+    relative = [1.0 if name == "base_color" else unit / error for name, error in errors.items()]
     return torch.tensor(relative, device=device)

@@ -41,6 +41,10 @@ class MapScore(StrictModel):
     constant_error: float | None = None
     area: float | None = None
 
+    def beside(self, oracle: float | None) -> MapScore:
+        """The same score beside what an oracle recovered."""
+        return self.model_copy(update={"oracle": oracle, "fraction": share(self.recovered, oracle)})
+
 
 def _from_error(value: Any) -> Any:
     """Earlier versions recorded the mean absolute error alone."""
@@ -95,9 +99,7 @@ class Evaluation(StrictModel):
     @property
     def relit_ratio(self) -> float | None:
         """Relit FLIP of the generator over that of the oracle: 1 is as good as the network can be."""
-        return (
-            None if not self.relit_flip_oracle or self.relit_flip is None else self.relit_flip / self.relit_flip_oracle
-        )
+        return share(self.relit_flip, self.relit_flip_oracle)
 
     def lines(self) -> list[str]:
         """The scores in words, one line each, and a table of the maps."""
@@ -163,6 +165,6 @@ def map_cells(name: str, score: MapScore) -> dict[str, str]:
     }
 
 
-def share(recovered: float | None, oracle: float | None) -> float | None:
-    """Recovered as a share of the oracle's; None where either is unknown or the oracle recovered nothing."""
-    return recovered / oracle if recovered is not None and oracle is not None and oracle > 0 else None
+def share(learned: float | None, oracle: float | None) -> float | None:
+    """A number over the oracle's; None where either is unknown, or the oracle's is not positive."""
+    return learned / oracle if learned is not None and oracle is not None and oracle > 0 else None

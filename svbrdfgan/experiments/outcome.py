@@ -32,12 +32,7 @@ class Ceiling(StrictModel):
         )
         its = {name: getattr(self.evaluation, name) for name in names}
         best = {name: score.oracle for name, score in self.evaluation.maps.items()}
-        maps = {
-            name: score.model_copy(
-                update={"oracle": best.get(name), "fraction": share(score.recovered, best.get(name))}
-            )
-            for name, score in evaluation.maps.items()
-        }
+        maps = {name: score.beside(best.get(name)) for name, score in evaluation.maps.items()}
         fraction = share(evaluation.recovered, self.evaluation.oracle)
         return evaluation.model_copy(update={**its, "maps": maps, "fraction": fraction})
 

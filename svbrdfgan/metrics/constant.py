@@ -36,10 +36,8 @@ def best_constants(targets: Sequence[Target], steps: int = 400) -> Float[Tensor,
     mean, rows, first = texels.mean_layer(), [], 0
     for name in targets[0].names:
         values = range(first, first + CHANNELS[name])
-        own, row = (
-            [*(value + (value >= 3) for value in values), 3],
-            mean.clone(),
-        )  # a layer's alpha is its fourth channel
+        own = [*(value + (value >= 3) for value in values), 3]  # a layer's fourth channel is alpha
+        row = mean.clone()
         row[own] = _least(name, mean[own], texels, list(values), steps)
         rows.append(row)
         first += CHANNELS[name]

@@ -10,7 +10,8 @@ from lightning_fabric import Fabric
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation.oracle import Oracle, OracleConfig, train_oracle
-from svbrdfgan.metrics.recovered import Scorer, Target, best_constant, make_targets, mean_error
+from svbrdfgan.metrics.constant import best_constants
+from svbrdfgan.metrics.recovered import Scorer, Target, make_targets, mean_error
 from svbrdfgan.networks import Generator
 from svbrdfgan.training.config import GeneratorConfig, TrainConfig
 
@@ -29,8 +30,8 @@ def toy(tiny_exemplars: Exemplars) -> tuple[list[Target], Scorer]:
         )
         targets.append(replace(target, truth=layer))
     geometry = torch.stack([subject.geometry for subject in tiny_exemplars.subjects])
-    constant = best_constant(targets).expand(2, 32, 32, 4)
-    return targets, Scorer(geometry, targets, mean_error(targets, constant), 1.0)
+    constant = best_constants(targets)[0].expand(2, 32, 32, 4)
+    return targets, Scorer(geometry, targets, {"base_color": mean_error(targets, constant)})
 
 
 def trained(toy: tuple[list[Target], Scorer], **schedule: float) -> tuple[Oracle, list[tuple[int, float]]]:

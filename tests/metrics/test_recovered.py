@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -10,7 +11,8 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError
-from svbrdfgan.metrics.recovered import Scorer, Target, best_constant, make_targets, mean_error, near_poles
+from svbrdfgan.metrics.constant import best_constants
+from svbrdfgan.metrics.recovered import Scorer, Target, make_targets, mean_error, mean_errors, near_poles
 from svbrdfgan.rendering.compositing import composite
 
 CPU = torch.device("cpu")
@@ -37,7 +39,7 @@ def targets(tiny_exemplars: Exemplars) -> list[Target]:
 
 
 def test_the_truth_recovers_everything(tiny_exemplars: Exemplars, targets: list[Target]) -> None:
-    scorer = Scorer.make(tiny_exemplars, everywhere, best_constant(targets), CPU)
+    scorer = Scorer.make(tiny_exemplars, everywhere, best_constants(targets), CPU)
     assert scorer.recovered_by(truth_of(tiny_exemplars)) == 1.0
 
 
@@ -48,49 +50,123 @@ def test_poles_lie_at_nose_and_tail_alone() -> None:
 
 
 def test_errors_away_from_the_poles_do_not_count_there(tiny_exemplars: Exemplars, targets: list[Target]) -> None:
-    constant = best_constant(targets)
-    scorer = Scorer.make(tiny_exemplars, everywhere, constant, CPU)
-    ends, truth = scorer.at_poles(constant), truth_of(tiny_exemplars)
+    constants = best_constants(targets)
+    scorer = Scorer.make(tiny_exemplars, everywhere, constants, CPU)
+    ends, truth = scorer.at_poles(constants), truth_of(tiny_exemplars)
     assert ends is not None
     near = near_poles(scorer.geometry).unsqueeze(-1)
     assert ends.recovered_by(torch.where(near, truth, 0.0)) == 1.0
-    assert ends.recovered_by(torch.where(near, constant, truth)) == pytest.approx(0.0, abs=1e-6)
+    assert ends.recovered_by(torch.where(near, constants[0], truth)) == pytest.approx(0.0, abs=1e-6)
     everything_else = replace(scorer, geometry=torch.zeros_like(scorer.geometry) + torch.eye(6)[0].reshape(1, 6, 1, 1))
-    assert everything_else.at_poles(constant) is None
+    assert everything_else.at_poles(constants) is None
 
 
 def test_further_maps_are_judged_apart() -> None:
     """Half covered by alpha 1, half by alpha 0: an error of the map counts where it shows alone."""
-    truth, base = torch.full((2, 2, 5), 0.5), torch.full((2, 2, 4), 0.2)
-    truth[..., 3] = torch.tensor([[1.0, 0.0], [1.0, 0.0]])
-    truth[..., 4] = torch.tensor([[0.9, 0.1], [0.7, 0.1]])
-    target = Target(0, truth, base, torch.tensor([[1.0, 1.0], [3.0, 0.0]]), ("roughness",))
-    made = truth.clone()
+    target = two_maps()
+    made = target.truth.clone()
     made[..., 4] = 0.4
     torch.testing.assert_close(target.errors(made), torch.tensor([0.0, (1 * 0.5 + 3 * 0.3) / 5]))
     assert float(target.error(made)) == 0.0
-    constant = best_constant([target])
-    assert float(constant[4]) == pytest.approx((1 * 0.9 + 3 * 0.7) / 4)
-    plain = Target(0, truth[..., :4], base[..., :3], target.weight)
-    assert torch.equal(constant[:4], best_constant([plain]))
+
+
+def test_a_further_map_counts_where_it_can_be_observed() -> None:
+    target = replace(two_maps(), observed={"roughness": torch.tensor([[0.0, 0.0], [3.0, 0.0]])})
+    made = target.truth + 0.1 * torch.tensor([1.0, 0.0, 0.0, 0.0, 0.0])
+    made[..., 4] = torch.tensor([[0.0, 0.0], [0.4, 0.0]])
+    torch.testing.assert_close(target.errors(made)[1], torch.tensor(0.3))
+    assert target.errors(made)[0] > 0, "base_color counts wherever it is seen"
+    elsewhere = target.within(torch.tensor([[True, True], [False, False]]))
+    assert elsewhere.errors(made)[1].isnan()
+
+
+def test_a_map_that_is_observed_on_some_subjects_is_judged_there() -> None:
+    blind = replace(two_maps(), observed={"roughness": torch.zeros(2, 2)})
+    made = two_maps().truth.clone()
+    made[..., 4] = 0.4
+    found = mean_errors([two_maps(), blind], made.unsqueeze(0))
+    assert found == pytest.approx([0.0, (1 * 0.5 + 3 * 0.3) / 5])
+    assert math.isnan(mean_errors([blind], made.unsqueeze(0))[1])
+
+
+def test_errors_of_normals_are_angles() -> None:
+    """Half of a layer tilted by 20 degrees: the composite is between, and nearly halfway."""
+    turn = math.radians(20.0)
+    truth, flat = torch.tensor([0.5, 0.5, 0.5, 1.0, 0.0, 0.0, 1.0]), torch.tensor([0.5, 0.5, 0.5, 0.0, 0.0, 1.0])
+    made = torch.tensor([0.5, 0.5, 0.5, 1.0, math.sin(turn), 0.0, math.cos(turn)])
+    target = Target(0, truth.expand(2, 2, 7), flat.expand(2, 2, 6), torch.ones(2, 2), ("normal",))
+    assert target.errors(made)[1].item() == pytest.approx(20.0, abs=1e-4)
+    made[3] = 0.5
+    assert target.errors(made)[1].item() == pytest.approx(10.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["base_color", "roughness", "metallic", "normal"])
+def test_each_map_is_all_for_the_truth_and_nothing_for_its_constant(name: str) -> None:
+    targets = whole_materials()
+    constants = best_constants(targets)
+    scorer = scorer_of(targets, constants)
+    place = targets[0].names.index(name)
+    truth = torch.stack([target.truth for target in targets])
+    assert scorer.each_recovered_by(truth)[name] == pytest.approx(1.0, abs=1e-5)
+    assert scorer.each_recovered_by(constants[place].expand_as(truth))[name] == pytest.approx(0.0, abs=1e-6)
+    assert scorer.score(truth) == pytest.approx(1.0, abs=1e-5)
+    others = [row for row in range(4) if row != place]
+    worse = [scorer.each_recovered_by(constants[row].expand_as(truth))[name] for row in others]
+    assert all(value is not None and value <= 1e-4 for value in worse), "no other layer is a better baseline"
+
+
+def test_a_map_without_differences_or_observations_has_no_score() -> None:
+    targets = [replace(t, truth=t.truth.index_fill(-1, torch.tensor([5]), 0.0)) for t in whole_materials()]
+    blind = [replace(t, observed={"normal": torch.zeros(8, 8)}) for t in targets]
+    scorer = scorer_of(blind, best_constants(targets))
+    assert scorer.constant_errors["metallic"] < 1e-3
+    found = scorer.each_recovered_by(torch.stack([target.truth for target in targets]))
+    assert found == {"base_color": 1.0, "roughness": 1.0, "metallic": None, "normal": None}
+    assert scorer.score(torch.stack([target.truth for target in targets])) == 1.0
+
+
+def two_maps() -> Target:
+    truth, base = torch.full((2, 2, 5), 0.5), torch.full((2, 2, 4), 0.2)
+    truth[..., 3] = torch.tensor([[1.0, 0.0], [1.0, 0.0]])
+    truth[..., 4] = torch.tensor([[0.9, 0.1], [0.7, 0.1]])
+    return Target(0, truth, base, torch.tensor([[1.0, 1.0], [3.0, 0.0]]), ("roughness",))
+
+
+def whole_materials() -> list[Target]:
+    """Two subjects of random layers, over dielectric, flat paint of two roughnesses."""
+    rng = torch.Generator().manual_seed(3)
+    targets = []
+    for subject, rough in enumerate((0.3, 0.6)):
+        truth = torch.rand(8, 8, 9, generator=rng)
+        truth[..., 6:8] = truth[..., 6:8] - 0.3
+        base = torch.cat([torch.rand(3, generator=rng), torch.tensor([rough, 0.0, 0.0, 0.0, 1.0])])
+        weight = torch.rand(8, 8, generator=rng)
+        targets.append(Target(subject, truth, base.expand(8, 8, 8), weight, ("roughness", "metallic", "normal")))
+    return targets
+
+
+def scorer_of(targets: list[Target], constants: Tensor) -> Scorer:
+    size = (len(targets), *targets[0].weight.shape, -1)
+    errors = {n: mean_errors(targets, constants[k].expand(size))[k] for k, n in enumerate(targets[0].names)}
+    return Scorer(torch.zeros(len(targets), 6, 8, 8), targets, errors)
 
 
 def test_the_constant_recovers_nothing_of_what_it_was_chosen_on(
     tiny_exemplars: Exemplars, targets: list[Target]
 ) -> None:
-    constant = best_constant(targets)
-    scorer = Scorer.make(tiny_exemplars, everywhere, constant, CPU)
-    assert scorer.recovered_by(constant.expand(2, 32, 32, 4)) == 0.0
+    constants = best_constants(targets)
+    scorer = Scorer.make(tiny_exemplars, everywhere, constants, CPU)
+    assert scorer.recovered_by(constants[0].expand(2, 32, 32, 4)) == 0.0
 
 
 def test_half_the_error_recovers_half(tiny_exemplars: Exemplars, targets: list[Target]) -> None:
     """Layers that composite to halfway between the constant's albedo and the truth's: E is linear along the way."""
-    constant = best_constant(targets)
-    scorer = Scorer.make(tiny_exemplars, everywhere, constant, CPU)
+    constants = best_constants(targets)
+    scorer = Scorer.make(tiny_exemplars, everywhere, constants, CPU)
     opaque = [
         replace(t, base=torch.zeros_like(t.base), truth=_opaque(composite(t.base, t.truth))) for t in scorer.targets
     ]
-    ends = [torch.stack([_opaque(composite(t.base, layer)) for t in scorer.targets[::3]]) for layer in (constant,)]
+    ends = [torch.stack([_opaque(composite(t.base, layer)) for t in scorer.targets[::3]]) for layer in (constants[0],)]
     truths = torch.stack([t.truth for t in opaque[::3]])
     one_each = [replace(t, subject=n) for n, t in enumerate(opaque[::3])]
     whole, half = (mean_error(one_each, layers) for layers in (ends[0], (ends[0] + truths) / 2))
@@ -99,35 +175,6 @@ def test_half_the_error_recovers_half(tiny_exemplars: Exemplars, targets: list[T
 
 def _opaque(albedo: Tensor) -> Tensor:
     return torch.cat([albedo, torch.ones(*albedo.shape[:-1], 1)], dim=-1)
-
-
-def test_the_constant_is_the_best(targets: list[Target]) -> None:
-    """No grid point, and nothing in its neighbourhood, does better."""
-    constant, rng = best_constant(targets), torch.Generator().manual_seed(0)
-    found = _errors(targets, constant[None])[0]
-    axis = torch.linspace(0, 1, 7)
-    grid = torch.cartesian_prod(axis, axis, axis, axis)
-    near = [constant + scale * torch.randn(200, 4, generator=rng) for scale in (0.3, 0.05, 0.01)]
-    others = _errors(targets, torch.cat([grid, *near]).clamp(0, 1))
-    assert found <= others.min() * 1.002
-
-
-def test_a_constant_truth_is_found() -> None:
-    layer = torch.tensor([0.3, 0.25, 0.2, 0.6])
-    target = Target(0, layer.expand(8, 8, 4), torch.rand(8, 8, 3), torch.ones(8, 8))
-    assert float(target.error(best_constant([target]))) < 2e-3
-
-
-def _errors(targets: list[Target], constants: Tensor) -> Tensor:
-    """E of each constant, from its definition."""
-    total = torch.zeros(len(constants))
-    for target in targets:
-        counted = target.weight > 0
-        weight = target.weight[counted] / target.weight.sum()
-        truth, base = composite(target.base, target.truth)[counted], target.base[counted]
-        painted = base + constants[:, None, 3:] * (constants[:, None, :3] - base)
-        total += ((painted - truth).abs().mean(dim=-1) * weight).sum(dim=1)
-    return total / len(targets)
 
 
 def test_errors_are_weighted_by_area() -> None:
@@ -140,19 +187,19 @@ def test_errors_are_weighted_by_area() -> None:
 def test_weights_are_the_area_of_seen_learnable_texels(tiny_exemplars: Exemplars) -> None:
     targets, share = make_targets(tiny_exemplars, left_half, CPU)
     whole, all_of_it = make_targets(tiny_exemplars, everywhere, CPU)
-    assert all_of_it == pytest.approx(1.0)
+    assert all_of_it["base_color"] == pytest.approx(1.0)
     for target, full in zip(targets, whole, strict=True):
         subject = tiny_exemplars.subjects[target.subject]
         assert torch.equal(full.weight, subject.buffer.area * subject.learnable_texels)
         assert torch.equal(target.weight, full.weight * left_half(0))
     shares = [float(t.weight.sum() / w.weight.sum()) for t, w in zip(targets[::3], whole[::3], strict=True)]
-    assert share == pytest.approx(sum(shares) / 2)
-    assert 0 < share < 1
+    assert share["base_color"] == pytest.approx(sum(shares) / 2)
+    assert 0 < share["base_color"] < 1
 
 
 def test_what_is_not_seen_does_not_count(tiny_exemplars: Exemplars) -> None:
     targets, _ = make_targets(tiny_exemplars, left_half, CPU)
-    scorer = Scorer.make(tiny_exemplars, left_half, best_constant(targets), CPU)
+    scorer = Scorer.make(tiny_exemplars, left_half, best_constants(targets), CPU)
     layers = truth_of(tiny_exemplars).clone()
     layers[:, :, 16:] = torch.rand(2, 32, 16, 4)
     assert scorer.recovered_by(layers) == 1.0
@@ -167,7 +214,7 @@ def test_a_texel_that_any_view_shows_counts(tiny_exemplars: Exemplars) -> None:
         return seen
 
     targets, share = make_targets(tiny_exemplars, by_view, CPU)
-    assert share == pytest.approx(1.0)
+    assert share["base_color"] == pytest.approx(1.0)
     assert len(targets) == 6
 
 
@@ -194,7 +241,7 @@ def test_of_subjects_that_are_not_chosen_nothing_is_asked(tiny_exemplars: Exempl
     (first, *_), _ = make_targets(tiny_exemplars, left_half, CPU)
     for name in ("truth", "base", "weight"):
         assert torch.equal(getattr(target, name), getattr(first, name))
-    assert share == pytest.approx(float(target.weight.sum() / everywhere_weight(tiny_exemplars)))
+    assert share["base_color"] == pytest.approx(float(target.weight.sum() / everywhere_weight(tiny_exemplars)))
 
 
 def everywhere_weight(exemplars: Exemplars) -> float:
@@ -211,7 +258,7 @@ def test_nothing_weathered_or_seen_is_told(tiny_exemplars: Exemplars) -> None:
 
 
 def test_a_generator_is_scored_by_what_it_paints(tiny_exemplars: Exemplars, targets: list[Target]) -> None:
-    truth, scorer = truth_of(tiny_exemplars), Scorer.make(tiny_exemplars, everywhere, best_constant(targets), CPU)
+    truth, scorer = truth_of(tiny_exemplars), Scorer.make(tiny_exemplars, everywhere, best_constants(targets), CPU)
     by_geometry = {subject.geometry.numpy().tobytes(): truth[n] for n, subject in enumerate(tiny_exemplars.subjects)}
 
     def knows(geometry: Tensor) -> Tensor:
@@ -225,7 +272,7 @@ def test_a_generator_is_scored_by_what_it_paints(tiny_exemplars: Exemplars, targ
 def test_picture_shows_learned_layers_above_the_truth(tiny_exemplars) -> None:
     targets, _ = make_targets(tiny_exemplars, lambda index: torch.ones(32, 32), torch.device("cpu"))
     subjects = len(tiny_exemplars.subjects)
-    scorer = Scorer(torch.zeros(subjects, 6, 32, 32), targets, 1.0, 1.0)
+    scorer = Scorer(torch.zeros(subjects, 6, 32, 32), targets, {"base_color": 1.0})
     picture = scorer.picture(torch.zeros(subjects, 32, 32, 4))
     assert picture.shape == (64, 32 * subjects, 3)
     assert picture[:32].std() < 1e-6, "transparent layers are plain grey"
