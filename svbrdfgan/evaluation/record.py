@@ -48,7 +48,7 @@ class MapScore(StrictModel):
 
 def _from_error(value: Any) -> Any:
     """Earlier versions recorded the mean absolute error alone."""
-    return {"error": value} if isinstance(value, float) else value
+    return {"error": value} if isinstance(value, int | float) else value
 
 
 class Evaluation(StrictModel):

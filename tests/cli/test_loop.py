@@ -408,6 +408,11 @@ def test_what_is_not_a_glb_is_refused(command: str, car: Path, run: Path, tmp_pa
     assert list(tmp_path.iterdir()) == []
 
 
+def test_evaluate_relights_with_files(run: Path, tmp_path: Path) -> None:
+    words = ("evaluate", run, "--split", "validation", "--no-oracle", "--device", "cpu", "--relight")
+    failed(invoke(*words, tmp_path / "*.hdr"), "no file matches")
+
+
 def test_evaluate_tells_what_is_not_there(run: Path, tmp_path: Path) -> None:
     failed(invoke("evaluate", tmp_path), "is not a run")
     result = invoke("evaluate", run, "--split", "test", "--no-oracle", "--device", "cpu")

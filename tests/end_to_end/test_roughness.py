@@ -153,9 +153,16 @@ def test_the_model_paints_and_exports_the_map(run: Path, folder: Path, tmp_path:
 @pytest.mark.full
 def test_the_verdict_names_the_map(run: Path) -> None:
     evaluated = evaluate(run, split="validation", device="cpu", schedule=OracleConfig(every=2, steps=4))
-    assert evaluated.evaluation.maps.keys() == {"roughness"}
-    assert 0 < evaluated.evaluation.maps["roughness"] < 1
-    assert evaluated.evaluation.lines()[-1].startswith("roughness: ")
+    scores = evaluated.evaluation.maps
+    assert scores.keys() == {"base_color", "roughness"}
+    rough = scores["roughness"]
+    assert rough.error is not None
+    assert rough.constant_error is not None
+    assert rough.area is not None
+    assert rough.recovered == pytest.approx(1 - rough.error / rough.constant_error)
+    assert 0.2 < rough.area <= evaluated.evaluation.seen == scores["base_color"].area
+    assert scores["base_color"].recovered == evaluated.evaluation.recovered
+    assert evaluated.evaluation.lines()[-1].startswith("roughness  ")
     assert all(layer.shape[1:] == (32, 32, 5) for layer in evaluated.layers.values())
     assert evaluated.evaluation.flip_truth < evaluated.evaluation.flip_constant
 

@@ -51,6 +51,19 @@ def test_the_truth_looks_like_the_exemplars_but_for_noise(evaluated: Evaluated) 
     assert 0 < verdict.flip_truth < min(verdict.flip, verdict.flip_constant)
 
 
+def test_a_run_is_relit(evaluated: Evaluated) -> None:
+    """Two scenes of the one vehicle, whose layer is not the truth in any light. base_color alone needs no table."""
+    verdict = evaluated.evaluation
+    assert len(evaluated.relit) == 2
+    assert verdict.relit_flip is not None
+    assert verdict.relit_flip_truth is not None
+    assert 0 < verdict.relit_flip_truth < verdict.relit_flip
+    assert verdict.relit_ratio == share(verdict.relit_flip, verdict.relit_flip_oracle)
+    shown = [scene.flips() for scene in evaluated.relit]
+    assert verdict.relit_flip_oracle == pytest.approx(sum(flips["oracle"] for flips in shown) / 2)
+    assert verdict.maps == {}
+
+
 def test_pictures_have_the_samples_of_the_exemplars(
     training_data: Callable[..., dict[str, Any]], evaluated: Evaluated, tmp_path: Path
 ) -> None:
@@ -104,12 +117,6 @@ def test_lights_of_the_training_need_not_be_found_again(
     shutil.rmtree(tmp_path / "lights")
     verdict = evaluate(tmp_path / "run", split="validation", oracle=False, device="cpu").evaluation
     assert verdict.oracle is verdict.fraction is verdict.oracle_plateau is None
-
-
-def test_a_share_of_an_oracle_that_recovered_nothing_says_nothing() -> None:
-    assert share(0.5, 0.8) == 0.625
-    assert share(-0.2, 0.8) == -0.25
-    assert share(0.5, 0.0) is share(0.5, -0.4) is share(0.5, None) is None
 
 
 def test_what_is_told() -> None:

@@ -9,9 +9,9 @@ import torch
 from lightning_fabric import Fabric
 
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation.oracle import Oracle, OracleConfig, train_oracle
+from svbrdfgan.evaluation.oracle import Oracle, OracleConfig, _weights, train_oracle
 from svbrdfgan.metrics.constant import best_constants
-from svbrdfgan.metrics.recovered import Scorer, Target, make_targets, mean_error
+from svbrdfgan.metrics.recovered import Scorer, Target, make_targets, mean_error, mean_errors
 from svbrdfgan.networks import Generator
 from svbrdfgan.training.config import GeneratorConfig, TrainConfig
 
@@ -50,6 +50,37 @@ def test_it_learns_a_simple_function_of_position(toy: tuple[list[Target], Scorer
     assert toy[1].recovered(oracle.generator) == pytest.approx(oracle.score)
     assert oracle.score == max(score for _, score in seen)
     assert [step for step, _ in seen] == list(range(20, oracle.steps + 1, 20))
+
+
+def test_maps_count_relative_to_their_constants() -> None:
+    """In units of base_color's, which alone is learned as ever. A map that is constant does not drown the rest."""
+    assert _weights({"base_color": 0.013}, torch.device("cpu")).tolist() == [1.0]
+    errors = {"base_color": 0.1, "roughness": 0.05, "metallic": 1e-9, "normal": 4.0}
+    assert _weights(errors, torch.device("cpu")).tolist() == pytest.approx([1.0, 2.0, 100.0, 0.025])
+
+
+def test_further_maps_are_learned_and_decide(toy: tuple[list[Target], Scorer]) -> None:
+    """Metal where the mud is: it has to be learned beside its color, and the score is the mean of both."""
+    targets = [
+        replace(
+            target,
+            truth=torch.cat([target.truth, torch.full((32, 32, 1), 0.9)], dim=-1),
+            base=torch.cat([target.base, torch.zeros(32, 32, 1)], dim=-1),
+            maps=("metallic",),
+        )
+        for target in toy[0]
+    ]
+    errors = {
+        name: mean_errors(targets, row.expand(2, 32, 32, 5))[n]
+        for n, (name, row) in enumerate(zip(targets[0].names, best_constants(targets), strict=True))
+    }
+    scorer = Scorer(toy[1].geometry, targets, errors)
+    oracle, seen = trained((targets, scorer), rate=1e-2, every=20, steps=100)
+    each = scorer.each_recovered_by(scorer.layers(oracle.generator))
+    assert each["metallic"] is not None
+    assert each["metallic"] > 0.2
+    assert oracle.score == pytest.approx(sum(value or 0.0 for value in each.values()) / 2)
+    assert oracle.score == max(score for _, score in seen)
 
 
 def test_it_says_that_it_reached_its_plateau(toy: tuple[list[Target], Scorer]) -> None:

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from svbrdfgan.errors import AssetError
+from svbrdfgan.evaluation.record import MapScore
+from svbrdfgan.experiments.columns import verdicts
 from svbrdfgan.experiments.outcome import Ceiling, RunOutcome
 
 
@@ -48,3 +50,27 @@ def test_a_ceiling_is_put_over_a_verdict(outcome, tmp_path: Path) -> None:
     assert (over.flip, over.flip_oracle, over.oracle_steps) == (verdict.flip, 0.05, 300)
     with pytest.raises(AssetError):
         Ceiling.load(tmp_path / "elsewhere")
+
+
+def test_a_ceiling_is_put_over_each_map(outcome) -> None:
+    relit = {"relit_flip": 0.3, "relit_flip_oracle": 0.2}
+    its = {"maps": {"roughness": MapScore(recovered=0.0, oracle=0.8)}, "relit_flip_oracle": 0.15}
+    ceiling = Ceiling(evaluation=outcome().evaluation.model_copy(update=its))
+    own = {"roughness": MapScore(recovered=0.4, area=0.7), "metallic": MapScore(recovered=0.3)}
+    over = ceiling.over(outcome().evaluation.model_copy(update={"maps": own, **relit}))
+    assert over.maps["roughness"] == MapScore(recovered=0.4, oracle=0.8, fraction=0.5, area=0.7)
+    assert over.maps["metallic"] == MapScore(recovered=0.3)
+    assert over.relit_ratio == pytest.approx(2.0)
+
+
+def test_maps_and_relit_pictures_have_columns_where_there_are_any(outcome) -> None:
+    assert not {"relit_flip", "relit_ratio"} & {column.key for column in verdicts((), [outcome()])}
+    found = outcome()
+    maps = {"base_color": MapScore(recovered=0.6), "roughness": MapScore(recovered=0.4, fraction=0.5)}
+    update = {"maps": maps | {"metallic": MapScore(error=0.0)}, "relit_flip": 0.3, "relit_flip_oracle": 0.2}
+    glossy = found.model_copy(update={"evaluation": found.evaluation.model_copy(update=update)})
+    columns = {column.key: column.over([glossy]) for column in verdicts((), [outcome(), glossy])}
+    further = {key: value.mean for key, value in columns.items() if value is not None and key not in ("recovered",)}
+    wanted = {"recovered_roughness": 0.4, "fraction_roughness": 0.5, "relit_flip": 0.3, "relit_ratio": 1.5}
+    assert {key: further.get(key) for key in wanted} == pytest.approx(wanted)
+    assert not {"recovered_base_color", "recovered_metallic"} & columns.keys()

@@ -2,12 +2,15 @@
 
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 import torch
 
+from svbrdfgan.evaluation.record import MapScore
+from svbrdfgan.evaluation.relight import RelitScene
 from svbrdfgan.report.page import write_report
 from svbrdfgan.training.state import State
 
@@ -93,6 +96,22 @@ def test_the_learned_layer_stands_beside_the_truth_and_the_oracle(whole: Page) -
     alts = re.findall(r'alt="sedan_1: ([^"]+)"', whole.source)
     assert alts[:5] == ["Truth", "Learned", "Oracle", "Best constant", "Unweathered"]
     assert {"Position", "Normal", "Error of albedo", "Real, judged", "Fake, judged"} <= set(alts)
+
+
+def test_maps_and_relit_pictures_are_shown(run: Path, evaluated) -> None:
+    maps = {"base_color": MapScore(recovered=0.6123, area=0.83), "normal": MapScore(recovered=0.4, error=7.8, area=0.1)}
+    numbers = {"relit_flip": 0.1234, "relit_flip_oracle": 0.1, "relit_flip_constant": 0.2, "relit_flip_truth": 0.05}
+    grey = torch.full((40, 60, 3), 0.5)
+    pictures = {name: grey + n / 10 for n, name in enumerate(("reference", "generated", "constant", "truth"))}
+    scene = RelitScene(evaluated.source.exemplars.scenes[0], torch.ones(40, 60), pictures)
+    verdict = evaluated.evaluation.model_copy(update={"maps": maps, **numbers})
+    page = write(run, replace(evaluated, evaluation=verdict, relit=(scene,)))
+    assert page.headings[3] == "Relit"
+    for told in ("0.123", "1.23 times", "7.8 degrees", "normal can be observed on only 10%"):
+        assert told in page.words
+    before_textures = page.source[page.source.index("<h2>Relit") : page.source.index("<h2>Texture")]
+    assert re.findall(r'alt="sedan_1: ([^"]+)"', before_textures) == ["Truth", "Learned", "Best constant"]
+    assert f"FLIP {scene.flips()['generated']:.3f}" in before_textures
 
 
 def test_a_rising_oracle_is_called_so(run: Path, evaluated) -> None:

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from svbrdfgan.report.curves import Curve, Level, LineChart, charts, draw
-from svbrdfgan.report.facts import duration, flip_bars, half_way, summary
+from svbrdfgan.report.facts import duration, flip_bars, half_way, relit_bars, summary
 from svbrdfgan.report.patches import CYAN, YELLOW, PatchLogits, Scale, overlay
 from svbrdfgan.report.vehicles import choose_views, error_scale, rendered, textured
 from svbrdfgan.training.config import LossConfig
@@ -152,6 +152,15 @@ def test_the_longest_bar_is_full(evaluated) -> None:
     bars = {bar.label: bar.percent for bar in flip_bars(evaluated.evaluation)}
     assert bars["best constant layer"] == 100
     assert bars["learned"] == pytest.approx(100 * 0.0432 / 0.0811)
+
+
+def test_relit_bars_are_those_of_relit_pictures(evaluated) -> None:
+    assert relit_bars(evaluated.evaluation) == []
+    numbers = {"relit_flip": 0.1, "relit_flip_constant": 0.2, "relit_flip_truth": 0.02}
+    bars = relit_bars(evaluated.evaluation.model_copy(update=numbers))
+    wanted = [("best constant layer", "0.200"), ("learned", "0.100"), ("truth itself (noise alone)", "0.020")]
+    assert [(bar.label, bar.value) for bar in bars] == wanted
+    assert [bar.percent for bar in bars] == pytest.approx([100, 50, 10])
 
 
 @pytest.mark.parametrize(("seconds", "told"), [(59.6, "60 s"), (600, "10 min"), (9000, "2.5 h")])
