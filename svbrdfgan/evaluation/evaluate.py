@@ -24,7 +24,7 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.evaluation.observed import Observation
 from svbrdfgan.evaluation.oracle import OracleConfig, train_oracle
 from svbrdfgan.evaluation.record import Evaluation, MapScore, share
-from svbrdfgan.evaluation.relight import Relight, RelitScene, relit
+from svbrdfgan.evaluation.relight import Relight, Relighter, RelitScene
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.metrics.constant import constant_layers
 from svbrdfgan.metrics.flip import display as as_displayed
@@ -96,6 +96,7 @@ def evaluate(
     model = load_model(run)
     opened = _open_dataset(model.config, dataset)
     config = model.config if dataset is None else model.config.moved(opened)
+    relighter = Relighter.make(relight or Relight(), opened.index)  # its mistakes are found before anything slow
     resolved = ResolvedRun(config.train, opened).unperturbed()
     if resolved.deferred:  # pictures are compared with exemplars, and have all of their samples
         resolved = resolved.with_config(rendering="fresh")
@@ -124,11 +125,10 @@ def evaluate(
     shown.begin("comparing pictures", len(source))
     evaluation = _judge(split, scorer, layers, found, constants, _flips(source, layers, shown))
     shown.begin("comparing relit pictures")
-    again = relit(relight or Relight(), source.exemplars, opened.index, split, renderer, layers, shown.advance)
-    relit_flips = {_RELIT[name]: value for name, value in again.flips.items()}
-    evaluation = evaluation.model_copy(update=relit_flips)
+    relit = relighter.relit(source.exemplars, opened.index.sampler(split), renderer, layers, shown.advance)
+    evaluation = evaluation.model_copy(update={_RELIT[name]: value for name, value in relit.flips.items()})
     evaluation.save(run)
-    return Evaluated(evaluation, config, source, layers, again.scenes)
+    return Evaluated(evaluation, config, source, layers, relit.scenes)
 
 
 def _observed(source: BatchSource, renderer: Renderer[Any], config: RunConfig, shown: Display) -> Observed | None:

@@ -12,16 +12,18 @@ import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.data.config import EnvironmentSource, ProceduralSkies, Split
+from svbrdfgan.data.config import EnvironmentSource, ProceduralSkies
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.gather import gather_environments, match_files
 from svbrdfgan.data.index import DatasetIndex
-from svbrdfgan.data.sampler import EnvironmentAsset
+from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset
 from svbrdfgan.errors import ConfigError
+from svbrdfgan.io import load_environment
 from svbrdfgan.metrics.flip import display, flip
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
+from svbrdfgan.scene.subject import Subject
 
 _SEED = 7919
 """Of the scenes, and of the procedural lights: far from the seeds that data sets use."""
@@ -64,42 +66,93 @@ class Relit:
     scenes: tuple[RelitScene, ...]
 
 
-def relit(
-    config: Relight,
-    exemplars: Exemplars,
-    index: DatasetIndex,
-    split: Split,
-    renderer: Renderer[Any],
-    layers: Mapping[str, Float[Tensor, "subjects rows cols channels"]],
-    progress: Callable[[int], None],
-) -> Relit:
-    """Renders the layers of all weathered subjects in new scenes, and compares them with G0's.
+@dataclass(frozen=True, eq=False)
+class Relighter:
+    """Relights a run in scenes that follow from a data set and a configuration alone.
 
-    Cameras come from the split's distribution, rotations and brightness from the data set's, from a seed of their own.
-    There are as many samples as in the exemplars.
-
-    Raises:
-        ConfigError: a pattern matches nothing, or a light is one that training used.
-        AssetError: a file cannot be read.
+    Attributes:
+        pool: the lights.
+        loader: holds their radiance.
+        count: scenes of each subject.
     """
-    totals, kept = dict.fromkeys([*layers, "truth"], 0.0), []
-    with TemporaryDirectory() as folder:
-        lights = SceneLoader(Path(folder), keep=False)
-        pool = _lights(config.files, index, lights.folder)
-        scenes = list(_scenes(config.scenes, exemplars, index, split, pool))
+
+    pool: tuple[EnvironmentAsset, ...]
+    loader: SceneLoader
+    count: int
+
+    @classmethod
+    def make(cls, config: Relight, index: DatasetIndex) -> Relighter:
+        """Reads or makes the lights.
+
+        Raises:
+            ConfigError: a pattern matches nothing, or a light is one that training used.
+            AssetError: a file cannot be read.
+        """
+        with TemporaryDirectory() as folder:
+            pool = _lights(config.files, index, Path(folder))
+            radiance = {light.asset.path: load_environment(Path(folder) / light.asset.path) for light in pool}
+        return cls(pool, SceneLoader(Path(), keep=False, _lights=radiance), config.scenes)
+
+    def relit(
+        self,
+        exemplars: Exemplars,
+        sampler: ConfigSampler,
+        renderer: Renderer[Any],
+        layers: Mapping[str, Float[Tensor, "subjects rows cols channels"]],
+        progress: Callable[[int], None],
+    ) -> Relit:
+        """Renders the layers of all weathered subjects in new scenes, and compares them with G0's.
+
+        Cameras come from the split's distribution, rotations and brightness from the data set's. There are as many
+        samples as in the exemplars.
+        """
+        totals, kept = dict.fromkeys([*layers, "truth"], 0.0), []
+        scenes = list(self._scenes(exemplars, sampler))
         spread = {round(n) for n in np.linspace(0, len(scenes) - 1, min(_KEPT, len(scenes)))}
         prepared: dict[int, Any] = {}
         for number, (exemplar, scene) in enumerate(scenes):
             subject = int(exemplars.subject_of[exemplar])
             if subject not in prepared:  # scenes of a subject follow each other
                 prepared = {subject: renderer.prepare(exemplars.subjects[subject].surface)}
-            painted = {name: chosen[subject] for name, chosen in layers.items()}
-            found = _render(exemplars, exemplar, scene, lights, renderer, prepared[subject], painted)
+            truth = exemplars.layers[exemplar]
+            assert truth is not None
+            painted = {"reference": truth, **{name: made[subject] for name, made in layers.items()}, "truth": truth}
+            found = self._render(scene, exemplars.subjects[subject], renderer, prepared[subject], painted)
             for name, value in found.flips().items():
                 totals[name] += value / len(scenes)
             kept += [found] if number in spread else []
             progress(1)
-    return Relit(totals, tuple(kept))
+        return Relit(totals, tuple(kept))
+
+    def _scenes(self, exemplars: Exemplars, sampler: ConfigSampler) -> Iterator[tuple[int, Scene]]:
+        """For each weathered subject, exemplars and each one's scene with another camera, light and seed."""
+        for subject in range(len(exemplars.subjects)):
+            weathered = list(filter(exemplars.weathered, exemplars.views_of(subject)))
+            for number in range(self.count if weathered else 0):
+                exemplar, rng = weathered[number % len(weathered)], np.random.default_rng([_SEED, subject, number])
+                new = {
+                    "camera": sampler.draw_camera(sampler.mesh(exemplar), rng),
+                    "environment": sampler.draw_environment(rng, self.pool),
+                    "seed": int(rng.integers(2**31)),
+                }
+                yield exemplar, exemplars.scenes[exemplar].model_copy(update=new)
+
+    def _render(
+        self,
+        scene: Scene,
+        subject: Subject,
+        renderer: Renderer[Any],
+        prepared: Any,
+        painted: Mapping[str, Float[Tensor, "rows cols channels"]],
+    ) -> RelitScene:
+        """The reference has random numbers of its own; the pictures that are compared with it share theirs."""
+        pictures, view = {}, self.loader.view(scene)
+        for name, layer in painted.items():
+            materials = subject.materials(scene.materials, layer.float(), scene.maps)
+            seed = scene.seed if name == "reference" else (scene.seed + 1) % 2**31
+            rendering = renderer.render(prepared, materials, view, spp=scene.spp, seed=seed)
+            pictures[name] = display(rendering.image.cpu(), coverage=rendering.coverage.cpu())
+        return RelitScene(scene, rendering.coverage.cpu(), pictures)
 
 
 def _lights(files: Sequence[str], index: DatasetIndex, folder: Path) -> tuple[EnvironmentAsset, ...]:
@@ -114,41 +167,3 @@ def _lights(files: Sequence[str], index: DatasetIndex, folder: Path) -> tuple[En
     if known := [light.name for light in pool if light.asset.sha256 in trained]:
         raise ConfigError(f"training used {', '.join(known)}: name other environment maps to relight with.")
     return pool
-
-
-def _scenes(
-    count: int, exemplars: Exemplars, index: DatasetIndex, split: Split, pool: tuple[EnvironmentAsset, ...]
-) -> Iterator[tuple[int, Scene]]:
-    """For each weathered subject, so many exemplars and each one's scene with another camera, light and seed."""
-    sampler = index.sampler(split)
-    for subject in range(len(exemplars.subjects)):
-        weathered = list(filter(exemplars.weathered, exemplars.views_of(subject)))
-        for number in range(count if weathered else 0):
-            exemplar, rng = weathered[number % len(weathered)], np.random.default_rng([_SEED, subject, number])
-            new = {
-                "camera": sampler.draw_camera(sampler.mesh(exemplar), rng),
-                "environment": sampler.draw_environment(rng, pool),
-                "seed": int(rng.integers(2**31)),
-            }
-            yield exemplar, exemplars.scenes[exemplar].model_copy(update=new)
-
-
-def _render(
-    exemplars: Exemplars,
-    exemplar: int,
-    scene: Scene,
-    lights: SceneLoader,
-    renderer: Renderer[Any],
-    prepared: Any,
-    painted: Mapping[str, Float[Tensor, "rows cols channels"]],
-) -> RelitScene:
-    """The reference has random numbers of its own, which the pictures that are compared with it share."""
-    subject, view, truth = exemplars.subject(exemplar), lights.view(scene), exemplars.layers[exemplar]
-    assert truth is not None
-    pictures = {}
-    for name, layer in {"reference": truth, **painted, "truth": truth}.items():
-        materials = subject.materials(scene.materials, layer.float(), scene.maps)
-        seed = scene.seed if name == "reference" else (scene.seed + 1) % 2**31
-        rendering = renderer.render(prepared, materials, view, spp=scene.spp, seed=seed)
-        pictures[name] = display(rendering.image.cpu(), coverage=rendering.coverage.cpu())
-    return RelitScene(scene, rendering.coverage.cpu(), pictures)

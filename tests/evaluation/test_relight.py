@@ -14,7 +14,7 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.evaluation.relight import Relight, Relit, relit
+from svbrdfgan.evaluation.relight import Relight, Relighter, Relit
 from svbrdfgan.io import save_environment
 from svbrdfgan.plugins import load_renderer
 from svbrdfgan.protocols import Renderer
@@ -38,7 +38,8 @@ def relight(
     exemplars: Exemplars, folder: Path, renderer: Renderer[Any], layers: dict[str, Tensor], **how: Any
 ) -> Relit:
     index = Dataset.open(folder).index
-    return relit(Relight(**how), exemplars, index, "train", renderer, layers, lambda done: None)
+    relighter = Relighter.make(Relight(**how), index)
+    return relighter.relit(exemplars, index.sampler("train"), renderer, layers, lambda done: None)
 
 
 @pytest.fixture(scope="module")
