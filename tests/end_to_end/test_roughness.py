@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
@@ -165,6 +166,13 @@ def test_the_verdict_names_the_map(run: Path) -> None:
     assert evaluated.evaluation.lines()[-1].startswith("roughness  ")
     assert all(layer.shape[1:] == (32, 32, 5) for layer in evaluated.layers.values())
     assert evaluated.evaluation.flip_truth < evaluated.evaluation.flip_constant
+
+
+def test_the_model_is_chosen_by_the_mean_of_its_maps(run: Path) -> None:
+    log = [json.loads(line) for line in (run / "log.jsonl").read_text().splitlines()]
+    (scored,) = [line for line in log if "recovered" in line]
+    assert scored["recovered"] == pytest.approx((scored["recovered_base_color"] + scored["recovered_roughness"]) / 2)
+    assert load_model(run).score == pytest.approx(scored["recovered"])
 
 
 def test_a_stored_scene_renders_again(folder: Path, tmp_path: Path) -> None:
