@@ -140,7 +140,7 @@ class StoredLight(Protocol):
 
 
 @runtime_checkable
-class DeferredRenderer(TransportRenderer[Prepared], Protocol[Prepared]):
+class DeferredRenderer(Renderer[Prepared], Protocol[Prepared]):
     """A renderer that stores what camera samples hit and the light there, to shade it again for other materials.
 
     Optional, and for direct light only. Unlike light transport it serves materials in which pictures are not linear.

@@ -4,7 +4,8 @@ A hit has two directions, as in `material_kernels`. One is drawn by the emitter 
 environment or `SHADOWED`; where in that pixel it lies is a hash of the hit. The other is drawn by the BSDF, for the
 maps of the moment. Both are combined by the balance heuristic, whose densities gradients treat as constant.
 
-Kernels have a thread for each view of a batch, from `first` on, and each hit of a view, or each of its pixels.
+Kernels have a thread for each view of a batch, from `first` on, and each hit of a view, or each of its pixels. `places`
+holds the first hit and the first texture of each view, counted over the batch.
 """
 
 # mypy: ignore-errors
@@ -28,7 +29,7 @@ _PASSES = wp.constant(wp.uint32(0x20000))
 
 @wp.struct
 class StoredView:
-    """What of a view's picture does not depend on the learnable materials, and the view's place in a batch."""
+    """What of a view's picture does not depend on the learnable materials."""
 
     geometry: Geometry
     space: TangentSpace
@@ -46,8 +47,6 @@ class StoredView:
     light: wp.array(dtype=wp.uint32)
     seed_low: wp.uint32
     seed_high: wp.uint32
-    first_hit: wp.int32
-    first_texture: wp.int32
 
 
 @wp.struct
@@ -81,7 +80,7 @@ class Mapped:
 
 
 @wp.func
-def lookup(view: StoredView, textures: Textures, frame: Frame):
+def lookup(view: StoredView, first_texture: int, textures: Textures, frame: Frame):
     """The texels that a hit looks up."""
     x = frame.uv[0] * float(textures.cols) - 0.5
     y = frame.uv[1] * float(textures.rows) - 0.5
@@ -91,7 +90,7 @@ def lookup(view: StoredView, textures: Textures, frame: Frame):
     b = y - float(row)
     left = texel_index(col, textures.cols, view.repeat_u)
     right = texel_index(col + 1, textures.cols, view.repeat_u)
-    first = (view.first_texture + view.texture[frame.part]) * textures.rows
+    first = (first_texture + view.texture[frame.part]) * textures.rows
     below = (first + texel_index(row, textures.rows, view.repeat_v)) * textures.cols
     above = (first + texel_index(row + 1, textures.rows, view.repeat_v)) * textures.cols
     found = Lookup()
@@ -175,8 +174,9 @@ def light_position(view: StoredView, hit: int, stored: wp.uint32):
 @wp.kernel(cuda_max_registers=64)  # as in `trace_kernels.illuminate_hits`
 def draw_light(views: wp.array(dtype=StoredView), first: int, group: int, groups: int, draw: wp.uint32):
     """Draws the light samples of every hit anew whose place in its pixel is `group` modulo `groups`."""
-    number, hit = wp.tid()
-    view = views[first + number]
+    thread, hit = wp.tid()
+    number = first + thread
+    view = views[number]
     if hit >= view.face.shape[0]:
         return
     pixel = view.pixel[hit]
@@ -197,6 +197,7 @@ def draw_light(views: wp.array(dtype=StoredView), first: int, group: int, groups
 @wp.kernel
 def draw_rays(
     views: wp.array(dtype=StoredView),
+    places: wp.array(dtype=wp.vec2i),
     first: int,
     textures: Textures,
     seed_low: wp.uint32,
@@ -204,47 +205,50 @@ def draw_rays(
     rays: wp.array(dtype=wp.vec2),
 ):
     """Draws a ray for each hit by its material: a position in the environment, with x = -1 where no light counts."""
-    number, hit = wp.tid()
-    view = views[first + number]
+    thread, hit = wp.tid()
+    number = first + thread
+    view = views[number]
     if hit >= view.face.shape[0]:
         return
     frame = frame_of(view, hit)
-    material = material_of(textures, maps_at(textures, lookup(view, textures, frame)), frame)
+    material = material_of(textures, maps_at(textures, lookup(view, places[number][1], textures, frame)), frame)
     pixel = view.pixel[hit]
-    u, _ = rng.numbers(pixel, hit - view.start[pixel], seed_low, seed_high + wp.uint32(first + number))
+    u, _ = rng.numbers(pixel, hit - view.start[pixel], seed_low, seed_high + wp.uint32(number))
     d = bsdf.sample(material, frame.outgoing, rng.unit(u[0]), rng.unit(u[1]))
     at = wp.vec2(-1.0, 0.0)
     if wp.dot(material.normal, d) > 0.0 and wp.dot(frame.normal, d) > 0.0:
         at = emitter.position(view.environment, d)
-    rays[view.first_hit + hit] = at
+    rays[places[number][0] + hit] = at
 
 
 @wp.kernel(cuda_max_registers=64)
 def trace_rays(
     views: wp.array(dtype=StoredView),
+    places: wp.array(dtype=wp.vec2i),
     first: int,
     seed_low: wp.uint32,
     seed_high: wp.uint32,
     rays: wp.array(dtype=wp.vec2),
 ):
     """Removes the rays that do not reach the light."""
-    number, hit = wp.tid()
-    view = views[first + number]
+    thread, hit = wp.tid()
+    number = first + thread
+    view = views[number]
     if hit >= view.face.shape[0]:
         return
-    at = rays[view.first_hit + hit]
+    at = rays[places[number][0] + hit]
     if at[0] < 0.0:
         return
-    passes = rng.hashed(wp.uint32(hit), seed_low, seed_high, _PASSES + wp.uint32(first + number))
+    passes = rng.hashed(wp.uint32(hit), seed_low, seed_high, _PASSES + wp.uint32(number))
     if not reaches_light(view, hit, emitter.direction(view.environment, at), passes[0]):
-        rays[view.first_hit + hit] = wp.vec2(-1.0, 0.0)
+        rays[places[number][0] + hit] = wp.vec2(-1.0, 0.0)
 
 
 @wp.func
-def sample_position(view: StoredView, rays: wp.array(dtype=wp.vec2), hit: int, technique: int):
-    """The position in the environment of a hit's light sample (0) or ray (1); x is -1 in shadow."""
+def sample_position(view: StoredView, hit: int, ray: wp.vec2, technique: int):
+    """The position in the environment of a hit's light sample (0) or of its ray (1); x is -1 in shadow."""
     if technique == 1:
-        return rays[view.first_hit + hit]
+        return ray
     light = view.light[hit]
     if light == SHADOWED:
         return wp.vec2(-1.0, 0.0)
@@ -262,51 +266,56 @@ def sample_factor(view: StoredView, material: bsdf.SurfaceMaterial, frame: Frame
 @wp.kernel
 def shade(
     views: wp.array(dtype=StoredView),
+    places: wp.array(dtype=wp.vec2i),
     first: int,
     textures: Textures,
     rays: wp.array(dtype=wp.vec2),
     radiance: wp.array(dtype=wp.vec3),
 ):
     """The radiance of each hit."""
-    number, hit = wp.tid()
-    view = views[first + number]
+    thread, hit = wp.tid()
+    number = first + thread
+    view = views[number]
     if hit >= view.face.shape[0]:
         return
     frame = frame_of(view, hit)
-    found = lookup(view, textures, frame)
+    found = lookup(view, places[number][1], textures, frame)
     material = material_of(textures, maps_at(textures, found), frame)
     material.base_color = vector_at(textures, found, 0)
     total = wp.vec3(0.0)
     for technique in range(2):
-        at = sample_position(view, rays, hit, technique)
+        at = sample_position(view, hit, rays[places[number][0] + hit], technique)
         if at[0] >= 0.0:
             d = emitter.direction(view.environment, at)
             factor = sample_factor(view, material, frame, at, d)
             if factor > 0.0:
                 value = bsdf.value(material, frame.outgoing, d)
                 total += wp.cw_mul(value, emitter.radiance(view.environment, at)) * factor
-    radiance[view.first_hit + hit] = total
+    radiance[places[number][0] + hit] = total
 
 
 @wp.kernel
 def average(
     views: wp.array(dtype=StoredView),
+    places: wp.array(dtype=wp.vec2i),
     first: int,
     radiance: wp.array(dtype=wp.vec3),
     images: wp.array2d(dtype=wp.vec3),
 ):
     """The pixels: the weighted sums over their hits."""
-    number, pixel = wp.tid()
-    view = views[first + number]
+    thread, pixel = wp.tid()
+    number = first + thread
+    view = views[number]
     total = wp.vec3(0.0)
     for hit in range(view.start[pixel], view.start[pixel + 1]):
-        total += radiance[view.first_hit + hit]
-    images[first + number, pixel] = total * view.weight[pixel]
+        total += radiance[places[number][0] + hit]
+    images[number, pixel] = total * view.weight[pixel]
 
 
 @wp.kernel
 def shade_vjp(
     views: wp.array(dtype=StoredView),
+    places: wp.array(dtype=wp.vec2i),
     first: int,
     textures: Textures,
     rays: wp.array(dtype=wp.vec2),
@@ -314,20 +323,21 @@ def shade_vjp(
     grad_values: wp.array(dtype=wp.float32),
 ):
     """Adds the gradient of sum(images * grad_images) to that of the textures' values."""
-    number, hit = wp.tid()
-    view = views[first + number]
+    thread, hit = wp.tid()
+    number = first + thread
+    view = views[number]
     if hit >= view.face.shape[0]:
         return
     pixel = view.pixel[hit]
-    grad = grad_images[first + number, pixel] * view.weight[pixel]
+    grad = grad_images[number, pixel] * view.weight[pixel]
     frame = frame_of(view, hit)
-    found = lookup(view, textures, frame)
+    found = lookup(view, places[number][1], textures, frame)
     mapped = maps_at(textures, found)
     material = material_of(textures, mapped, frame)
     material.base_color = vector_at(textures, found, 0)
     total = bsdf.MaterialGradient()
     for technique in range(2):
-        at = sample_position(view, rays, hit, technique)
+        at = sample_position(view, hit, rays[places[number][0] + hit], technique)
         if at[0] >= 0.0:
             d = emitter.direction(view.environment, at)
             factor = sample_factor(view, material, frame, at, d)

@@ -8,9 +8,10 @@ from functools import cached_property
 from itertools import accumulate
 from typing import Any
 
+import numpy as np
 import torch
 import warp as wp
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from svbrdfgan.types.material import CHANNELS
@@ -28,8 +29,8 @@ class ShadingPass:
 
     Attributes:
         lights: of the views.
-        values: a copy of the textures' maps, by texel; `channels` says which they are.
-        shape: of the textures: (textures, rows, cols, channels).
+        values: of the textures.
+        maps: what the channels of the textures are, base_color first.
         seed: of the rays.
     """
 
@@ -60,14 +61,15 @@ class ShadingPass:
         images = torch.empty(len(self.lights), height * width, 3, dtype=torch.float32, device=self.device)
         pixels = wp.from_torch(images, dtype=wp.vec3)
         radiance = wp.from_torch(torch.empty(self._hits, 3, dtype=torch.float32, device=self.device), dtype=wp.vec3)
+        views, places = self._views, wp.from_torch(self._places, dtype=wp.vec2i)
         seeds = wp.uint32(self.seed & 0xFFFFFFFF), wp.uint32((self.seed >> 32) & 0xFFFFFFFF)
 
-        def shade(first: int, views: int, hits: int) -> None:
-            at = self._views, first
-            launch(deferred_kernels.draw_rays, (views, hits), (*at, self._textures, *seeds, self._rays), self.device)
-            launch(deferred_kernels.trace_rays, (views, hits), (*at, *seeds, self._rays), self.device)
-            launch(deferred_kernels.shade, (views, hits), (*at, self._textures, self._rays, radiance), self.device)
-            launch(deferred_kernels.average, (views, height * width), (*at, radiance, pixels), self.device)
+        def shade(first: int, count: int, hits: int) -> None:
+            at = views, places, first
+            launch(deferred_kernels.draw_rays, (count, hits), (*at, self._textures, *seeds, self._rays), self.device)
+            launch(deferred_kernels.trace_rays, (count, hits), (*at, *seeds, self._rays), self.device)
+            launch(deferred_kernels.shade, (count, hits), (*at, self._textures, self._rays, radiance), self.device)
+            launch(deferred_kernels.average, (count, height * width), (*at, radiance, pixels), self.device)
 
         self._for_views(shade)
         return images.view(len(self.lights), height, width, 3)
@@ -80,9 +82,11 @@ class ShadingPass:
         given = grad_images.detach().to(self.device, torch.float32).reshape(len(self.lights), -1, 3).contiguous()
         arrays = wp.from_torch(given, dtype=wp.vec3), wp.from_torch(gradient.view(-1))
 
-        def differentiate(first: int, views: int, hits: int) -> None:
-            arguments = (self._views, first, self._textures, self._rays, *arrays)
-            launch(deferred_kernels.shade_vjp, (views, hits), arguments, self.device)
+        views, places = self._views, wp.from_torch(self._places, dtype=wp.vec2i)
+
+        def differentiate(first: int, count: int, hits: int) -> None:
+            arguments = (views, places, first, self._textures, self._rays, *arrays)
+            launch(deferred_kernels.shade_vjp, (count, hits), arguments, self.device)
 
         self._for_views(differentiate)
         return gradient
@@ -92,12 +96,21 @@ class ShadingPass:
         return sum(len(light.hits) for light in self.lights)
 
     @cached_property
+    def _records(self) -> Int[Tensor, "views bytes"]:
+        return torch.stack([light.record for light in self.lights])
+
+    @property
     def _views(self) -> Any:
         """The views as kernels take them."""
-        hits = accumulate((len(light.hits) for light in self.lights), initial=0)
-        textures = accumulate((light.textures for light in self.lights), initial=0)
-        views = [light.argument(*first) for light, *first in zip(self.lights, hits, textures, strict=False)]
-        return wp.array(views, dtype=deferred_kernels.StoredView, device=wp.device_from_torch(self.device))
+        records, device = self._records, wp.device_from_torch(self.device)
+        return wp.array(ptr=records.data_ptr(), dtype=deferred_kernels.StoredView, shape=len(records), device=device)
+
+    @cached_property
+    def _places(self) -> Int[Tensor, "views 2"]:
+        """The first hit and the first texture of each view."""
+        counts = [(len(light.hits), light.textures) for light in self.lights]
+        first = np.cumsum([(0, 0), *counts[:-1]], axis=0, dtype=np.int32)
+        return torch.from_numpy(first).to(self.device)
 
     @cached_property
     def _textures(self) -> deferred_kernels.Textures:
@@ -121,9 +134,10 @@ class ShadingPass:
         group = visit % REDRAWS
         draw = wp.uint32((visit * 0x9E3779B1 + 0x7F4A7C15) & 0xFFFFFFFF)
 
-        def redraw(first: int, views: int, hits: int) -> None:
-            arguments = (self._views, first, group, REDRAWS, draw)
-            launch(deferred_kernels.draw_light, (views, hits), arguments, self.device)
+        views = self._views
+
+        def redraw(first: int, count: int, hits: int) -> None:
+            launch(deferred_kernels.draw_light, (count, hits), (views, first, group, REDRAWS, draw), self.device)
 
         if len(due) == len(self.lights):
             self._for_views(redraw)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,7 @@ class StoredLight:
     Attributes:
         camera_origin: in the prepared surface's coordinates.
         texture: of each part its number among the learnable parts; -1 for the others.
+        textures: the number of learnable parts.
         light: the light sample of each hit, as `deferred_kernels` stores it.
         visit: for which they were drawn; at first one before all that visit 0 needs.
     """
@@ -60,23 +62,20 @@ class StoredLight:
     camera_origin: wp.vec3
     film: tuple[int, int]
     texture: Int[Tensor, " parts"]
+    textures: int
     hits: Hits
     light: Int[Tensor, " hits"]
     seed: int
     visit: int = -REDRAWS
 
     @property
-    def textures(self) -> int:
-        """The number of learnable parts."""
-        return int((self.texture >= 0).sum())
-
-    @property
     def nbytes(self) -> int:
         """Bytes of its own tensors, without the surface and the environment."""
         return sum(tensor.nbytes for tensor in (*vars(self.hits).values(), self.light, self.texture))
 
-    def argument(self, first_hit: int, first_texture: int) -> deferred_kernels.StoredView:
-        """The view as kernels take it, at its place in a batch."""
+    @cached_property
+    def record(self) -> Int[Tensor, " bytes"]:
+        """The view as kernels take it, in the device's memory. It is kept: to make it takes longer than to shade."""
         surface, hits, view = self.surface, self.hits, deferred_kernels.StoredView()
         result: Any = view
         result.geometry, result.space, result.environment = surface.geometry, surface.tangent_space, self.emitter
@@ -89,8 +88,9 @@ class StoredLight:
         result.at = wp.from_torch(hits.at, dtype=wp.vec2)
         result.light = wp.from_torch(self.light, dtype=wp.uint32)
         result.seed_low, result.seed_high = self.seed & 0xFFFFFFFF, (self.seed >> 32) & 0xFFFFFFFF
-        result.first_hit, result.first_texture = first_hit, first_texture
-        return view
+        made: Any = wp.array([view], dtype=deferred_kernels.StoredView, device=wp.device_from_torch(surface.device))
+        plain: Any = wp.array(ptr=made.ptr, dtype=wp.uint8, shape=made.strides, device=made.device)
+        return wp.to_torch(plain).clone()
 
 
 def store_light(
@@ -133,7 +133,7 @@ def store_light(
     joined = _joined(kept)
     light = torch.empty(len(joined), dtype=torch.int32, device=device)
     film = (view.height, view.width)
-    return StoredLight(surface, emitter, camera.origin, film, texture, joined, light, seed)
+    return StoredLight(surface, emitter, camera.origin, film, texture, len(learnable), joined, light, seed)
 
 
 def _kept(

@@ -140,7 +140,7 @@ class RunMatrix:
         if lacking:
             raise ConfigError(f"{source}: dataset.splits lacks {' and '.join(lacking)}, on which runs are scored.")
         fixed = {"recipe": recipe, "seed": seed, "dataset": _PLACEHOLDER}
-        train = resolved(train_config({**data["train"], **fixed}, source), dataset.spp)
+        train = resolved(train_config({**data["train"], **fixed}, source), dataset.spp, dataset.maps)
         return Cell(self.name, name, recipe, seed, RunSpec(train=train, oracle=self._oracle(dataset, train)))
 
     def changes(self, name: str) -> list[str]:

@@ -19,12 +19,13 @@ from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.rendering.transport.cache import MemoryCache
 from svbrdfgan.training.cached_rendering import CachedRendering
-from svbrdfgan.training.config import ScenesConfig, TrainConfig
+from svbrdfgan.training.config import DiscriminatorConfig, ScenesConfig, TrainConfig
 from svbrdfgan.training.deferred_rendering import DeferredRendering
 from svbrdfgan.training.demodulation import Demodulator
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.online_rendering import OnlineRendering
 from svbrdfgan.training.perturb import Perturbation
+from svbrdfgan.training.reference_pictures import require_reference_materials
 from svbrdfgan.training.resolve import ResolvedRun
 from svbrdfgan.training.scenes import SceneBatch
 from svbrdfgan.utils.copy_async import copy_async
@@ -44,7 +45,7 @@ class BatchSource:
         own_scenes: the exemplars' own scenes, which say what the exemplars show. They are `fake_scenes` itself where
             those are not perturbed and have enough samples, or are rendered online.
         buffers: the generator's input for each subject.
-        real: the exemplars on the device, with the G-buffer of their own scenes where the discriminator is shown it.
+        real: the exemplars on the device, with the buffers of their own scenes that the discriminator is shown.
         demodulated: whether the discriminator sees reflectance instead of radiance.
     """
 
@@ -94,10 +95,13 @@ def make_batch_source(
 
     Raises:
         AssetError: the data set is not finished, or a file of it is damaged.
-        ConfigError: the renderer has no stored light transport, and `rendering` is `transport`.
+        ConfigError: the renderer has no stored light transport, and `rendering` is `transport`; or it cannot render the
+            reference materials of a light buffer.
     """
     run = run if split == "train" else run.unperturbed()
     discriminator = run.config.discriminator
+    if discriminator.light:
+        require_reference_materials(renderer)
     exemplars = load_exemplars(run.dataset, split)
     fake_scenes = make_scenes(run, exemplars, split, renderer, device)
     own_scenes, order = _own_scenes(run.config, fake_scenes), _by_subject(exemplars)
@@ -105,9 +109,9 @@ def make_batch_source(
     fake_scenes.build(order, progress)
     if own_scenes is not fake_scenes and (demodulated or discriminator.guide):
         own_scenes.build(order, progress)
-    real = ImageBatch(
-        exemplars.images.to(device), exemplars.coverage.to(device), _gbuffers(run.config, own_scenes, device)
-    )
+    buffers = own_buffers(discriminator, own_scenes, range(len(exemplars)))
+    on_device = (None if buffer is None else buffer.to(device) for buffer in buffers)
+    real = ImageBatch(exemplars.images.to(device), exemplars.coverage.to(device), *on_device)
     return BatchSource(exemplars, fake_scenes, own_scenes, stack_geometry(exemplars, device), real, demodulated)
 
 
@@ -136,6 +140,15 @@ def load_seen_texels(
     return exemplars, seen
 
 
+def own_buffers(
+    config: DiscriminatorConfig, own_scenes: SceneRendering, indices: Sequence[int]
+) -> tuple[Float[Tensor, "exemplars height width 6"] | None, Float[Tensor, "exemplars height width 9"] | None]:
+    """G-buffers and light buffers of these exemplars' own scenes, in half precision; None if they are not shown."""
+    gbuffers = [own_scenes.gbuffer(index) for index in indices] if config.guide else []
+    lights = [own_scenes.light_buffer(index) for index in indices] if config.light else []
+    return _halves(gbuffers), _halves(lights)
+
+
 def stack_geometry(exemplars: Exemplars, device: torch.device) -> Float[Tensor, "subjects 6 rows cols"]:
     """The generator's input for each subject, channels last in memory."""
     return torch.stack([s.geometry for s in exemplars.subjects]).to(device, memory_format=torch.channels_last)
@@ -156,7 +169,10 @@ def make_scenes(
         return OnlineRendering(exemplars, perturbation, RenderLayer(renderer, config.spp, config.spp_grad))
     pool, options = config.scenes.pool, config.renderer.options
     if run.deferred:
-        return DeferredRendering(exemplars, perturbation, renderer, config.spp, config.hits, pool, device, config.seed)
+        shows_light = config.discriminator.light
+        return DeferredRendering(
+            exemplars, perturbation, renderer, config.spp, config.hits, pool, device, config.seed, shows_light
+        )
     return CachedRendering(exemplars, perturbation, renderer, config.spp, pool, device, config.seed, options)
 
 
@@ -188,9 +204,6 @@ def _by_subject(exemplars: Exemplars) -> list[int]:
     return np.argsort(place[exemplars.subject_of.numpy()], kind="stable").tolist()
 
 
-def _gbuffers(
-    config: TrainConfig, own_scenes: SceneRendering, device: torch.device
-) -> Float[Tensor, "exemplars height width 6"] | None:
-    if not config.discriminator.guide or isinstance(own_scenes, OnlineRendering):
-        return None
-    return torch.stack([own_scenes.gbuffer(index) for index in range(len(own_scenes.exemplars))]).half().to(device)
+def _halves(buffers: Sequence[Tensor | None]) -> Tensor | None:
+    known = [buffer for buffer in buffers if buffer is not None]
+    return torch.stack(known).half() if known else None

@@ -43,6 +43,8 @@ class CachedSceneBatch:
 
     batch: TransportBatch
     base: Float[Tensor, "textures *#size 3"]
+    light_buffer: None = None
+    """Never shown: pictures that are linear in their textures can be divided by their light instead."""
 
     @property
     def gbuffer(self) -> Float[Tensor, "batch height width 6"]:
@@ -153,6 +155,9 @@ class CachedRendering:
     def gbuffer(self, index: int) -> Float[Tensor, "height width 6"]:
         """Position and normal per pixel of the first stored scene of an exemplar."""
         return self._stored((index, 0)).gbuffer
+
+    def light_buffer(self, index: int) -> None:
+        """None: stored light can be divided out, and is not shown."""
 
     def seen(self, index: int) -> Float[Tensor, "rows cols"]:
         """Positive at texels that an exemplar's picture shows of the outermost learnable surface."""

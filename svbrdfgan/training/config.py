@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, Literal
 
 from pydantic import Field, model_validator
@@ -24,6 +25,9 @@ class GeneratorConfig(StrictModel):
 class DiscriminatorConfig(StrictModel):
     """See `svbrdfgan.networks.Discriminator`. `guide` shows it a G-buffer: the position and normal of each pixel.
 
+    `light` shows it a light buffer: how each picture's scene lights a matt and two metallic reference materials (see
+    `svbrdfgan.training.reference_pictures`). It is for pictures that cannot be divided by their light.
+
     `sees: reflectance` removes light, camera and noise from the comparison (see `svbrdfgan.training.step.make_pair`);
     `auto` decides between the two (see `resolved`).
     """
@@ -32,6 +36,7 @@ class DiscriminatorConfig(StrictModel):
     layers: int = Field(default=3, ge=1, le=5)
     norm: Norm = "none"
     guide: bool = True
+    light: bool = False
     sees: Literal["auto", "radiance", "reflectance"] = "auto"
 
 
@@ -67,8 +72,12 @@ class ScenesConfig(StrictModel):
     pool: int = Field(default=1, ge=0, description="perturbed scenes stored per exemplar; 0: a new one at every visit")
 
     @property
+    def same_camera(self) -> bool:
+        return self.camera_noise_degrees == 0 and self.camera is None
+
+    @property
     def matched(self) -> bool:
-        return self.camera_noise_degrees == 0 and self.camera is None and self.environment == "same"
+        return self.same_camera and self.environment == "same"
 
 
 RECIPES: dict[str, dict[str, Any]] = {
@@ -85,7 +94,7 @@ RECIPES: dict[str, dict[str, Any]] = {
 """Defaults of each recipe, for keys that the configuration leaves out."""
 
 _FRESH: dict[str, Any] = {"discriminator": {"guide": False}}
-"""Defaults of `rendering: fresh`, which has no G-buffer."""
+"""Defaults of `rendering: fresh`, where a G-buffer costs three more pictures of each fake in another camera."""
 
 
 class TrainConfig(StrictModel):
@@ -129,9 +138,7 @@ class TrainConfig(StrictModel):
 
     @model_validator(mode="after")
     def _possible(self) -> TrainConfig:
-        if self.rendering == "fresh" and self.discriminator.guide:
-            raise ValueError("discriminator.guide needs rendering: transport, which knows what each pixel shows")
-        if self.rendering == "fresh" and self.discriminator.sees == "reflectance":
+        if self.rendering != "transport" and self.discriminator.sees == "reflectance":
             raise ValueError("discriminator.sees: reflectance needs rendering: transport, which knows the light")
         if self.spp_grad is not None and self.rendering == "transport":
             raise ValueError("spp_grad needs rendering: fresh; a stored transport's gradient is exact")
@@ -156,15 +163,21 @@ def train_config(data: dict[str, Any], source: str) -> TrainConfig:
     return validate(TrainConfig, data, source)
 
 
-def resolved(config: TrainConfig, spp: int) -> TrainConfig:
-    """The configuration with `discriminator.sees` decided, for exemplars with `spp` samples per pixel.
+def resolved(config: TrainConfig, spp: int, maps: Collection[str] = ()) -> TrainConfig:
+    """The configuration with `discriminator.sees` decided.
 
     `auto` means radiance where fakes have their exemplars' scenes and samples per pixel, since then only texture
-    tells them apart, and where `rendering` is `fresh`. Elsewhere it means reflectance.
+    tells them apart, and where pictures cannot be divided by their light: with `rendering: fresh`, or if layers paint
+    further maps. Elsewhere it means reflectance.
+
+    Args:
+        spp: samples per pixel of the exemplars.
+        maps: maps that layers paint beside base_color.
     """
     discriminator = config.discriminator
     if discriminator.sees != "auto":
         return config
-    plain = config.rendering == "fresh" or (config.scenes.matched and config.spp == spp)
+    indivisible = bool(maps) or config.rendering != "transport"
+    plain = indivisible or (config.scenes.matched and config.spp == spp)
     sees = "radiance" if plain else "reflectance"
     return config.model_copy(update={"discriminator": discriminator.model_copy(update={"sees": sees})})

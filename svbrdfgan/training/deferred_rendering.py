@@ -17,13 +17,13 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import DeferredRenderer, Renderer, StoredLight
 from svbrdfgan.rendering.compositing import composite
-from svbrdfgan.rendering.texture_filter import sample_texture
 from svbrdfgan.rendering.transport.cache import MemoryCache
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.perturb import Perturbation
+from svbrdfgan.training.reference_pictures import ReferencePictures
 from svbrdfgan.training.scenes import Coverage, Images, Layers, prepared_surface, seen_in_gradient
-from svbrdfgan.types import Material, Materials, View
+from svbrdfgan.types import Material, Materials
 from svbrdfgan.types.material import CHANNELS
 from svbrdfgan.utils.copy_async import copy_async
 
@@ -42,6 +42,7 @@ class DeferredScene:
         background: the picture of all other parts, premultiplied.
         coverage: share of each pixel that shows the surface.
         gbuffer: position and normal of the learnable parts, premultiplied; half precision.
+        light_buffer: see `ReferencePictures.light_buffer`; None if the discriminator is not shown it.
         base: the maps under the layer, for each learnable part.
     """
 
@@ -49,12 +50,13 @@ class DeferredScene:
     background: Float[Tensor, "height width 3"]
     coverage: Float[Tensor, "height width"]
     gbuffer: Float[Tensor, "height width 6"]
+    light_buffer: Float[Tensor, "height width 9"] | None
     base: Float[Tensor, "parts *#size values"]
 
     @property
     def nbytes(self) -> int:
-        tensors = (self.background, self.coverage, self.gbuffer, self.base)
-        return self.light.nbytes + sum(tensor.nbytes for tensor in tensors)
+        tensors = (self.background, self.coverage, self.gbuffer, self.light_buffer, self.base)
+        return self.light.nbytes + sum(tensor.nbytes for tensor in tensors if tensor is not None)
 
     @property
     def device(self) -> torch.device:
@@ -68,6 +70,7 @@ class DeferredSceneBatch:
     Attributes:
         maps: that layers paint, base_color first.
         visit, seed: of `DeferredRenderer.shade`.
+        matched: whether they are the exemplars' scenes.
     """
 
     renderer: DeferredRenderer[Any]
@@ -75,10 +78,18 @@ class DeferredSceneBatch:
     maps: tuple[str, ...]
     visit: int
     seed: int
+    matched: bool
 
     @cached_property
-    def gbuffer(self) -> Float[Tensor, "batch height width 6"]:
-        return torch.stack([scene.gbuffer for scene in self.scenes]).float()
+    def gbuffer(self) -> Float[Tensor, "batch height width 6"] | None:
+        return None if self.matched else torch.stack([scene.gbuffer for scene in self.scenes]).float()
+
+    @cached_property
+    def light_buffer(self) -> Float[Tensor, "batch height width 9"] | None:
+        if self.matched:
+            return None
+        buffers = [scene.light_buffer for scene in self.scenes if scene.light_buffer is not None]
+        return torch.stack(buffers).float() if buffers else None
 
     @cached_property
     def coverage(self) -> Coverage:
@@ -133,6 +144,7 @@ class DeferredRendering:
         pool: scenes stored for each exemplar. With 0 every visit traces a new scene; surfaces stay prepared.
         device: where layers are.
         seed: of the perturbations.
+        shows_light: whether the discriminator is shown a light buffer.
     """
 
     exemplars: Exemplars
@@ -143,6 +155,7 @@ class DeferredRendering:
     pool: int
     device: torch.device
     seed: int = 0
+    shows_light: bool = False
     _cache: MutableMapping[_Key, DeferredScene] = field(default_factory=lambda: MemoryCache(share=0.5))
     _prepared: dict[int, Any] = field(default_factory=dict)
 
@@ -176,7 +189,8 @@ class DeferredRendering:
                 for index in indices
             ]
         assert isinstance(self.renderer, DeferredRenderer)
-        return DeferredSceneBatch(self.renderer, tuple(scenes), self.maps, visit, int(rng.integers(2**31)))
+        matched, seed = self.perturbation.config.matched, int(rng.integers(2**31))
+        return DeferredSceneBatch(self.renderer, tuple(scenes), self.maps, visit, seed, matched)
 
     def in_scenes(self, config: ScenesConfig, spp: int) -> DeferredRendering:
         """The same exemplars in otherwise perturbed scenes, one for each; they are looked at once, and not kept."""
@@ -189,6 +203,10 @@ class DeferredRendering:
     def gbuffer(self, index: int) -> Float[Tensor, "height width 6"]:
         """Position and normal per pixel of the first stored scene of an exemplar."""
         return self._stored((index, 0)).gbuffer
+
+    def light_buffer(self, index: int) -> Float[Tensor, "height width 9"] | None:
+        """The light buffer of the first stored scene of an exemplar."""
+        return self._stored((index, 0)).light_buffer
 
     def seen(self, index: int) -> Float[Tensor, "rows cols"]:
         """Positive at texels that an exemplar's picture shows of the outermost learnable surface."""
@@ -205,40 +223,25 @@ class DeferredRendering:
         return found
 
     def _trace(self, index: int, scene: Scene) -> DeferredScene:
-        renderer, subject = self.renderer, self.exemplars.subject(index)
+        renderer, subject, view = self.renderer, self.exemplars.subject(index), self.exemplars.loader.view(scene)
         assert isinstance(renderer, DeferredRenderer)
-        prepared, view = (
-            prepared_surface(self.exemplars, index, renderer, self._prepared),
-            self.exemplars.loader.view(scene),
-        )
+        prepared = prepared_surface(self.exemplars, index, renderer, self._prepared)
         bare = subject.materials(scene.materials, None, scene.maps)
-        others = renderer.render(prepared, _blackened(bare, subject.learnable), view, spp=self.spp, seed=scene.seed)
+        others = _blackened(bare, subject.learnable)
+        beside = renderer.render(prepared, others, view, spp=self.spp, seed=scene.seed)
         light = renderer.store_light(
             prepared, view, learnable=subject.learnable, hits=self.hits, spp=self.spp, seed=scene.seed
         )
+        shown = ReferencePictures(renderer, prepared, subject, scene, view, self.spp)
         base = [torch.cat([_texture(bare[part], name) for name in self.maps], dim=-1) for part in subject.learnable]
         return DeferredScene(
-            light,
-            others.image.to(self.device),
-            others.coverage.to(self.device),
-            self._gbuffer(index, prepared, view, scene.seed).half().to(self.device),
-            torch.stack(base).to(self.device),
+            light=light,
+            background=beside.image.to(self.device),
+            coverage=beside.coverage.to(self.device),
+            gbuffer=shown.gbuffer().half().to(self.device),
+            light_buffer=shown.light_buffer().to(self.device) if self.shows_light else None,
+            base=torch.stack(base).to(self.device),
         )
-
-    def _gbuffer(self, index: int, prepared: Any, view: View, seed: int) -> Float[Tensor, "height width 6"]:
-        """Mean position and normal over a pixel's learnable samples, times their share of the pixel."""
-        subject = self.exemplars.subject(index)
-        shown = torch.zeros(view.height * view.width, 6, device=self.renderer.device)
-        assert isinstance(self.renderer, DeferredRenderer)
-        learnable = torch.tensor(subject.learnable)
-        texture = subject.geometry.permute(1, 2, 0)
-        for samples in self.renderer.transport(prepared, view, spp=self.spp, seed=seed):
-            device = samples.uv.device
-            learnable, texture, shown = learnable.to(device), texture.to(device), shown.to(device)
-            mine = torch.isin(samples.part, learnable)
-            values = sample_texture(texture, samples.uv[mine], subject.surface.repeat)
-            shown.index_add_(0, samples.pixel[mine].long(), values)
-        return (shown / self.spp).view(view.height, view.width, 6)
 
 
 def _blackened(materials: Materials, parts: Sequence[int]) -> Materials:

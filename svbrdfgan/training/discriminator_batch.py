@@ -28,11 +28,14 @@ class ImageBatch:
         image: linear and premultiplied: radiance, or reflectance where the light was divided out.
         coverage: share of each pixel that shows the surface.
         gbuffer: position and normal that each pixel shows, premultiplied; None where the discriminator is not shown it.
+        light_buffer: how the scene lights reference materials there (`svbrdfgan.training.reference_pictures`), linear
+            and premultiplied; None likewise.
     """
 
     image: Float[Tensor, "batch height width 3"]
     coverage: Float[Tensor, "batch height width"]
     gbuffer: Float[Tensor, "batch height width 6"] | None
+    light_buffer: Float[Tensor, "batch height width 9"] | None = None
 
     def __len__(self) -> int:
         return len(self.image)
@@ -41,27 +44,33 @@ class ImageBatch:
         """The images at these indices. The indices are copied to the images' device without waiting for it."""
         picked = copy_async(torch.as_tensor(indices), self.image.device)
         gbuffer = None if self.gbuffer is None else self.gbuffer[picked]
-        return ImageBatch(self.image[picked], self.coverage[picked], gbuffer)
+        light_buffer = None if self.light_buffer is None else self.light_buffer[picked]
+        return ImageBatch(self.image[picked], self.coverage[picked], gbuffer, light_buffer)
 
     @classmethod
     def cat(cls, batches: Sequence[ImageBatch]) -> ImageBatch:
-        """All images in one batch, in half precision, as exemplars are stored. All have a G-buffer, or none has."""
+        """All images in one batch, in half precision, as exemplars are stored. All have the same buffers."""
         image = torch.cat([batch.image.clamp(max=BRIGHTEST).half() for batch in batches])
         coverage = torch.cat([batch.coverage.half() for batch in batches])
         gbuffers = [batch.gbuffer.half() for batch in batches if batch.gbuffer is not None]
-        return cls(image, coverage, torch.cat(gbuffers) if gbuffers else None)
+        lights = [batch.light_buffer.half() for batch in batches if batch.light_buffer is not None]
+        return cls(image, coverage, torch.cat(gbuffers) if gbuffers else None, torch.cat(lights) if lights else None)
 
     def tone_mapped(self, background: Float[Tensor, "batch 3"]) -> Pictures:
-        """The images over a plain background, in about [-1, 1], with the G-buffer as six more channels if there is one.
+        """The images over a plain background, in about [-1, 1], and six channels of G-buffer and nine of light buffer.
+
+        Buffers that are None have no channels. The light buffer is over black, and has the images' tone curve.
 
         The tone curve is log(1 + 10 x) / log 11 * 2 - 1. It maps 0 to -1 and 1 to 1, and is never flat: highlights keep
         a gradient.
         """
         picture = over(self.image.float(), self.coverage.float(), background[:, None, None, :])
-        channels = torch.log1p(_CONTRAST * picture.clamp(min=0)) * (2 / math.log1p(_CONTRAST)) - 1
+        channels = [_tone_curve(picture)]
         if self.gbuffer is not None:
-            channels = torch.cat([channels, self.gbuffer.float()], dim=-1)
-        return channels.permute(0, 3, 1, 2)
+            channels.append(self.gbuffer.float())
+        if self.light_buffer is not None:
+            channels.append(_tone_curve(self.light_buffer.float()))
+        return torch.cat(channels, dim=-1).permute(0, 3, 1, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,3 +89,7 @@ def composite_pair(real: ImageBatch, fake: ImageBatch, rng: np.random.Generator)
     colors = torch.from_numpy(rng.random((len(real), 3), dtype=np.float32))
     background = copy_async(colors, real.image.device)
     return DiscriminatorBatch(real.tone_mapped(background), fake.tone_mapped(background))
+
+
+def _tone_curve(radiance: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
+    return torch.log1p(_CONTRAST * radiance.clamp(min=0)) * (2 / math.log1p(_CONTRAST)) - 1

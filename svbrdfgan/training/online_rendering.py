@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,20 +16,38 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.perturb import Perturbation
+from svbrdfgan.training.reference_pictures import ReferencePictures
 from svbrdfgan.training.scenes import Coverage, Images, Layers, prepared_surface, seen_in_gradient
 from svbrdfgan.types import Rendering
 
 
 @dataclass(frozen=True, eq=False)
 class OnlineSceneBatch:
-    """A batch of scenes that a renderer traces when a layer is rendered. It knows no G-buffer."""
+    """A batch of scenes that a renderer traces when a layer is rendered, and buffers when they are first asked for.
+
+    Attributes:
+        own_camera, own_light: whether these are those of the exemplars' scenes.
+    """
 
     layer: RenderLayer[Any]
     scenes: tuple[Scene, ...]
     exemplars: Exemplars
     indices: tuple[int, ...]
     prepared: tuple[Any, ...]
-    gbuffer: None = None
+    own_camera: bool = False
+    own_light: bool = False
+
+    @cached_property
+    def gbuffer(self) -> Float[Tensor, "batch height width 6"] | None:
+        if self.own_camera:
+            return None
+        return torch.stack([self._references(n).gbuffer() for n in range(len(self.scenes))])
+
+    @cached_property
+    def light_buffer(self) -> Float[Tensor, "batch height width 9"] | None:
+        if self.own_camera and self.own_light:
+            return None
+        return torch.stack([self._references(n).light_buffer() for n in range(len(self.scenes))])
 
     def render(self, layers: Layers) -> tuple[Images, Coverage]:
         renderings = [self._render(n, layer) for n, layer in enumerate(layers)]
@@ -40,6 +59,9 @@ class OnlineSceneBatch:
         subject, scene = self.exemplars.subject(self.indices[n]), self.scenes[n]
         materials = subject.materials(scene.materials, layer.float(), scene.maps)
         return self.layer(self.prepared[n], materials, self.exemplars.loader.view(scene), seed=scene.seed)
+
+    def _references(self, n: int) -> ReferencePictures:
+        return references(self.exemplars, self.indices[n], self.scenes[n], self.layer, self.prepared[n])
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,15 +83,43 @@ class OnlineRendering:
     def scenes(self, indices: Sequence[int], rng: np.random.Generator, visit: int = 0) -> OnlineSceneBatch:
         """A scene for each of these exemplars; `visit` changes nothing."""
         scenes = tuple(self.perturbation.scene(self.exemplars.scenes[i], i, rng) for i in indices)
-        prepared = tuple(self._surface(index) for index in indices)
-        return OnlineSceneBatch(self.layer, scenes, self.exemplars, tuple(indices), prepared)
+        prepared, changed = tuple(self._surface(index) for index in indices), self.perturbation.config
+        return OnlineSceneBatch(
+            self.layer,
+            scenes,
+            self.exemplars,
+            tuple(indices),
+            prepared,
+            own_camera=changed.same_camera,
+            own_light=changed.environment == "same",
+        )
 
     def prefetch(self, indices: Sequence[int], rng: np.random.Generator) -> None:
         """Does nothing: a picture cannot be rendered before the generator has painted its layer."""
+
+    def gbuffer(self, index: int) -> Float[Tensor, "height width 6"]:
+        """Position and normal per pixel of an exemplar's own scene."""
+        return self._references(index).gbuffer()
+
+    def light_buffer(self, index: int) -> Float[Tensor, "height width 9"]:
+        """How an exemplar's own scene lights reference materials."""
+        return self._references(index).light_buffer()
 
     def seen(self, index: int) -> Float[Tensor, "rows cols"]:
         """Positive at texels that an exemplar's picture shows of the outermost learnable surface; from its gradient."""
         return seen_in_gradient(self.exemplars, index, self.layer.renderer, self._surface(index), self.layer.spp)
 
+    def _references(self, index: int) -> ReferencePictures:
+        scene = self.exemplars.scenes[index]
+        return references(self.exemplars, index, scene, self.layer, self._surface(index))
+
     def _surface(self, index: int) -> Any:
         return prepared_surface(self.exemplars, index, self.layer.renderer, self._prepared)
+
+
+def references(
+    exemplars: Exemplars, index: int, scene: Scene, layer: RenderLayer[Any], prepared: Any
+) -> ReferencePictures:
+    """The reference pictures of a scene of an exemplar's subject, by the renderer and with the samples of its fakes."""
+    view = exemplars.loader.view(scene)
+    return ReferencePictures(layer.renderer, prepared, exemplars.subject(index), scene, view, layer.spp)

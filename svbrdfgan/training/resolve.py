@@ -8,6 +8,7 @@ from pathlib import Path
 import torch
 from lightning_fabric import Fabric
 
+from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
@@ -18,7 +19,7 @@ class ResolvedRun:
     """What a run will do. Code below reads it, and opens and decides nothing again.
 
     Attributes:
-        config: the configuration, with `discriminator.sees` decided.
+        config: the configuration, with `discriminator.sees` and `discriminator.light` decided.
         dataset: the data set that it names, opened.
         base: the folder that file patterns of the configuration are relative to.
     """
@@ -49,9 +50,11 @@ def resolve_run(config: TrainConfig, base: Path = Path()) -> ResolvedRun:
 
     Raises:
         AssetError: the data set is missing, or of another version.
+        ConfigError: this data set cannot do what the configuration asks.
     """
     dataset = Dataset.open((base / config.dataset).resolve())
-    return ResolvedRun(resolved(config, dataset.config.spp), dataset, base)
+    _require_divisible(config, dataset.config)
+    return ResolvedRun(resolved(config, dataset.config.spp, dataset.config.maps), dataset, base)
 
 
 def make_fabric(device: str, *, devices: int = 1, precision: str = "auto") -> Fabric:
@@ -67,3 +70,17 @@ def make_fabric(device: str, *, devices: int = 1, precision: str = "auto") -> Fa
         cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
         precision = "bf16-mixed" if cuda else "32-true"
     return Fabric(accelerator=device, devices=devices, strategy=strategy, precision=precision)  # type: ignore[arg-type]  # one of its literals
+
+
+def _require_divisible(config: TrainConfig, dataset: DatasetConfig) -> None:
+    """Pictures that are linear in their textures are divided by their light; the light of others can be shown."""
+    if config.rendering == "transport" and config.discriminator.light and not dataset.maps:
+        raise ConfigError(
+            "discriminator.light: stored light transport has discriminator.sees: reflectance instead; set "
+            "discriminator.light: false, or rendering: fresh."
+        )
+    if dataset.maps and config.discriminator.sees == "reflectance":
+        raise ConfigError(
+            "discriminator.sees: reflectance is for base_color alone, and the data set's layers paint "
+            f"{', '.join(dataset.maps)} too: set discriminator.sees: radiance."
+        )

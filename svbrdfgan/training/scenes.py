@@ -22,7 +22,15 @@ class SceneBatch(Protocol):
 
     @property
     def gbuffer(self) -> Float[Tensor, "batch height width 6"] | None:
-        """Position and normal that each pixel shows, premultiplied; None where the renderer does not say."""
+        """Position and normal that each pixel shows, premultiplied; None where they are as in the exemplars' scenes."""
+        ...
+
+    @property
+    def light_buffer(self) -> Float[Tensor, "batch height width 9"] | None:
+        """How these scenes light reference materials, without gradients; None where they are the exemplars' scenes.
+
+        See `svbrdfgan.training.reference_pictures`. It has as many samples as `render`'s pictures, and other ones.
+        """
         ...
 
     def render(self, layers: Layers) -> tuple[Images, Coverage]:

@@ -23,8 +23,11 @@ from svbrdfgan.networks import Discriminator, Generator, initialise
 from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.all_reduce import GradientAllReduce
 from svbrdfgan.training.config import DiscriminatorConfig, GeneratorConfig, TrainConfig
+from svbrdfgan.training.reference_pictures import LIGHT_CHANNELS
 
 _KEEP = 2
+_GBUFFER = 6
+"""Channels of position and normal."""
 
 
 @dataclass(eq=False)
@@ -145,8 +148,9 @@ def make_generator(config: GeneratorConfig, channels: int) -> Generator:
 
 
 def make_discriminator(config: DiscriminatorConfig) -> Discriminator:
-    """The network for three colour channels, and for the six of the G-buffer if `guide` is set."""
-    return Discriminator(channels=9 if config.guide else 3, **config.model_dump(include={"width", "layers", "norm"}))
+    """The network for three colour channels, and for those of the buffers that it is shown."""
+    channels = 3 + (_GBUFFER if config.guide else 0) + (LIGHT_CHANNELS if config.light else 0)
+    return Discriminator(channels=channels, **config.model_dump(include={"width", "layers", "norm"}))
 
 
 def checkpoint_path(folder: Path, step: int) -> Path:

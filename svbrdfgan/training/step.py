@@ -15,7 +15,7 @@ from svbrdfgan.training.cached_rendering import demodulator_of
 from svbrdfgan.training.config import LossConfig, TrainConfig
 from svbrdfgan.training.demodulation import reproject
 from svbrdfgan.training.discriminator_batch import DiscriminatorBatch, ImageBatch, Pictures, composite_pair
-from svbrdfgan.training.scenes import Layers, SceneBatch
+from svbrdfgan.training.scenes import Coverage, Images, Layers, SceneBatch
 from svbrdfgan.training.state import State
 from svbrdfgan.utils.copy_async import copy_async
 
@@ -57,13 +57,23 @@ def make_pair(
     real = source.real.pick(indices)
     image, coverage = scenes.render(layers)
     if not source.demodulated:
-        return real, ImageBatch(image, coverage, None if real.gbuffer is None else scenes.gbuffer)
+        return real, _with_buffers(image, coverage, real, scenes)
     own, others = source.demodulator(indices), demodulator_of(scenes)
     real_image, real_clear = reproject(own.reflectance(real.image), own.clear, own, others, own)
     fake_image, fake_clear = reproject(others.reflectance(image), others.clear, others, own, own)
     clear = real_clear & fake_clear
     both = [torch.where(clear.unsqueeze(-1), shown, 0.0) for shown in (real_image, fake_image)]
     return ImageBatch(both[0], clear.float(), real.gbuffer), ImageBatch(both[1], clear.float(), real.gbuffer)
+
+
+def _with_buffers(image: Images, coverage: Coverage, real: ImageBatch, scenes: SceneBatch) -> ImageBatch:
+    """Fakes beside the buffers that exemplars have: those of their own scenes, or else the exemplars'."""
+    gbuffer, light_buffer = real.gbuffer, real.light_buffer
+    if gbuffer is not None and scenes.gbuffer is not None:
+        gbuffer = scenes.gbuffer.to(gbuffer.device)
+    if light_buffer is not None and scenes.light_buffer is not None:
+        light_buffer = scenes.light_buffer.to(light_buffer.device)
+    return ImageBatch(image, coverage, gbuffer, light_buffer)
 
 
 def _make_batch(

@@ -6,17 +6,22 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
+from svbrdfgan.errors import ConfigError
 from svbrdfgan.plugins import load_renderer
 from svbrdfgan.training.batches import BatchSource, _by_subject, load_seen_texels, make_batch_source
 from svbrdfgan.training.cached_rendering import CachedRendering
-from svbrdfgan.training.config import TrainConfig, train_config
-from svbrdfgan.training.resolve import resolve_run
+from svbrdfgan.training.config import ScenesConfig, TrainConfig, train_config
+from svbrdfgan.training.online_rendering import OnlineRendering, OnlineSceneBatch
+from svbrdfgan.training.reference_pictures import ReferencePictures
+from svbrdfgan.training.resolve import _require_divisible, resolve_run
+from svbrdfgan.training.step import make_pair
 
 CPU = torch.device("cpu")
 
@@ -117,6 +122,96 @@ def test_a_fresh_stage_renders_each_layer_once(
     assert len(rendered) == 2
     assert (image.shape, coverage.shape) == ((2, 32, 32, 3), (2, 32, 32))
     assert coverage.max() == 1
+
+
+LIT: dict[str, Any] = {"rendering": "fresh", "discriminator": {"guide": True, "light": True}}
+
+
+@pytest.fixture(scope="module")
+def lit(config: Callable[..., TrainConfig], tiny_dataset: Path) -> BatchSource:
+    """Matched scenes, in which the discriminator is shown both buffers."""
+    return make_batch_source(resolve_run(config(**LIT, spp=4)), "train", load_renderer("numpy"), CPU)
+
+
+def perturbed(source: BatchSource, **scenes: Any) -> BatchSource:
+    """The same exemplars, and fakes in perturbed scenes."""
+    assert isinstance(source.fake_scenes, OnlineRendering)
+    perturbation = replace(source.fake_scenes.perturbation, config=ScenesConfig(**scenes))
+    return replace(source, fake_scenes=replace(source.fake_scenes, perturbation=perturbation))
+
+
+def test_matched_fakes_share_their_exemplars_buffers(lit: BatchSource) -> None:
+    source = lit
+    scenes = source.scenes([1, 3], np.random.default_rng(0))
+    assert scenes.gbuffer is None
+    assert scenes.light_buffer is None
+    real, fake = make_pair(source, [1, 3], scenes, torch.zeros(2, 32, 32, 4))
+    assert real.light_buffer is not None
+    assert real.light_buffer.shape == (2, 32, 32, 9)
+    assert fake.light_buffer is real.light_buffer
+    assert fake.gbuffer is real.gbuffer
+    assert source.real.light_buffer is not None
+    assert source.real.light_buffer.dtype == torch.float16
+
+
+def test_a_fake_in_other_light_carries_its_own_scenes_light(lit: BatchSource) -> None:
+    """It is what an exemplar of that scene would carry, sample for sample; position and normal stay the exemplar's."""
+    source = perturbed(lit, environment="redrawn")
+    scenes = source.scenes([2], np.random.default_rng(1))
+    real, fake = make_pair(source, [2], scenes, torch.zeros(1, 32, 32, 4))
+    assert fake.gbuffer is real.gbuffer
+    assert real.light_buffer is not None
+    assert fake.light_buffer is not None
+    assert not fake.light_buffer.requires_grad
+    apart = (fake.light_buffer - real.light_buffer).float().abs().mean()
+    assert apart > 0.1 * real.light_buffer.float().mean()
+    assert isinstance(scenes, OnlineSceneBatch)
+    there = replace(source.exemplars, scenes=(*source.exemplars.scenes[:2], *scenes.scenes))
+    assert isinstance(source.own_scenes, OnlineRendering)
+    assert torch.equal(replace(source.own_scenes, exemplars=there).light_buffer(2), fake.light_buffer[0])
+
+
+def test_a_fake_in_another_camera_carries_both_its_own_buffers(lit: BatchSource) -> None:
+    source = perturbed(lit, camera_noise_degrees=20.0)
+    scenes = source.scenes([2], np.random.default_rng(1))
+    real, fake = make_pair(source, [2], scenes, torch.zeros(1, 32, 32, 4))
+    for mine, its in ((real.gbuffer, fake.gbuffer), (real.light_buffer, fake.light_buffer)):
+        assert mine is not None
+        assert its is not None
+        assert (mine - its).abs().mean() > 0.1 * mine.abs().mean()
+    shown = fake.gbuffer[..., 3:].norm(dim=-1)[0] if fake.gbuffer is not None else torch.zeros(32, 32)
+    assert (shown > 0.5).sum() > 20
+    assert fake.coverage[0][shown > 0.5].mean() > 0.95  # beside this camera's picture, not the exemplar's
+
+
+def test_pictures_of_gloss_are_not_divided_by_their_light(config: Callable[..., TrainConfig]) -> None:
+    """Whatever the rendering, in one sentence."""
+    gloss = SimpleNamespace(maps={"roughness": 0.5, "metallic": 0.0})
+    with pytest.raises(ConfigError, match=r"reflectance is for base_color alone.* roughness, metallic too"):
+        _require_divisible(config(discriminator={"sees": "reflectance"}), gloss)  # type: ignore[arg-type]
+    _require_divisible(config(discriminator={"sees": "radiance"}), gloss)  # type: ignore[arg-type]
+    _require_divisible(config(discriminator={"sees": "reflectance"}), SimpleNamespace(maps={}))  # type: ignore[arg-type]
+
+
+def test_no_buffer_is_rendered_that_is_not_shown(
+    config: Callable[..., TrainConfig], tiny_dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("gbuffer", "light_buffer"):
+        monkeypatch.setattr(ReferencePictures, name, lambda self: pytest.fail("nobody looks at it"))
+    plain = config(rendering="fresh", scenes={"camera_noise_degrees": 20.0})
+    source = make_batch_source(resolve_run(plain), "train", load_renderer("numpy"), CPU)
+    real, fake = make_pair(source, [0], source.scenes([0], np.random.default_rng(0)), torch.zeros(1, 32, 32, 4))
+    assert (real.gbuffer, real.light_buffer, fake.gbuffer, fake.light_buffer) == (None,) * 4
+
+
+def test_a_renderer_without_metal_cannot_show_light(
+    config: Callable[..., TrainConfig], tiny_dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    renderer = load_renderer("numpy")
+    plain = replace(renderer.capabilities, maps=frozenset({"base_color", "roughness"}))
+    monkeypatch.setattr(type(renderer), "capabilities", plain)
+    with pytest.raises(ConfigError, match="cannot render metallic"):
+        make_batch_source(resolve_run(config(**LIT)), "train", renderer, CPU)
 
 
 def test_processes_begin_with_scenes_of_different_subjects(source: BatchSource) -> None:

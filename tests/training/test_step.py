@@ -142,6 +142,52 @@ def test_real_and_fake_stand_before_the_same_background() -> None:
     torch.testing.assert_close(white, torch.full((1, 3, 1, 1), 1.0))
 
 
+def test_buffers_follow_the_picture_as_channels() -> None:
+    """The G-buffer as it is, the light buffer with the picture's tone curve and without its background."""
+    gbuffer, light = torch.randn(1, 4, 4, 6), torch.zeros(1, 4, 4, 9)
+    light[..., 3:] = 1.0
+    given = ImageBatch(torch.zeros(1, 4, 4, 3), torch.zeros(1, 4, 4), gbuffer, light)
+    shown = given.tone_mapped(torch.full((1, 3), 0.5))[0].permute(1, 2, 0)
+    assert shown.shape == (4, 4, 18)
+    assert torch.equal(shown[..., 3:9], gbuffer[0])
+    torch.testing.assert_close(shown[..., 9:12], torch.full((4, 4, 3), -1.0))
+    torch.testing.assert_close(shown[..., 12:], torch.full((4, 4, 6), 1.0))
+    both = ImageBatch.cat([given.pick([0, 0]), given])
+    assert both.light_buffer is not None
+    assert both.light_buffer.shape == (3, 4, 4, 9)
+
+
+@pytest.mark.parametrize(("guide", "light", "channels"), [(False, False, 3), (True, False, 9), (True, True, 18)])
+def test_the_discriminator_has_channels_for_what_it_is_shown(
+    guide: bool, light: bool, channels: int, config: Callable[..., TrainConfig]
+) -> None:
+    chosen = config(rendering="fresh", discriminator={"guide": guide, "light": light})
+    first = next(m for m in State.fresh(chosen, CPU).discriminator.modules() if isinstance(m, torch.nn.Conv2d))
+    assert first.in_channels == channels
+
+
+def test_a_step_in_other_light_is_taken_beside_the_light_buffer(config: Callable[..., TrainConfig]) -> None:
+    chosen = config(
+        rendering="fresh",
+        discriminator={"guide": True, "light": True},
+        scenes={"environment": "redrawn"},
+        spp=2,
+    )
+    source = make_batch_source(resolve_run(chosen), "train", load_renderer("numpy"), CPU)
+    state = State.fresh(chosen, CPU)
+    before = weights(state)
+    run_steps(chosen, state, source, 1)
+    after = weights(state)
+    assert any(not torch.equal(before[n], after[n]) for n in before if n.startswith("generator."))
+    first = next(m for m in state.discriminator.modules() if isinstance(m, torch.nn.Conv2d))
+    moved = after["discriminator." + _name(state, first)] - before["discriminator." + _name(state, first)]
+    assert (moved[:, 9:] != 0).any()  # it learns from the light buffer's channels
+
+
+def _name(state: State, layer: torch.nn.Module) -> str:
+    return next(name for name, module in state.discriminator.named_modules() if module is layer) + ".weight"
+
+
 def test_the_tone_curve_never_loses_a_gradient() -> None:
     image = torch.linspace(0, 50, 64).reshape(1, 8, 8, 1).expand(1, 8, 8, 3).clone().requires_grad_(True)
     ImageBatch(image, torch.ones(1, 8, 8), None).tone_mapped(torch.zeros(1, 3)).sum().backward()

@@ -69,6 +69,11 @@ def test_plain_pictures_are_seen_where_only_texture_differs(data: dict[str, Any]
     assert resolved(config(**data), spp=64).discriminator.sees == sees
 
 
+def test_pictures_of_further_maps_are_never_divided_by_their_light() -> None:
+    unmatched = config(spp=16, scenes={"environment": "redrawn"})
+    assert resolved(unmatched, 64, ("roughness",)).discriminator.sees == "radiance"
+
+
 def test_a_recipe_stays_as_it_is() -> None:
     config(recipe="thesis", loss={"gradient_penalty": 1.0})
     assert config(recipe="thesis").loss.gradient_penalty == 10.0
@@ -99,7 +104,7 @@ def test_json_and_back() -> None:
         ({"scenes": {"pool": -1}}, r"scenes\.pool"),
         ({"scenes": {"camera": {"distance": {"uniform": [2, 1]}}}}, r"scenes\.camera\.distance"),
         ({"rendering": "fast"}, "rendering"),
-        ({"rendering": "fresh", "discriminator": {"guide": True}}, "discriminator.guide needs rendering: transport"),
+        ({"discriminator": {"light": "maybe"}}, r"discriminator\.light"),
         (
             {"rendering": "fresh", "discriminator": {"sees": "reflectance"}},
             "discriminator.sees: reflectance needs rendering: transport",

@@ -15,10 +15,11 @@ CONFOUNDERS: tuple[Confounder, ...] = get_args(Confounder)
 
 REMEDIES: Mapping[Confounder, str] = MappingProxyType(
     {
-        "pose": "Let the discriminator see reflectance (discriminator.sees), carried to the exemplar's camera; or draw "
-        "the fakes' cameras from the distribution of the exemplars' own (scenes.camera).",
-        "light": "Let the discriminator see reflectance (discriminator.sees), where the exemplars' light is known; or "
-        "give the fakes lights that cover theirs (scenes.environment).",
+        "pose": "Let the discriminator see reflectance (discriminator.sees), carried to the exemplar's camera, where "
+        "layers paint base_color alone; or draw the fakes' cameras from the distribution of the exemplars' own "
+        "(scenes.camera).",
+        "light": "Let the discriminator see reflectance (discriminator.sees), where the exemplars' light is known and "
+        "layers paint base_color alone; or give the fakes lights that cover theirs (scenes.environment).",
         "noise": "Where the discriminator sees radiance, train with the exemplars' own samples per pixel (spp), or let "
         "it see reflectance; there, exemplars of more samples have less noise, which hardly hinders learning.",
         "renderer": "Train through the renderer that made the exemplars, with as many bounces; where that cannot be, "

@@ -21,6 +21,7 @@ from svbrdfgan.io import save_image
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.reference_pictures import require_reference_materials
 from svbrdfgan.training.resolve import make_fabric, resolve_run
 from svbrdfgan.utils.display import Display, SilentDisplay
 
@@ -99,6 +100,8 @@ def _open(config: TrainConfig, base: Path, display: Display) -> tuple[RenderedPa
     recorded = exemplars.scenes[0].renderer
     exemplar_renderer = renderer if recorded == choice else resolve_renderer(recorded, device)[0]
     _require_known(exemplars)
+    if run.config.discriminator.light:
+        require_reference_materials(renderer)
     chosen = np.unique(np.linspace(0, len(exemplars) - 1, min(len(exemplars), _MOST)).round().astype(int)).tolist()
     pairs = RenderedPairs(run, exemplars, chosen, renderer, exemplar_renderer, device, display.advance)
     return pairs, find_confounders(run.config, run.dataset.config, exemplar_renderer, renderer)

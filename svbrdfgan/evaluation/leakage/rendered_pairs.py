@@ -16,8 +16,14 @@ from svbrdfgan.data.generate import BRIGHTEST, render_scene
 from svbrdfgan.evaluation.leakage.confounders import Confounder, scenes_with
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import layer_channels
-from svbrdfgan.training.batches import BatchSource, SceneRendering, exemplar_spp, make_scenes, stack_geometry
-from svbrdfgan.training.cached_rendering import CachedRendering
+from svbrdfgan.training.batches import (
+    BatchSource,
+    SceneRendering,
+    exemplar_spp,
+    make_scenes,
+    own_buffers,
+    stack_geometry,
+)
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.resolve import ResolvedRun
@@ -51,6 +57,7 @@ class RenderedPairs:
     device: torch.device
     progress: Callable[[int], None]
     _rendered: dict[Confounders, tuple[Tensor, Tensor]] = field(default_factory=dict)
+    _buffers: list[Tensor | None] = field(default_factory=list)
 
     def render(self, present: Confounders) -> tuple[ImageBatch, ImageBatch]:
         """Clean exemplars, and fakes of a generator that paints nothing, as training would show them."""
@@ -74,7 +81,7 @@ class RenderedPairs:
             fake_scenes=self._scenes(scenes_with(config.scenes, present), config.spp),
             own_scenes=own_scenes,
             buffers=stack_geometry(exemplars, self.device),
-            real=ImageBatch(images, coverage, self._gbuffers(own_scenes)),
+            real=ImageBatch(images, coverage, *self._own_buffers(own_scenes)),
             demodulated=self._demodulated,
         )
 
@@ -123,12 +130,14 @@ class RenderedPairs:
             yield image[0], coverage[0]
             self.progress(1)
 
-    def _gbuffers(self, own_scenes: SceneRendering) -> Float[Tensor, "exemplars height width 6"] | None:
-        if not self.run.config.discriminator.guide or not isinstance(own_scenes, CachedRendering):
-            return None
-        return self._scattered([own_scenes.gbuffer(index).half() for index in self.chosen])
+    def _own_buffers(self, own_scenes: SceneRendering) -> list[Tensor | None]:
+        """G-buffers and light buffers of the exemplars' own scenes, which no confounder changes."""
+        if not self._buffers:
+            buffers = own_buffers(self.run.config.discriminator, own_scenes, self.chosen)
+            self._buffers.extend(None if buffer is None else self._scattered(buffer) for buffer in buffers)
+        return self._buffers
 
-    def _scattered(self, values: Sequence[Tensor]) -> Tensor:
+    def _scattered(self, values: Sequence[Tensor] | Tensor) -> Tensor:
         """Each value at its exemplar's index; zeros at exemplars that were not chosen."""
         scattered = values[0].new_zeros(len(self.exemplars), *values[0].shape, device=self.device)
         scattered[list(self.chosen)] = torch.stack(list(values)).to(self.device)

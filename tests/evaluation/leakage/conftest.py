@@ -1,8 +1,10 @@
 """A data set of plain boxes, quick to render and many enough to judge a probe by."""
 
 from collections.abc import Callable
+from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -41,21 +43,30 @@ def boxes(built_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
     """Twenty boxes, five views of each. Cached transports may be added to it, and nothing else."""
     pytest.importorskip("warp", reason="the warp renderer needs warp-lang")
 
-    def fill(base: Path) -> None:
-        rng = np.random.default_rng(0)
-        for number in range(20):
-            save_mesh_glb(base / f"box{number:02d}.glb", box(*rng.uniform((1.5, 1.2, 3.5), (2.1, 2.0, 5.0))))
-        generate(validate(DatasetConfig, BOXES, "boxes"), base / "dataset", base=base)
+    return built_once("boxes", partial(fill_with_boxes, BOXES)) / "dataset"
 
-    return built_once("boxes", fill) / "dataset"
+
+@pytest.fixture(scope="session")
+def glossy(built_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
+    """The same boxes of all materials between matt paint and polished metal. Nothing may be added to it."""
+    pytest.importorskip("warp", reason="the warp renderer needs warp-lang")
+    gloss = {"roughness": {"uniform": [0.2, 0.6]}, "metallic": {"uniform": [0.0, 1.0]}, "normal": 0}
+    return built_once("glossy", partial(fill_with_boxes, BOXES | {"maps": gloss})) / "dataset"
+
+
+def fill_with_boxes(data: dict[str, Any], base: Path) -> None:
+    rng = np.random.default_rng(0)
+    for number in range(20):
+        save_mesh_glb(base / f"box{number:02d}.glb", box(*rng.uniform((1.5, 1.2, 3.5), (2.1, 2.0, 5.0))))
+    generate(validate(DatasetConfig, data, "boxes"), base / "dataset", base=base)
 
 
 @pytest.fixture(scope="session")
 def training(boxes: Path) -> Callable[..., TrainConfig]:
     """How to train on the boxes with a tiny discriminator, with changes."""
 
-    def changed(sees: str = "radiance", guide: bool = True, **changes: object) -> TrainConfig:
-        discriminator = {"width": 8, "layers": 2, "sees": sees, "guide": guide}
+    def changed(sees: str = "radiance", guide: bool = True, light: bool = False, **changes: object) -> TrainConfig:
+        discriminator = {"width": 8, "layers": 2, "sees": sees, "guide": guide, "light": light}
         return train_config({"dataset": str(boxes), "discriminator": discriminator, **TRAINING, **changes}, "here")
 
     return changed

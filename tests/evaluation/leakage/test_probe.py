@@ -8,16 +8,21 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
+from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.leakage import probe, probe_shortcuts
+from svbrdfgan.evaluation.leakage.classifier import Trial
 from svbrdfgan.evaluation.leakage.confounders import REMEDIES
 from svbrdfgan.evaluation.leakage.report import LeakageReport
 from svbrdfgan.io import load_image, save_environment
 from svbrdfgan.plugins import load_renderer
+from svbrdfgan.training.batches import make_scenes, own_buffers
 from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.types import Rendering
 
 Training = Callable[..., TrainConfig]
@@ -96,6 +101,43 @@ def test_other_samples_are_told_and_named(training: Training) -> None:
 def test_other_cameras_are_told_without_transports_too(training: Training) -> None:
     fresh = training(scenes=HIGH, rendering="fresh", guide=False)
     assert leaking(probe_shortcuts(fresh).report) == {"pose"}
+
+
+def test_matched_scenes_of_gloss_come_out_at_chance(training: Training, glossy: Path) -> None:
+    """Beside a light buffer that both sides share, so that its noise tells nothing either."""
+    report = probe_shortcuts(training(dataset=str(glossy), rendering="fresh", guide=True, light=True)).report
+    share = report.together.share
+    assert share is not None
+    assert not share.leaks
+    assert tried(report) == set()
+
+
+def test_the_probe_shows_the_buffers_that_training_shows(
+    training: Training, glossy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each side that of its own scene: the exemplars' from the stored scenes, the fakes' from the redrawn ones."""
+    trials: list[Trial] = []
+    monkeypatch.setattr(probe, "_MOST", 10)
+    monkeypatch.setattr(Trial, "judge", lambda trial, _: trials.append(trial) or torch.zeros(len(trial.roles.judge)))
+    other = training(dataset=str(glossy), rendering="fresh", scenes={"environment": "redrawn"}, guide=True, light=True)
+    probe_shortcuts(other)
+    (trial,) = trials
+    assert trial.config.discriminator.light is True
+    run = resolve_run(other)
+    exemplars, warp = load_exemplars(run.dataset, "train"), load_renderer("warp", {"device": "cpu"})
+    scenes = make_scenes(run, exemplars, "train", warp, torch.device("cpu"))
+    chosen = np.linspace(0, 99, 10).round().astype(int).tolist()
+    gbuffers, lights = own_buffers(run.config.discriminator, scenes, chosen)
+    for mine, its in ((trial.real.light_buffer, lights), (trial.real.gbuffer, gbuffers)):
+        assert mine is not None
+        assert its is not None
+        assert torch.equal(mine, its)
+    assert trial.fake.light_buffer is not None
+    assert trial.real.light_buffer is not None
+    assert (trial.fake.light_buffer - trial.real.light_buffer).abs().mean() > 0.1 * trial.real.light_buffer.mean()
+    assert trial.fake.gbuffer is not None
+    assert trial.real.gbuffer is not None
+    assert torch.equal(trial.fake.gbuffer, trial.real.gbuffer)
 
 
 @pytest.mark.full

@@ -1,0 +1,125 @@
+"""Pictures of a scene with reference materials on its learnable parts: what each pixel shows besides their material."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.data.generate import BRIGHTEST
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.protocols import Renderer
+from svbrdfgan.scene.description import Scene
+from svbrdfgan.scene.subject import Subject
+from svbrdfgan.types import Environment, Material, Materials, Rendering, View
+
+_WHITE = torch.ones(3)
+
+
+def _metal(roughness: float) -> Material:
+    maps = {"base_color": _WHITE, "roughness": torch.tensor([roughness]), "metallic": torch.ones(1)}
+    return Material(maps)
+
+
+REFERENCES = MappingProxyType(
+    {
+        "irradiance": Material.lambertian((1.0, 1.0, 1.0)),
+        "sharp reflections": _metal(0.3),
+        "blurred reflections": _metal(0.6),
+    }
+)
+"""The materials of a light buffer, white and smooth, in the order of its pictures."""
+LIGHT_CHANNELS = 3 * len(REFERENCES)
+
+_DARK = 1e-3
+"""Scales base colours that stand for numbers, so that light which is scattered twice hardly counts."""
+
+
+def require_reference_materials(renderer: Renderer[Any]) -> None:
+    """Checks that a renderer can make light buffers.
+
+    Raises:
+        ConfigError: it cannot render one of the reference materials.
+    """
+    needed = {name for material in REFERENCES.values() for name in material.maps}
+    if lacking := sorted(needed - renderer.capabilities.maps):
+        raise ConfigError(
+            f"discriminator.light shows light by white metal, and {type(renderer).__name__} cannot render "
+            f"{', '.join(lacking)}: set discriminator.light: false, or choose a renderer that can."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ReferencePictures:
+    """Renders a scene with other materials on its learnable parts and on their hidden halves.
+
+    Samples are independent of those of the scene's own picture. Nothing here has a gradient.
+
+    Attributes:
+        prepared: the subject's surface, as the renderer prepared it.
+        spp: samples per pixel.
+    """
+
+    renderer: Renderer[Any]
+    prepared: Any
+    subject: Subject
+    scene: Scene
+    view: View
+    spp: int
+
+    def light_buffer(self) -> Float[Tensor, "height width 9"]:
+        """Diffuse irradiance (divided by pi), and reflections at roughness 0.3 and 0.6, as `REFERENCES` show them.
+
+        RGB each, linear, premultiplied, in half precision as exemplars are stored. Other parts look as in the scene. It
+        depends on geometry, camera and light, and not on the material of the learnable parts.
+        """
+        others = self.subject.materials(self.scene.materials, None, self.scene.maps).parts
+        names = [self.subject.surface.parts[part].name for part in self.subject.learnable]
+        own = {*names, *(f"{name} (hidden)" for name in names)}
+        painted = [part.name in own for part in self.subject.surface.parts]
+        images = [
+            self._render([white if mine else other for mine, other in zip(painted, others, strict=True)]).image
+            for white in REFERENCES.values()
+        ]
+        return torch.cat(images, dim=-1).clamp(max=BRIGHTEST).half()
+
+    def gbuffer(self) -> Float[Tensor, "height width 6"]:
+        """Mean position and normal over a pixel's learnable samples, times their share of the pixel; for any renderer.
+
+        Positions and normals are rendered as base colours of Lambertian parts under uniform light, and divided by a
+        picture of white parts with the same samples, which do not depend on base colours. So samples count by how much
+        light reaches them, unlike in the G-buffer of stored light transport; where none does, the result is 0.
+        """
+        values = self.subject.geometry.permute(1, 2, 0)
+        least = values.amin(dim=(0, 1))
+        extent = (values.amax(dim=(0, 1)) - least).clamp(min=1e-6)
+        encoded = (values - least) / extent
+        marks = self._numbers(torch.tensor([1.0, 1.0, 0.0]), torch.tensor([0.0, 1.0, 0.0]))
+        learnable, everything = marks.image[..., :1], marks.image[..., 1:2]
+        sums = torch.cat([self._numbers(half, torch.zeros(3)).image for half in encoded.split(3, dim=-1)], dim=-1)
+        mean = torch.where(learnable > 0, sums / learnable, 0.0) * extent.to(sums) + least.to(sums)
+        share = torch.where(everything > 0, learnable / everything, 0.0) * marks.coverage.unsqueeze(-1)
+        return mean * share
+
+    def _numbers(self, learnable: Float[Tensor, "*shape 3"], others: Float[Tensor, " 3"]) -> Rendering:
+        """A picture of numbers in [0, 1] under uniform light."""
+        view = replace(self.view, environment=Environment(torch.ones(2, 4, 3)))
+        painted = set(self.subject.learnable)
+        materials = [
+            Material.lambertian(_DARK * (learnable if part in painted else others))
+            for part in range(len(self.subject.surface.parts))
+        ]
+        return self._render(materials, view)
+
+    def _render(self, materials: list[Material], view: View | None = None) -> Rendering:
+        given = Materials(tuple(materials))
+        return self.renderer.render(self.prepared, given, view or self.view, spp=self.spp, seed=_seed(self.scene.seed))
+
+
+def _seed(seed: int) -> int:
+    """Another seed than the picture's, so that the noise of what stands beside a picture is not that of the picture."""
+    return (seed * 0x85EBCA6B + 0x5BD1E995) % 2**31
