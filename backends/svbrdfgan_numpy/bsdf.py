@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from svbrdfgan.types import DIELECTRIC_REFLECTANCE, LEAST_ROUGHNESS
@@ -20,6 +20,10 @@ from svbrdfgan_numpy.vectors import dot, from_frame, normalize
 
 Vectors = Float[ndarray, "points 3"]
 Rgb = Float[ndarray, "points 3"]
+
+EVEN = 0.1
+"""Share of the diffuse directions that are drawn evenly where there are normal maps. The gradient in a normal does not
+vanish at its horizon as the cosine does: drawn by the cosine alone, its variance on paths would be infinite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +54,7 @@ class Bsdf:
         roughness: before it is bounded.
         metallic: 0 to 1.
         normal: unit normal n, tilted by the normal map.
+        mapped: the points that have a normal map.
     """
 
     glossy: Int[ndarray, " glossy"]
@@ -57,6 +62,7 @@ class Bsdf:
     roughness: PerPoint
     metallic: PerPoint
     normal: Vectors
+    mapped: Int[ndarray, " mapped"]
 
     def evaluate(self, outgoing: Vectors, incoming: Vectors) -> Rgb:
         """The BSDF times n . w_i, per steradian; 0 where the light comes from behind n."""
@@ -84,15 +90,14 @@ class Bsdf:
         return BsdfGradient(grad_bsdf * of_color, roughness, of_metallic, normal)
 
     def sample(self, outgoing: Vectors, random: Float[ndarray, "points 2"]) -> Vectors:
-        """Unit directions about as the points scatter, by the cosine or by facets; they may be below the surface."""
-        random, share = random.copy(), self._share_of_facets(outgoing)
-        by_facets = random[:, 0] < share
-        # the first number, which chose, is uniform again within its choice
-        start, width = np.where(by_facets, 0.0, share), np.where(by_facets, share, 1.0 - share)
-        random[:, 0] = (random[:, 0] - start) / width
-        direction = from_frame(self.normal, np.minimum(random[:, 0], 1.0), 2.0 * np.pi * random[:, 1])
+        """Unit directions about as the points scatter, by facets or diffusely; they may be below the surface."""
+        by_facets, first = _chosen(random[:, 0], self._share_of_facets(outgoing))
+        evenly, number = _chosen(first, self._share_of_even())
+        sine2 = np.where(evenly, 1.0 - number**2, number)  # even in the cosine, or in its square
+        direction = from_frame(self.normal, sine2, 2.0 * np.pi * random[:, 1])
         some, alpha2 = np.flatnonzero(by_facets), _alpha2(self.roughness[by_facets])
-        direction[some] = ggx.sample(self.normal[some], outgoing[some], alpha2, random[some])
+        numbers = np.stack([first, random[:, 1]], axis=-1)[some]
+        direction[some] = ggx.sample(self.normal[some], outgoing[some], alpha2, numbers)
         return direction
 
     def pdf(self, outgoing: Vectors, incoming: Vectors) -> PerPoint:
@@ -100,7 +105,8 @@ class Bsdf:
         cosine, share, some = dot(self.normal, incoming), self._share_of_facets(outgoing), self.glossy
         # The Lambertian BSDF times the cosine equals the density of cosine sampling, so a diffuse path goes on weighted
         # by the base colour alone.
-        density = (1.0 - share) * np.maximum(cosine, 0.0) / np.pi
+        even = self._share_of_even()
+        density = (1.0 - share) * ((1.0 - even) * np.maximum(cosine, 0.0) + 0.5 * even) / np.pi
         facets = self._facets(outgoing, incoming)
         density[some] += share[some] * ggx.pdf(facets.outgoing, facets.half, facets.alpha2)
         return np.where(cosine > 0.0, density, 0.0)
@@ -114,6 +120,12 @@ class Bsdf:
         share, some = np.zeros(len(outgoing)), self.glossy
         share[some] = 0.5 + 0.4 * np.clip(self.metallic[some], 0.0, 1.0)
         return np.where(dot(self.normal, outgoing) >= 0.0, share, 0.0)
+
+    def _share_of_even(self) -> PerPoint:
+        """The probability of drawing a diffuse direction evenly over the hemisphere, and not by the cosine."""
+        share = np.zeros(len(self.normal))
+        share[self.mapped] = EVEN
+        return share
 
     def _facets(self, outgoing: Vectors, incoming: Vectors) -> _Facets:
         some = self.glossy
@@ -189,6 +201,13 @@ class _Facets:
         """The derivative of f in metallic, in which it is linear."""
         one = np.ones_like(self.schlick)
         return self.bsdf(color, one) - self.bsdf(color, 0.0 * one)
+
+
+def _chosen(number: PerPoint, share: PerPoint) -> tuple[Bool[ndarray, " points"], PerPoint]:
+    """Whether a number of [0, 1) falls into the share, and a number that is uniform again within that choice."""
+    chosen = number < share
+    start, width = np.where(chosen, 0.0, share), np.where(chosen, share, 1.0 - share)
+    return chosen, np.minimum((number - start) / width, 1.0)
 
 
 def _alpha2(roughness: PerPoint) -> PerPoint:

@@ -44,8 +44,9 @@ class MaterialPoints:
         normal = self.points.normal.copy()
         roughness[self.lookups["roughness"].points] = looked_up["roughness"][:, 0]
         metallic[self.lookups["metallic"].points] = looked_up["metallic"][:, 0]
-        normal[self.lookups["normal"].points] = self.frame.tilted(looked_up["normal"])
-        return Bsdf(self.lookups["roughness"].points, looked_up["base_color"], roughness, metallic, normal)
+        glossy, mapped = self.lookups["roughness"].points, self.lookups["normal"].points
+        normal[mapped] = self.frame.tilted(looked_up["normal"])
+        return Bsdf(glossy, looked_up["base_color"], roughness, metallic, normal, mapped)
 
     def bsdf_vjp(
         self, maps: Mapping[str, Texture], grad: BsdfGradient

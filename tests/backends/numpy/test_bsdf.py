@@ -7,7 +7,7 @@ import gltf
 import numpy as np
 import pytest
 from numpy import ndarray
-from svbrdfgan_numpy.bsdf import Bsdf
+from svbrdfgan_numpy.bsdf import EVEN, Bsdf
 
 ROUGHNESSES = (0.05, 0.2, 0.5, 1.0)
 MATERIALS = [(0.2, 0.0), (0.2, 1.0), (0.6, 0.5), (0.05, 0.0), (1.0, 1.0)]
@@ -22,14 +22,17 @@ def _upward(count: int, seed: int) -> ndarray:
     return direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
 
-def _bsdf(count: int, base_color: float = 0.5, roughness: float = 0.3, metallic: float = 0.0) -> Bsdf:
-    """Of points that face +Z and are all glossy."""
+def _bsdf(
+    count: int, base_color: float = 0.5, roughness: float = 0.3, metallic: float = 0.0, *, mapped: bool = False
+) -> Bsdf:
+    """Of points that face +Z and are all glossy; `mapped` says whether a normal map tells them so."""
     return Bsdf(
         np.arange(count),
         np.full((count, 3), base_color),
         np.full(count, roughness),
         np.full(count, metallic),
         np.broadcast_to(UP, (count, 3)),
+        np.arange(count if mapped else 0),
     )
 
 
@@ -80,14 +83,17 @@ def test_behind_a_normal_the_viewer_draws_by_the_cosine_and_sees_as_from_its_hor
     assert np.allclose(bsdf.evaluate(view, light), truth[:, None])
 
 
+@pytest.mark.parametrize("mapped", [False, True])
 @pytest.mark.parametrize("cosine", [1.0, 0.6, 0.1])
 @pytest.mark.parametrize(("roughness", "metallic"), MATERIALS)
-def test_drawn_directions_give_the_albedo_of_the_quadrature(cosine: float, roughness: float, metallic: float) -> None:
+def test_drawn_directions_give_the_albedo_of_the_quadrature(
+    cosine: float, roughness: float, metallic: float, mapped: bool
+) -> None:
     """It is at most 1 for white, except at grazing angles, where glTF's mix of gloss and diffuse gains energy."""
     count = 100_000
     view = np.repeat(gltf.direction(cosine), count, axis=0)
     for base_color in (0.1, 1.0):
-        bsdf = _bsdf(count, base_color, roughness, metallic)
+        bsdf = _bsdf(count, base_color, roughness, metallic, mapped=mapped)
         drawn = bsdf.sample(view, np.random.default_rng(1).random((count, 2)))
         density = bsdf.pdf(view, drawn)
         front = density > 0.0
@@ -98,12 +104,13 @@ def test_drawn_directions_give_the_albedo_of_the_quadrature(cosine: float, rough
     assert cosine < 0.8 or truth <= 1.0
 
 
+@pytest.mark.parametrize("mapped", [False, True])
 @pytest.mark.parametrize("cosine", [1.0, 0.5, 0.05])
 @pytest.mark.parametrize(("roughness", "metallic"), MATERIALS)
-def test_the_density_is_that_of_the_samples(cosine: float, roughness: float, metallic: float) -> None:
+def test_the_density_is_that_of_the_samples(cosine: float, roughness: float, metallic: float, mapped: bool) -> None:
     """By chi square over sectors of rings about the mirror direction, and the directions behind the surface."""
     count, view = 100_000, gltf.direction(cosine)
-    bsdf = _bsdf(count, 0.5, roughness, metallic)
+    bsdf = _bsdf(count, 0.5, roughness, metallic, mapped=mapped)
     drawn = bsdf.sample(np.repeat(view, count, axis=0), np.random.default_rng(1).random((count, 2)))
     assert np.allclose(np.linalg.norm(drawn, axis=1), 1.0)
     rings, sectors = np.geomspace(1e-3, np.pi, 13), np.linspace(-np.pi, np.pi, 5)
@@ -142,10 +149,23 @@ def _share(
     angle, azimuth = np.meshgrid(ring[0] * (ring[1] / ring[0]) ** middle, sector[0] + (sector[1] - sector[0]) * middle)
     angle, azimuth = angle.ravel(), azimuth.ravel()
     local = np.stack([np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), np.cos(angle)], axis=-1)
-    alike = _bsdf(len(local), 0.5, bsdf.roughness[0], bsdf.metallic[0])
+    alike = _bsdf(len(local), 0.5, bsdf.roughness[0], bsdf.metallic[0], mapped=len(bsdf.mapped) > 0)
     density = alike.pdf(np.broadcast_to(view, local.shape), local @ _frame(view))
     area = np.log(ring[1] / ring[0]) * (sector[1] - sector[0])
     return float((density * np.sin(angle) * angle).mean() * area)
+
+
+@pytest.mark.parametrize("metallic", [None, 0.0, 1.0])
+def test_the_slope_in_a_normal_has_bounded_weights(metallic: float | None) -> None:
+    """At the horizon of n the cosine vanishes, and so does a density by it alone, but not the slope."""
+    count, view = 100_000, np.repeat(gltf.direction(0.6), 100_000, axis=0)
+    bsdf = _bsdf(count, roughness=0.3, metallic=metallic or 0.0, mapped=True)
+    if metallic is None:
+        bsdf = replace(bsdf, glossy=np.arange(0))
+    drawn = bsdf.sample(view, np.random.default_rng(1).random((count, 2)))
+    front = drawn[:, 2] > 0.0
+    assert drawn[front, 2].min() < 1e-3
+    assert bsdf.pdf(view, drawn)[front].min() >= 0.1 * EVEN / (2.0 * np.pi) * (1.0 - 1e-9)
 
 
 def test_extreme_random_numbers_give_directions() -> None:
@@ -188,6 +208,7 @@ def _some_points(count: int) -> tuple[Bsdf, ndarray, ndarray]:
         random.uniform(0.06, 1.0, count),
         random.random(count),
         _upward(count, 4) * [0.5, 0.5, 1.0],
+        np.arange(0, count, 2),
     )
     bsdf = replace(bsdf, normal=bsdf.normal / np.linalg.norm(bsdf.normal, axis=1, keepdims=True))
     view = _upward(count, 5) * np.where(np.arange(count) % 10, 1.0, -1.0)[:, None]  # some from behind

@@ -170,6 +170,7 @@ def _slopes_by_grid(view: View, outgoing: np.ndarray, values: Mapping[str, np.nd
             np.repeat(moved["roughness"], count),
             np.repeat(moved["metallic"], count),
             np.broadcast_to(normal, (count, 3)),
+            np.arange(count),
         )
         return float((bsdf.evaluate(seen, incoming)[:, 0] * light).mean() * 2.0 * np.pi)
 
