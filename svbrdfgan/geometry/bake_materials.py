@@ -28,26 +28,23 @@ def bake_base_color(mesh: Mesh, fragments: Fragments) -> tuple[Float[Tensor, ...
     """
     parts = fragments.surface.parts
     return tuple(
-        _looked_up(FileMap(part.base_color, part.texture), mesh, _Texels(fragments, index))
-        for index, part in enumerate(parts)
+        _looked_up(part.all_maps["base_color"], mesh, _Texels(fragments, index)) for index, part in enumerate(parts)
     )
 
 
 def bake_file_maps(mesh: Mesh, fragments: Fragments) -> tuple[dict[str, Float[Tensor, ...]], ...]:
     """Each part's `file_maps`, likewise: constants (channels,), or textures (rows, cols, channels) over the new UVs.
 
-    Normals are turned from the tangent frames of the mesh's own UVs into those of the surface's, at unit length.
+    Normals are turned from the tangent frames of the mesh's own UVs, those of the normal texture, into the frames of
+    the surface's UVs, at unit length.
     """
-    parts = fragments.surface.parts
-    frames = None
-    if mesh.uv is not None and any("normal" in part.file_maps for part in parts):
-        frames = _Frames(corner_tangents(surface_over(mesh, mesh.uv)), corner_tangents(fragments.surface))
-    baked = []
+    parts, baked = fragments.surface.parts, []
+    frames = _frames(mesh, fragments)
     for index, part in enumerate(parts):
-        texels = _Texels(fragments, index)
+        texels, normal = _Texels(fragments, index), part.file_maps.get("normal")
         maps = {name: _looked_up(given, mesh, texels) for name, given in part.file_maps.items() if name != "normal"}
-        if frames is not None and "normal" in part.file_maps:
-            maps["normal"] = frames.turned(_looked_up(part.file_maps["normal"], mesh, texels), texels)
+        if normal is not None and normal.uv_set in frames:
+            maps["normal"] = frames[normal.uv_set].turned(_looked_up(normal, mesh, texels), texels)
         baked.append(maps)
     return tuple(baked)
 
@@ -80,23 +77,36 @@ class _Texels:
 def _looked_up(given: FileMap, mesh: Mesh, texels: _Texels) -> Float[Tensor, ...]:
     """The map at the part's texels, or as a constant: its mean, if the part covers none."""
     value = torch.tensor(given.factor, dtype=torch.float32)
-    if given.texture is not None and mesh.uv is not None:
+    own = mesh.uv_set(given.uv_set)
+    if given.texture is not None and own is not None:
         texture = torch.from_numpy(given.texture).float()
         points, surface = texels.points(), texels.fragments.surface
         if points is None:
             value = value * texture.mean(dim=(0, 1))
         else:
             face, barycentric = points
-            corners = np.einsum("fij,fjk->fik", surface.source_barycentric, mesh.uv[surface.source_face])
+            corners = np.einsum("fij,fjk->fik", surface.source_barycentric, own[surface.source_face])
             uv = np.einsum("rcj,rcjk->rck", barycentric, corners[face])
             sampled = sample_texture(texture, torch.from_numpy(uv).reshape(-1, 2), repeat=(True, True))
             value = value * sampled.float().reshape(*face.shape, -1)
     return value if given.cutoff is None else (value >= given.cutoff).float()
 
 
+def _frames(mesh: Mesh, fragments: Fragments) -> dict[int, _Frames]:
+    """The frames of each of the mesh's UV sets that has a normal texture."""
+    maps = [part.file_maps["normal"] for part in fragments.surface.parts if "normal" in part.file_maps]
+    used = {given.uv_set: mesh.uv_set(given.uv_set) for given in maps}
+    new = corner_tangents(fragments.surface) if used else None
+    return {
+        number: _Frames(corner_tangents(surface_over(mesh, uv)), new)
+        for number, uv in used.items()
+        if uv is not None and new is not None
+    }
+
+
 @dataclass(frozen=True, eq=False)
 class _Frames:
-    """Tangent frames of a mesh's own UVs and of the surface's UVs."""
+    """Tangent frames of a set of a mesh's own UVs and of the surface's UVs."""
 
     own: Tangents
     new: Tangents

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -110,12 +110,18 @@ def save_mesh_glb(path: str | os.PathLike[str], mesh: Mesh) -> None:
     for index, part in enumerate(mesh.parts):
         chosen = mesh.face_part == index
         if chosen.any():
-            look = {"base_color": FileMap(part.base_color, part.texture), **part.file_maps}
-            if mesh.uv is None:
-                look = {name: replace(given, texture=None) for name, given in look.items() if name != "normal"}
+            look = {name: _over(mesh, given) for name, given in part.all_maps.items()}
+            if "normal" in look and look["normal"].texture is None:
+                del look["normal"]
             material = _add_material(document, part.name, look)
-            _add_mesh(document, part.name, *_split_corners(mesh, chosen), material)
+            sets = range(1 + max((given.uv_set for given in look.values() if given.texture is not None), default=0))
+            _add_mesh(document, part.name, *_split_corners(mesh, chosen, sets), material)
     _write(path, document)
+
+
+def _over(mesh: Mesh, given: FileMap) -> FileMap:
+    """The map, without its texture where the mesh has no UVs for it."""
+    return given if mesh.uv_set(given.uv_set) is not None else replace(given, texture=None)
 
 
 def _surface_maps(
@@ -184,15 +190,16 @@ def _top_left(uv: Float[ndarray, "vertices 2"]) -> Float[ndarray, "vertices 2"]:
     return np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1)
 
 
-def _split_corners(mesh: Mesh, chosen: ndarray) -> tuple[dict[str, ndarray], Int[ndarray, " corners"]]:
+def _split_corners(
+    mesh: Mesh, chosen: ndarray, sets: Iterable[int]
+) -> tuple[dict[str, ndarray], Int[ndarray, " corners"]]:
     """Attributes of one vertex for each distinct position and UV of the chosen faces, and the corners' indices."""
     vertex = mesh.faces[chosen].reshape(-1)
-    if mesh.uv is None:
-        used, faces = np.unique(vertex, return_inverse=True)
-        return {"POSITION": mesh.positions[used]}, faces
-    uv = mesh.uv[chosen].reshape(-1, 2)
-    split, faces = merge_rows(np.column_stack([vertex, uv]))
-    attributes = {"POSITION": mesh.positions[split[:, 0].astype(np.int64)], "TEXCOORD_0": _top_left(split[:, 1:])}
+    found = {f"TEXCOORD_{number}": uv for number in sets if (uv := mesh.uv_set(number)) is not None}
+    split, faces = merge_rows(np.column_stack([vertex, *(uv[chosen].reshape(-1, 2) for uv in found.values())]))
+    attributes = {"POSITION": mesh.positions[split[:, 0].astype(np.int64)]}
+    for place, name in enumerate(found):
+        attributes[name] = _top_left(split[:, 1 + 2 * place : 3 + 2 * place])
     return attributes, faces
 
 
@@ -238,12 +245,12 @@ def _add_material(document: _Document, name: str, look: Mapping[str, FileMap]) -
     pbr: dict[str, Any] = {"baseColorFactor": [*color.factor, *alpha.factor]}
     entry: dict[str, Any] = {"name": name, "pbrMetallicRoughness": pbr}
     if alpha.texture is not None:
-        pbr["baseColorTexture"] = {"index": _add_image(document, _encoded_color, (color.texture, alpha.texture), 3)}
+        pbr["baseColorTexture"] = _add_texture(document, _encoded_color, (color, alpha), 3)
     elif color.texture is not None:
-        pbr["baseColorTexture"] = {"index": _add_image(document, _encoded_color, (color.texture,), 3)}
+        pbr["baseColorTexture"] = _add_texture(document, _encoded_color, (color,), 3)
     pbr |= _gloss(document, look)
     if normal is not None and normal.texture is not None:
-        picture = {"index": _add_image(document, _encoded_normal, (normal.texture,), 3)}
+        picture = _add_texture(document, _encoded_normal, (normal,), 3)
         entry["normalTexture"] = picture if normal.factor[0] == 1.0 else picture | {"scale": normal.factor[0]}
     entry |= {"alphaMode": "OPAQUE", "doubleSided": True}
     if "alpha" in look:
@@ -261,8 +268,7 @@ def _gloss(document: _Document, look: Mapping[str, FileMap]) -> dict[str, Any]:
     rough, metallic = look["roughness"], look.get("metallic", FileMap((0.0,)))
     keys: dict[str, Any] = {"metallicFactor": metallic.factor[0], "roughnessFactor": rough.factor[0]}
     if rough.texture is not None or metallic.texture is not None:
-        image = _add_image(document, _encoded_gloss, (rough.texture, metallic.texture), 1)
-        keys["metallicRoughnessTexture"] = {"index": image}
+        keys["metallicRoughnessTexture"] = _add_texture(document, _encoded_gloss, (rough, metallic), 1)
     return keys
 
 
@@ -279,6 +285,21 @@ def _encoded_gloss(rough: Texture, metallic: Texture) -> Texture:
 
 def _encoded_normal(normal: Texture) -> Texture:
     return linear_from_srgb((0.5 + 0.5 * normal).clamp(0, 1))
+
+
+def _add_texture(
+    document: _Document, encode: Callable[..., Texture], maps: tuple[FileMap, ...], channels: int
+) -> dict[str, Any]:
+    """glTF's `textureInfo` of the picture that holds these maps.
+
+    Raises:
+        AssetError: the maps differ in size, or in their UVs.
+    """
+    sets = {given.uv_set for given in maps if given.texture is not None}
+    if len(sets) > 1:
+        raise AssetError(f"textures that share a picture in GLB are over the UV sets {sorted(sets)}; wanted one set.")
+    info, number = {"index": _add_image(document, encode, tuple(m.texture for m in maps), channels)}, max(sets)
+    return info | {"texCoord": number} if number else info
 
 
 def _add_image(

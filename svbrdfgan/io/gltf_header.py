@@ -1,14 +1,17 @@
-"""Read the JSON of a glTF or GLB file: checks before a mesh library loads it, and what it drops of materials."""
+"""Read the JSON of a glTF or GLB file: checks before a mesh library loads it, and what it would drop of materials."""
 
 from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from svbrdfgan.errors import AssetError
+from svbrdfgan.io.uv_sets import UVSet
 
 MAX_ACCESSOR = 150_000_000
 """Elements per accessor: the corners of 50 million triangles. A header that claims more is broken; the mesh library
@@ -17,8 +20,14 @@ would allocate memory for it without a check."""
 LAMBERTIAN = "lambertian"
 """The key in a material's `extras` by which files of this package mark parts without gloss: glTF knows no such part."""
 
+TEXTURES = ("baseColorTexture", "metallicRoughnessTexture", "normalTexture")
+"""The textures that are read."""
+
 UNREADABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization")
 """Extensions that change the encoding of the geometry, and that the mesh library does not support."""
+
+UV_ATTRIBUTE = "_TEXCOORD_{}"
+"""The name under which the mesh library is given further texture coordinates, which it would drop by their own name."""
 
 
 @dataclass(frozen=True)
@@ -29,24 +38,21 @@ class HeaderMaterial:
         name: need not be unique.
         base_color: linear, in full precision.
         alpha: of the base colour, in full precision.
-        roughness, metallic: factors.
         normal_scale: multiplies x and y of the normal texture.
-        textures: keys of the textures that the material names.
+        textures: by key, where the textures that the material names are looked up.
         lambertian: whether this package wrote the material for a part that has no gloss.
     """
 
     name: str | None
     base_color: tuple[float, float, float]
     alpha: float
-    roughness: float
-    metallic: float
     normal_scale: float
-    textures: frozenset[str]
+    textures: Mapping[str, UVSet]
     lambertian: bool
 
 
-def read_materials(path: Path) -> tuple[HeaderMaterial, ...]:
-    """The materials of a .gltf or .glb file, after checks of its header.
+def read_header(path: Path) -> dict[str, Any]:
+    """The JSON of a .gltf or .glb file, checked.
 
     Raises:
         AssetError: the file is truncated, is not glTF 2.0, or encodes its geometry in a way that is not supported.
@@ -58,7 +64,41 @@ def read_materials(path: Path) -> tuple[HeaderMaterial, ...]:
             f"{path} needs the glTF extension {used[0]}, which cannot be read; export it without compression."
         )
     _check_accessors(path, header)
+    return header
+
+
+def read_materials(header: dict[str, Any]) -> tuple[HeaderMaterial, ...]:
+    """The materials of a file with this header."""
     return tuple(_material(material) for material in header.get("materials", []))
+
+
+def readable(path: Path, header: dict[str, Any]) -> BytesIO:
+    """The file as the mesh library is to read it: it keeps a material's index as its name, and all UVs.
+
+    It would drop which material is which, and all texture coordinates but the first.
+    """
+    materials = [{**material, "name": str(index)} for index, material in enumerate(header.get("materials", []))]
+    meshes = [
+        {**mesh, "primitives": [{**p, "attributes": _renamed(p["attributes"])} for p in mesh["primitives"]]}
+        for mesh in header.get("meshes", [])
+    ]
+    text = json.dumps({**header, "materials": materials, "meshes": meshes}).encode()
+    if path.suffix.lower() != ".glb":
+        return BytesIO(text)
+    data = path.read_bytes()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + struct.unpack("<I", data[12:16])[0] :]
+    head = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON")
+    return BytesIO(head + text + rest)
+
+
+def _renamed(attributes: dict[str, Any]) -> dict[str, Any]:
+    further = {key: UV_ATTRIBUTE.format(key.removeprefix("TEXCOORD_")) for key in attributes if _is_further_uv(key)}
+    return {further.get(key, key): index for key, index in attributes.items()}
+
+
+def _is_further_uv(key: str) -> bool:
+    return key.startswith("TEXCOORD_") and key != "TEXCOORD_0"
 
 
 def _glb_json(path: Path) -> dict[str, Any]:
@@ -91,16 +131,17 @@ def _json(path: Path, text: bytes) -> dict[str, Any]:
 
 def _check_accessors(path: Path, header: dict[str, Any]) -> None:
     accessors = header.get("accessors", [])
+    used = {uv_set.number for material in read_materials(header) for uv_set in material.textures.values()} | {0}
     largest = max((accessor["count"] for accessor in accessors), default=0)
     if largest > MAX_ACCESSOR:
         raise AssetError(f"{path} claims {largest} elements in one accessor; wanted at most {MAX_ACCESSOR}.")
     for mesh in header.get("meshes", []):
         for primitive in mesh["primitives"]:
             attributes = primitive["attributes"]
-            texcoord = attributes.get("TEXCOORD_0")
-            if texcoord is not None and accessors[texcoord]["componentType"] != 5126:
+            texcoords = [attributes[f"TEXCOORD_{n}"] for n in used if f"TEXCOORD_{n}" in attributes]
+            if any(accessors[texcoord]["componentType"] != 5126 for texcoord in texcoords):
                 raise AssetError(f"{path} stores texture coordinates as integers; export them as floats.")
-            indices = [primitive.get("indices"), attributes.get("POSITION"), texcoord]
+            indices = [primitive.get("indices"), attributes.get("POSITION"), *texcoords]
             if any(index is not None and "sparse" in accessors[index] for index in indices):
                 raise AssetError(f"{path} stores its geometry in sparse accessors; export it without them.")
 
@@ -113,9 +154,7 @@ def _material(material: dict[str, Any]) -> HeaderMaterial:
         name=material.get("name"),
         base_color=(red, green, blue),
         alpha=alpha,
-        roughness=float(pbr.get("roughnessFactor", 1.0)),
-        metallic=float(pbr.get("metallicFactor", 1.0)),
         normal_scale=float(material.get("normalTexture", {}).get("scale", 1.0)),
-        textures=frozenset(key for key in (*pbr, *material) if key.endswith("Texture")),
+        textures={key: UVSet.of(info) for key, info in (pbr | material).items() if key in TEXTURES},
         lambertian=isinstance(extras, dict) and extras.get(LAMBERTIAN) is True,
     )

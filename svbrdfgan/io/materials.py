@@ -14,8 +14,9 @@ from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor
 
-from svbrdfgan.io.gltf_header import HeaderMaterial
+from svbrdfgan.io.gltf_header import TEXTURES, HeaderMaterial
 from svbrdfgan.io.image import linear_from_picture, linear_from_srgb, numbers_from_picture
+from svbrdfgan.io.uv_sets import UVSet
 from svbrdfgan.types import FileMap, Part
 
 if TYPE_CHECKING:
@@ -74,23 +75,31 @@ class Pictures:
         return self._known[id(image), use]
 
 
-def read_part(pictures: Pictures, name: str, visual: Any, header: tuple[HeaderMaterial, ...]) -> Part:
+@dataclass(frozen=True)
+class Look:
+    """A part, and the UV sets of its textures beside the file's own: `further[k - 1]` is number k of `Mesh.uv_set`."""
+
+    part: Part
+    further: tuple[UVSet, ...] = ()
+
+
+def read_look(pictures: Pictures, name: str, visual: Any, header: tuple[HeaderMaterial, ...]) -> Look:
     """The part for a trimesh visual, named after its material, or else `name`.
 
     Args:
-        header: the materials of a glTF file's header; empty for other files.
+        header: the materials of a glTF file's header, by whose index its visuals are named; empty for other files.
     """
     import trimesh
 
     if not isinstance(visual, trimesh.visual.TextureVisuals):
-        return _colored_part(pictures.path, name, visual)
+        return Look(_colored_part(pictures.path, name, visual))
     material = visual.material
     if isinstance(material, trimesh.visual.material.PBRMaterial):
-        return _gltf_part(pictures, name, material, header)
+        return _gltf_look(pictures, name, material, header[int(material.name)])
     if not material.kwargs and material.image is not None and material.image.format is None:
-        return Part(name)  # trimesh's placeholder material, for a file with UVs but no material
+        return Look(Part(name))  # trimesh's placeholder material, for a file with UVs but no material
     color = _unit_interval(_mtl_color(material))
-    return Part(material.name or name, color, pictures.color(material.image), file_maps=_mtl_maps(material))
+    return Look(Part(material.name or name, color, pictures.color(material.image), file_maps=_mtl_maps(material)))
 
 
 def _colored_part(path: Path, name: str, visual: Any) -> Part:
@@ -103,39 +112,30 @@ def _colored_part(path: Path, name: str, visual: Any) -> Part:
     return Part(name, (red, green, blue))
 
 
-def _gltf_part(pictures: Pictures, name: str, material: Any, header: tuple[HeaderMaterial, ...]) -> Part:
-    found = _nearest(material, header)
-    for key in sorted(found.textures & {"baseColorTexture", "metallicRoughnessTexture", "normalTexture"}):
+def _gltf_look(pictures: Pictures, name: str, material: Any, found: HeaderMaterial) -> Look:
+    for key in sorted(found.textures):
         if getattr(material, key) is None:
             log.warning(
                 "%s: the picture %s of material '%s' cannot be read; its numbers are used alone",
-                *(pictures.path, key, material.name),
+                *(pictures.path, key, found.name),
             )
-    texture = pictures.color(material.baseColorTexture)
-    maps = {"alpha": _gltf_alpha(pictures, material, found), "normal": _gltf_normal(pictures, material, found)}
+    further = tuple(dict.fromkeys(uv_set for uv_set in found.textures.values() if uv_set != UVSet()))
+    color, gloss, normal = ((UVSet(), *further).index(found.textures.get(key, UVSet())) for key in TEXTURES)
+    maps = {
+        "alpha": _gltf_alpha(pictures, material, found, color),
+        "normal": _gltf_normal(pictures, material, found, normal),
+    }
     if not found.lambertian:
-        gloss = material.metallicRoughnessTexture
-        maps["roughness"] = FileMap(_unit_interval((_or_one(material.roughnessFactor),)), pictures.numbers(gloss, 1))
-        maps["metallic"] = FileMap(_unit_interval((_or_one(material.metallicFactor),)), pictures.numbers(gloss, 2))
+        image = material.metallicRoughnessTexture
+        maps["roughness"] = FileMap(_factor(material.roughnessFactor), pictures.numbers(image, 1), uv_set=gloss)
+        maps["metallic"] = FileMap(_factor(material.metallicFactor), pictures.numbers(image, 2), uv_set=gloss)
     given = {key: file_map for key, file_map in maps.items() if file_map is not None}
-    return Part(material.name or name, _unit_interval(found.base_color), texture, file_maps=given)
+    texture = pictures.color(material.baseColorTexture)
+    part = Part(found.name or name, _unit_interval(found.base_color), texture, file_maps=given, texture_uv_set=color)
+    return Look(part, further)
 
 
-def _nearest(material: Any, header: tuple[HeaderMaterial, ...]) -> HeaderMaterial:
-    """The header's material of that name whose factors are nearest: trimesh keeps no index, and rounds colours."""
-    red, green, blue, alpha = (1.0,) * 4 if material.baseColorFactor is None else material.baseColorFactor / 255.0
-    rough, metallic = _or_one(material.roughnessFactor), _or_one(material.metallicFactor)
-    named = [entry for entry in header if entry.name == material.name]
-
-    def distance(entry: HeaderMaterial) -> float:
-        its = (*entry.base_color, entry.alpha, entry.roughness, entry.metallic)
-        return float(np.abs(np.subtract(its, (red, green, blue, alpha, rough, metallic))).max())
-
-    stored = HeaderMaterial(material.name, (red, green, blue), alpha, rough, metallic, 1.0, frozenset(), False)
-    return min(named, key=distance, default=stored)
-
-
-def _gltf_alpha(pictures: Pictures, material: Any, found: HeaderMaterial) -> FileMap | None:
+def _gltf_alpha(pictures: Pictures, material: Any, found: HeaderMaterial, uv_set: int) -> FileMap | None:
     """Alpha by the material's `alphaMode`; None if it is opaque."""
     if material.alphaMode not in ("MASK", "BLEND"):
         return None
@@ -145,12 +145,12 @@ def _gltf_alpha(pictures: Pictures, material: Any, found: HeaderMaterial) -> Fil
     texture = pictures.numbers(material.baseColorTexture, 3)
     if texture is None and found.alpha >= (1.0 if cutoff is None else cutoff):
         return None
-    return FileMap(_unit_interval((found.alpha,)), texture, cutoff)
+    return FileMap(_unit_interval((found.alpha,)), texture, cutoff, uv_set)
 
 
-def _gltf_normal(pictures: Pictures, material: Any, found: HeaderMaterial) -> FileMap | None:
-    texture = pictures.normal(material.normalTexture)
-    return None if texture is None else FileMap((found.normal_scale, found.normal_scale, 1.0), texture)
+def _gltf_normal(pictures: Pictures, material: Any, found: HeaderMaterial, uv_set: int) -> FileMap | None:
+    texture, scale = pictures.normal(material.normalTexture), found.normal_scale
+    return None if texture is None else FileMap((scale, scale, 1.0), texture, uv_set=uv_set)
 
 
 def _mtl_color(material: Any) -> Color:
@@ -185,9 +185,9 @@ def _mtl_number(material: Any, key: str) -> float | None:
         return None
 
 
-def _or_one(factor: float | None) -> float:
+def _factor(number: float | None) -> tuple[float]:
     """A factor of glTF, whose default is 1."""
-    return 1.0 if factor is None else factor
+    return _unit_interval((1.0 if number is None else number,))
 
 
 def _unit_interval(values: tuple[float, ...]) -> Any:

@@ -29,7 +29,8 @@ def load_mesh(path: str | os.PathLike[str]) -> Mesh:
     """The triangles of a mesh file, with its materials as parts and its own UVs where it has any.
 
     Of glTF it reads base colour, roughness, metallic, normal textures and alpha; of MTL colour, alpha, `Pr` and `Pm`.
-    Extensions and a second set of UVs are ignored, and so are normals and tangents: the package computes its own.
+    Textures may have UVs of their own, in glTF by `texCoord` and KHR_texture_transform. Other extensions are ignored,
+    and so are normals and tangents: the package computes its own.
 
     Vertices at equal positions are merged, also across materials, and faces that lose a corner by this are dropped. If
     only some meshes of a file have UVs, the others get zeros. A missing or broken texture image causes a warning.
@@ -53,7 +54,7 @@ def _join(path: Path, pieces: Sequence[Piece]) -> Mesh:
     corners = np.concatenate([piece.faces + start for piece, start in zip(pieces, starts, strict=True)])
     parts, piece_part = _merge_parts([piece.part for piece in pieces])
     face_part = np.repeat(piece_part, [len(piece.faces) for piece in pieces])
-    uv = _corner_uv(path, pieces, corners)
+    sets = [_corner_uv(path, pieces, corners, k) for k in range(max(len(piece.uv_sets) for piece in pieces))]
     positions, welded = merge_rows(positions)
     faces = welded[corners]
     keep = _proper(faces)
@@ -63,7 +64,8 @@ def _join(path: Path, pieces: Sequence[Piece]) -> Mesh:
         raise AssetError(f"{path} holds only faces without area; export it again.")
     positions, faces = _used(positions, faces[keep])
     _check_extent(path, positions)
-    return Mesh(positions, faces, face_part[keep], parts, None if uv is None else uv[keep])
+    uv, *further = [None if uv is None else uv[keep] for uv in sets]
+    return Mesh(positions, faces, face_part[keep], parts, uv, tuple(each for each in further if each is not None))
 
 
 def _merge_parts(found: Sequence[Part]) -> tuple[tuple[Part, ...], Int[ndarray, " pieces"]]:
@@ -79,8 +81,8 @@ def _merge_parts(found: Sequence[Part]) -> tuple[tuple[Part, ...], Int[ndarray, 
 
 def _identity(part: Part) -> tuple[object, ...]:
     """Equal for parts of equal name and material. Textures are compared by their arrays, which a file's parts share."""
-    maps = [(name, m.factor, m.cutoff, id(m.texture)) for name, m in sorted(part.file_maps.items())]
-    return part.name, part.base_color, id(part.texture), *maps
+    maps = [(name, m.factor, m.cutoff, id(m.texture), m.uv_set) for name, m in sorted(part.all_maps.items())]
+    return part.name, *maps
 
 
 def _free_name(name: str, taken: set[str]) -> str:
@@ -94,12 +96,14 @@ def _free_name(name: str, taken: set[str]) -> str:
 
 
 def _corner_uv(
-    path: Path, pieces: Sequence[Piece], corners: Int[ndarray, "faces 3"]
+    path: Path, pieces: Sequence[Piece], corners: Int[ndarray, "faces 3"], number: int
 ) -> Float[ndarray, "faces 3 2"] | None:
-    """The UV of each corner, zeros for pieces without UVs; None if no piece has UVs."""
-    if all(piece.uv is None for piece in pieces):
+    """The UV of each corner in one set, zeros for pieces without it; None if no piece has it."""
+    found = [piece.uv_sets[number] if number < len(piece.uv_sets) else None for piece in pieces]
+    if all(uv is None for uv in found):
         return None
-    uv = np.concatenate([np.zeros((len(piece.positions), 2)) if piece.uv is None else piece.uv for piece in pieces])
+    vertices = [len(piece.positions) for piece in pieces]
+    uv = np.concatenate([np.zeros((n, 2)) if uv is None else uv for uv, n in zip(found, vertices, strict=True)])
     if not np.isfinite(uv).all():
         log.warning("%s has texture coordinates that are not finite; they became 0", path)
         uv = np.where(np.isfinite(uv), uv, 0.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import mimetypes
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -14,9 +15,10 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io.gltf_header import HeaderMaterial, read_materials
-from svbrdfgan.io.materials import Pictures, read_part
+from svbrdfgan.io.gltf_header import UV_ATTRIBUTE, HeaderMaterial, read_header, read_materials, readable
+from svbrdfgan.io.materials import Look, Pictures, read_look
 from svbrdfgan.io.mesh_bytes import as_utf8, open_mesh
+from svbrdfgan.io.uv_sets import UVSet
 from svbrdfgan.types import Part
 
 log = logging.getLogger(__name__)
@@ -24,11 +26,15 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Triangles of one material in world coordinates. Parts of different pieces may have the same name."""
+    """Triangles of one material in world coordinates. Parts of different pieces may have the same name.
+
+    Attributes:
+        uv_sets: the file's own UVs, or None, and the further sets that the part's textures are looked up in.
+    """
 
     positions: Float[ndarray, "vertices 3"]
     faces: Int[ndarray, "faces 3"]
-    uv: Float[ndarray, "vertices 2"] | None
+    uv_sets: tuple[Float[ndarray, "vertices 2"] | None, ...]
     part: Part
 
 
@@ -71,8 +77,10 @@ def read_pieces(path: Path) -> list[Piece]:
     """
     kind = path.suffix.lower().removeprefix(".")
     try:
-        header = read_materials(path) if kind in ("glb", "gltf") else ()
-        return _pieces(path, _load(path, kind), header)
+        if kind not in ("glb", "gltf"):
+            return _pieces(path, _load(path, kind, open_mesh(path)), ())
+        header = read_header(path)
+        return _pieces(path, _load(path, kind, readable(path, header)), read_materials(header))
     except AssetError:
         raise
     except FileNotFoundError as error:
@@ -82,12 +90,12 @@ def read_pieces(path: Path) -> list[Piece]:
         raise AssetError(f"{path} cannot be read as {kind.upper()} ({reason}); is it whole?") from error
 
 
-def _load(path: Path, kind: str) -> Any:
+def _load(path: Path, kind: str, content: BytesIO) -> Any:
     """The file as a `trimesh.Scene`, unprocessed."""
     import trimesh
 
     resolver: Any = Neighbours(path)
-    return trimesh.load(open_mesh(path), file_type=kind, force="scene", resolver=resolver, process=False)
+    return trimesh.load(content, file_type=kind, force="scene", resolver=resolver, process=False)
 
 
 def _pieces(path: Path, scene: Any, header: tuple[HeaderMaterial, ...]) -> list[Piece]:
@@ -100,24 +108,39 @@ def _pieces(path: Path, scene: Any, header: tuple[HeaderMaterial, ...]) -> list[
     if placed and not solid:
         raise AssetError(f"{path} holds only points or lines, no faces; export it as a mesh.")
     pictures = Pictures(path)
-    parts = {
-        name: read_part(pictures, name if len(order) > 1 else path.stem, scene.geometry[name].visual, header)
+    looks = {
+        name: read_look(pictures, name if len(order) > 1 else path.stem, scene.geometry[name].visual, header)
         for name in dict.fromkeys(name for _, name in solid)
     }
-    return [_piece(path, scene.geometry[name], np.asarray(matrix), parts[name]) for matrix, name in solid]
+    return [_piece(path, scene.geometry[name], np.asarray(matrix), looks[name]) for matrix, name in solid]
 
 
-def _piece(path: Path, geometry: Any, matrix: Float[ndarray, "4 4"], part: Part) -> Piece:
+def _piece(path: Path, geometry: Any, matrix: Float[ndarray, "4 4"], look: Look) -> Piece:
     """Geometry with its node's transform applied. Mirroring transforms reverse the winding, as glTF specifies."""
-    import trimesh
-
     vertices = np.asarray(geometry.vertices, dtype=np.float64)
     faces = np.asarray(geometry.faces, dtype=np.int64)
     if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
         raise AssetError(f"{path} has faces that name vertices outside 0..{len(vertices) - 1}; is it whole?")
     if np.isfinite(matrix).all() and np.linalg.det(matrix[:3, :3]) < 0:
         faces = faces[:, ::-1]
+    uv_sets = (_own_uv(geometry), *(_further_uv(path, geometry, uv_set) for uv_set in look.further))
+    return Piece(vertices @ matrix[:3, :3].T + matrix[:3, 3], faces, uv_sets, look.part)
+
+
+def _own_uv(geometry: Any) -> Float[ndarray, "vertices 2"] | None:
+    import trimesh
+
     uv = geometry.visual.uv if isinstance(geometry.visual, trimesh.visual.TextureVisuals) else None
-    fits = uv is not None and len(uv) == len(vertices)
-    uv = np.asarray(uv, dtype=np.float64)[:, :2] if fits else None
-    return Piece(vertices @ matrix[:3, :3].T + matrix[:3, 3], faces, uv, part)
+    return None if uv is None or len(uv) != len(geometry.vertices) else np.asarray(uv, dtype=np.float64)[:, :2]
+
+
+def _further_uv(path: Path, geometry: Any, uv_set: UVSet) -> Float[ndarray, "vertices 2"]:
+    """The coordinates that a texture is looked up at; zeros, with a warning, if the file does not have the set."""
+    uv = _own_uv(geometry)
+    if uv_set.number > 0:
+        stored = geometry.vertex_attributes.get(UV_ATTRIBUTE.format(uv_set.number))
+        uv = None if stored is None else np.asarray(stored, dtype=np.float64) * (1.0, -1.0) + (0.0, 1.0)
+    if uv is None:
+        log.warning("%s has a texture over TEXCOORD_%d, which its mesh lacks", path, uv_set.number)
+        uv = np.zeros((len(geometry.vertices), 2))
+    return uv_set.moved(uv)

@@ -17,36 +17,39 @@ FILE_CHANNELS = {"roughness": 1, "metallic": 1, "normal": 3, "alpha": 1}
 
 @dataclass(frozen=True)
 class FileMap:
-    """A map of a part's material as its file has it: `factor`, times the lookup in `texture` over the mesh's own `uv`.
+    """A map of a part's material as its file has it: `factor`, times the lookup in `texture` over the mesh's own UVs.
 
     Attributes:
         factor: one number for each channel. Of `normal`: the scale of x, the scale of y, and 1.
         texture: (rows, cols, channels), row 0 at v = 0; None if the map is the factor alone.
         cutoff: of `alpha` alone: a product below it counts as 0 and any other as 1. None if alpha is blended.
+        uv_set: where the texture is looked up, as for `Mesh.uv_set`.
     """
 
     factor: tuple[float, ...]
     texture: Float[ndarray, "rows cols channels"] | None = None
     cutoff: float | None = None
+    uv_set: int = 0
 
 
 @dataclass(frozen=True)
 class Part:
     """A group of faces that share one material.
 
-    A mesh's part has what its file says, over the mesh's own `uv`: `base_color`, `texture` and `file_maps`. Renderers
+    A mesh's part has what its file says, over the mesh's own UVs: `base_color`, `texture` and `file_maps`. Renderers
     read none of these. They get materials, and `alpha`, over the UV of the surface that the mesh was embedded in.
 
     Attributes:
         name: the material's name in the file, unique within its mesh.
         base_color: linear RGB reflectance in [0, 1]; multiplies `texture` where there is one.
-        texture: linear RGB reflectance (rows, cols, 3) over the mesh's own `uv`, row 0 at v = 0; None if constant.
+        texture: linear RGB reflectance (rows, cols, 3) over the mesh's own UVs, row 0 at v = 0; None if constant.
         hidden: whether the faces lie below others at the same UV; they keep their base material and get no layer.
         alpha: probability in [0, 1] that a ray which meets the part does not pass through it: a constant, or a texture
             (rows, cols) over the surface's UV, row 0 at v = 0. A mesh's part leaves it at 1; its file's is in
             `file_maps`.
         file_maps: by name, what the file says of `roughness`, `metallic`, `normal` and `alpha`. Without `roughness`
             the part is Lambertian. Without `alpha` it is opaque.
+        texture_uv_set: where `texture` is looked up, as for `Mesh.uv_set`.
 
     Raises:
         AssetError: `alpha` is out of range or not a texture, or a file's map has an unknown name or other channels.
@@ -58,6 +61,7 @@ class Part:
     hidden: bool = False
     alpha: float | Float[ndarray, "rows cols"] = 1.0
     file_maps: Mapping[str, FileMap] = field(default_factory=dict)
+    texture_uv_set: int = 0
 
     def __post_init__(self) -> None:
         alpha = np.asarray(self.alpha)
@@ -77,6 +81,11 @@ class Part:
         """Whether no ray passes through the part."""
         return bool(np.all(np.asarray(self.alpha) == 1.0))
 
+    @property
+    def all_maps(self) -> dict[str, FileMap]:
+        """All that the file says: `base_color` and `file_maps`."""
+        return {"base_color": FileMap(self.base_color, self.texture, uv_set=self.texture_uv_set), **self.file_maps}
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
@@ -88,9 +97,11 @@ class Mesh:
         face_part: index into `parts` of each face.
         parts: at least one.
         uv: the mesh's own texture coordinates per face corner, origin lower left; None if the file has none.
+        further_uv: further sets of them, for textures that are not looked up at `uv`.
 
     Raises:
-        AssetError: no faces, indices out of range, positions not finite, or shapes that do not fit together.
+        AssetError: no faces, indices out of range, positions not finite, shapes that do not fit together, or a texture
+            over UVs that the mesh does not have.
     """
 
     positions: Float[ndarray, "vertices 3"]
@@ -98,11 +109,21 @@ class Mesh:
     face_part: Int[ndarray, " faces"]
     parts: tuple[Part, ...]
     uv: Float[ndarray, "faces 3 2"] | None = None
+    further_uv: tuple[Float[ndarray, "faces 3 2"], ...] = ()
 
     def __post_init__(self) -> None:
         _check_triangles("mesh", self.positions, self.faces, self.face_part, self.parts)
-        if self.uv is not None:
-            _check_array("mesh uv", self.uv, (len(self.faces), 3, 2))
+        for uv in (self.uv, *self.further_uv):
+            if uv is not None:
+                _check_array("mesh uv", uv, (len(self.faces), 3, 2))
+        for part in self.parts:
+            last = max(given.uv_set for given in part.all_maps.values())
+            if last > len(self.further_uv):
+                raise AssetError(f"part {part.name!r} has a texture over UV set {last}, which the mesh does not have.")
+
+    def uv_set(self, number: int) -> Float[ndarray, "faces 3 2"] | None:
+        """`uv` for 0, and `further_uv[number - 1]` above."""
+        return self.uv if number == 0 else self.further_uv[number - 1]
 
     @property
     def bounds(self) -> Float[ndarray, "2 3"]:

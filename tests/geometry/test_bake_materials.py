@@ -11,7 +11,7 @@ import pytest
 import torch
 from svbrdfgan_hemispherical import HemisphericalEmbedding
 
-from svbrdfgan.geometry.bake_materials import bake_file_maps
+from svbrdfgan.geometry.bake_materials import bake_base_color, bake_file_maps
 from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.rasterize import Fragments
@@ -34,12 +34,18 @@ def with_uv(surface: Surface, matrix: Matrix) -> Surface:
     return replace(surface, uv=(surface.positions[:, :2]) @ np.array(matrix).T / 2 + 0.5)
 
 
-def sheet(own: Matrix, new: Matrix, maps: Mapping[str, FileMap]) -> tuple[Mesh, Fragments]:
-    """A square in the XY plane with UVs of its own, and the same one over other UVs, rasterised."""
-    part = Part("sheet", file_maps=maps)
+def sheet(
+    own: Matrix, new: Matrix, maps: Mapping[str, FileMap], further: Matrix = STRAIGHT, color: np.ndarray | None = None
+) -> tuple[Mesh, Fragments]:
+    """A square in the XY plane with two sets of UVs of its own, and the same one over other UVs, rasterised.
+
+    The texture of its base colour is over the second set.
+    """
+    part = Part("sheet", (1.0, 1.0, 1.0), color, file_maps=maps, texture_uv_set=1)
     surface = replace(with_uv(scenes.plane(1.0), new), parts=(part,))
-    uv = with_uv(scenes.plane(1.0), own).uv[surface.faces]
-    return Mesh(surface.positions, surface.faces, surface.face_part, (part,), uv), Fragments.of(surface, 16, 16)
+    first, second = (with_uv(scenes.plane(1.0), matrix).uv[surface.faces] for matrix in (own, further))
+    mesh = Mesh(surface.positions, surface.faces, surface.face_part, (part,), first, (second,))
+    return mesh, Fragments.of(surface, 16, 16)
 
 
 def flat(value: np.ndarray, factor: tuple[float, ...] = (1.0, 1.0, 1.0)) -> FileMap:
@@ -60,6 +66,25 @@ def test_a_tilt_keeps_its_direction_in_space(own: Matrix, new: Matrix) -> None:
     (maps,) = bake_file_maps(*sheet(own, new, {"normal": flat(TILTED)}))
     there = maps["normal"].double().numpy() @ frame(new)
     np.testing.assert_allclose(there, np.broadcast_to(TILTED @ frame(own), there.shape), atol=1e-6)
+
+
+@pytest.mark.parametrize("own", [TURNED, MIRRORED, SHEARED])
+def test_a_tilt_keeps_the_direction_that_its_own_uv_give_it(own: Matrix) -> None:
+    """The mesh's first UVs, which are straight, do not count for a texture over others."""
+    mesh, fragments = sheet(STRAIGHT, STRAIGHT, {"normal": replace(flat(TILTED), uv_set=1)}, further=own)
+    (maps,) = bake_file_maps(mesh, fragments)
+    there = maps["normal"].double().numpy()
+    np.testing.assert_allclose(there, np.broadcast_to(TILTED @ frame(own), there.shape), atol=1e-6)
+
+
+def test_textures_are_looked_up_at_their_own_uv() -> None:
+    ramp = ((np.arange(32) + 0.5) / 32).astype(np.float32)[None, :, None]
+    maps = {"roughness": FileMap((1.0,), ramp), "metallic": FileMap((1.0,), ramp, uv_set=1)}
+    mesh, fragments = sheet(STRAIGHT, STRAIGHT, maps, further=MIRRORED, color=np.repeat(ramp, 3, axis=2))
+    (baked,), (color,) = bake_file_maps(mesh, fragments), bake_base_color(mesh, fragments)
+    inside = slice(1, -1)
+    torch.testing.assert_close(baked["metallic"][:, inside], 1.0 - baked["roughness"][:, inside])
+    torch.testing.assert_close(color, baked["metallic"].expand(-1, -1, 3))
 
 
 def test_a_normal_s_scale_counts_before_its_length_is_one() -> None:

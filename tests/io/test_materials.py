@@ -1,12 +1,14 @@
 """What files say of materials beside base colour."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io import load_mesh, save_mesh_glb
@@ -72,6 +74,105 @@ def test_a_normal_texture_is_read_with_its_scale(quad: Quad, scale: float | None
     assert given.factor == (scale or 1.0, scale or 1.0, 1.0)
     assert given.texture is not None
     np.testing.assert_allclose(0.5 + 0.5 * given.texture, CODES[::-1, :, 1:] / 255, atol=1e-6)
+
+
+def corner_uv(mesh: Mesh, given: FileMap) -> np.ndarray:
+    """Where the map's texture is looked up at the square's corners, counter-clockwise from the origin."""
+    uv = mesh.uv_set(given.uv_set)
+    assert uv is not None
+    at = {
+        tuple(mesh.positions[vertex][:2]): uv[f, k]
+        for f, face in enumerate(mesh.faces)
+        for k, vertex in enumerate(face)
+    }
+    return np.array([at[corner] for corner in ((0, 0), (1, 0), (1, 1), (0, 1))])
+
+
+SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
+SIDEWAYS = np.stack([1 - SQUARE[:, 1], SQUARE[:, 0]], axis=1)
+
+
+def transform(**keys: Any) -> dict[str, Any]:
+    return {"extensions": {"KHR_texture_transform": keys}}
+
+
+@pytest.mark.parametrize("key", ["baseColorTexture", "metallicRoughnessTexture", "normalTexture"])
+@pytest.mark.parametrize(
+    ("info", "expected"),
+    [
+        ({}, SQUARE),
+        ({"texCoord": 1}, SIDEWAYS),
+        (transform(texCoord=1), SIDEWAYS),
+        ({"texCoord": 1, **transform(texCoord=0)}, SQUARE),
+        ({"texCoord": 1, **transform(offset=[0.25, 0.0])}, SIDEWAYS - [-0.25, 0.0]),
+        (transform(offset=[0.0, 0.25]), SQUARE - [0.0, 0.25]),  # glTF's v points down
+        (transform(scale=[3.0, 1.0]), SQUARE * [3.0, 1.0]),
+        (transform(scale=[1.0, 3.0]), SQUARE * [1.0, 3.0] - [0.0, 2.0]),  # about the upper left corner
+    ],
+)
+def test_each_texture_has_its_own_uv(quad: Quad, key: str, info: dict[str, Any], expected: np.ndarray) -> None:
+    given = {"index": 0, **info}
+    material = {"name": "m", "normalTexture": given} if key == "normalTexture" else pbr(**{key: given})
+    mesh = load_mesh(quad(material, picture=CODES[..., :3]))
+    maps = mesh.parts[0].all_maps
+    name = {"baseColorTexture": "base_color", "normalTexture": "normal"}.get(key, "roughness")
+    np.testing.assert_allclose(corner_uv(mesh, maps[name]), expected, atol=1e-12)
+    np.testing.assert_allclose(corner_uv(mesh, FileMap((1.0,))), SQUARE)  # the mesh's own stay
+    assert {other for other, given in maps.items() if given.uv_set} <= {
+        name,
+        "metallic" if name == "roughness" else name,
+    }
+
+
+def test_textures_of_one_material_may_differ_in_their_uv(quad: Quad) -> None:
+    color, gloss = {"index": 0, **transform(scale=[2, 2])}, {"index": 0, "texCoord": 1}
+    material = {
+        **pbr(baseColorTexture=color, metallicRoughnessTexture=gloss),
+        "normalTexture": gloss,
+        "alphaMode": "BLEND",
+    }
+    mesh = load_mesh(quad(material, picture=CODES))
+    maps = mesh.parts[0].all_maps
+    assert {name: given.uv_set for name, given in maps.items()} == {
+        "base_color": 1,
+        "alpha": 1,
+        "roughness": 2,
+        "metallic": 2,
+        "normal": 2,
+    }
+    np.testing.assert_allclose(corner_uv(mesh, maps["alpha"]), SQUARE * 2 - [0, 1])
+    np.testing.assert_allclose(corner_uv(mesh, maps["normal"]), SIDEWAYS)
+
+
+def test_materials_of_one_name_keep_their_own_uv(tmp_path: Path, gltf_quad: Quad) -> None:
+    """Two squares whose materials differ in nothing else."""
+    Image.fromarray(CODES[..., :3].astype(np.uint8)).save(tmp_path / "p.png")
+    attributes = {"POSITION": 0, "TEXCOORD_0": 1, "TEXCOORD_1": 3}
+    primitives = [{"attributes": attributes, "indices": 2, "material": number} for number in (0, 1)]
+    materials = [pbr(baseColorTexture={"index": 0, "texCoord": number}) for number in (0, 1)]
+    extra = {"meshes": [{"primitives": primitives}], "materials": materials, "images": [{"uri": "p.png"}]}
+    mesh = load_mesh(gltf_quad(tmp_path, {}, {**extra, "textures": [{"source": 0}]}))
+    assert sorted(part.texture_uv_set for part in mesh.parts) == [0, 1]
+    assert len({part.name for part in mesh.parts}) == 2
+
+
+def test_a_set_that_is_missing_is_zero(quad: Quad, caplog: pytest.LogCaptureFixture) -> None:
+    mesh = load_mesh(quad(pbr(baseColorTexture={"index": 0, "texCoord": 2}), picture=CODES[..., :3]))
+    assert not mesh.further_uv[0].any()
+    assert "has a texture over TEXCOORD_2, which its mesh lacks" in caplog.text
+
+
+def test_further_uv_come_back(quad: Quad, tmp_path: Path) -> None:
+    turned = {"index": 0, "texCoord": 1, **transform(rotation=0.3, offset=[0.5, 0.25], scale=[2, 0.5])}
+    material = {**pbr(baseColorTexture=turned), "normalTexture": {"index": 0, "texCoord": 1}}
+    mesh = load_mesh(quad(material, picture=CODES[..., :3]))
+    save_mesh_glb(tmp_path / "a.glb", mesh)
+    again = load_mesh(tmp_path / "a.glb")
+    for name, given in mesh.parts[0].all_maps.items():
+        found = again.parts[0].all_maps[name]
+        np.testing.assert_allclose(corner_uv(again, found), corner_uv(mesh, given), atol=1e-6, err_msg=name)
+    save_mesh_glb(tmp_path / "b.glb", again)
+    assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -182,6 +283,18 @@ def test_textures_of_one_picture_that_differ_in_size_are_refused(tmp_path: Path)
     mesh = Mesh(triangle, np.array([[0, 1, 2]]), np.array([0]), (part,), triangle[None, :, :2])
     with pytest.raises(AssetError, match=r"sizes \[\(2, 2\), \(3, 3\)\]; wanted one size"):
         save_mesh_glb(tmp_path / "a.glb", mesh)
+
+
+def test_a_picture_of_maps_over_different_uv_is_refused(tmp_path: Path) -> None:
+    texture = np.zeros((2, 2, 1), np.float32)
+    maps = {"roughness": FileMap((1.0,), texture), "metallic": FileMap((1.0,), texture, uv_set=1)}
+    triangle, part = np.eye(3), Part("a", file_maps=maps)
+    uv = triangle[None, :, :2]
+    mesh = Mesh(triangle, np.array([[0, 1, 2]]), np.array([0]), (part,), uv, (uv,))
+    with pytest.raises(AssetError, match=r"UV sets \[0, 1\]; wanted one set"):
+        save_mesh_glb(tmp_path / "a.glb", mesh)
+    with pytest.raises(AssetError, match="part 'a' has a texture over UV set 1, which the mesh does not have"):
+        replace(mesh, further_uv=())
 
 
 UNKNOWN = ({"gloss": FileMap((1.0,))}, {"alpha": FileMap((1.0, 0.0))}, {"alpha": FileMap((1.0,), np.zeros((2, 2, 3)))})
