@@ -18,7 +18,10 @@ def main(case_path: str, out: str, spp: int) -> None:
     _settings(scene, case, spp)
     _camera(scene, case)
     _world(scene, case["radiance"])
-    _mesh(scene, case)
+    if "glb" in case:
+        _import(str(case["glb"]), str(case["model"]))
+    else:
+        _mesh(scene, case)
     bpy.ops.render.render(write_still=True)
     image = bpy.data.images.load(scene.render.filepath)
     pixels = np.empty(image.size[0] * image.size[1] * 4, dtype=np.float32)
@@ -82,6 +85,20 @@ def _world(scene: bpy.types.Scene, radiance: np.ndarray) -> None:
     texture.image = _image("light", np.roll(radiance, -radiance.shape[1] // 4, axis=1)[::-1])
     links.new(texture.outputs["Color"], nodes["Background"].inputs["Color"])
     world.cycles.sampling_method, world.cycles.sample_map_resolution = "MANUAL", 2048
+
+
+def _import(path: str, model: str) -> None:
+    """The file as Blender's importer has it: a Principled BSDF for each material, or only one lobe of it."""
+    bpy.ops.import_scene.gltf(filepath=path)
+    if model == "imported":
+        return
+    for tree in (material.node_tree for material in bpy.data.materials):
+        for node in (node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"):
+            node.distribution = "GGX"
+            for link in node.inputs["Metallic"].links:
+                tree.links.remove(link)
+            node.inputs["Metallic"].default_value = 1.0 if model == "imported metal" else 0.0
+            node.inputs["Specular IOR Level"].default_value = 0.5 if model == "imported metal" else 0.0
 
 
 def _mesh(scene: bpy.types.Scene, case: dict[str, np.ndarray]) -> None:
