@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from functools import reduce
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
+
+from svbrdfgan.weathering.blocks import by_blocks
 
 _GRADIENTS = np.array([v for v in itertools.product((-1, 0, 1), repeat=3) if np.abs(v).sum() == 2]) / np.sqrt(2.0)
 """The twelve directions from a cube's centre to its edges (Perlin 2002), of unit length."""
@@ -24,11 +27,16 @@ def gradient_noise(points: Float[ndarray, "points 3"], seed: int) -> Float[ndarr
     cell = np.floor(points)
     offset = points - cell
     fade = offset * offset * offset * (offset * (offset * 6.0 - 15.0) + 10.0)
-    lattice = cell.astype(np.int64)
+    weights, words = (1.0 - fade.T, fade.T), _words(cell.astype(np.int64))
     total = np.zeros(len(points))
     for corner in itertools.product((0, 1), repeat=3):
-        weight = np.where(corner, fade, 1.0 - fade).prod(axis=1)
-        gradient = _GRADIENTS[_hash(lattice + corner, seed) % np.uint64(len(_GRADIENTS))]
+        weight, word = (
+            reduce(join, (sides[side][axis] for axis, side in enumerate(corner)))
+            for join, sides in ((np.multiply, weights), (np.bitwise_xor, words))
+        )
+        mixed = _mixed(word, seed)
+        kinds = np.uint64(len(_GRADIENTS))
+        gradient = _GRADIENTS[mixed - mixed // kinds * kinds]  # a remainder, for which NumPy has no fast loop
         total += weight * np.einsum("pi,pi->p", gradient, offset - corner)
     return total * (2.0 / np.sqrt(3.0))
 
@@ -39,6 +47,10 @@ def fbm(points: Float[ndarray, "points 3"], seed: int, *, octaves: int = 3) -> F
     The coarsest octave has unit wavelength. Values lie in [-1, 1] with mean zero; three octaves have standard
     deviation 0.14.
     """
+    return by_blocks(lambda block: _fbm(block, seed, octaves), points)
+
+
+def _fbm(points: Float[ndarray, "points 3"], seed: int, octaves: int) -> Float[ndarray, " points"]:
     total, amplitude, frequency, reach = np.zeros(len(points)), 1.0, 1.0, 0.0
     for octave in range(octaves):
         # Without the shift, the lattice points, where noise is zero, would coincide in all octaves.
@@ -49,11 +61,15 @@ def fbm(points: Float[ndarray, "points 3"], seed: int, *, octaves: int = 3) -> F
     return total / reach
 
 
-def _hash(lattice: Int[ndarray, "points 3"], seed: int) -> ndarray:
-    """A 64-bit hash of each lattice point (finaliser of SplitMix64; Steele et al. 2014)."""
-    words = (lattice.view(np.uint64) * _PRIMES).T
-    value = words[0] ^ (words[1] << np.uint64(21)) ^ (words[1] >> np.uint64(43)) ^ words[2]
-    value = value + np.uint64((seed * 0x9E3779B97F4A7C15) % 2**64)
+def _words(lattice: Int[ndarray, "points 3"]) -> tuple[tuple[ndarray, ndarray, ndarray], ...]:
+    """For the lower and the upper side of each point's cell: 64 bits of each coordinate of the lattice."""
+    sides = ((lattice.view(np.uint64) * _PRIMES).T, ((lattice + 1).view(np.uint64) * _PRIMES).T)
+    return tuple((x, (y << np.uint64(21)) ^ (y >> np.uint64(43)), z) for x, y, z in sides)
+
+
+def _mixed(words: ndarray, seed: int) -> ndarray:
+    """A 64-bit hash of each word (finaliser of SplitMix64; Steele et al. 2014)."""
+    value = words + np.uint64((seed * 0x9E3779B97F4A7C15) % 2**64)
     value = (value ^ (value >> np.uint64(30))) * _MIX[0]
     value = (value ^ (value >> np.uint64(27))) * _MIX[1]
     return value ^ (value >> np.uint64(31))

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from svbrdfgan.geometry.normals import face_areas, unit
 from svbrdfgan.geometry.sampling import faces_by_area, points_in_triangle, upper_frames
 from svbrdfgan.types import Surface
+from svbrdfgan.weathering.blocks import by_blocks
 
 _GRID = 128  # cells along a side of a depth map, which spans the diameter of the bounding sphere
 _AXES = 32  # each is used in both directions
@@ -69,16 +70,21 @@ def mean_curvature(
     """
     hidden = np.array([part.hidden for part in surface.parts])[surface.face_part]
     cloud, facing = scatter(surface, radius / 3.0, None if hidden.all() else ~hidden)
-    distance, index = cKDTree(cloud).query(points, k=min(48, len(cloud)), distance_upper_bound=radius, workers=-1)
-    found = np.isfinite(distance)
-    index = np.where(found, index, 0)
-    ray, turn = cloud[index] - points[:, None], facing[index] - normals[:, None]
-    agreement = 1.0 - 0.5 * np.square(turn).sum(axis=2)
-    # the weight falls to zero at the radius and for opposite normals, so the result is continuous in the point
-    weight = np.where(found, 1.0 - (distance / radius) ** 2, 0.0) * np.clip(1.0 + 2.0 * agreement, 0.0, 1.0)
-    slope = (weight * (turn * ray).sum(axis=2)).sum(axis=1)
-    spread = (weight * np.square(ray).sum(axis=2)).sum(axis=1)
-    return radius * slope / np.maximum(spread, 1e-6 * radius**2)
+    tree = cKDTree(cloud)
+
+    def slope(points: Float[ndarray, "block 3"], normals: Float[ndarray, "block 3"]) -> Float[ndarray, " block"]:
+        distance, index = tree.query(points, k=min(48, len(cloud)), distance_upper_bound=radius)
+        found = np.isfinite(distance)
+        index = np.where(found, index, 0)
+        ray, turn = cloud[index] - points[:, None], facing[index] - normals[:, None]
+        agreement = 1.0 - 0.5 * np.square(turn).sum(axis=2)
+        # the weight falls to zero at the radius and for opposite normals, so the result is continuous in the point
+        weight = np.where(found, 1.0 - (distance / radius) ** 2, 0.0) * np.clip(1.0 + 2.0 * agreement, 0.0, 1.0)
+        slope = (weight * (turn * ray).sum(axis=2)).sum(axis=1)
+        spread = (weight * np.square(ray).sum(axis=2)).sum(axis=1)
+        return radius * slope / np.maximum(spread, 1e-6 * radius**2)
+
+    return by_blocks(slope, points, normals)
 
 
 def _clearance(
