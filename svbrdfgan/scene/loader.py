@@ -45,6 +45,7 @@ class SceneLoader:
     _sites: dict[str, Site] = field(default_factory=dict)
     _layers: dict[str, Float[Tensor, "rows cols channels"]] = field(default_factory=dict)
     _lights: dict[str, Float[Tensor, "rows cols 3"]] = field(default_factory=dict)
+    _scaled: dict[str, tuple[float, Float[Tensor, "rows cols 3"]]] = field(default_factory=dict)
 
     def subject(self, scene: Scene) -> Subject:
         """The scene's surface, embedded and baked."""
@@ -69,10 +70,12 @@ class SceneLoader:
 
     def view(self, scene: Scene) -> View:
         """The scene's camera, environment and film."""
-        asset = scene.environment.asset
+        asset, scale = scene.environment.asset, scene.environment.scale
         if asset.path not in self._lights:
             self._lights[asset.path] = load_environment(self.file(asset))
-        radiance = self._lights[asset.path] * scene.environment.scale
+        if self._scaled.get(asset.path, (0.0, None))[0] != scale:
+            self._scaled[asset.path] = scale, self._lights[asset.path] * scale
+        _, radiance = self._scaled[asset.path]
         environment = Environment(radiance, math.radians(scene.environment.rotation_degrees))
         return View(scene.camera.camera(), environment, scene.width, scene.height)
 

@@ -94,7 +94,7 @@ class ReferencePictures:
         picture of white parts with the same samples, which do not depend on base colours. So samples count by how much
         light reaches them, unlike in the G-buffer of stored light transport; where none does, the result is 0.
         """
-        values = self.subject.geometry.permute(1, 2, 0)
+        values = self.subject.geometry.to(self.renderer.device).permute(1, 2, 0)
         least = values.amin(dim=(0, 1))
         extent = (values.amax(dim=(0, 1)) - least).clamp(min=1e-6)
         encoded = (values - least) / extent

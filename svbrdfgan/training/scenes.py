@@ -51,13 +51,13 @@ def seen_in_gradient(
 ) -> Float[Tensor, "rows cols"]:
     """Positive at texels that an exemplar's picture shows of the outermost learnable surface; from its gradient."""
     scene, subject = exemplars.scenes[index], exemplars.subject(index)
-    white = torch.full((*subject.buffer.part.shape, RGBA), 0.5)
+    white = torch.full((*subject.buffer.part.shape, RGBA), 0.5, device=renderer.device)
     view = exemplars.loader.view(scene)
     gradients = renderer.render_vjp(
         prepared,
         subject.materials(scene.materials, white),
         view,
-        torch.ones(view.height, view.width, 3),
+        torch.ones(view.height, view.width, 3, device=renderer.device),
         wrt=frozenset({"base_color"}),
         spp=spp,
         seed=scene.seed,
