@@ -1,9 +1,10 @@
-"""Times one renderer on one scene: rendered pictures, pictures of the stored transport, and gradients of both."""
+"""Times one renderer on one scene: rendered pictures, pictures from stored light, and gradients of both."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import count
 from typing import Any
 
 import torch
@@ -12,23 +13,28 @@ from torch import Tensor
 from svbrdfgan.bench import BenchError
 from svbrdfgan.bench.meter import Meter
 from svbrdfgan.bench.scene import BenchScene
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.protocols import DeferredRenderer, Renderer, StoredLight
 from svbrdfgan.rendering.render_layer import RenderLayer
+from svbrdfgan.rendering.shade_layer import shade
 from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
-from svbrdfgan.types import View
+from svbrdfgan.types import Material, Materials, View
 
 TOLERANCE = 1e-3
 """Largest allowed difference between the transport's picture and the renderer's, relative to the brightest value."""
+MEAN_TOLERANCE = 0.02
+"""Likewise between the means of pictures of whole materials, whose samples differ."""
+_COMPARED_SAMPLES = 2**19
+"""Camera samples in each of those means, at least."""
 
 
 def measure(renderer: Renderer[Any], scene: BenchScene, spp: int, batch: int, repeats: int) -> Meter:
     """Time and memory of each step for `batch` pictures, each with its own textures.
 
-    Preparing the surface and building a transport are done once. The memory of `stored_` steps is that of transports
-    and products, without the surface and the renderer.
+    Preparing the surface and storing light are done once. The memory of `stored_` steps is that of stored light and
+    its pictures, without the surface and the renderer.
 
     Raises:
-        BenchError: the transport's picture differs from the renderer's picture of the same seed.
+        BenchError: the picture from stored light differs from the renderer's.
     """
     surface, view = scene.surface(), scene.view()
     textures = [scene.textures(renderer.device) for _ in range(batch)]
@@ -48,6 +54,26 @@ def measure(renderer: Renderer[Any], scene: BenchScene, spp: int, batch: int, re
         texels = torch.stack([each["base_color"].detach() for each in textures]).requires_grad_()
         _check_same(stored.render(texels)[0].detach(), fresh()[0].detach())
         _both_passes(meter, "stored_", lambda: stored.render(texels), [texels])
+    if isinstance(renderer, DeferredRenderer) and renderer.capabilities.deferred and scene.gloss.size:
+        lights = [
+            meter.step("transport", lambda: _light(renderer, prepared, view, spp, 0)),
+            *(_light(renderer, prepared, view, spp, seed) for seed in range(1, batch)),
+        ]
+        maps, visits = tuple(textures[0]), count()
+        values = torch.stack([torch.cat([each[name].detach() for name in maps], dim=-1) for each in textures])
+        values.requires_grad_()
+
+        def deferred() -> Tensor:
+            visit = next(visits)
+            return shade(renderer, lights, values, maps=maps, visit=visit, seed=visit)
+
+        learnable = Materials((scene.materials(textures[0])[0], *_black(len(scene.base_color) - 1)))
+        draws = range(-(-_COMPARED_SAMPLES // (scene.width * scene.height * spp)))
+        _check_mean(
+            torch.stack([deferred()[0].detach().mean() for _ in draws]).mean(),
+            torch.stack([layer(prepared, learnable, view, seed=seed).image.detach().mean() for seed in draws]).mean(),
+        )
+        _both_passes(meter, "stored_", deferred, [values])
     return meter
 
 
@@ -83,6 +109,22 @@ def _copy(transport: LightTransport) -> LightTransport:
     """A copy in other memory, like the transport of another view, so that no cache serves two pictures of a batch."""
     changes: dict[str, Any] = {name: tensor.clone() for name, tensor in transport.tensors().items()}
     return replace(transport, **changes)
+
+
+def _light(renderer: Any, prepared: Any, view: View, spp: int, seed: int) -> StoredLight:
+    """The stored light of one view, with all of its samples."""
+    light: StoredLight = renderer.store_light(prepared, view, learnable=(0,), hits=spp, spp=spp, seed=seed)
+    return light
+
+
+def _black(parts: int) -> list[Material]:
+    return [Material.lambertian((0.0, 0.0, 0.0))] * parts
+
+
+def _check_mean(stored: Tensor, fresh: Tensor) -> None:
+    error = (stored / fresh - 1.0).abs().item()
+    if not error <= MEAN_TOLERANCE:
+        raise BenchError(f"the mean of the picture from stored light differs from the renderer's by {error:.1%}.")
 
 
 def _check_same(stored: Tensor, fresh: Tensor) -> None:

@@ -11,12 +11,12 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
-from torch.autograd.function import once_differentiable
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import DeferredRenderer, Renderer, StoredLight
 from svbrdfgan.rendering.compositing import composite
+from svbrdfgan.rendering.shade_layer import shade
 from svbrdfgan.rendering.transport.cache import MemoryCache
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.config import ScenesConfig
@@ -97,7 +97,8 @@ class DeferredSceneBatch:
 
     def render(self, layers: Layers) -> tuple[Images, Coverage]:
         textures = composite(self._base, layers.float().index_select(0, self._owner))
-        shown: Tensor = _Shade.apply(self, textures)
+        lights = [scene.light for scene in self.scenes]
+        shown = shade(self.renderer, lights, textures, maps=self.maps, visit=self.visit, seed=self.seed)
         return shown + torch.stack([scene.background for scene in self.scenes]), self.coverage
 
     @property
@@ -111,21 +112,6 @@ class DeferredSceneBatch:
         """The scene of each texture."""
         owners = [number for number, scene in enumerate(self.scenes) for _ in scene.base]
         return copy_async(torch.tensor(owners), self.coverage.device)
-
-
-class _Shade(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, batch: DeferredSceneBatch, textures: Float[Tensor, "textures rows cols values"]) -> Tensor:
-        lights = [scene.light for scene in batch.scenes]
-        images, ctx.pullback = batch.renderer.shade(
-            lights, textures, maps=batch.maps, visit=batch.visit, seed=batch.seed
-        )
-        return images
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, grad_images: Images) -> tuple[None, Tensor]:
-        return None, ctx.pullback(grad_images)
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,6 +42,20 @@ def test_a_whole_material_has_fresh_steps_alone_and_gradients_of_every_map(tiny:
     assert torch.equal(scene.materials(maps)[0].maps["metallic"], torch.from_numpy(scene.gloss[..., 1:2]))
 
 
+def test_a_whole_material_is_shaded_from_stored_light(tiny: BenchScene) -> None:
+    scene = glossy_scene(tiny)
+    seconds = measure(load_renderer("warp", {"device": "cpu"}), scene, spp=64, batch=2, repeats=1).seconds
+    assert list(seconds) == list(STEPS)
+    assert all(value > 0 for value in seconds.values())
+
+
+def test_wrong_stored_light_is_found(tiny: BenchScene, monkeypatch: pytest.MonkeyPatch) -> None:
+    right = measuring.shade
+    monkeypatch.setattr(measuring, "shade", lambda *given, **named: 1.1 * right(*given, **named))
+    with pytest.raises(BenchError, match="mean of the picture from stored light differs"):
+        measure(load_renderer("warp", {"device": "cpu"}), glossy_scene(tiny), 64, 1, 1)
+
+
 def test_a_wrong_transport_is_found(tiny: BenchScene, monkeypatch: pytest.MonkeyPatch) -> None:
     right = measuring.build_transport
 
