@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -17,38 +15,32 @@ from lightning_fabric import Fabric
 from torch import Tensor
 
 from svbrdfgan.data.config import Split
-from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.gather import INDEX
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
 from svbrdfgan.evaluation.observed import Observation
-from svbrdfgan.evaluation.oracle import OracleConfig, train_oracle
+from svbrdfgan.evaluation.oracle import LoadedSplit, OracleConfig, TrainedOracle, oracle_of
 from svbrdfgan.evaluation.record import Evaluation, MapScore, share
 from svbrdfgan.evaluation.relight import Relight, Relighter, RelitScene
-from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.metrics.constant import constant_layers
 from svbrdfgan.metrics.flip import display as as_displayed
 from svbrdfgan.metrics.flip import flip
-from svbrdfgan.metrics.recovered import Observed, Scorer, SeenTexels, make_targets
+from svbrdfgan.metrics.recovered import Observed, Scorer
 from svbrdfgan.networks import Generator
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import RGBA
-from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source, stack_geometry
+from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric
-from svbrdfgan.training.run import ORACLE, ORACLE_NOTES, RunConfig, load_generator, load_model, save_generator
+from svbrdfgan.training.run import RunConfig, load_model
 from svbrdfgan.utils.display import Display, SilentDisplay
 
-_ORACLE_TARGETS = 2048
 _RELIT = {
     "generated": "relit_flip",
     "oracle": "relit_flip_oracle",
     "constant": "relit_flip_constant",
     "truth": "relit_flip_truth",
 }
-
-LoadedSplit = tuple[Exemplars, SeenTexels]
-"""A split, and what its pictures show of each texel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +111,7 @@ def evaluate(
     layers = {"generated": _layers(fabric, scorer, model.generator)}
     found = None
     if oracle:
-        found = _oracle(run, fabric, config, load, constants, schedule or OracleConfig(), shown)
+        found = oracle_of(run, fabric, config, load, constants, schedule or OracleConfig(), shown)
         layers["oracle"] = _layers(fabric, scorer, found.generator)
     layers["constant"] = constants[0].expand_as(layers["generated"])
     shown.begin("comparing pictures", len(source))
@@ -149,54 +141,11 @@ def _open_dataset(config: RunConfig, moved_to: Path | None) -> Dataset:
     return Dataset.open(moved_to or Path(config.dataset_folder))
 
 
-@dataclass(frozen=True, eq=False)
-class _TrainedOracle:
-    """An oracle, trained now or in an earlier evaluation."""
-
-    generator: Generator
-    score: float | None
-    plateau: bool
-    steps: int
-
-
-def _oracle(
-    run: Path,
-    fabric: Fabric,
-    config: RunConfig,
-    load: Callable[[Split], LoadedSplit],
-    constants: Tensor,
-    schedule: OracleConfig,
-    shown: Display,
-) -> _TrainedOracle:
-    """The run's oracle, trained now if there is none. The validation split decides when it stops."""
-    path, notes = run / ORACLE, run / ORACLE_NOTES
-    if path.is_file() and notes.is_file():
-        reached = json.loads(notes.read_text(encoding="utf-8"))
-        generator, score = load_generator(path)
-        return _TrainedOracle(generator.to(fabric.device), score, reached["plateau"], reached["steps"])
-    trained, seen = load("train")
-    targets, _ = make_targets(trained, seen, fabric.device, _ORACLE_TARGETS)
-    held_out = load("validation") if "validation" in config.dataset.splits else (trained, seen)
-    scorer = Scorer.make(*held_out, constants, fabric.device)
-    shown.begin("training the supervised oracle")
-
-    def watch(step: int, score: float) -> None:
-        shown.advance(schedule.every, f"recovered {score:.3f}")
-
-    oracle = train_oracle(
-        fabric, config.train, stack_geometry(trained, fabric.device), targets, scorer, schedule, watch
-    )
-    save_generator(path, oracle.generator, config.train.generator, oracle.score)
-    with atomic_path(notes) as temporary:
-        temporary.write_text(json.dumps({"plateau": oracle.plateau, "steps": oracle.steps}), encoding="utf-8")
-    return _TrainedOracle(oracle.generator, oracle.score, oracle.plateau, oracle.steps)
-
-
 def _judge(
     split: Split,
     scorer: Scorer,
     layers: dict[str, Tensor],
-    oracle: _TrainedOracle | None,
+    oracle: TrainedOracle | None,
     constants: Tensor,
     flips: dict[str, float],
 ) -> Evaluation:

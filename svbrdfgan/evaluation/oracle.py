@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import copy
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -12,14 +14,24 @@ from jaxtyping import Float
 from lightning_fabric import Fabric
 from torch import Tensor
 
+from svbrdfgan.data.config import Split
+from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.metrics.map_errors import LEAST_ERRORS
-from svbrdfgan.metrics.recovered import Scorer, Target
+from svbrdfgan.metrics.recovered import Scorer, SeenTexels, Target, make_targets
 from svbrdfgan.networks import Generator, initialise
+from svbrdfgan.training.batches import stack_geometry
 from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.run import ORACLE, ORACLE_NOTES, RunConfig, load_generator, save_generator
 from svbrdfgan.training.state import make_generator
+from svbrdfgan.utils.display import Display
 
+LoadedSplit = tuple[Exemplars, SeenTexels]
+"""A split, and what its pictures show of each texel."""
 Watch = Callable[[int, float], None]
 """Called with the step and the validation score at every scoring."""
+
+_TARGETS = 2048
 
 
 @dataclass(frozen=True)
@@ -109,3 +121,51 @@ def _weights(constant_errors: Mapping[str, float], device: torch.device) -> Floa
     errors = {name: max(error, LEAST_ERRORS.get(name, 0.0)) for name, error in constant_errors.items()}
     relative = [1.0 if name == "base_color" else unit / error for name, error in errors.items()]
     return torch.tensor(relative, device=device)
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedOracle:
+    """An oracle, trained now or in an earlier evaluation."""
+
+    generator: Generator
+    score: float | None
+    plateau: bool
+    steps: int
+
+
+def oracle_of(
+    run: Path,
+    fabric: Fabric,
+    config: RunConfig,
+    load: Callable[[Split], LoadedSplit],
+    constants: Tensor,
+    schedule: OracleConfig,
+    shown: Display,
+) -> TrainedOracle:
+    """The run's oracle, trained now if there is none. The validation split decides when it stops.
+
+    Args:
+        load: loads a split.
+        constants: the constant layers of the training subjects.
+    """
+    path, notes = run / ORACLE, run / ORACLE_NOTES
+    if path.is_file() and notes.is_file():
+        reached = json.loads(notes.read_text(encoding="utf-8"))
+        generator, score = load_generator(path)
+        return TrainedOracle(generator.to(fabric.device), score, reached["plateau"], reached["steps"])
+    trained, seen = load("train")
+    targets, _ = make_targets(trained, seen, fabric.device, _TARGETS)
+    held_out = load("validation") if "validation" in config.dataset.splits else (trained, seen)
+    scorer = Scorer.make(*held_out, constants, fabric.device)
+    shown.begin("training the supervised oracle")
+
+    def watch(step: int, score: float) -> None:
+        shown.advance(schedule.every, f"recovered {score:.3f}")
+
+    oracle = train_oracle(
+        fabric, config.train, stack_geometry(trained, fabric.device), targets, scorer, schedule, watch
+    )
+    save_generator(path, oracle.generator, config.train.generator, oracle.score)
+    with atomic_path(notes) as temporary:
+        temporary.write_text(json.dumps({"plateau": oracle.plateau, "steps": oracle.steps}), encoding="utf-8")
+    return TrainedOracle(oracle.generator, oracle.score, oracle.plateau, oracle.steps)

@@ -30,6 +30,7 @@ SeenTexels = Callable[[int], Float[Tensor, "rows cols"]]
 Observed = Callable[[int], Mapping[str, Bool[Tensor, "rows cols"]]]
 """Maps a subject's number to the texels where each further map can be observed in its pictures."""
 
+_LEAST_SCORE = -1.0
 POLE_DEGREES = 30.0
 """Within this angle of a pole the hemispherical map stretches circles around the pole more than twofold."""
 
@@ -232,9 +233,13 @@ class Scorer:
         }
 
     def score(self, layers: Float[Tensor, "subjects rows cols channels"]) -> float:
-        """The mean of what layers recovered of each map, by which models are chosen."""
+        """The mean of what layers recovered of each map, by which models are chosen.
+
+        Of several maps, each counts as -1 at least: where a map is nearly constant, small errors are large beside the
+        constant's, and would decide alone.
+        """
         found = [value for value in self.each_recovered_by(layers).values() if value is not None]
-        return sum(found) / len(found)
+        return found[0] if len(found) == 1 else sum(max(value, _LEAST_SCORE) for value in found) / len(found)
 
 
 def _constant_errors(
