@@ -114,9 +114,7 @@ class TrainConfig(StrictModel):
     renderer: PluginField = PluginChoice(name="auto")
     rendering: Literal["transport", "fresh"] = "transport"
     spp: int = Field(default=64, ge=1, description="samples per pixel of the pictures trained through")
-    hits: int = Field(
-        default=16, ge=1, description="samples per pixel that are stored of whole materials, at most; without fresh"
-    )
+    hits: int = Field(default=64, ge=1, description="the most of them that are stored, for layers of whole materials")
     spp_grad: int | None = Field(default=None, ge=1, description="of their gradients; fresh rendering only")
     device: Literal["auto", "cpu", "cuda"] = "auto"
     devices: int = Field(default=1, ge=1)

@@ -219,14 +219,13 @@ class DeferredRendering:
             prepared, view, learnable=subject.learnable, hits=self.hits, spp=self.spp, seed=scene.seed
         )
         shown = ReferencePictures(renderer, prepared, subject, scene, view, self.spp)
-        base = [torch.cat([_texture(bare[part], name) for name in self.maps], dim=-1) for part in subject.learnable]
         return DeferredScene(
             light=light,
             background=beside.image.to(self.device),
             coverage=beside.coverage.to(self.device),
             gbuffer=shown.gbuffer().half().to(self.device),
             light_buffer=shown.light_buffer().to(self.device) if self.shows_light else None,
-            base=torch.stack(base).to(self.device),
+            base=_stacked([bare[part] for part in subject.learnable], self.maps).to(self.device),
         )
 
 
@@ -236,7 +235,8 @@ def _blackened(materials: Materials, parts: Sequence[int]) -> Materials:
     return Materials(tuple(black if number in parts else m for number, m in enumerate(materials.parts)))
 
 
-def _texture(material: Material, name: str) -> Float[Tensor, "rows cols channels"]:
-    """A map as a texture; a constant is one texel."""
-    values = material.maps[name]
-    return values if values.ndim == 3 else values.view(1, 1, -1)
+def _stacked(materials: Sequence[Material], names: Sequence[str]) -> Float[Tensor, "materials *#size values"]:
+    """These maps of the materials, side by side; of one texel if all are constant."""
+    size = torch.broadcast_shapes(*(m.maps[name].shape[:-1] for m in materials for name in names))
+    rows, cols = size or (1, 1)
+    return torch.stack([torch.cat([m.maps[name].expand(rows, cols, -1) for name in names], dim=-1) for m in materials])

@@ -33,6 +33,11 @@ class ResolvedRun:
         """Whether light is stored for layers of whole materials, in which pictures are not linear."""
         return self.config.rendering == "transport" and bool(self.dataset.config.maps)
 
+    @property
+    def fake_spp(self) -> int:
+        """Samples in each pixel of a fake's learnable parts; its noise is that of so many."""
+        return min(self.config.spp, self.config.hits) if self.deferred else self.config.spp
+
     def with_config(self, **update: object) -> ResolvedRun:
         """The same run with other values for some keys of its configuration."""
         return ResolvedRun(self.config.model_copy(update=update), self.dataset, self.base)

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Literal, get_args
 
-from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.protocols import Renderer
-from svbrdfgan.training.config import ScenesConfig, TrainConfig
+from svbrdfgan.training.config import ScenesConfig
 
 Confounder = Literal["pose", "light", "noise", "renderer"]
 CONFOUNDERS: tuple[Confounder, ...] = get_args(Confounder)
@@ -20,8 +19,8 @@ REMEDIES: Mapping[Confounder, str] = MappingProxyType(
         "(scenes.camera).",
         "light": "Let the discriminator see reflectance (discriminator.sees), where the exemplars' light is known and "
         "layers paint base_color alone; or give the fakes lights that cover theirs (scenes.environment).",
-        "noise": "Where the discriminator sees radiance, train with the exemplars' own samples per pixel (spp), or let "
-        "it see reflectance; there, exemplars of more samples have less noise, which hardly hinders learning.",
+        "noise": "Where the discriminator sees radiance, train with the exemplars' samples per pixel (spp, hits); or "
+        "let it see reflectance: there, exemplars of more samples have less noise, which hardly hinders learning.",
         "renderer": "Train through the renderer that made the exemplars, with as many bounces; where that cannot be, "
         "denoise or blur both sides alike.",
     }
@@ -30,19 +29,20 @@ REMEDIES: Mapping[Confounder, str] = MappingProxyType(
 
 
 def find_confounders(
-    config: TrainConfig, dataset: DatasetConfig, exemplar_renderer: Renderer[Any], renderer: Renderer[Any]
+    run: ResolvedRun, exemplar_renderer: Renderer[Any], renderer: Renderer[Any]
 ) -> dict[Confounder, str]:
-    """The confounders of this configuration, and how the two sides differ in each, in words.
+    """The confounders of this run's configuration, and how the two sides differ in each, in words.
 
     Args:
         exemplar_renderer: renders the exemplars.
         renderer: renders the fakes.
     """
+    config, exemplar_spp = run.config, run.dataset.config.spp
     found: dict[Confounder, str] = {"pose": _pose(config.scenes), "light": _light(config.scenes)}
     if config.discriminator.sees == "reflectance":
-        found["noise"] = f"{dataset.spp} samples per pixel in exemplars, no noise in fakes"
-    elif dataset.spp != config.spp:
-        found["noise"] = f"{dataset.spp} samples per pixel in exemplars, {config.spp} in fakes"
+        found["noise"] = f"{exemplar_spp} samples per pixel in exemplars, no noise in fakes"
+    elif exemplar_spp != run.fake_spp:
+        found["noise"] = f"{exemplar_spp} samples per pixel in exemplars, {run.fake_spp} in fakes"
     if (type(exemplar_renderer), exemplar_renderer.capabilities) != (type(renderer), renderer.capabilities):
         found["renderer"] = f"{_title(exemplar_renderer)} for exemplars, {_title(renderer)} for fakes"
     return {name: how for name, how in found.items() if how}

@@ -104,7 +104,7 @@ def _open(config: TrainConfig, base: Path, display: Display) -> tuple[RenderedPa
         require_reference_materials(renderer)
     chosen = np.unique(np.linspace(0, len(exemplars) - 1, min(len(exemplars), _MOST)).round().astype(int)).tolist()
     pairs = RenderedPairs(run, exemplars, chosen, renderer, exemplar_renderer, device, display.advance)
-    return pairs, find_confounders(run.config, run.dataset.config, exemplar_renderer, renderer)
+    return pairs, find_confounders(run, exemplar_renderer, renderer)
 
 
 def _judge(trials: dict[Confounders, Trial], minutes: float | None, display: Display) -> dict[Confounders, Margins]:

@@ -117,7 +117,7 @@ class RenderedPairs:
             subject, scene = int(self.exemplars.subject_of[index]), self.exemplars.scenes[index]
             if subject != last:
                 prepared, last = renderer.prepare(self.exemplars.subject(index).surface), subject
-            spp = scene.spp if "noise" in present else self.run.config.spp
+            spp = scene.spp if "noise" in present else self.run.fake_spp
             clean = scene.model_copy(update={"weathering": None, "spp": spp})
             rendering = render_scene(self.exemplars.loader, renderer, clean, prepared)
             yield rendering.image.clamp(max=BRIGHTEST).half(), rendering.coverage.half()

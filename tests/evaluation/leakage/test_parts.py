@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import torch
 
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.leakage.classifier import Roles, Trial
 from svbrdfgan.evaluation.leakage.confounders import CONFOUNDERS, REMEDIES, find_confounders, scenes_with
@@ -18,6 +21,7 @@ from svbrdfgan.evaluation.leakage.report import Finding, LeakageReport, Share
 from svbrdfgan.plugins import load_renderer
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, train_config
 from svbrdfgan.training.discriminator_batch import ImageBatch
+from svbrdfgan.training.resolve import ResolvedRun
 
 
 def config(sees: str = "radiance", **changes: object) -> TrainConfig:
@@ -88,14 +92,21 @@ def test_the_interval_holds_as_often_as_it_says() -> None:
 
 
 def test_what_differs_is_said(dataset_data: Callable[..., dict[str, object]]) -> None:
-    dataset = validate(DatasetConfig, dataset_data(), "here")
+    matt, glossy = (
+        Dataset(Path(), SimpleNamespace(config=validate(DatasetConfig, dataset_data(maps=maps), "here")))  # type: ignore[arg-type]
+        for maps in ({}, {"roughness": 0.5})
+    )
     one, two = load_renderer("numpy"), load_renderer("numpy", {"max_bounces": 3})
 
-    def said(sees: str = "radiance", **changes: object) -> dict[str, str]:
-        return dict(find_confounders(config(sees, **changes), dataset, two if changes.get("seed") else one, one))
+    def said(sees: str = "radiance", dataset: Dataset = matt, **changes: object) -> dict[str, str]:
+        run = ResolvedRun(config(sees, **changes), dataset)
+        return dict(find_confounders(run, two if changes.get("seed") else one, one))
 
     assert said(spp=8) == {}
     assert said(spp=9) == {"noise": "8 samples per pixel in exemplars, 9 in fakes"}
+    assert said(spp=8, hits=4) == {}  # there is no stored light of which to keep less
+    assert said(spp=8, hits=4, dataset=glossy) == {"noise": "8 samples per pixel in exemplars, 4 in fakes"}
+    assert said(spp=8, hits=4, dataset=glossy, rendering="fresh") == {}
     assert said("reflectance", spp=8) == {"noise": "8 samples per pixel in exemplars, no noise in fakes"}
     assert said(spp=8, seed=1) == {
         "renderer": "NumpyRenderer with 3 bounces for exemplars, NumpyRenderer with 1 bounce for fakes"
