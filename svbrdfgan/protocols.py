@@ -151,8 +151,14 @@ class DeferredRenderer(Renderer[Prepared], Protocol[Prepared]):
     ) -> StoredLight:
         """Traces `spp` camera samples of each pixel, and keeps at most `hits` that hit learnable parts, fairly chosen.
 
+        Later writes into the environment do not affect it.
+
+        Args:
+            learnable: numbers of parts of the surface, whose materials `shade` will be given.
+
         Raises:
-            SvbrdfganError: as for `render`.
+            SvbrdfganError: as for `render`, `hits` is below 1, or `learnable` names a part twice or one that the
+                surface lacks.
         """
         ...
 
@@ -171,17 +177,20 @@ class DeferredRenderer(Renderer[Prepared], Protocol[Prepared]):
             lights: of views of one film size, from `store_light`.
             textures: of the learnable parts of each view, in the order of `learnable`, view after view.
             maps: what the channels are: base_color first, in the order of `CHANNELS`.
-            visit: stored light is renewed little by little as visits grow, so that its noise cannot be learned. It
-                depends on the visit alone, not on earlier ones, and visits of a view must not decrease.
-            seed: of what is drawn anew for each picture.
+            visit: 0 or more. Stored light is renewed little by little as visits grow, so that its noise cannot be
+                learned: eight visits later nothing of it is left. What it is depends on the visit alone, not on those
+                before; visits that grow one by one are the fastest.
+            seed: of what is drawn anew for each picture, of each view by itself.
 
         Returns:
             The pictures, and a function from their gradient to that of the textures, on the same samples. As with
-            `render_vjp`, drawn directions and densities are constants.
+            `render_vjp`, drawn directions and densities are constants. Later calls of `shade`, and later writes into
+            the textures, do not affect the function.
 
         Raises:
             UnsupportedError: a map that is not in `capabilities.maps`.
-            SvbrdfganError: the textures are not those of these views.
+            SvbrdfganError: the textures are not those of these views, films differ in size, `visit` is negative, or the
+                gradient of the pictures does not have their shape.
         """
         ...
 

@@ -1,8 +1,9 @@
 """Warp kernels of deferred shading: light of stored hits drawn and traced, shading under any maps, and its transpose.
 
 A hit has two directions, as in `material_kernels`. One is drawn by the emitter and stored, as a pixel of the
-environment or `SHADOWED`; where in that pixel it lies is a hash of the hit. The other is drawn by the BSDF, for the
-maps of the moment. Both are combined by the balance heuristic, whose densities gradients treat as constant.
+environment or `SHADOWED`; where in that pixel it lies is a hash of the hit and of the visit for which it was drawn. The
+other is drawn by the BSDF, for the maps of the moment. Both are combined by the balance heuristic, whose densities
+gradients treat as constant.
 
 Kernels have a thread for each view of a batch, from `first` on, and each hit of a view, or each of its pixels. `places`
 holds the first hit and the first texture of each view, counted over the batch.
@@ -21,6 +22,8 @@ from svbrdfgan_warp.trace_kernels import Geometry
 
 wp.set_module_options({"enable_backward": False})
 
+REDRAWS = wp.constant(4)
+"""Visits in which all light samples are drawn anew once: at each visit those of the hits of one group."""
 SHADOWED = wp.constant(wp.uint32(0xFFFFFFFF))
 # Streams of `rng.hashed`; 0 and 1 belong to `rng.numbers`.
 _WITHIN = wp.constant(wp.uint32(0x10000))
@@ -164,31 +167,43 @@ def reaches_light(view: StoredView, hit: int, d: wp.vec3, number: wp.uint32):
 
 
 @wp.func
-def light_position(view: StoredView, hit: int, stored: wp.uint32):
-    """The position in the environment of a hit's stored light sample."""
-    within = rng.hashed(wp.uint32(hit), view.seed_low, view.seed_high, _WITHIN)
+def draw_number(visit: int):
+    """What light samples that are drawn for a visit change the seed by."""
+    return wp.uint32(visit) * wp.uint32(0x9E3779B1) + wp.uint32(0x7F4A7C15)
+
+
+@wp.func
+def last_drawn(hit: int, visit: int):
+    """The last visit, up to a visit from 0 on, for which a hit's light sample was drawn."""
+    return visit - (visit + REDRAWS - hit % REDRAWS) % REDRAWS
+
+
+@wp.func
+def light_position(view: StoredView, hit: int, stored: wp.uint32, drawn: int):
+    """The position in the environment of a hit's light sample, which was drawn for the visit `drawn`."""
+    within = rng.hashed(wp.uint32(hit), view.seed_low ^ draw_number(drawn), view.seed_high, _WITHIN)
     cols = wp.uint32(view.environment.texels.shape[1])
     return wp.vec2(float(stored % cols) + rng.unit(within[0]), float(stored / cols) + rng.unit(within[1]))
 
 
 @wp.kernel(cuda_max_registers=64)  # as in `trace_kernels.illuminate_hits`
-def draw_light(views: wp.array(dtype=StoredView), first: int, group: int, groups: int, draw: wp.uint32):
-    """Draws the light samples of every hit anew whose place in its pixel is `group` modulo `groups`."""
+def draw_light(views: wp.array(dtype=StoredView), first: int, group: int, visit: int):
+    """Draws the light samples of a visit: those of hits whose number is `group` modulo `REDRAWS`."""
     thread, hit = wp.tid()
     number = first + thread
     view = views[number]
-    if hit >= view.face.shape[0]:
+    if hit >= view.face.shape[0] or hit % REDRAWS != group:
         return
     pixel = view.pixel[hit]
-    place = hit - view.start[pixel]
-    if place % groups != group:
-        return
-    # What is drawn of a pixel at once is one sequence: parts of a longer one would lie close together.
-    u, v = rng.numbers(pixel, place / groups, view.seed_low ^ draw, view.seed_high)
-    row = emitter.drawn_column(view.environment.row_first, 0, u[0])
+    # What is drawn of a pixel at once is one sequence: parts of a longer one would lie close together. Its dimensions,
+    # like those of rays, are as in `material_kernels.draw_light`: u[0] and u[1] placed the camera samples, and numbers
+    # of one dimension differ by a constant only, whatever the seed.
+    place = (hit - view.start[pixel]) / REDRAWS
+    u, v = rng.numbers(pixel, place, view.seed_low ^ draw_number(visit), view.seed_high)
+    row = emitter.drawn_column(view.environment.row_first, 0, u[2])
     stored = wp.uint32(row * view.environment.texels.shape[1])
-    stored += wp.uint32(emitter.drawn_column(view.environment.col_first, row, u[1]))
-    d = emitter.direction(view.environment, light_position(view, hit, stored))
+    stored += wp.uint32(emitter.drawn_column(view.environment.col_first, row, u[3]))
+    d = emitter.direction(view.environment, light_position(view, hit, stored, visit))
     if wp.dot(frame_of(view, hit).normal, d) <= 0.0 or not reaches_light(view, hit, d, v[0]):
         stored = SHADOWED
     view.light[hit] = stored
@@ -213,8 +228,8 @@ def draw_rays(
     frame = frame_of(view, hit)
     material = material_of(textures, maps_at(textures, lookup(view, places[number][1], textures, frame)), frame)
     pixel = view.pixel[hit]
-    u, _ = rng.numbers(pixel, hit - view.start[pixel], seed_low, seed_high + wp.uint32(number))
-    d = bsdf.sample(material, frame.outgoing, rng.unit(u[0]), rng.unit(u[1]))
+    _, v = rng.numbers(pixel, hit - view.start[pixel], seed_low, seed_high + wp.uint32(number))
+    d = bsdf.sample(material, frame.outgoing, rng.unit(v[0]), rng.unit(v[1]))
     at = wp.vec2(-1.0, 0.0)
     if wp.dot(material.normal, d) > 0.0 and wp.dot(frame.normal, d) > 0.0:
         at = emitter.position(view.environment, d)
@@ -245,14 +260,14 @@ def trace_rays(
 
 
 @wp.func
-def sample_position(view: StoredView, hit: int, ray: wp.vec2, technique: int):
+def sample_position(view: StoredView, hit: int, ray: wp.vec2, technique: int, visit: int):
     """The position in the environment of a hit's light sample (0) or of its ray (1); x is -1 in shadow."""
     if technique == 1:
         return ray
     light = view.light[hit]
     if light == SHADOWED:
         return wp.vec2(-1.0, 0.0)
-    return light_position(view, hit, light)
+    return light_position(view, hit, light, last_drawn(hit, visit))
 
 
 @wp.func
@@ -269,6 +284,7 @@ def shade(
     places: wp.array(dtype=wp.vec2i),
     first: int,
     textures: Textures,
+    visit: int,
     rays: wp.array(dtype=wp.vec2),
     radiance: wp.array(dtype=wp.vec3),
 ):
@@ -284,7 +300,7 @@ def shade(
     material.base_color = vector_at(textures, found, 0)
     total = wp.vec3(0.0)
     for technique in range(2):
-        at = sample_position(view, hit, rays[places[number][0] + hit], technique)
+        at = sample_position(view, hit, rays[places[number][0] + hit], technique, visit)
         if at[0] >= 0.0:
             d = emitter.direction(view.environment, at)
             factor = sample_factor(view, material, frame, at, d)
@@ -318,6 +334,7 @@ def shade_vjp(
     places: wp.array(dtype=wp.vec2i),
     first: int,
     textures: Textures,
+    visit: int,
     rays: wp.array(dtype=wp.vec2),
     grad_images: wp.array2d(dtype=wp.vec3),
     grad_values: wp.array(dtype=wp.float32),
@@ -337,7 +354,7 @@ def shade_vjp(
     material.base_color = vector_at(textures, found, 0)
     total = bsdf.MaterialGradient()
     for technique in range(2):
-        at = sample_position(view, hit, rays[places[number][0] + hit], technique)
+        at = sample_position(view, hit, rays[places[number][0] + hit], technique, visit)
         if at[0] >= 0.0:
             d = emitter.direction(view.environment, at)
             factor = sample_factor(view, material, frame, at, d)

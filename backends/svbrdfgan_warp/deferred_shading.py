@@ -16,8 +16,9 @@ from torch import Tensor
 
 from svbrdfgan.types.material import CHANNELS
 from svbrdfgan_warp import deferred_kernels
+from svbrdfgan_warp.deferred_kernels import REDRAWS
 from svbrdfgan_warp.device import in_order, launch
-from svbrdfgan_warp.stored_light import REDRAWS, StoredLight
+from svbrdfgan_warp.stored_light import StoredLight
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,32 +32,23 @@ class ShadingPass:
         lights: of the views.
         values: of the textures.
         maps: what the channels of the textures are, base_color first.
+        visit: decides the light samples.
         seed: of the rays.
     """
 
     lights: tuple[StoredLight, ...]
     values: Float[Tensor, "textures rows cols channels"]
     maps: tuple[str, ...]
+    visit: int
     seed: int
 
     @property
     def device(self) -> torch.device:
         return self.values.device
 
-    def draw_light(self, visit: int) -> None:
-        """Brings the light samples to a visit: a share of them is drawn anew for each visit since the last one.
-
-        What they are then depends on the visit alone, not on those before it.
-        """
-        for drawn in range(visit - REDRAWS + 1, visit + 1):
-            due = [n for n, light in enumerate(self.lights) if light.visit < drawn]
-            if due:
-                self._draw(due, drawn)
-        for light in self.lights:
-            light.visit = max(light.visit, visit)
-
     def forward(self) -> Float[Tensor, "views height width 3"]:
         """The pictures of the learnable parts."""
+        self._draw_light()
         height, width = self.lights[0].film
         images = torch.empty(len(self.lights), height * width, 3, dtype=torch.float32, device=self.device)
         pixels = wp.from_torch(images, dtype=wp.vec3)
@@ -65,10 +57,10 @@ class ShadingPass:
         seeds = wp.uint32(self.seed & 0xFFFFFFFF), wp.uint32((self.seed >> 32) & 0xFFFFFFFF)
 
         def shade(first: int, count: int, hits: int) -> None:
-            at = views, places, first
-            launch(deferred_kernels.draw_rays, (count, hits), (*at, self._textures, *seeds, self._rays), self.device)
+            at, maps = (views, places, first), self._textures
+            launch(deferred_kernels.draw_rays, (count, hits), (*at, maps, *seeds, self._rays), self.device)
             launch(deferred_kernels.trace_rays, (count, hits), (*at, *seeds, self._rays), self.device)
-            launch(deferred_kernels.shade, (count, hits), (*at, self._textures, self._rays, radiance), self.device)
+            launch(deferred_kernels.shade, (count, hits), (*at, maps, self.visit, self._rays, radiance), self.device)
             launch(deferred_kernels.average, (count, height * width), (*at, radiance, pixels), self.device)
 
         self._for_views(shade)
@@ -78,14 +70,14 @@ class ShadingPass:
         self, grad_images: Float[Tensor, "views height width 3"]
     ) -> Float[Tensor, "textures rows cols channels"]:
         """The gradient of sum(images * grad_images) for the textures, on the same samples."""
+        self._draw_light()
         gradient = torch.zeros_like(self.values)
         given = grad_images.detach().to(self.device, torch.float32).reshape(len(self.lights), -1, 3).contiguous()
         arrays = wp.from_torch(given, dtype=wp.vec3), wp.from_torch(gradient.view(-1))
-
         views, places = self._views, wp.from_torch(self._places, dtype=wp.vec2i)
 
         def differentiate(first: int, count: int, hits: int) -> None:
-            arguments = (views, places, first, self._textures, self._rays, *arrays)
+            arguments = (views, places, first, self._textures, self.visit, self._rays, *arrays)
             launch(deferred_kernels.shade_vjp, (count, hits), arguments, self.device)
 
         self._for_views(differentiate)
@@ -129,15 +121,27 @@ class ShadingPass:
         rays = torch.empty(self._hits, 2, dtype=torch.float32, device=self.device)
         return wp.from_torch(rays, dtype=wp.vec2)
 
+    def _draw_light(self) -> None:
+        """Brings the light samples to the visit: a share of them is drawn anew for each visit since the last one.
+
+        What they are then depends on the visit alone. After a later visit all of them are drawn again.
+        """
+        for light in self.lights:
+            if light.visit > self.visit:
+                light.visit = self.visit - REDRAWS
+        for drawn in range(self.visit - REDRAWS + 1, self.visit + 1):
+            due = [n for n, light in enumerate(self.lights) if light.visit < drawn]
+            if due:
+                self._draw(due, drawn)
+        for light in self.lights:
+            light.visit = self.visit
+
     def _draw(self, due: Sequence[int], visit: int) -> None:
         """Draws the light samples of one visit for some of the views."""
-        group = visit % REDRAWS
-        draw = wp.uint32((visit * 0x9E3779B1 + 0x7F4A7C15) & 0xFFFFFFFF)
-
-        views = self._views
+        views, group = self._views, visit % REDRAWS
 
         def redraw(first: int, count: int, hits: int) -> None:
-            launch(deferred_kernels.draw_light, (count, hits), (views, first, group, REDRAWS, draw), self.device)
+            launch(deferred_kernels.draw_light, (count, hits), (views, first, group, visit), self.device)
 
         if len(due) == len(self.lights):
             self._for_views(redraw)

@@ -12,6 +12,7 @@ from torch import Tensor
 from svbrdfgan.protocols import Pullback, RendererCapabilities
 from svbrdfgan.rendering.validation import (
     check_cotangent,
+    check_cotangents,
     check_device,
     check_render,
     check_shade,
@@ -136,11 +137,19 @@ class WarpRenderer:
         seed: int,
     ) -> tuple[Float[Tensor, "views height width 3"], Callable[[Tensor], Tensor]]:
         """Pictures from the samples that `render` would draw: one stored by light, one ray drawn by the material."""
-        check_shade("warp", CAPABILITIES, [(light.film, light.textures) for light in lights], textures, maps)
-        values = textures.detach().to(self.device, torch.float32).contiguous()
-        shading = ShadingPass(tuple(lights), values, tuple(maps), seed)
-        shading.draw_light(visit)
-        return shading.forward(), shading.backward
+        views = [(light.film, light.textures) for light in lights]
+        check_shade("warp", CAPABILITIES, views, textures, maps, visit=visit)
+        for light in lights:
+            check_device("warp", light.surface.device, self.device)
+        values = torch.empty(textures.shape, dtype=torch.float32, device=self.device).copy_(textures.detach())
+        shading = ShadingPass(tuple(lights), values, tuple(maps), visit, seed)
+        images = shading.forward()
+
+        def pullback(grad_images: Tensor) -> Tensor:
+            check_cotangents("warp", images.shape, grad_images)
+            return shading.backward(grad_images)
+
+        return images, pullback
 
     def _transport_through(
         self, prepared: PreparedSurface, view: View, spp: int, seed: int

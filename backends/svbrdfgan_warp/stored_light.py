@@ -15,12 +15,10 @@ from torch import Tensor
 
 from svbrdfgan.types import View
 from svbrdfgan_warp import alpha_kernels, deferred_kernels, light_records, trace_kernels
+from svbrdfgan_warp.deferred_kernels import REDRAWS
 from svbrdfgan_warp.device import in_order, launch, quiet
 from svbrdfgan_warp.emitter import EnvironmentEmitter
 from svbrdfgan_warp.scene import FilmChunk, PreparedSurface, film_chunks, prepare_camera
-
-REDRAWS = 4
-"""Visits in which all light samples are drawn anew once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +52,7 @@ class StoredLight:
         texture: of each part its number among the learnable parts; -1 for the others.
         textures: the number of learnable parts.
         light: the light sample of each hit, as `deferred_kernels` stores it.
-        visit: for which they were drawn; at first one before all that visit 0 needs.
+        visit: for which it was drawn; at first one before all that visit 0 needs.
     """
 
     surface: PreparedSurface
@@ -144,13 +142,17 @@ def _kept(
     most: int,
     generator: torch.Generator,
 ) -> Hits:
-    """At most `most` hits of each pixel, evenly chosen from a random start: each is kept with equal probability."""
+    """At most `most` hits of each pixel, in a row from a random one on: each is kept with equal probability.
+
+    Samples in a row are spread over the pixel. Every fourth one, for instance, would lie in a quarter of its width, as
+    `rng.numbers` reverses the bits of their numbers.
+    """
     hit = ((face >= 0) & learnable).view(chunk.pixels, chunk.spp)
     found = hit.sum(dim=1, keepdim=True)
-    step = most / found.clamp(min=most)
-    begin = torch.rand(chunk.pixels, 1, generator=generator, device=face.device)
-    rank = hit.cumsum(dim=1)
-    chosen = hit & ((rank * step + begin).floor() > ((rank - 1) * step + begin).floor())
+    candidates = found.clamp(min=most)
+    number = torch.rand(chunk.pixels, 1, generator=generator, device=face.device, dtype=torch.float64)
+    begin = (number * candidates).long()
+    chosen = hit & ((hit.cumsum(dim=1) + begin) % candidates < most)
     count = chosen.sum(dim=1)
     index = chosen.flatten().nonzero().squeeze(1)
     return Hits(

@@ -90,10 +90,11 @@ def check_store_light(
         )
     _check_samples(renderer, spp)
     if hits < 1:
-        raise ConfigError(f"{renderer} renderer: hits is {hits}; wanted at least 1 hit per pixel.")
+        raise ConfigError(f"{renderer} renderer: hits is {hits}; wanted at least 1 for each pixel.")
     if len(set(learnable)) < len(learnable) or not set(learnable) <= set(range(len(parts))):
         raise ConfigError(
-            f"{renderer} renderer: learnable is {list(learnable)}; wanted different parts of 0 to {len(parts) - 1}."
+            f"{renderer} renderer: learnable is {list(learnable)}; wanted numbers of parts from 0 to "
+            f"{len(parts) - 1}, each at most once."
         )
 
 
@@ -103,6 +104,8 @@ def check_shade(
     views: Sequence[tuple[tuple[int, int], int]],
     textures: Float[Tensor, "textures rows cols channels"],
     maps: Sequence[str],
+    *,
+    visit: int,
 ) -> None:
     """Checks the arguments of `shade`.
 
@@ -110,23 +113,36 @@ def check_shade(
         views: of each view, the film's (height, width) and the number of learnable parts.
 
     Raises:
-        ConfigError: there is no view, films differ in size, or the textures do not fit the views or the maps.
+        ConfigError: there is no view, films differ in size, `visit` is negative, `maps` lacks base_color, names a map
+            twice, in another order, or metallic without roughness, or the textures do not fit the views or the maps.
         UnsupportedError: a map is not in `capabilities.maps`.
     """
+    if not views:
+        raise ConfigError(f"{renderer} renderer: shade got no stored light; wanted that of one view or more.")
+    if len(films := sorted({film for film, _ in views})) > 1:
+        sizes = ", ".join(f"{height} x {width}" for height, width in films)
+        raise ConfigError(
+            f"{renderer} renderer: shade got views of {sizes} pixels (height x width); wanted one size for all."
+        )
+    if visit < 0:
+        raise ConfigError(f"{renderer} renderer: visit is {visit}; wanted 0 or more.")
     if unread := sorted(set(maps) - capabilities.maps):
-        raise UnsupportedError(f"{renderer} renderer: it does not read {', '.join(unread)}.")
-    if len({film for film, _ in views}) != 1:
-        raise ConfigError(f"{renderer} renderer: stored light of {len(views)} views; wanted views of one film size.")
+        raise UnsupportedError(
+            f"{renderer} renderer: maps names {', '.join(unread)}, but the renderer reads only "
+            f"{', '.join(sorted(capabilities.maps))}."
+        )
     if list(maps) != [name for name in CHANNELS if name in {"base_color", *maps}]:
         raise ConfigError(
-            f"{renderer} renderer: maps are {', '.join(maps)}; wanted base_color and others in the order of "
-            f"{', '.join(CHANNELS)}."
+            f"{renderer} renderer: maps is {', '.join(maps) or 'empty'}; wanted base_color, then each further map "
+            f"once, in the order of {', '.join(CHANNELS)}."
         )
+    if "metallic" in maps and "roughness" not in maps:
+        raise ConfigError(f"{renderer} renderer: maps has metallic without roughness; wanted both or neither.")
     count, channels = sum(learnable for _, learnable in views), sum(CHANNELS[name] for name in maps)
     if textures.ndim != 4 or (textures.shape[0], textures.shape[3]) != (count, channels):
         raise ConfigError(
             f"{renderer} renderer: textures have shape {tuple(textures.shape)}; wanted ({count}, rows, cols, "
-            f"{channels})."
+            f"{channels}): one for each learnable part of each view, with the channels of {', '.join(maps)}."
         )
 
 
@@ -139,6 +155,18 @@ def check_cotangent(renderer: str, view: View, grad_image: Tensor) -> None:
     film = (view.height, view.width, 3)
     if grad_image.shape != film:
         raise ConfigError(f"{renderer} renderer: grad_image has shape {tuple(grad_image.shape)}; wanted {film}.")
+
+
+def check_cotangents(renderer: str, shape: Sequence[int], grad_images: Tensor) -> None:
+    """Checks that the gradient of shaded pictures has their shape.
+
+    Raises:
+        ConfigError: it has another.
+    """
+    if grad_images.shape != tuple(shape):
+        raise ConfigError(
+            f"{renderer} renderer: the pictures' gradient has shape {tuple(grad_images.shape)}; wanted {tuple(shape)}."
+        )
 
 
 def check_radiance(radiance: Float[Tensor, "rows cols 3"]) -> None:
