@@ -7,6 +7,7 @@ class TestMine(RendererTests):
 from svbrdfgan.testing.renderer.agreement import AgreementTests
 from svbrdfgan.testing.renderer.alpha import AlphaTests
 from svbrdfgan.testing.renderer.contract import ContractTests
+from svbrdfgan.testing.renderer.deferred import DeferredTests
 from svbrdfgan.testing.renderer.gradients import GradientTests
 from svbrdfgan.testing.renderer.layers import LayerTests
 from svbrdfgan.testing.renderer.map_gradients import MapGradientTests
@@ -36,6 +37,7 @@ class RendererTests(
     RandomnessTests,
     AgreementTests,
     MapGradientTests,
+    DeferredTests,
     StressTests,
 ):
     """What every renderer must do: `svbrdfgan.protocols` and `docs/conventions.md`."""

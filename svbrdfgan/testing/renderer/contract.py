@@ -10,7 +10,13 @@ import torch
 from torch import Tensor
 
 from svbrdfgan.errors import SvbrdfganError, UnsupportedError
-from svbrdfgan.protocols import PullbackRenderer, Renderer, RendererCapabilities, TransportRenderer
+from svbrdfgan.protocols import (
+    DeferredRenderer,
+    PullbackRenderer,
+    Renderer,
+    RendererCapabilities,
+    TransportRenderer,
+)
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.contract import PluginTests
 from svbrdfgan.testing.kit import check, declared
@@ -23,6 +29,7 @@ VIEW = scenes.front_view(scenes.random_light(), width=6, height=4)
 ONES = torch.ones(4, 6, 3)
 _OF_GRADIENTS = ("render_vjp", "render_pullback")
 _OF_MATERIALS = ("render", *_OF_GRADIENTS)
+_OF_STORED_LIGHT = ("store_light", "shade")
 _LONGEST = 400
 
 
@@ -39,6 +46,7 @@ class ContractTests(PluginTests, RendererKit):
         methods: list[tuple[type, str]] = [(Renderer, "prepare"), (Renderer, "render"), (Renderer, "render_vjp")]
         methods += [(TransportRenderer, "transport")] if self.capabilities.transport else []
         methods += [(PullbackRenderer, "render_pullback")] if self.capabilities.pullback else []
+        methods += [(DeferredRenderer, name) for name in _OF_STORED_LIGHT if self.capabilities.deferred]
         for protocol, name in methods:
             wanted = list(inspect.signature(getattr(protocol, name)).parameters.values())[1:]
             found = list(inspect.signature(getattr(self.renderer, name)).parameters.values())
@@ -72,6 +80,10 @@ class ContractTests(PluginTests, RendererKit):
     def test_pullback_is_there_where_declared(self) -> None:
         """Declared `render_pullback` exists; undeclared, it is absent or raises."""
         self._has_declared("render_pullback", PullbackRenderer, self.capabilities.pullback)
+
+    def test_stored_light_is_there_where_declared(self) -> None:
+        """Declared `store_light` and `shade` exist; undeclared, `store_light` is absent or raises."""
+        self._has_declared("store_light", DeferredRenderer, self.capabilities.deferred)
 
     def test_maps_it_lacks_are_refused(self) -> None:
         """A material with a map that is not declared raises `UnsupportedError`."""
@@ -109,7 +121,7 @@ class ContractTests(PluginTests, RendererKit):
     def test_no_samples_are_refused(self) -> None:
         """`spp` below 1 is refused in a sentence, by transport too, and before its first sample is asked for."""
         for spp in (0, -1):
-            self._require_refused(SvbrdfganError, f"spp {spp}", *_OF_MATERIALS, "transport", spp=spp)
+            self._require_refused(SvbrdfganError, f"spp {spp}", *_OF_MATERIALS, "transport", "store_light", spp=spp)
 
     def test_impossible_light_is_refused(self) -> None:
         """Radiance that is negative, infinite or not a number is refused in a sentence."""
@@ -117,7 +129,8 @@ class ContractTests(PluginTests, RendererKit):
             radiance = scenes.random_light().radiance
             radiance[3, 4, 1] = value
             view = scenes.front_view(Environment(radiance), width=6, height=4)
-            self._require_refused(SvbrdfganError, f"a radiance of {value}", *_OF_MATERIALS, "transport", view=view)
+            methods = *_OF_MATERIALS, "transport", "store_light"
+            self._require_refused(SvbrdfganError, f"a radiance of {value}", *methods, view=view)
 
     def test_gradients_of_another_film_are_refused(self) -> None:
         """`grad_image` of another shape than the film is refused in a sentence."""
@@ -133,7 +146,7 @@ class ContractTests(PluginTests, RendererKit):
             check(isinstance(self.renderer, protocol), f"{name} is declared, and there is no such method.")
         elif hasattr(self.renderer, name):
             call = _call(self.renderer, name, self.renderer.prepare(scenes.plane()))
-            _refused(UnsupportedError, f"{name}, which is not declared,", call)
+            require_refused(UnsupportedError, f"{name}, which is not declared,", call)
         return given
 
     def _require_refused(
@@ -141,11 +154,15 @@ class ContractTests(PluginTests, RendererKit):
     ) -> None:
         prepared = self.renderer.prepare(scenes.plane()) if prepared is None else prepared
         for name in self._having(*names):
-            _refused(wanted, f"{name} with {what}", _call(self.renderer, name, prepared, **inputs))
+            require_refused(wanted, f"{name} with {what}", _call(self.renderer, name, prepared, **inputs))
 
     def _having(self, *names: str) -> list[str]:
         """Those of the methods that the renderer has."""
-        optional = {"render_pullback": self.capabilities.pullback, "transport": self.capabilities.transport}
+        optional = {
+            "render_pullback": self.capabilities.pullback,
+            "transport": self.capabilities.transport,
+            "store_light": self.capabilities.deferred,
+        }
         return [name for name in names if optional.get(name, True)]
 
     def test_two_renderers_are_independent(self) -> None:
@@ -178,11 +195,12 @@ def _call(
         "render_vjp": lambda: renderer.render_vjp(*scene, grad_image, wrt=wrt, **chance),
         "render_pullback": lambda: renderer.render_pullback(*scene, wrt=wrt, **chance)[1](grad_image),
         "transport": lambda: renderer.transport(prepared, view, **chance),
+        "store_light": lambda: renderer.store_light(prepared, view, learnable=(0,), hits=1, **chance),
     }
     return found[name]
 
 
-def _refused(wanted: type[SvbrdfganError], what: str, call: Callable[[], object]) -> None:
+def require_refused(wanted: type[SvbrdfganError], what: str, call: Callable[[], object]) -> None:
     """Fails unless the call raises that error, with a message that a user can read."""
     try:
         call()

@@ -39,7 +39,7 @@ class ExampleScene:
         return renderer.render(renderer.prepare(self.surface), self.materials, self.view, spp=2, seed=1)
 
     def uses(self, renderer: Any) -> Iterator[Tensor]:
-        """The tensors of a picture, a gradient, both by a pullback, and transport, one step at a time."""
+        """The tensors of a picture, a gradient, both by a pullback, transport and stored light, one step at a time."""
         prepared, capabilities = renderer.prepare(self.surface), renderer.capabilities
         yield from _pictures(renderer.render(prepared, self.materials, self.view, spp=2, seed=1))
         wrt = capabilities.differentiable
@@ -51,6 +51,11 @@ class ExampleScene:
             yield from _gradients(pullback(self.grad_image))
         if capabilities.transport:
             yield from (samples.weight for samples in renderer.transport(prepared, self.view, spp=2, seed=1))
+        if capabilities.deferred:
+            light = renderer.store_light(prepared, self.view, learnable=(0,), hits=1, spp=2, seed=1)
+            images, stored = renderer.shade([light], self.texture[None], maps=("base_color",), visit=0, seed=1)
+            yield images
+            yield stored(self.grad_image[None])
 
 
 def _pictures(rendering: Rendering) -> Iterator[Tensor]:

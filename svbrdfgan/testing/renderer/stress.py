@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from svbrdfgan.protocols import PullbackRenderer, Renderer
+from svbrdfgan.protocols import DeferredRenderer, PullbackRenderer, Renderer
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check
 from svbrdfgan.testing.renderer.base import RendererKit
@@ -106,6 +106,10 @@ def _round(renderer: Renderer[Any], number: int) -> int:
         if isinstance(renderer, PullbackRenderer) and renderer.capabilities.pullback:
             _, pullback = renderer.render_pullback(prepared, materials, view, wrt=wrt, spp=1, seed=seed)
             pullback(torch.ones(96 + size, 96, 3))
+        if isinstance(renderer, DeferredRenderer) and renderer.capabilities.deferred:
+            stored = renderer.store_light(prepared, view, learnable=(0,), hits=1, spp=1, seed=seed)
+            images, to_textures = renderer.shade([stored], texture[None], maps=("base_color",), visit=0, seed=seed)
+            to_textures(images)
         made += rendering.image.nbytes + rendering.coverage.nbytes
     return made
 
