@@ -11,6 +11,7 @@ from svbrdfgan.testing.kit import Kit, group_of, names_of_tests
 _STATISTICAL = (
     "agreement",
     "alpha",
+    "deferred",
     "map_gradients",
     "materials",
     "normal_maps",
@@ -30,6 +31,7 @@ IN_TOTAL = (
     "test_the_gradient_of_roughness_in_total",
     "test_the_gradient_of_metallic_in_total",
     "test_the_gradient_of_the_normal_in_total",
+    "test_gradients_of_stored_light_in_total",
 )
 """Tests that find 1 % or less: too slow for the fast tier even at little power."""
 

@@ -11,6 +11,7 @@ import torch
 from wrong import WHOLE, WRONG, Right, Wrong
 from wrong.base import Call
 from wrong.running import failures, outcomes
+from wrong.stored_light import Deferring
 from wrong.table import AFFECTED
 
 from svbrdfgan.testing.kit import FAST, names_of_tests
@@ -57,6 +58,14 @@ class WithoutAnIndex(Right):
 
 def each(wrongs: list[Wrong]) -> Any:
     return pytest.mark.parametrize("wrong", wrongs, ids=lambda wrong: wrong.renderer.__name__)
+
+
+@pytest.fixture(autouse=True)
+def _able(request: pytest.FixtureRequest) -> None:
+    """Of the right renderers, `warp` alone stores light."""
+    wrong = request.node.callspec.params.get("wrong") if hasattr(request.node, "callspec") else None
+    if wrong and issubclass(wrong.renderer, Deferring) and not Right().capabilities.deferred:
+        pytest.skip("stored light needs the warp renderer")
 
 
 @each([wrong for wrong in WRONG if not wrong.late])

@@ -16,6 +16,7 @@ from wrong import (  # noqa: F401
     pullbacks,
     radiometry,
     randomness,
+    stored_light,
     surfaces,
 )
 from wrong.base import OnNumpy, Right

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -16,11 +16,15 @@ from torch import Tensor
 
 from svbrdfgan.errors import PluginError, UnsupportedError
 from svbrdfgan.plugins import load_renderer
-from svbrdfgan.protocols import Pullback, Renderer, RendererCapabilities
+from svbrdfgan.protocols import DeferredRenderer, Pullback, Renderer, RendererCapabilities, StoredLight
 from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
 
 COLOR_ALONE: Mapping[str, Any] = MappingProxyType(
-    {"maps": frozenset({"base_color"}), "differentiable": frozenset({"base_color", "environment"})}
+    {
+        "maps": frozenset({"base_color"}),
+        "differentiable": frozenset({"base_color", "environment"}),
+        "deferred": False,
+    }
 )
 """Claims of a renderer that reads no other map."""
 
@@ -150,6 +154,28 @@ class Right:
         c = self.asked(call)
         found = self.right.transport(c.prepared, c.view, spp=c.spp, seed=c.seed)
         return (self.samples(samples, call) for samples in found)
+
+    def store_light(
+        self, prepared: Any, view: View, *, learnable: Sequence[int], hits: int, spp: int, seed: int
+    ) -> StoredLight:
+        return self._deferring.store_light(prepared[1], view, learnable=learnable, hits=hits, spp=spp, seed=seed)
+
+    def shade(
+        self,
+        lights: Sequence[StoredLight],
+        textures: Float[Tensor, "textures rows cols channels"],
+        *,
+        maps: Sequence[str],
+        visit: int,
+        seed: int,
+    ) -> tuple[Float[Tensor, "views height width 3"], Callable[[Tensor], Tensor]]:
+        return self._deferring.shade(lights, textures, maps=maps, visit=visit, seed=seed)
+
+    @property
+    def _deferring(self) -> DeferredRenderer[Any]:
+        if not self.capabilities.deferred or not isinstance(self.right, DeferredRenderer):
+            raise UnsupportedError("this renderer stores no light.")
+        return self.right
 
 
 def each_map(gradients: Gradients, change: Callable[[Tensor], Tensor]) -> Gradients:
