@@ -1,0 +1,203 @@
+"""Deferred rendering: pictures of layers of whole materials from light that is stored once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file
+from torch import Tensor
+
+pytest.importorskip("warp", reason="only the warp renderer stores light")
+
+from svbrdfgan.config.models import validate
+from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.data.generate import generate
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.plugins import load_renderer
+from svbrdfgan.rendering.compositing import composite, composite_maps
+from svbrdfgan.rendering.transport.cache import MemoryCache
+from svbrdfgan.training.batches import BatchSource, make_batch_source
+from svbrdfgan.training.config import ScenesConfig, train_config
+from svbrdfgan.training.deferred_rendering import DeferredRendering, _stacked
+from svbrdfgan.training.resolve import resolve_run
+from svbrdfgan.training.state import checkpoints
+from svbrdfgan.training.trainer import train
+
+CPU = torch.device("cpu")
+CHANNELS = 9
+"""Of a layer that paints all maps."""
+MAPS = {"roughness": 0.4, "metallic": 0.2, "normal": 0.0}
+WARP = {"name": "warp", "device": "cpu"}
+
+Data = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture(scope="session")
+def glossy_dataset(built_once: Any, dataset_data: Data) -> Path:
+    """The tiny data set with layers of all maps, of little noise. Not to be changed."""
+
+    def fill(folder: Path) -> None:
+        data = dataset_data(maps=MAPS, renderer=WARP, spp=256)
+        generate(validate(DatasetConfig, data, "glossy"), folder / "dataset", base=Path())
+
+    return Path(built_once("glossy", fill)) / "dataset"
+
+
+@pytest.fixture(scope="session")
+def glossy_training(training_data: Data, glossy_dataset: Path) -> Data:
+    options = {"dataset": str(glossy_dataset), "renderer": WARP, "hits": 4, "spp": 16}
+    return lambda **changes: training_data(**options, **changes)
+
+
+@pytest.fixture(scope="module")
+def source(glossy_training: Data) -> BatchSource:
+    """Matched scenes, in which the discriminator is shown both buffers."""
+    data = glossy_training(discriminator={"guide": True, "light": True})
+    return make_batch_source(
+        resolve_run(train_config(data, "here")), "train", load_renderer("warp", {"device": "cpu"}), CPU
+    )
+
+
+@pytest.fixture
+def rendering(source: BatchSource) -> DeferredRendering:
+    """Its scenes, with nothing stored yet."""
+    assert isinstance(source.fake_scenes, DeferredRendering)
+    return replace(source.fake_scenes, _cache=MemoryCache())
+
+
+def layers(count: int) -> Tensor:
+    return torch.rand((count, 32, 32, CHANNELS), generator=torch.Generator().manual_seed(5)) + torch.eye(CHANNELS)[8]
+
+
+def rng(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def test_pictures_of_the_true_layers_are_the_exemplars(source: BatchSource, rendering: DeferredRendering) -> None:
+    """On average over visits, in every picture."""
+    indices = list(range(len(source)))
+    true = torch.stack([layer for layer in source.exemplars.layers if layer is not None])
+    pictures = [rendering.scenes(indices, rng(visit), visit).render(true) for visit in range(0, 64, 4)]
+    mean, wanted = torch.stack([image for image, _ in pictures]).mean(dim=0), source.exemplars.images.float()
+    off = (mean - wanted).sum(dim=(1, 2)).abs() / wanted.sum(dim=(1, 2))
+    assert float(off.max()) < 0.04, off
+    rough = torch.nn.functional.avg_pool2d
+    apart = rough((mean - wanted).permute(0, 3, 1, 2), 4).abs().mean() / wanted.mean()
+    assert float(apart) < 0.08
+    assert float((pictures[0][1] - source.exemplars.coverage.float()).abs().mean()) < 0.03
+
+
+def test_pictures_are_differentiable_in_the_layers(rendering: DeferredRendering) -> None:
+    """In the colour pictures are linear, so that a step moves them exactly as the gradient says."""
+    batch, layer = rendering.scenes([0, 4], rng()), layers(2).requires_grad_()
+    images, _ = batch.render(layer)
+    grad = torch.randn(images.shape, generator=torch.Generator().manual_seed(1))
+    (images * grad).sum().backward()
+    assert layer.grad is not None
+    step = torch.zeros_like(layer)
+    step[..., :3] = torch.randn((2, 32, 32, 3), generator=torch.Generator().manual_seed(2))
+    moved, _ = batch.render((layer + step).detach())
+    wanted = float(((moved - images.detach()) * grad).double().sum())
+    assert float((layer.grad * step).double().sum()) == pytest.approx(wanted, rel=1e-3)
+    assert all(layer.grad[..., channel].any() for channel in range(CHANNELS))
+
+
+@pytest.mark.parametrize("pool", [0, 1, 2])
+def test_a_pool_holds_so_many_scenes_of_each_exemplar(pool: int, rendering: DeferredRendering) -> None:
+    pooled = replace(rendering, pool=pool)
+    seeds = {pooled.scenes([1], rng(n)).scenes[0].light.seed for n in range(12)}  # type: ignore[attr-defined]
+    assert len(seeds) == (pool or 12)
+    assert len(pooled._cache) == pool
+
+
+def test_what_does_not_fit_is_traced_again_with_equal_results(
+    rendering: DeferredRendering, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    traced: list[int] = []
+    trace = DeferredRendering._trace
+    monkeypatch.setattr(
+        DeferredRendering, "_trace", lambda self, index, scene: traced.append(index) or trace(self, index, scene)
+    )
+    tight = replace(rendering, _cache=MemoryCache(0))
+    batches = [[0, 1], [2, 3], [0, 1]]
+    wide, narrow = (
+        [r.scenes(batch, rng(n), n).render(layers(2))[0] for n, batch in enumerate(batches)] for r in (rendering, tight)
+    )
+    assert all(torch.equal(one, other) for one, other in zip(wide, narrow, strict=True))
+    assert (len(rendering._cache), len(tight._cache)) == (4, 1)
+    assert len(traced) == 4 + 6
+    assert rendering._cache.nbytes == sum(scene.nbytes for scene in rendering._cache.values())  # type: ignore[attr-defined]
+
+
+def test_buffers_are_of_the_first_stored_scene(source: BatchSource, rendering: DeferredRendering) -> None:
+    gbuffer, light = rendering.gbuffer(2), rendering.light_buffer(2)
+    assert light is not None
+    assert (gbuffer.shape, light.shape) == ((32, 32, 6), (32, 32, 9))
+    matched = rendering.scenes([2], rng())
+    assert (matched.gbuffer, matched.light_buffer) == (None, None)
+    shown = gbuffer.float()[..., 3:].norm(dim=-1)
+    assert float(shown.max()) == pytest.approx(1.0, abs=0.02)
+    assert source.real.gbuffer is not None
+    assert torch.equal(source.real.gbuffer[2].float(), gbuffer.float())
+    assert replace(rendering, shows_light=False).light_buffer(2) is not None  # stored before
+    assert replace(rendering, shows_light=False, _cache=MemoryCache()).light_buffer(2) is None
+
+
+def test_scenes_that_do_not_match_carry_their_own_buffers(rendering: DeferredRendering) -> None:
+    config = ScenesConfig(camera_noise_degrees=20.0, environment="redrawn")
+    perturbation = replace(rendering.perturbation, config=config)
+    moved = replace(rendering, perturbation=perturbation, _cache=MemoryCache())
+    batch = moved.scenes([0, 3], rng())
+    for mine, its in ((batch.gbuffer, moved.gbuffer(0)), (batch.light_buffer, moved.light_buffer(0))):
+        assert mine is not None
+        assert its is not None
+        assert torch.equal(mine[0], its.float())
+    assert float((moved.gbuffer(0).float() - rendering.gbuffer(0).float()).abs().mean()) > 0.01
+    own = moved.in_scenes(ScenesConfig(), 16)
+    assert float((own.gbuffer(0).float() - rendering.gbuffer(0).float()).abs().mean()) < 0.03
+    image, coverage = batch.render(layers(2))
+    assert bool(torch.isfinite(image).all())
+    assert not image[coverage == 0].any()
+
+
+def test_seen_texels_lie_on_learnable_parts(source: BatchSource, rendering: DeferredRendering) -> None:
+    seen = rendering.seen(0)
+    texels = source.exemplars.subject(0).learnable_texels
+    assert seen.shape == texels.shape
+    assert bool((seen[texels] > 0).any())
+    assert not seen[~texels].any()
+
+
+def test_constants_stand_beside_textures() -> None:
+    """A part's maps are of one size each by itself: what its file gives as a texture, and what is a number."""
+    texture, number = torch.rand(3, 4, 3), torch.tensor([0.5]).view(1, 1, 1)
+    parts = _stacked([[texture, number], [torch.rand(1, 1, 3), torch.rand(3, 4, 1)]])
+    assert parts.shape == (2, 3, 4, 4)
+    assert torch.equal(parts[0], torch.cat([texture, torch.full((3, 4, 1), 0.5)], dim=-1))
+    layer = torch.rand(3, 4, 5)
+    maps = {"base_color": texture, "roughness": number.view(1)}
+    wanted = torch.cat([*composite_maps(maps, layer, ("roughness",)).values()], dim=-1)
+    torch.testing.assert_close(composite(parts[0], layer), wanted)
+
+
+def test_a_renderer_that_stores_no_light_is_told(rendering: DeferredRendering) -> None:
+    with pytest.raises(ConfigError, match=r"needs a renderer that stores light; NumpyRenderer does not: set rendering"):
+        replace(rendering, renderer=load_renderer("numpy"))
+
+
+def test_training_of_all_maps_resumes_to_the_bit(glossy_training: Data, tmp_path: Path) -> None:
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    changes: dict[str, Any] = {"save_every": 1, "score_every": 4, "discriminator": {"guide": True, "light": True}}
+    config = train_config(glossy_training(steps=4, **changes), "here")
+    train(config, whole)
+    train(config.model_copy(update={"steps": 2}), parts)
+    train(config, parts, resume=True)
+    mine, its = (load_file(checkpoints(run)[-1] / "state.safetensors") for run in (whole, parts))
+    assert mine.keys() == its.keys()
+    assert [name for name, tensor in mine.items() if not torch.equal(tensor, its[name])] == []
