@@ -28,6 +28,7 @@ from svbrdfgan.training.deferred_rendering import DeferredRendering, _stacked
 from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.training.state import checkpoints
 from svbrdfgan.training.trainer import train
+from svbrdfgan.types import Material
 
 CPU = torch.device("cpu")
 CHANNELS = 9
@@ -175,15 +176,16 @@ def test_seen_texels_lie_on_learnable_parts(source: BatchSource, rendering: Defe
 
 
 def test_constants_stand_beside_textures() -> None:
-    """A part's maps are of one size each by itself: what its file gives as a texture, and what is a number."""
-    texture, number = torch.rand(3, 4, 3), torch.tensor([0.5]).view(1, 1, 1)
-    parts = _stacked([[texture, number], [torch.rand(1, 1, 3), torch.rand(3, 4, 1)]])
+    """What a part's file gives as a texture, and what is a number."""
+    texture, number = torch.rand(3, 4, 3), torch.tensor([0.5])
+    mixed = Material({"base_color": texture, "roughness": number})
+    other = Material({"base_color": torch.rand(3), "roughness": torch.rand(3, 4, 1)})
+    parts = _stacked([mixed, other], ("base_color", "roughness"))
     assert parts.shape == (2, 3, 4, 4)
-    assert torch.equal(parts[0], torch.cat([texture, torch.full((3, 4, 1), 0.5)], dim=-1))
     layer = torch.rand(3, 4, 5)
-    maps = {"base_color": texture, "roughness": number.view(1)}
-    wanted = torch.cat([*composite_maps(maps, layer, ("roughness",)).values()], dim=-1)
-    torch.testing.assert_close(composite(parts[0], layer), wanted)
+    for part, material in zip(parts, (mixed, other), strict=True):
+        wanted = torch.cat([*composite_maps(material.maps, layer, ("roughness",)).values()], dim=-1)
+        torch.testing.assert_close(composite(part, layer), wanted)
 
 
 def test_a_renderer_that_stores_no_light_is_told(rendering: DeferredRendering) -> None:
