@@ -61,9 +61,8 @@ def estimate(config: DatasetConfig, base: Path) -> Needs:
         subject = _bytes_in(folder / "cache" / "subjects")
         layers = exemplars if _bytes_in(folder / "cache" / "layers") > layer else meshes
     pixels, texels = first.coverage.numel(), config.texture**2
-    transport = (
-        0 if config.maps else exemplars * pixels * _TRANSPORT_BYTES
-    )  # other maps are not linear, so nothing is stored
+    # Light of whole materials is stored in memory alone, and how much of it, the training's `hits` say.
+    transport = 0 if config.maps else exemplars * pixels * _TRANSPORT_BYTES
     return Needs(
         exemplars=exemplars,
         meshes=meshes,

@@ -71,7 +71,7 @@ class BatchSource:
         """Divides the light out of these exemplars.
 
         Raises:
-            TypeError: scenes are rendered online. `TrainConfig` refuses such a configuration earlier.
+            TypeError: no light transport is stored. `TrainConfig` refuses such a configuration earlier.
         """
         if not isinstance(self.own_scenes, CachedRendering):
             raise TypeError(f"{type(self.own_scenes).__name__} does not know what its pixels show")
@@ -95,8 +95,8 @@ def make_batch_source(
 
     Raises:
         AssetError: the data set is not finished, or a file of it is damaged.
-        ConfigError: the renderer has no stored light transport, and `rendering` is `transport`; or it cannot render the
-            reference materials of a light buffer.
+        ConfigError: `rendering` is `transport`, and the renderer does not store what that needs; or it cannot render
+            the reference materials of a light buffer.
     """
     run = run if split == "train" else run.unperturbed()
     discriminator = run.config.discriminator
@@ -124,7 +124,7 @@ def load_seen_texels(
 
     Raises:
         AssetError: the data set is not finished, or a file of it is damaged.
-        ConfigError: the renderer has no stored light transport, and `rendering` is `transport`.
+        ConfigError: `rendering` is `transport`, and the renderer does not store what that needs.
     """
     exemplars = load_exemplars(run.dataset, split)
     own = run.unperturbed().with_config(spp=exemplar_spp(run.config, exemplars))

@@ -81,7 +81,7 @@ def _require_divisible(config: TrainConfig, dataset: DatasetConfig) -> None:
     """Pictures that are linear in their textures are divided by their light; the light of others can be shown."""
     if config.rendering == "transport" and config.discriminator.light and not dataset.maps:
         raise ConfigError(
-            "discriminator.light: stored light transport has discriminator.sees: reflectance instead; set "
+            "discriminator.light: rendering: transport of base_color has discriminator.sees: reflectance instead; set "
             "discriminator.light: false, or rendering: fresh."
         )
     if dataset.maps and config.discriminator.sees == "reflectance":

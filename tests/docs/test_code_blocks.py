@@ -100,10 +100,13 @@ def test_a_wrong_command_is_found() -> None:
         check(["dream"])
 
 
-def test_the_commands_of_the_results_find_their_files(repository: Path) -> None:
+@pytest.mark.parametrize(
+    ("page", "folders"), [("results.md", {"dataset", "data-stretch"}), ("experiments.md", {"dataset-materials"})]
+)
+def test_the_commands_for_real_vehicles_find_their_files(page: str, folders: set[str], repository: Path) -> None:
     """With the two examples beside cars/ and envmaps/, since paths in a YAML file are relative to it."""
     made = set()
-    calls = commands((repository / "docs" / "results.md").read_text(encoding="utf-8"))
+    calls = commands((repository / "docs" / page).read_text(encoding="utf-8"))
     for name, config, *words in (call for call in calls if call[0] in ("dataset", "train") and "-o" in call):
         assert Path(config).name == config  # so that paths in files and in options are relative to the same folder
         given = load_yaml(repository / "examples" / "vehicles" / config)
@@ -115,7 +118,7 @@ def test_the_commands_of_the_results_find_their_files(repository: Path) -> None:
             assert {Path(file).parts[0] for source in sources for file in source.files} == {"cars", "envmaps"}
         else:
             assert train_config(data, config).dataset in made
-    assert made == {"dataset", "data-stretch"}
+    assert made == folders
 
 
 def first_column(text: str, header: str) -> set[str]:
