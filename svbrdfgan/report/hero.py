@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,22 +17,42 @@ from svbrdfgan.report.vehicles import choose_views
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-_GAP, _HEAD, _HEIGHT = 12, 40, 234
-_COLUMNS = {"geometry": 232, "truth": 350, "learned from pictures": 350, "layer painted": 232}
-"""Names and widths of the columns, in pixels."""
+WIDTH = 1200
+_GAP, _HEAD, _BYTES = 12, 40, 400_000
+_TITLES = ("geometry", "truth", "learned from pictures", "layer painted")
+_WIDTHS, _HEIGHT = (232, 350, 350, 232), 234
+_WIDTHS_OF_FIVE, _HEIGHT_OF_FIVE = (180, 270, 270, 180, 252), 180
+"""Of columns and rows, in pixels; the further column comes last."""
 
-WIDTH = sum(_COLUMNS.values()) + _GAP * (len(_COLUMNS) - 1)
-_BYTES = 400_000
+
+@dataclass(frozen=True, eq=False)
+class FurtherColumn:
+    """A column of pictures beside those that every run has.
+
+    Attributes:
+        picture: of an exemplar of the evaluated split, by its index.
+    """
+
+    title: str
+    picture: Callable[[int], Picture]
 
 
-def write_hero(run: Path, evaluated: Evaluated, path: Path, *, rows: int = 4) -> None:
+def write_hero(
+    run: Path, evaluated: Evaluated, path: Path, *, rows: int = 4, further: FurtherColumn | None = None
+) -> None:
     """Writes a PNG of 1200 pixels width and under 400 kB: for each of a few vehicles, a row from geometry to layer.
+
+    Args:
+        further: one more column.
 
     Raises:
         AssetError: it cannot be written.
     """
-    views = choose_views(evaluated.source.exemplars, rows)
-    sheet = _sheet([_row(evaluated, index) for index in views])
+    sheet_rows = []
+    for index in choose_views(evaluated.source.exemplars, rows):
+        more = (further.picture(index),) if further else ()
+        sheet_rows.append((*_row(evaluated, index), *more))
+    sheet = _sheet(sheet_rows, (*_TITLES, further.title) if further else _TITLES)
     with atomic_path(path) as temporary:
         temporary.write_bytes(_small_png(sheet))
 
@@ -50,17 +72,19 @@ def _row(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
     )
 
 
-def _sheet(rows: list[tuple[Picture, ...]]) -> Image:
+def _sheet(rows: list[tuple[Picture, ...]], titles: tuple[str, ...]) -> Image:
     """The rows of pictures beneath the names of the columns."""
     from PIL import Image as PillowImage
     from PIL import ImageDraw
 
-    sheet = PillowImage.new("RGB", (WIDTH, _HEAD + len(rows) * (_HEIGHT + _GAP) - _GAP), PAPER)
+    more = len(titles) > len(_TITLES)
+    widths, row_height = (_WIDTHS_OF_FIVE, _HEIGHT_OF_FIVE) if more else (_WIDTHS, _HEIGHT)
+    sheet = PillowImage.new("RGB", (WIDTH, _HEAD + len(rows) * (row_height + _GAP) - _GAP), PAPER)
     draw, letters, left = ImageDraw.Draw(sheet), font(18), 0
-    for column, (title, width) in enumerate(_COLUMNS.items()):
+    for column, (title, width) in enumerate(zip(titles, widths, strict=True)):
         draw.text((left + width / 2, _HEAD / 2), title, fill=INK, font=letters, anchor="mm")
         for number, row in enumerate(rows):
-            sheet.paste(cell(row[column], width, _HEIGHT), (left, _HEAD + number * (_HEIGHT + _GAP)))
+            sheet.paste(cell(row[column], width, row_height), (left, _HEAD + number * (row_height + _GAP)))
         left += width + _GAP
     return sheet
 

@@ -139,7 +139,9 @@ class TrainConfig(StrictModel):
         if self.rendering != "transport" and self.discriminator.sees == "reflectance":
             raise ValueError("discriminator.sees: reflectance needs rendering: transport, which knows the light")
         if self.spp_grad is not None and self.rendering == "transport":
-            raise ValueError("spp_grad needs rendering: fresh; with what is stored, the gradient is that of the picture's own samples")
+            raise ValueError(
+                "spp_grad needs rendering: fresh; stored light has a gradient on the picture's own samples"
+            )
         if self.batch_size % self.devices:
             raise ValueError(f"batch_size {self.batch_size} cannot be shared out among {self.devices} devices evenly")
         if self.loss.gradient_penalty and self.discriminator.norm == "instance":

@@ -115,9 +115,14 @@ def test_the_required_keys_are_required(tables: tuple[dict[str, str], dict[str, 
 
 def test_the_files_shown_are_valid(repository: Path) -> None:
     text = (repository / "docs" / "quickstart.md").read_text(encoding="utf-8")
-    dataset, train = (yaml.safe_load(block) for block in re.findall(r"^```yaml\n(.*?)^```", text, re.M | re.S))
+    blocks = [yaml.safe_load(block) for block in re.findall(r"^```yaml\n(.*?)^```", text, re.M | re.S)]
+    dataset, train, materials, train_materials = blocks
     assert set(validate(DatasetConfig, dataset, "dataset.yaml").splits) == {"train", "validation", "test"}
     assert train_config(train, "train.yaml").dataset == "data/cars"
+    whole = validate(DatasetConfig, {**dataset, **materials}, "dataset.yaml")
+    assert set(whole.maps) == {"roughness", "metallic", "normal"}
+    fakes = train_config(train_materials, "train.yaml")
+    assert fakes.hits >= fakes.spp == whole.spp  # else their noise would tell them from exemplars
 
 
 def _below(data: dict[str, Any], key: str) -> Any:

@@ -44,7 +44,7 @@ class PlainScenes:
 
     coverage: torch.Tensor
 
-    def scenes(self, indices: list[int], rng: np.random.Generator) -> PlainStage:
+    def scenes(self, indices: list[int], rng: np.random.Generator, visit: int = 0) -> PlainStage:
         count = len(indices)
         return PlainStage(self.coverage.expand(count, -1, -1), torch.zeros(count, HEIGHT, WIDTH, 6))
 

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
-from svbrdfgan.report.hero import write_hero
+from svbrdfgan.report.hero import FurtherColumn, write_hero
 
 
 @pytest.mark.parametrize(("names", "rows"), [(("a",), 1), (("a", "b", "c"), 3), (tuple("abcdefg"), 4)])
@@ -26,3 +27,19 @@ def test_truth_and_what_was_learned_differ(tmp_path: Path, evaluated) -> None:
     truth, learned = pixels[40:, 244:594], pixels[40:, 606:956]
     assert (truth[0] == learned[0]).all()  # the background
     assert np.abs(truth - learned).mean() > 1
+
+
+def test_a_further_column_is_the_last(tmp_path: Path, makers) -> None:
+    red = torch.tensor([1.0, 0.0, 0.0]).expand(16, 24, 3)
+    write_hero(
+        tmp_path,
+        makers.make_evaluated(("a", "b")),
+        tmp_path / "hero.png",
+        further=FurtherColumn("red", lambda index: red),
+    )
+    with Image.open(tmp_path / "hero.png") as image:
+        assert image.size == (1200, 40 + 2 * 192 - 12)
+        pixels = np.asarray(image.convert("RGB")).astype(int)
+    for middle in (130, 322):
+        assert (np.abs(pixels[middle, 960:1190] - (255, 0, 0)) < 20).all()
+        assert not (np.abs(pixels[middle, :930] - (255, 0, 0)) < 20).all(axis=-1).all()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import dataclass
+from functools import partial
 from importlib import resources
 from pathlib import Path
 
@@ -13,15 +14,20 @@ from svbrdfgan.data.generate import generate
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.evaluation.record import Evaluation
+from svbrdfgan.experiments.demo.gloss import PAINT, glossy_picture, matt_dirt, polished
 from svbrdfgan.inference.apply import paint
-from svbrdfgan.inference.export import write_weathered
-from svbrdfgan.io import load_mesh
-from svbrdfgan.report.hero import write_hero
+from svbrdfgan.inference.export import write_picture, write_weathered
+from svbrdfgan.io import load_environment, load_mesh
+from svbrdfgan.plugins.select import resolve_renderer
+from svbrdfgan.report.hero import FurtherColumn, write_hero
 from svbrdfgan.report.page import write_report
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.run import CONFIG, load_model
 from svbrdfgan.training.trainer import train
 from svbrdfgan.utils.display import Display
+
+_SPP = 16
+"""Samples per pixel of the vehicle's picture, which is large."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +35,8 @@ class DemoResult:
     """The evaluation, and the paths of what the demo made.
 
     Attributes:
-        vehicle: GLB of a vehicle of the test split, weathered by the trained generator.
+        vehicle: GLB of a vehicle of the test split, weathered by the trained generator, on glossy paint; a PNG of the
+            same name shows it from both sides.
     """
 
     evaluation: Evaluation
@@ -52,9 +59,14 @@ def run_demo(out: Path, display: Display) -> DemoResult:
     train(training, run, base=out, resume=(run / CONFIG).is_file(), display=display)
     evaluated = evaluate(run, split="test", schedule=OracleConfig(batch=training.batch_size), display=display)
     display.begin("writing the vehicle and the report")
+    renderer, _ = resolve_renderer(training.renderer, maps=PAINT)
     vehicle = out / "weathered_vehicle.glb"
-    subject, layer = paint(load_mesh(data / plan.meshes["test"][0].asset.path), load_model(run))
-    write_weathered(vehicle, subject, layer)
+    subject, learned = paint(load_mesh(data / plan.meshes["test"][0].asset.path), load_model(run))
+    subject, layer = polished(subject), matt_dirt(learned)
+    write_weathered(vehicle, subject, layer, PAINT)
+    sky = load_environment(data / plan.environments["test"][0].asset.path)
+    write_picture(vehicle.with_suffix(".png"), subject, layer, renderer, sky, PAINT, spp=_SPP)
     picture = out / "overview.png"
-    write_hero(run, evaluated, picture)
+    column = FurtherColumn("on glossy paint", partial(glossy_picture, evaluated, renderer))
+    write_hero(run, evaluated, picture, further=column)
     return DemoResult(evaluated.evaluation, vehicle, write_report(run, evaluated), picture)
