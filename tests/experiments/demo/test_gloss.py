@@ -13,7 +13,8 @@ from svbrdfgan.types import Material
 
 @pytest.fixture(scope="module")
 def subject() -> Subject:
-    return make_subject(build_vehicle(sample_vehicle("sedan", seed=3)), load_embedding("hemispherical"), 32, PartSelection())
+    mesh = build_vehicle(sample_vehicle("sedan", seed=3))
+    return make_subject(mesh, load_embedding("hemispherical"), 32, PartSelection())
 
 
 @pytest.fixture(scope="module")
