@@ -103,6 +103,7 @@ def test_other_cameras_are_told_without_transports_too(training: Training) -> No
     assert leaking(probe_shortcuts(fresh).report) == {"pose"}
 
 
+@pytest.mark.full
 def test_matched_scenes_of_gloss_come_out_at_chance(training: Training, glossy: Path) -> None:
     """Beside a light buffer that both sides share, so that its noise tells nothing either."""
     report = probe_shortcuts(training(dataset=str(glossy), rendering="fresh", guide=True, light=True)).report
@@ -112,6 +113,7 @@ def test_matched_scenes_of_gloss_come_out_at_chance(training: Training, glossy: 
     assert tried(report) == set()
 
 
+@pytest.mark.full
 def test_the_probe_shows_the_buffers_that_training_shows(
     training: Training, glossy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
