@@ -29,7 +29,7 @@ MAPS = ("roughness", "metallic", "normal")
 BARE = torch.zeros(1, 9)
 DRAWS = 16
 NOISE = 0.02
-"""The standard deviation of the resemblance of sets of true draws is less, and faults of one set have much in common."""
+"""The standard deviation of the resemblance of sets of true draws is less; the faults of one set share its luck."""
 TARGETS = {"frozen": 0.3, "moved": 0.5, "shuffled": 0.6, "amount": 0.7, "blurred": 0.8}
 """What the resemblance of each fault may be at most: one frozen draw, patches moved by a quarter of the texture, all
 further maps of another draw, amounts off by 0.3, and blur by 2 texels."""
@@ -120,7 +120,7 @@ def synthetic(size: int = 64, vehicles: int = 2) -> World:
 
     def paint(vehicle: int, seed: int, amount: float) -> Tensor:
         places = torch.sin((7 + vehicle) * rows) + torch.cos(9 * cols + vehicle)
-        potential = 0.15 * noise(seed) + places + 3.0 * (amount - 0.7)
+        potential = 0.3 * noise(seed) + places + 3.0 * (amount - 0.7)
         alpha = torch.sigmoid(8.0 * potential) * min(1.0, 4.0 * amount)
         metal = torch.exp(-((4.0 * potential) ** 2))
         down, right = torch.gradient(0.5 * alpha)
