@@ -171,7 +171,8 @@ def test_the_verdict_names_the_map(run: Path) -> None:
 def test_the_model_is_chosen_by_the_mean_of_its_maps(run: Path) -> None:
     log = [json.loads(line) for line in (run / "log.jsonl").read_text().splitlines()]
     (scored,) = [line for line in log if "recovered" in line]
-    assert scored["recovered"] == pytest.approx((scored["recovered_base_color"] + scored["recovered_roughness"]) / 2)
+    maps = [max(scored[f"recovered_{name}"], -1.0) for name in ("base_color", "roughness")]
+    assert scored["recovered"] == pytest.approx(sum(maps) / 2)
     assert load_model(run).score == pytest.approx(scored["recovered"])
 
 
@@ -183,8 +184,8 @@ def test_a_stored_scene_renders_again(folder: Path, tmp_path: Path) -> None:
     torch.testing.assert_close(load_image(tmp_path / "again.exr"), stored, rtol=2e-3, atol=2e-3)
 
 
-def test_stored_transport_is_refused(settings: Settings, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"paint roughness too: set rendering: fresh") as caught:
+def test_a_renderer_that_stores_no_light_is_refused(settings: Settings, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"NumpyRenderer does not: set rendering: fresh or choose") as caught:
         train(settings(rendering="transport"), tmp_path / "run")
     assert len(str(caught.value).splitlines()) == 1
 

@@ -47,7 +47,7 @@ def glossy_dataset(built_once: Any, dataset_data: Data) -> Path:
         data = dataset_data(maps=MAPS, renderer=WARP, spp=256)
         generate(validate(DatasetConfig, data, "glossy"), folder / "dataset", base=Path())
 
-    return Path(built_once("glossy", fill)) / "dataset"
+    return Path(built_once("tiny, of all maps", fill)) / "dataset"
 
 
 @pytest.fixture(scope="session")

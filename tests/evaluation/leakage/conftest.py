@@ -51,7 +51,7 @@ def glossy(built_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
     """The same boxes of all materials between matt paint and polished metal. Nothing may be added to it."""
     pytest.importorskip("warp", reason="the warp renderer needs warp-lang")
     gloss = {"roughness": {"uniform": [0.2, 0.6]}, "metallic": {"uniform": [0.0, 1.0]}, "normal": 0}
-    return built_once("glossy", partial(fill_with_boxes, BOXES | {"maps": gloss})) / "dataset"
+    return built_once("glossy boxes", partial(fill_with_boxes, BOXES | {"maps": gloss})) / "dataset"
 
 
 def fill_with_boxes(data: dict[str, Any], base: Path) -> None:
