@@ -157,7 +157,7 @@ def _kept(
     index = chosen.flatten().nonzero().squeeze(1)
     return Hits(
         start=torch.nn.functional.pad(count.cumsum(dim=0), (1, 0)).int(),
-        weight=found.squeeze(1) / (chunk.spp * count.clamp(min=1)),
+        weight=found.squeeze(1).float() / (chunk.spp * count.clamp(min=1)),
         pixel=(index // chunk.spp + chunk.first).int(),
         face=face[index],
         at=at[index],

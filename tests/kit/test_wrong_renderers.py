@@ -42,7 +42,7 @@ NEIGHBOURS = (
 class WithoutChance(Right):
     """A right renderer that takes the same samples each time, so many that chance is small."""
 
-    claims = MappingProxyType({"stochastic": False, "transport": False})
+    claims = MappingProxyType({"stochastic": False, "transport": False, "deferred": False})
 
     def asked(self, call: Call) -> Call:
         return replace(call, seed=0, spp=8 * call.spp)
