@@ -17,7 +17,7 @@ from svbrdfgan_warp import alpha_kernels, bsdf, bvh_kernels, emitter, rng
 from svbrdfgan_warp.alpha_kernels import AlphaMaps
 from svbrdfgan_warp.frame import Frame, TangentSpace, bent_normal, bent_normal_vjp, corners_of, frame_at
 from svbrdfgan_warp.material_kernels import shadow_start
-from svbrdfgan_warp.texture_kernels import texel_index
+from svbrdfgan_warp.texture_kernels import bilinear_taps
 from svbrdfgan_warp.trace_kernels import Geometry
 
 wp.set_module_options({"enable_backward": False})
@@ -85,20 +85,11 @@ class Mapped:
 @wp.func
 def lookup(view: StoredView, first_texture: int, textures: Textures, frame: Frame):
     """The texels that a hit looks up."""
-    x = frame.uv[0] * float(textures.cols) - 0.5
-    y = frame.uv[1] * float(textures.rows) - 0.5
-    col = int(wp.floor(x))
-    row = int(wp.floor(y))
-    a = x - float(col)
-    b = y - float(row)
-    left = texel_index(col, textures.cols, view.repeat_u)
-    right = texel_index(col + 1, textures.cols, view.repeat_u)
-    first = (first_texture + view.texture[frame.part]) * textures.rows
-    below = (first + texel_index(row, textures.rows, view.repeat_v)) * textures.cols
-    above = (first + texel_index(row + 1, textures.rows, view.repeat_v)) * textures.cols
+    first = (first_texture + view.texture[frame.part]) * textures.rows * textures.cols
+    texel, weight = bilinear_taps(first, textures.rows, textures.cols, view.repeat_u, view.repeat_v, frame.uv)
     found = Lookup()
-    found.texel = wp.vec4i(below + left, below + right, above + left, above + right) * textures.channels
-    found.weight = wp.vec4((1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b)
+    found.texel = texel * textures.channels
+    found.weight = weight
     return found
 
 
@@ -260,22 +251,29 @@ def trace_rays(
 
 
 @wp.func
-def sample_position(view: StoredView, hit: int, ray: wp.vec2, technique: int, visit: int):
-    """The position in the environment of a hit's light sample (0) or of its ray (1); x is -1 in shadow."""
-    if technique == 1:
-        return ray
-    light = view.light[hit]
-    if light == SHADOWED:
-        return wp.vec2(-1.0, 0.0)
-    return light_position(view, hit, light, last_drawn(hit, visit))
+def incoming(
+    view: StoredView, material: bsdf.SurfaceMaterial, frame: Frame, hit: int, ray: wp.vec2, technique: int, visit: int
+):
+    """The direction of a hit's light sample (0) or of its ray (1), the radiance from there, and its factor.
 
-
-@wp.func
-def sample_factor(view: StoredView, material: bsdf.SurfaceMaterial, frame: Frame, at: wp.vec2, d: wp.vec3):
-    """One over the summed densities of both directions (balance heuristic); 0 where no light counts."""
-    if wp.dot(material.normal, d) <= 0.0 or wp.dot(frame.normal, d) <= 0.0:
-        return 0.0
-    return 1.0 / (emitter.density(view.environment, at, d) + bsdf.density(material, frame.outgoing, d))
+    The factor is one over the summed densities of both (balance heuristic), and 0 where no light counts.
+    """
+    at = ray
+    if technique == 0:
+        at = wp.vec2(-1.0, 0.0)
+        light = view.light[hit]
+        if light != SHADOWED:
+            at = light_position(view, hit, light, last_drawn(hit, visit))
+    d = wp.vec3(0.0)
+    radiance = wp.vec3(0.0)
+    factor = float(0.0)  # noqa: UP018
+    if at[0] >= 0.0:
+        d = emitter.direction(view.environment, at)
+        if wp.dot(material.normal, d) > 0.0 and wp.dot(frame.normal, d) > 0.0:
+            radiance = emitter.radiance(view.environment, at)
+            density = emitter.density(view.environment, at, d) + bsdf.density(material, frame.outgoing, d)
+            factor = 1.0 / density
+    return d, radiance, factor
 
 
 @wp.kernel
@@ -300,13 +298,9 @@ def shade(
     material.base_color = vector_at(textures, found, 0)
     total = wp.vec3(0.0)
     for technique in range(2):
-        at = sample_position(view, hit, rays[places[number][0] + hit], technique, visit)
-        if at[0] >= 0.0:
-            d = emitter.direction(view.environment, at)
-            factor = sample_factor(view, material, frame, at, d)
-            if factor > 0.0:
-                value = bsdf.value(material, frame.outgoing, d)
-                total += wp.cw_mul(value, emitter.radiance(view.environment, at)) * factor
+        d, light, factor = incoming(view, material, frame, hit, rays[places[number][0] + hit], technique, visit)
+        if factor > 0.0:
+            total += wp.cw_mul(bsdf.value(material, frame.outgoing, d), light) * factor
     radiance[places[number][0] + hit] = total
 
 
@@ -354,17 +348,13 @@ def shade_vjp(
     material.base_color = vector_at(textures, found, 0)
     total = bsdf.MaterialGradient()
     for technique in range(2):
-        at = sample_position(view, hit, rays[places[number][0] + hit], technique, visit)
-        if at[0] >= 0.0:
-            d = emitter.direction(view.environment, at)
-            factor = sample_factor(view, material, frame, at, d)
-            if factor > 0.0:
-                weight = wp.cw_mul(grad, emitter.radiance(view.environment, at)) * factor
-                one = bsdf.value_vjp(material, frame.outgoing, d, weight)
-                total.normal += one.normal
-                total.base_color += one.base_color
-                total.metallic += one.metallic
-                total.alpha2 += one.alpha2
+        d, light, factor = incoming(view, material, frame, hit, rays[places[number][0] + hit], technique, visit)
+        if factor > 0.0:
+            one = bsdf.value_vjp(material, frame.outgoing, d, wp.cw_mul(grad, light) * factor)
+            total.normal += one.normal
+            total.base_color += one.base_color
+            total.metallic += one.metallic
+            total.alpha2 += one.alpha2
     roughness = total.alpha2 * bsdf.alpha2_slope(mapped.roughness)
     metallic = wp.where(mapped.metallic >= 0.0 and mapped.metallic <= 1.0, total.metallic, 0.0)
     normal = wp.vec3(0.0)

@@ -36,21 +36,27 @@ def texel_index(i: int, n: int, repeat: bool):
 
 
 @wp.func
-def taps(atlas: Atlas, part: int, uv: wp.vec2):
-    """The four texels around `uv` and their bilinear weights."""
-    layout = atlas.layout[part]
-    x = uv[0] * float(layout[2]) - 0.5
-    y = uv[1] * float(layout[1]) - 0.5
+def bilinear_taps(first: int, rows: int, cols: int, repeat_u: bool, repeat_v: bool, uv: wp.vec2):
+    """The four texels around `uv` of a texture whose first texel is `first`, and their bilinear weights."""
+    x = uv[0] * float(cols) - 0.5
+    y = uv[1] * float(rows) - 0.5
     col = int(wp.floor(x))
     row = int(wp.floor(y))
     a = x - float(col)
     b = y - float(row)
-    left = texel_index(col, layout[2], atlas.repeat_u)
-    right = texel_index(col + 1, layout[2], atlas.repeat_u)
-    below = layout[0] + texel_index(row, layout[1], atlas.repeat_v) * layout[2]
-    above = layout[0] + texel_index(row + 1, layout[1], atlas.repeat_v) * layout[2]
+    left = texel_index(col, cols, repeat_u)
+    right = texel_index(col + 1, cols, repeat_u)
+    below = first + texel_index(row, rows, repeat_v) * cols
+    above = first + texel_index(row + 1, rows, repeat_v) * cols
     texels = wp.vec4i(below + left, below + right, above + left, above + right)
     return texels, wp.vec4((1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b)
+
+
+@wp.func
+def taps(atlas: Atlas, part: int, uv: wp.vec2):
+    """The four texels around `uv` of a part's texture, and their bilinear weights."""
+    layout = atlas.layout[part]
+    return bilinear_taps(layout[0], layout[1], layout[2], atlas.repeat_u, atlas.repeat_v, uv)
 
 
 @wp.func
