@@ -17,8 +17,8 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.io.image import luminance
 from svbrdfgan.metrics.map_errors import tilted
 from svbrdfgan.protocols import Renderer
-from svbrdfgan.training.scenes import of_outermost_parts
-from svbrdfgan.types import Material, Materials, View
+from svbrdfgan.training.scenes import seen_in_gradient
+from svbrdfgan.types import Material, Materials
 
 CHANGE, DEGREES, VISIBLE = 0.1, 10.0, 0.02
 """How far a map is changed, how far a normal is tilted, and the share of its luminance by which a pixel must change."""
@@ -53,11 +53,12 @@ class Observation:
 
     def _of_view(self, index: int, prepared: Any) -> dict[str, Bool[Tensor, "rows cols"]]:
         exemplars, scene = self.exemplars, self.exemplars.scenes[index]
+        spp = _SAMPLES * scene.spp
         subject, view = exemplars.subject(index), exemplars.loader.view(scene)
         true = subject.materials(scene.materials, exemplars.layers[index], scene.maps)
 
         def brightness(materials: Materials) -> Tensor:
-            picture = self.renderer.render(prepared, materials, view, spp=_SAMPLES * scene.spp, seed=scene.seed)
+            picture = self.renderer.render(prepared, materials, view, spp=spp, seed=scene.seed)
             return luminance(picture.image.cpu())
 
         found, before = {}, brightness(true)
@@ -65,26 +66,8 @@ class Observation:
             changed = torch.zeros_like(before, dtype=torch.bool)
             for materials in _changes(true, name, subject.learnable):
                 changed |= (brightness(materials) - before).abs() > VISIBLE * before
-            found[name] = self._shown(index, prepared, view, changed)
+            found[name] = seen_in_gradient(exemplars, index, self.renderer, prepared, spp, changed) > 0
         return found
-
-    def _shown(
-        self, index: int, prepared: Any, view: View, pixels: Bool[Tensor, "height width"]
-    ) -> Bool[Tensor, "rows cols"]:
-        """The texels of the outermost learnable surface that these pixels show: those with a gradient from them."""
-        scene, subject = self.exemplars.scenes[index], self.exemplars.subject(index)
-        grey = torch.full((*subject.buffer.part.shape, 4), 0.5)
-        gradients = self.renderer.render_vjp(
-            prepared,
-            subject.materials(scene.materials, grey),
-            view,
-            pixels.float().unsqueeze(-1).expand(-1, -1, 3).contiguous(),
-            wrt=frozenset({"base_color"}),
-            spp=_SAMPLES * scene.spp,
-            seed=scene.seed,
-        )
-        shown = [gradients.materials[part]["base_color"].abs().sum(dim=-1).cpu() for part in subject.learnable]
-        return of_outermost_parts(self.exemplars, index, torch.stack(shown)) > 0
 
 
 def _changes(materials: Materials, name: str, learnable: tuple[int, ...]) -> Iterator[Materials]:

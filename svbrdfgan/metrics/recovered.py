@@ -233,13 +233,18 @@ class Scorer:
         }
 
     def score(self, layers: Float[Tensor, "subjects rows cols channels"]) -> float:
-        """The mean of what layers recovered of each map, by which models are chosen.
+        """`mean_over_maps` of what layers recovered of each map, by which models are chosen."""
+        return mean_over_maps(self.each_recovered_by(layers))
 
-        Of several maps, each counts as -1 at least: where a map is nearly constant, small errors are large beside the
-        constant's, and would decide alone.
-        """
-        found = [value for value in self.each_recovered_by(layers).values() if value is not None]
-        return found[0] if len(found) == 1 else sum(max(value, _LEAST_SCORE) for value in found) / len(found)
+
+def mean_over_maps(recovered: Mapping[str, float | None]) -> float:
+    """The mean of what was recovered of each map that has a score.
+
+    Of several maps, each counts as -1 at least: where a map is nearly constant, small errors are large beside the
+    constant's, and would decide alone.
+    """
+    found = [value for value in recovered.values() if value is not None]
+    return found[0] if len(found) == 1 else sum(max(value, _LEAST_SCORE) for value in found) / len(found)
 
 
 def _constant_errors(

@@ -50,6 +50,13 @@ class Subject:
         """Texels whose outermost surface belongs to a learnable part."""
         return torch.isin(self.buffer.part, torch.tensor(self.learnable, dtype=self.buffer.part.dtype))
 
+    @cached_property
+    def with_hidden_halves(self) -> frozenset[int]:
+        """The learnable parts, and what hidden layers were cut off them."""
+        names = [self.surface.parts[part].name for part in self.learnable]
+        own = {*names, *(f"{name} (hidden)" for name in names)}
+        return frozenset(number for number, part in enumerate(self.surface.parts) if part.name in own)
+
     def overlooked(self) -> list[str]:
         """A warning for each part that its name keeps clean, but that is larger than all learnable parts."""
         areas = torch.zeros(len(self.surface.parts), dtype=self.buffer.area.dtype)
@@ -89,12 +96,10 @@ class Subject:
             AssetError: the layer has channels for other maps.
         """
         device, maps = None if layer is None else layer.device, maps or {}
-        names = [self.surface.parts[part].name for part in self.learnable]
-        own = {*names, *(f"{name} (hidden)" for name in names)}
         made = []
         for part, color in enumerate(self.base_colors(override)):
             further = self._of_file(part, maps)
-            if self.surface.parts[part].name in own:
+            if part in self.with_hidden_halves:
                 declared = {name: value for name, value in maps.items() if value is not None}
                 further = bare_maps({name: BARE[name] for name in maps}) | further | bare_maps(declared)
             base = {name: values.to(device) for name, values in {"base_color": color, **further}.items()}

@@ -107,8 +107,12 @@ def make_batch_source(
     own_scenes, order = _own_scenes(run.config, fake_scenes), _by_subject(exemplars)
     demodulated = discriminator.sees == "reflectance"
     fake_scenes.build(order, progress)
-    if own_scenes is not fake_scenes and (demodulated or discriminator.guide):
-        own_scenes.build(order, progress)
+    if (
+        isinstance(own_scenes, CachedRendering)
+        and own_scenes is not fake_scenes
+        and (demodulated or discriminator.guide)
+    ):
+        own_scenes.build(order, progress)  # into files; what others trace is looked at once, for the buffers below
     buffers = own_buffers(discriminator, own_scenes, range(len(exemplars)))
     on_device = (None if buffer is None else buffer.to(device) for buffer in buffers)
     real = ImageBatch(exemplars.images.to(device), exemplars.coverage.to(device), *on_device)

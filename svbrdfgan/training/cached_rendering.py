@@ -25,11 +25,18 @@ from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.demodulation import Demodulator
 from svbrdfgan.training.perturb import Perturbation
-from svbrdfgan.training.scenes import Coverage, Images, Layers, SceneBatch, of_outermost_parts, prepared_surface
+from svbrdfgan.training.scenes import (
+    Coverage,
+    Images,
+    Layers,
+    SceneBatch,
+    SceneKey,
+    chosen_scenes,
+    of_outermost_parts,
+    prepared_surface,
+    with_progress,
+)
 from svbrdfgan.utils.copy_async import copy_async
-
-_Key = tuple[int, int]
-"""The index of an exemplar, and of one of the scenes that are stored for it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +104,9 @@ class CachedRendering:
     device: torch.device
     seed: int = 0
     options: Mapping[str, object] = field(default_factory=dict)
-    _cache: MutableMapping[_Key, LightTransport] = field(default_factory=MemoryCache)
-    _pending: dict[_Key, PendingTransport] = field(default_factory=dict)
-    _paths: dict[_Key, Path] = field(default_factory=dict)
+    _cache: MutableMapping[SceneKey, LightTransport] = field(default_factory=MemoryCache)
+    _pending: dict[SceneKey, PendingTransport] = field(default_factory=dict)
+    _paths: dict[SceneKey, Path] = field(default_factory=dict)
     _prepared: dict[int, Any] = field(default_factory=dict)
     _bases: dict[int, list[Tensor]] = field(default_factory=dict)
 
@@ -112,11 +119,9 @@ class CachedRendering:
 
     def build(self, indices: Iterable[int], progress: Callable[[int], None] | None = None) -> None:
         """Traces scenes that are not stored yet, and reads all files once, to find damaged ones before training."""
-        for index in indices:
+        for index in with_progress(indices, progress):
             for variant in range(self.pool):
                 self._stored((index, variant))
-            if progress is not None:
-                progress(1)
 
     def scenes(self, indices: Sequence[int], rng: np.random.Generator, visit: int = 0) -> CachedSceneBatch:
         """A scene for each of these exemplars. `rng` chooses it from the pool, or draws it where there is no pool.
@@ -124,7 +129,7 @@ class CachedRendering:
         `visit` changes nothing: gradients of stored transport are exact, and its noise is that of few exemplars.
         """
         if self.pool:
-            transports = [self._stored(key) for key in self._chosen(indices, rng)]
+            transports = [self._stored(key) for key in chosen_scenes(indices, rng, self.pool)]
         else:
             transports = [self._trace(index, self._scene(index, rng)).to(self.device) for index in indices]
         return CachedSceneBatch(TransportBatch.stack(transports), self._base(indices))
@@ -148,7 +153,7 @@ class CachedRendering:
         """
         if not self.pool:
             return
-        for key in self._chosen(indices, rng):
+        for key in chosen_scenes(indices, rng, self.pool):
             if key in self._paths and key not in self._pending and self._cache.get(key) is None:
                 self._pending[key] = self._reader.read(self._paths[key])
 
@@ -166,11 +171,7 @@ class CachedRendering:
     def _scene(self, index: int, rng: np.random.Generator) -> Scene:
         return self.perturbation.scene(self.exemplars.scenes[index], index, rng)
 
-    def _chosen(self, indices: Sequence[int], rng: np.random.Generator) -> list[_Key]:
-        """The stored scene chosen for each exemplar."""
-        return [(index, int(rng.integers(self.pool))) for index in indices]
-
-    def _stored(self, key: _Key) -> LightTransport:
+    def _stored(self, key: SceneKey) -> LightTransport:
         found = self._cache.get(key)
         if found is None:
             pending = self._pending.pop(key, None)
@@ -178,7 +179,7 @@ class CachedRendering:
             self._cache[key] = found
         return found
 
-    def _file(self, key: _Key) -> Path:
+    def _file(self, key: SceneKey) -> Path:
         """The file of a scene's transport. It traces the scene if the file is not there."""
         if key not in self._paths:
             index, variant = key

@@ -22,13 +22,19 @@ from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.reference_pictures import ReferencePictures
-from svbrdfgan.training.scenes import Coverage, Images, Layers, prepared_surface, seen_in_gradient
+from svbrdfgan.training.scenes import (
+    Coverage,
+    Images,
+    Layers,
+    SceneKey,
+    chosen_scenes,
+    prepared_surface,
+    seen_in_gradient,
+    with_progress,
+)
 from svbrdfgan.types import Material, Materials
 from svbrdfgan.types.material import CHANNELS
 from svbrdfgan.utils.copy_async import copy_async
-
-_Key = tuple[int, int]
-"""The index of an exemplar, and of one of the scenes that are stored for it."""
 
 _BLACK = (0.0, 0.0, 0.0)
 
@@ -142,7 +148,7 @@ class DeferredRendering:
     device: torch.device
     seed: int = 0
     shows_light: bool = False
-    _cache: MutableMapping[_Key, DeferredScene] = field(default_factory=lambda: MemoryCache(share=0.5))
+    _cache: MutableMapping[SceneKey, DeferredScene] = field(default_factory=lambda: MemoryCache(share=0.5))
     _prepared: dict[int, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -159,16 +165,14 @@ class DeferredRendering:
 
     def build(self, indices: Iterable[int], progress: Callable[[int], None] | None = None) -> None:
         """Stores the light of scenes that are not stored yet, as far as memory holds it."""
-        for index in indices:
+        for index in with_progress(indices, progress):
             for variant in range(self.pool):
                 self._stored((index, variant))
-            if progress is not None:
-                progress(1)
 
     def scenes(self, indices: Sequence[int], rng: np.random.Generator, visit: int = 0) -> DeferredSceneBatch:
         """A scene for each of these exemplars. `rng` chooses it from the pool, or draws it where there is no pool."""
         if self.pool:
-            scenes = [self._stored((index, int(rng.integers(self.pool)))) for index in indices]
+            scenes = [self._stored(key) for key in chosen_scenes(indices, rng, self.pool)]
         else:
             scenes = [
                 self._trace(index, self.perturbation.scene(self.exemplars.scenes[index], index, rng))
@@ -180,7 +184,10 @@ class DeferredRendering:
 
     def in_scenes(self, config: ScenesConfig, spp: int) -> DeferredRendering:
         """The same exemplars in otherwise perturbed scenes, one for each; they are looked at once, and not kept."""
-        perturbation, forgetful = Perturbation(config, self.perturbation.sampler), MemoryCache[_Key, DeferredScene](0)
+        perturbation, forgetful = (
+            Perturbation(config, self.perturbation.sampler),
+            MemoryCache[SceneKey, DeferredScene](0),
+        )
         return replace(self, perturbation=perturbation, spp=spp, pool=1, _cache=forgetful)
 
     def prefetch(self, indices: Sequence[int], rng: np.random.Generator) -> None:
@@ -199,7 +206,7 @@ class DeferredRendering:
         prepared = prepared_surface(self.exemplars, index, self.renderer, self._prepared)
         return seen_in_gradient(self.exemplars, index, self.renderer, prepared, self.spp)
 
-    def _stored(self, key: _Key) -> DeferredScene:
+    def _stored(self, key: SceneKey) -> DeferredScene:
         found = self._cache.get(key)
         if found is None:
             index, variant = key

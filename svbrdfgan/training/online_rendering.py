@@ -17,7 +17,7 @@ from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.reference_pictures import ReferencePictures
-from svbrdfgan.training.scenes import Coverage, Images, Layers, prepared_surface, seen_in_gradient
+from svbrdfgan.training.scenes import Coverage, Images, Layers, prepared_surface, seen_in_gradient, with_progress
 from svbrdfgan.types import Rendering
 
 
@@ -75,10 +75,8 @@ class OnlineRendering:
 
     def build(self, indices: Iterable[int], progress: Callable[[int], None] | None = None) -> None:
         """Prepares the surfaces of these exemplars."""
-        for index in indices:
+        for index in with_progress(indices, progress):
             self._surface(index)
-            if progress is not None:
-                progress(1)
 
     def scenes(self, indices: Sequence[int], rng: np.random.Generator, visit: int = 0) -> OnlineSceneBatch:
         """A scene for each of these exemplars; `visit` changes nothing."""

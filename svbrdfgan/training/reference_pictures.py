@@ -78,11 +78,9 @@ class ReferencePictures:
         depends on geometry, camera and light, and not on the material of the learnable parts.
         """
         others = self.subject.materials(self.scene.materials, None, self.scene.maps).parts
-        names = [self.subject.surface.parts[part].name for part in self.subject.learnable]
-        own = {*names, *(f"{name} (hidden)" for name in names)}
-        painted = [part.name in own for part in self.subject.surface.parts]
+        painted = self.subject.with_hidden_halves
         images = [
-            self._render([white if mine else other for mine, other in zip(painted, others, strict=True)]).image
+            self._render([white if part in painted else other for part, other in enumerate(others)]).image
             for white in REFERENCES.values()
         ]
         return torch.cat(images, dim=-1).clamp(max=BRIGHTEST).half()

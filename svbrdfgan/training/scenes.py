@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Protocol
 
+import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
@@ -15,6 +17,10 @@ from svbrdfgan.rendering.compositing import RGBA
 Layers = Float[Tensor, "batch rows cols channels"]
 Images = Float[Tensor, "batch height width 3"]
 Coverage = Float[Tensor, "batch height width"]
+
+
+SceneKey = tuple[int, int]
+"""The index of an exemplar, and of one of the scenes that are stored for it."""
 
 
 class SceneBatch(Protocol):
@@ -38,6 +44,19 @@ class SceneBatch(Protocol):
         ...
 
 
+def with_progress(indices: Iterable[int], progress: Callable[[int], None] | None) -> Iterator[int]:
+    """The indices; after each is dealt with, `progress` is told of one more."""
+    for index in indices:
+        yield index
+        if progress is not None:
+            progress(1)
+
+
+def chosen_scenes(indices: Sequence[int], rng: np.random.Generator, pool: int) -> list[SceneKey]:
+    """One of the `pool` stored scenes for each exemplar."""
+    return [(index, int(rng.integers(pool))) for index in indices]
+
+
 def prepared_surface(exemplars: Exemplars, index: int, renderer: Renderer[Any], prepared: dict[int, Any]) -> Any:
     """An exemplar's surface as its renderer prepared it; `prepared` keeps it, by subject, for the next call."""
     number = int(exemplars.subject_of[index])
@@ -47,17 +66,27 @@ def prepared_surface(exemplars: Exemplars, index: int, renderer: Renderer[Any], 
 
 
 def seen_in_gradient(
-    exemplars: Exemplars, index: int, renderer: Renderer[Any], prepared: Any, spp: int
+    exemplars: Exemplars,
+    index: int,
+    renderer: Renderer[Any],
+    prepared: Any,
+    spp: int,
+    pixels: Bool[Tensor, "height width"] | None = None,
 ) -> Float[Tensor, "rows cols"]:
-    """Positive at texels that an exemplar's picture shows of the outermost learnable surface; from its gradient."""
+    """Positive at texels that an exemplar's picture shows of the outermost learnable surface; from its gradient.
+
+    Args:
+        pixels: what counts of the picture; None stands for all of it.
+    """
     scene, subject = exemplars.scenes[index], exemplars.subject(index)
     white = torch.full((*subject.buffer.part.shape, RGBA), 0.5, device=renderer.device)
     view = exemplars.loader.view(scene)
+    counted = torch.ones(view.height, view.width) if pixels is None else pixels.float()
     gradients = renderer.render_vjp(
         prepared,
         subject.materials(scene.materials, white),
         view,
-        torch.ones(view.height, view.width, 3, device=renderer.device),
+        counted.unsqueeze(-1).repeat(1, 1, 3).to(renderer.device),
         wrt=frozenset({"base_color"}),
         spp=spp,
         seed=scene.seed,

@@ -17,7 +17,7 @@ from lightning_fabric import Fabric
 from svbrdfgan.data.gather import INDEX
 from svbrdfgan.errors import ConfigError, TrainingError
 from svbrdfgan.metrics.constant import constant_layers
-from svbrdfgan.metrics.recovered import Scorer
+from svbrdfgan.metrics.recovered import Scorer, mean_over_maps
 from svbrdfgan.plugins import RENDERERS, find_plugin
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import layer_channels
@@ -233,13 +233,13 @@ def _score(session: _Session, state: State) -> None:
         return
     with session.fabric.autocast():
         layers = session.scorer.layers(state.averaged)
-    score = session.scorer.score(layers)
+    each = session.scorer.each_recovered_by(layers)
+    score = mean_over_maps(each)
     if not math.isfinite(score):
         raise _not_finite(session, state)
     session.metrics_log.add_image(state.step, "learned above truth", session.scorer.picture(layers))
     state.history.append({"step": state.step, "seconds": state.seconds, "recovered": score})
-    each = session.scorer.each_recovered_by(layers) if len(session.scorer.constant_errors) > 1 else {}
-    by_map = {f"recovered_{name}": value for name, value in each.items() if value is not None}
+    by_map = {f"recovered_{name}": value for name, value in each.items() if value is not None and len(each) > 1}
     session.metrics_log.write(state.step, {"recovered": score, **by_map, "seconds": state.seconds})
     if score > state.best[0]:
         state.best = (score, state.step)

@@ -1,12 +1,12 @@
-"""Functions of single points, evaluated block by block: in the processor's cache, and on all of its cores."""
+"""Functions of single points, evaluated block by block: in the processor's cache, and on as many threads as torch has."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+import torch
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -26,6 +26,6 @@ def by_blocks(function: Callable[..., Float[ndarray, " _"]], *arrays: ndarray) -
         rows = slice(start, start + BLOCK)
         result[rows] = function(*(array[rows] for array in arrays))
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
         list(pool.map(fill, range(0, count, BLOCK)))
     return result

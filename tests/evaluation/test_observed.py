@@ -45,6 +45,7 @@ class Blind:
     renderer: Any
     name: str
     flat: tuple[float, ...]
+    device = torch.device("cpu")
 
     def prepare(self, surface: Any) -> Any:
         return self.renderer.prepare(surface)
