@@ -1,4 +1,4 @@
-"""Functions of single points, evaluated block by block: in the processor's cache, and on as many threads as torch has."""
+"""Functions of single points, evaluated by blocks: in the processor's cache, on as many threads as torch has."""
 
 from __future__ import annotations
 

@@ -42,6 +42,16 @@ def test_normals_tilt_to_all_sides_and_are_flat_at_first(channels: int) -> None:
     assert painted[..., :-3].min() >= 0.0
 
 
+def test_training_starts_with_normals_that_lean_by_a_few_degrees() -> None:
+    """Relief leans by a few, too; the raw output would by more than twenty."""
+    generator = Generator(width=16, blocks=2, channels=9)
+    initialise(generator, torch.Generator().manual_seed(0))
+    with torch.no_grad():
+        normal = generator(torch.randn(2, 6, 32, 32))[..., -3:]
+    lean = torch.atan2(normal[..., :2].norm(dim=-1), normal[..., 2]).mean().rad2deg()
+    assert 0.1 < lean < 8.0
+
+
 def test_thesis_generator() -> None:
     generator = Generator(upsampling="strided")
     assert sum(isinstance(m, ResidualBlock) for m in generator.modules()) == 6
