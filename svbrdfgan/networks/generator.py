@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import repeat
 from typing import Literal
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from svbrdfgan.networks.fused import Features, NormActPad, norm_act_pad
 from svbrdfgan.networks.layers import Norm, make_norm
+from svbrdfgan.networks.modulation import Affine, Modulation
+from svbrdfgan.networks.random_fields import random_fields, random_numbers
 from svbrdfgan.rendering.compositing import RGBA, layer_channels, layer_maps
 
 GEOMETRY_CHANNELS = 6
@@ -21,6 +25,9 @@ _TILT = 0.25
 """What x and y of normals are multiplied by before their range. With 1 training starts with normals that lean by tens
 of degrees, where relief leans by a few, and they take long to come back."""
 
+_NUMBERS = 16
+"""Random numbers of a seed that modulate the features: what distinguishes draws as wholes, where fields do locally."""
+
 Upsampling = Literal["nearest", "strided"]
 Residual = Float[Tensor, "batch channels rows cols"] | None
 
@@ -30,6 +37,9 @@ class Generator(nn.Module):
 
     It has one 7x7 convolution, two strided ones, residual blocks, two upsampling convolutions and one 7x7.
 
+    With chance, a layer is a function of the geometry and a seed: random fields of object space are read beside the
+    geometry, and random numbers modulate the features. Labels of the layer modulate them, too.
+
     Args:
         width: channels after the first convolution; the blocks have four times as many. The thesis uses 64.
         blocks: residual blocks; the thesis uses six.
@@ -37,6 +47,8 @@ class Generator(nn.Module):
         upsampling: "strided" is the thesis's transposed convolution, which leaves a checkerboard of period four in
             the layer; "nearest" doubles the features and convolves (Odena et al. 2016), which does not.
         channels: of the layer: RGBA, then those of further maps (`layer_channels`).
+        chance: random fields (`random_fields`), one for each octave; 0 leaves out all chance.
+        labels: numbers that say which layer is wanted, such as its amount; about -1 to 1.
     """
 
     def __init__(
@@ -46,30 +58,50 @@ class Generator(nn.Module):
         norm: Norm = "instance",
         upsampling: Upsampling = "nearest",
         channels: int = RGBA,
+        chance: int = 0,
+        labels: int = 0,
     ) -> None:
         super().__init__()
+        self.chance, self.labels = chance, labels
         self.channels, maps = channels, layer_maps(channels)
         self.paints_normals = "normal" in maps
         self.metallic = layer_channels(maps[: maps.index("metallic")]) if "metallic" in maps else None
-        self.first = nn.Conv2d(GEOMETRY_CHANNELS, width, 7, bias=_biased(norm))
+        self.first = nn.Conv2d(GEOMETRY_CHANNELS + chance, width, 7, bias=_biased(norm))
         self.down = nn.Sequential(
             _conv(width, 2 * width, 3, norm, stride=2), _conv(2 * width, 4 * width, 3, norm, stride=2)
         )
         self.blocks = nn.ModuleList(ResidualBlock(4 * width, norm) for _ in range(blocks))
         self.up = nn.ModuleList([_up(4 * width, 2 * width, norm, upsampling), _up(2 * width, width, norm, upsampling)])
         self.last = PreActConv(nn.Conv2d(width, channels, 7), norm, pad=3)
+        code = labels + (_NUMBERS if chance else 0)
+        inputs = [4 * width] * (2 * blocks + 1) + [2 * width, width]  # of the blocks, `up` and `last`, in their order
+        self.modulation = Modulation(code, inputs) if code else None
 
-    def forward(self, geometry: Float[Tensor, "batch 6 rows cols"]) -> Float[Tensor, "batch rows cols channels"]:
+    def forward(
+        self,
+        geometry: Float[Tensor, "batch 6 rows cols"],
+        seeds: Int[Tensor, " batch"] | None = None,
+        labels: Float[Tensor, "batch labels"] | None = None,
+    ) -> Float[Tensor, "batch rows cols channels"]:
         """Straight-alpha linear values in (0, 1), but x and y of normals in (-1, 1).
 
         Rows and columns must be multiples of four, and at least 16. Where the last convolution gives 0, metallic is
         0.05, and normals are (0, 0, 0.5), which is flat.
+
+        Args:
+            seeds: of each layer's chance, at least 0; needed if there is any.
+            labels: of each layer; needed if there are any.
         """
+        affine = self._affine(seeds, labels)
+        if self.chance:
+            assert seeds is not None
+            geometry = torch.cat([geometry, random_fields(geometry[:, :3], seeds, self.chance)], dim=1)
         x: Tensor = self.down(self.first(norm_act_pad(geometry, NormActPad(pad=3)).padded))
         residual: Residual = None
         for block in self.blocks:
-            x, residual = block(x, residual)
-        x = self.last(self.up[1](self.up[0](x, residual)))
+            x, residual = block(x, residual, (next(affine), next(affine)))
+        x = self.up[0](x, residual, next(affine))
+        x = self.last(self.up[1](x, None, next(affine)), None, next(affine))
         x = x.float()
         if self.metallic is not None:
             start = x.new_zeros(self.channels, 1, 1)
@@ -80,6 +112,19 @@ class Generator(nn.Module):
             return layer
         lean = torch.tanh(0.5 * _TILT * x[:, -3:-1]).permute(0, 2, 3, 1)
         return torch.cat([layer[..., :-3], lean, layer[..., -1:]], dim=-1)
+
+    def _affine(self, seeds: Tensor | None, labels: Tensor | None) -> Iterator[Affine | None]:
+        """For each modulated convolution, what modulates it; None without end if nothing does."""
+        if self.modulation is None:
+            return repeat(None)
+        code = []
+        if self.labels:
+            assert labels is not None
+            code.append(labels)
+        if self.chance:
+            assert seeds is not None
+            code.append(random_numbers(seeds, _NUMBERS))
+        return iter(self.modulation(torch.cat(code, dim=1)))
 
 
 class PreActConv(nn.Module):
@@ -98,14 +143,23 @@ class PreActConv(nn.Module):
         self.norm = nn.Identity() if self.fused else make_norm(convolve.in_channels, norm)
         self.convolve = convolve
 
-    def forward(self, x: Float[Tensor, "batch inputs rows cols"], residual: Residual = None) -> Tensor:
-        convolved: Tensor = self.convolve(self.activate(x, residual).padded)
+    def forward(
+        self, x: Float[Tensor, "batch inputs rows cols"], residual: Residual = None, affine: Affine | None = None
+    ) -> Tensor:
+        convolved: Tensor = self.convolve(self.activate(x, residual, affine).padded)
         return convolved
 
-    def activate(self, x: Float[Tensor, "batch inputs rows cols"], residual: Residual = None) -> Features:
-        """The convolution's input. A sum with a residual is not rectified (He et al. 2016)."""
+    def activate(
+        self, x: Float[Tensor, "batch inputs rows cols"], residual: Residual = None, affine: Affine | None = None
+    ) -> Features:
+        """The convolution's input, modulated; and its features, which are not.
+
+        A sum with a residual is not rectified (He et al. 2016).
+        """
         spec = NormActPad(norm=self.fused, relu=residual is None, upsample=self.upsample, pad=self.pad)
-        return norm_act_pad(self.norm(x), spec, residual)
+        padded, features = norm_act_pad(self.norm(x), spec, residual)
+        # padding repeats texels, so it makes no difference that it comes first
+        return Features(padded if affine is None else affine(padded), features)
 
 
 class ResidualBlock(nn.Module):
@@ -117,11 +171,18 @@ class ResidualBlock(nn.Module):
         self.second = _conv(channels, channels, 3, norm)
 
     def forward(
-        self, x: Float[Tensor, "batch channels h w"], residual: Residual
+        self,
+        x: Float[Tensor, "batch channels h w"],
+        residual: Residual,
+        affine: tuple[Affine | None, Affine | None] = (None, None),
     ) -> tuple[Float[Tensor, "batch channels h w"], Residual]:
-        """The output of the second convolution, and the skip connection to add to its norm."""
-        padded, features = self.first.activate(x, residual)
-        return self.second(self.first.convolve(padded)), features
+        """The output of the second convolution, and the skip connection to add to its norm.
+
+        Args:
+            affine: what modulates the input of each convolution.
+        """
+        padded, features = self.first.activate(x, residual, affine[0])
+        return self.second(self.first.convolve(padded), None, affine[1]), features
 
 
 def _conv(inputs: int, outputs: int, size: int, norm: Norm, stride: int = 1, upsample: int = 1) -> PreActConv:

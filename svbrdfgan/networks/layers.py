@@ -38,9 +38,16 @@ def instance_norm(x: Float[Tensor, "batch channels rows cols"]) -> Float[Tensor,
 
 
 def initialise(network: nn.Module, generator: torch.Generator) -> None:
-    """Draws weights from N(0, 0.02) and zeroes biases, as the thesis's code base does where the thesis is silent."""
+    """Draws weights from N(0, 0.02) and zeroes biases, as the thesis's code base does where the thesis is silent.
+
+    Weights of linear layers, which the thesis does not have, are drawn so that they keep the size of their input (He et
+    al. 2015).
+    """
     for module in network.modules():
         if isinstance(module, nn.Conv2d | nn.ConvTranspose2d):
             nn.init.normal_(module.weight, 0.0, 0.02, generator=generator)
             if module.bias is not None:
                 nn.init.zeros_(module.bias)
+        elif isinstance(module, nn.Linear):
+            nn.init.kaiming_normal_(module.weight, 0.2, generator=generator)
+            nn.init.zeros_(module.bias)

@@ -105,3 +105,44 @@ def test_initial_weights_depend_on_the_seed_alone() -> None:
 
     assert torch.equal(weights(1), weights(1))
     assert not torch.equal(weights(1), weights(2))
+
+
+def _drawing(seed: int = 0, **options: int) -> Generator:
+    """A generator with chance and one label, as it might be after some training."""
+    generator = Generator(width=8, blocks=1, **{"chance": 3, "labels": 1, **options})
+    rng = torch.Generator().manual_seed(seed)
+    initialise(generator, rng)
+    with torch.no_grad():
+        for parameter in generator.modulation.parameters() if generator.modulation else ():
+            parameter += 0.3 * torch.randn(parameter.shape, generator=rng)
+    return generator.requires_grad_(False)
+
+
+def test_chance_and_labels_change_the_layer() -> None:
+    generator, geometry, label = _drawing(), torch.rand(1, 6, 32, 32), torch.zeros(1, 1)
+    layer = generator(geometry, torch.tensor([1]), label)
+    assert torch.equal(generator(geometry, torch.tensor([1]), label), layer)
+    assert not torch.equal(generator(geometry, torch.tensor([2]), label), layer)
+    assert not torch.equal(generator(geometry, torch.tensor([1]), label + 1), layer)
+
+
+def test_a_layer_does_not_depend_on_the_others_of_its_batch() -> None:
+    generator, geometry = _drawing(), torch.rand(3, 6, 32, 32)
+    seeds, labels = torch.tensor([4, 5, 6]), torch.tensor([[-1.0], [0.0], [1.0]])
+    each = [generator(geometry[n : n + 1], seeds[n : n + 1], labels[n : n + 1])[0] for n in range(3)]
+    torch.testing.assert_close(generator(geometry, seeds, labels), torch.stack(each), atol=1e-5, rtol=1e-5)
+
+
+def test_a_generator_starts_as_a_function_of_geometry_and_fields() -> None:
+    """Its code changes nothing before a step of training."""
+    generator, geometry = Generator(width=4, blocks=1, labels=2), torch.rand(1, 6, 16, 16)
+    initialise(generator, torch.Generator().manual_seed(0))
+    plain = Generator(width=4, blocks=1)
+    initialise(plain, torch.Generator().manual_seed(0))
+    assert torch.equal(generator(geometry, labels=torch.ones(1, 2)), plain(geometry))
+
+
+def test_without_chance_nothing_is_built_for_it() -> None:
+    names = set(Generator(width=4, blocks=1).state_dict())
+    assert names < set(Generator(width=4, blocks=1, chance=2).state_dict())
+    assert not any(name.startswith("modulation") for name in names)

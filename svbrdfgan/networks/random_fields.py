@@ -1,0 +1,122 @@
+"""Random fields and numbers of a seed: the chance that a generator draws from.
+
+Everything is computed in whole numbers (torch int64, which wraps at 64 bits), and only the result becomes float32, by
+one multiplication. So what a seed gives is equal to the bit on any machine and device. `svbrdfgan.weathering.noise`,
+which paints the recipes, is its relative in float64; both stay as they are, since stored layers depend on the one and
+trained models on the other.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+MOST_FIELDS = 9
+"""Field `MOST_FIELDS - 1` has 512 waves a vehicle length; finer ones would not have 16 bits within a wave."""
+MOST_SEEDS = 2**63
+"""Seeds are whole numbers from 0 to `MOST_SEEDS - 1`."""
+
+_GRID_BITS = 24  # positions are rounded to 2^-24 of half a vehicle length, which is the precision of float32 there
+_FRACTION_BITS = 16  # of a position within one cell, and of weights
+_ONE = 1 << _FRACTION_BITS
+_DIRECTIONS = [v for v in itertools.product((-1, 0, 1), repeat=3) if sum(map(abs, v)) == 2]
+_DEVIATION = 0.27
+"""Standard deviation of a field whose directions have length sqrt(2); measured."""
+
+
+def _signed(word: int) -> int:
+    """A 64-bit word as the whole number that int64 has for it."""
+    return word - 2**64 if word >= 2**63 else word
+
+
+_PRIMES = tuple(_signed(word) for word in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9))
+_MIX = tuple(_signed(word) for word in (0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
+
+
+def random_fields(
+    position: Float[Tensor, "batch 3 rows cols"], seeds: Int[Tensor, " batch"], fields: int
+) -> Float[Tensor, "batch fields rows cols"]:
+    """Gradient noise (Perlin 2002) of object space, one field for each octave: 2, 4, 8, ... waves a vehicle length.
+
+    Each field has mean zero and standard deviation one, and is twice continuously differentiable in the position. It is
+    a function of position and seed alone, so it continues across the seams of a texture. Fields of a seed, and fields
+    of different seeds, are independent. The result has no gradient.
+
+    Args:
+        position: as in a generator's input, in units of half a vehicle length (`GeometryBuffer.network_input`). It is
+            rounded to 2^-24 of that.
+        seeds: at least 0.
+        fields: at most `MOST_FIELDS`.
+    """
+    grid = (position.detach().float() * float(1 << _GRID_BITS)).round().long().unsqueeze(1)
+    octaves = torch.arange(fields, device=grid.device)
+    streams = _hashed(_hashed(seeds)[:, None] + octaves * _PRIMES[0])
+    bits = (_GRID_BITS - octaves).view(1, -1, 1, 1, 1)  # of a position within one cell
+    shift = torch.stack([_hashed(streams + prime) for prime in _PRIMES], dim=-1)[..., None, None] & ((1 << bits) - 1)
+    grid = grid + shift  # else the lattices, on which fields are zero, would coincide
+    cell, offset = grid >> bits, (grid & ((1 << bits) - 1)) >> (bits - _FRACTION_BITS)
+    noise = _interpolated(cell, offset, streams[..., None, None])
+    return noise.float() * (1.0 / (_ONE * _DEVIATION))
+
+
+def random_numbers(seeds: Int[Tensor, " batch"], count: int) -> Float[Tensor, "batch count"]:
+    """Nearly Gaussian numbers of each seed: sums of twelve uniform ones, with mean zero and standard deviation one."""
+    places = torch.arange(count * 3, device=seeds.device) * _PRIMES[1]
+    words = _hashed(_hashed(seeds + 1)[:, None] ^ _hashed(places)).view(len(seeds), count, 3)
+    total = sum(_shifted(words, bits) & (_ONE - 1) for bits in (0, 16, 32, 48))
+    assert isinstance(total, Tensor)
+    return (2 * total.sum(dim=-1) - 12 * (_ONE - 1)).float() * (0.5 / _ONE)
+
+
+def _interpolated(
+    cell: Int[Tensor, "batch fields 3 rows cols"],
+    offset: Int[Tensor, "batch fields 3 rows cols"],
+    streams: Int[Tensor, "batch fields 1 1"],
+) -> Int[Tensor, "batch fields rows cols"]:
+    """The noise, in units of 2^-16: linear functions of the cell's corners, mixed by the quintic fade."""
+    fade, words = _faded(offset), _words(cell)
+    towards = [torch.tensor(steps, device=cell.device) for steps in zip(*_DIRECTIONS, strict=True)]
+    values = []
+    for corner in itertools.product((0, 1), repeat=3):
+        x, y, z = (words[axis][side] for axis, side in enumerate(corner))
+        upper = _shifted(_hashed((x ^ y ^ z) + streams), 32)
+        kind = (upper * len(_DIRECTIONS)) >> 32  # each direction for as many words, but for one in 2^28
+        steps = [offset[:, :, axis] - side * _ONE for axis, side in enumerate(corner)]
+        first, second, third = (step * toward.take(kind) for step, toward in zip(steps, towards, strict=True))
+        values.append(first + second + third)
+    for axis in (2, 1, 0):  # corners that differ in this axis alone lie beside each other
+        share = fade[:, :, axis]
+        values = [
+            low + (((high - low) * share) >> _FRACTION_BITS)
+            for low, high in zip(values[::2], values[1::2], strict=True)
+        ]
+    return values[0]
+
+
+def _words(cell: Int[Tensor, "batch fields 3 rows cols"]) -> list[tuple[Tensor, Tensor]]:
+    """For each axis, 64 bits of the coordinate of the lower and of the upper side of each cell."""
+    x, y, z = ((cell[:, :, axis] * prime, (cell[:, :, axis] + 1) * prime) for axis, prime in enumerate(_PRIMES))
+    rotated = [(word << 21) ^ _shifted(word, 43) for word in y]
+    return [x, (rotated[0], rotated[1]), z]
+
+
+def _faded(t: Int[Tensor, "*shape"]) -> Int[Tensor, "*shape"]:
+    """t^3 (6 t^2 - 15 t + 10), in units of 2^-16."""
+    inner = ((t * (6 * t - 15 * _ONE)) >> _FRACTION_BITS) + 10 * _ONE
+    return ((((t * t) >> _FRACTION_BITS) * t >> _FRACTION_BITS) * inner) >> _FRACTION_BITS
+
+
+def _hashed(words: Int[Tensor, "*shape"]) -> Int[Tensor, "*shape"]:
+    """A 64-bit hash of each word (finaliser of SplitMix64; Steele et al. 2014)."""
+    words = words + _PRIMES[0]
+    words = (words ^ _shifted(words, 30)) * _MIX[0]
+    words = (words ^ _shifted(words, 27)) * _MIX[1]
+    return words ^ _shifted(words, 31)
+
+
+def _shifted(words: Int[Tensor, "*shape"], bits: int) -> Int[Tensor, "*shape"]:
+    """Moved right by so many bits; zeros come in from the left, where `>>` repeats the sign."""
+    return (words >> bits) & ((1 << (64 - bits)) - 1) if bits else words
