@@ -141,6 +141,22 @@ def tiny_dataset(built_once: BuiltOnce) -> Path:
 
 
 @pytest.fixture(scope="session")
+def varied_dataset(built_once: BuiltOnce) -> Path:
+    """The tiny data set with two recipes, and an amount and a seed of each exemplar's own. Not to be changed."""
+    from svbrdfgan.config.models import validate
+    from svbrdfgan.data.config import DatasetConfig
+    from svbrdfgan.data.generate import generate
+
+    varied = {"recipe": {"choice": ["rust", "dust"]}, "amount": {"uniform": [0.2, 1]}, "seed": {"uniform": [0, 999]}}
+
+    def fill(folder: Path) -> None:
+        declared = validate(DatasetConfig, merged(TINY_DATASET, {"weathering": varied}), "varied")
+        generate(declared, folder / "dataset", base=Path())
+
+    return built_once("varied", fill) / "dataset"
+
+
+@pytest.fixture(scope="session")
 def tiny_exemplars(tiny_dataset: Path) -> Any:
     """The training split of the tiny data set in memory. Not to be changed."""
     from svbrdfgan.data.exemplars import load_exemplars

@@ -57,6 +57,15 @@ class Uniform(StrictModel):
         return float(rng.uniform(*self.uniform))
 
 
+class UniformInteger(Uniform):
+    """Any whole number between two bounds, both included, equally likely."""
+
+    uniform: tuple[int, int]
+
+    def sample(self, rng: np.random.Generator) -> int:
+        return int(rng.integers(*self.uniform, endpoint=True))
+
+
 class Normal(StrictModel):
     """A number from a Gaussian, given by its mean and standard deviation."""
 
@@ -76,7 +85,7 @@ def _kind(value: Any) -> str | None:
     """The distribution that is meant, so that errors are reported for that one only."""
     if isinstance(value, dict):
         return next(iter(value)) if len(value) == 1 and next(iter(value)) in _KINDS else None
-    return type(value).__name__.partition("[")[0].lower() if isinstance(value, StrictModel) else "plain"
+    return next(iter(type(value).model_fields)) if isinstance(value, StrictModel) else "plain"
 
 
 def _fixed(value: Any) -> dict[str, Any]:
@@ -120,6 +129,26 @@ def within(low: float, high: float = math.inf) -> AfterValidator:
     return AfterValidator(check)
 
 
+def values_of(declared: Fixed[T] | Choice[T]) -> tuple[T, ...]:
+    """The different values that can be drawn, in their order."""
+    return tuple(dict.fromkeys(declared.choice)) if isinstance(declared, Choice) else (declared.fixed,)
+
+
+def limits(declared: Number, low: float, high: float) -> tuple[float, float]:
+    """The least and the greatest value that can be drawn, clamped to [low, high].
+
+    For `normal` with any deviation these are the bounds themselves.
+    """
+    match declared:
+        case Uniform():
+            ends = declared.uniform
+        case Normal():
+            ends = (low, high) if declared.normal[1] else (declared.normal[0],) * 2
+        case _:
+            ends = min(values_of(declared)), max(values_of(declared))
+    return min(max(ends[0], low), high), min(max(ends[1], low), high)
+
+
 def mean(declared: Number) -> float:
     """The expected value."""
     match declared:
@@ -136,10 +165,19 @@ def mean(declared: Number) -> float:
 Integer = Annotated[
     Annotated[Fixed[int], BeforeValidator(_fixed), Tag("plain")]
     | Annotated[Fixed[int], Tag("fixed")]
+    | Annotated[UniformInteger, Tag("uniform")]
     | Annotated[Choice[int], Tag("choice")],
     _BY_KIND,
 ]
 """A distribution over whole numbers."""
+
+Name = Annotated[
+    Annotated[Fixed[str], BeforeValidator(_fixed), Tag("plain")]
+    | Annotated[Fixed[str], Tag("fixed")]
+    | Annotated[Choice[str], Tag("choice")],
+    _BY_KIND,
+]
+"""A distribution over names."""
 
 Paint = Annotated[
     Annotated[Fixed[Color], BeforeValidator(_fixed), Tag("plain")]

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from svbrdfgan.config.choices import FurtherMaps, PartSelection, PluginChoice, PluginField
-from svbrdfgan.config.distributions import Choice, Color, Fixed, Integer, Number, Paint, Uniform, within
+from svbrdfgan.config.distributions import Choice, Color, Fixed, Integer, Name, Number, Paint, Uniform, within
 from svbrdfgan.config.models import StrictModel, validate
 
 Split = Literal["train", "validation", "test"]
@@ -76,9 +76,12 @@ class SplitConfig(StrictModel):
 
 
 class WeatheringDistribution(StrictModel):
-    """The ground-truth generator G0 (thesis 4.2). A fixed seed makes the layer a function of the geometry."""
+    """The ground-truth generator G0 (thesis 4.2). A fixed seed makes the layer a function of the geometry.
 
-    recipe: str = "road-dirt"
+    `options` must suit each of the recipes.
+    """
+
+    recipe: Name = Fixed[str](fixed="road-dirt")
     amount: Annotated[Number, within(0, 1)] = Fixed[float](fixed=1.0)
     seed: Integer = Fixed[int](fixed=0)
     options: dict[str, Any] = {}

@@ -13,6 +13,7 @@ import torch
 from lightning_fabric import Fabric
 
 from svbrdfgan.config.choices import PluginChoice
+from svbrdfgan.config.distributions import values_of
 from svbrdfgan.data.config import DatasetConfig, Split
 from svbrdfgan.data.index import Dataset, DatasetIndex, make_index
 from svbrdfgan.data.prebake import prebake
@@ -102,13 +103,14 @@ def resolve_plugins(config: DatasetConfig, device: torch.device | None = None) -
     It is called before anything is written, so that a mistake leaves nothing to delete.
 
     Raises:
-        ConfigError: the renderer, the embedding or the recipe cannot do what is asked.
+        ConfigError: the renderer, the embedding or a recipe cannot do what is asked.
         PluginError: the renderer or the embedding is unknown, or does not work here.
     """
     load_embedding(config.embedding.name, config.embedding.options)
     if config.weathering is None:
         raise ConfigError("weathering is null, as in a data set of imported pictures: name a recipe.")
-    recipe_from_options(config.weathering.recipe, config.weathering.options, config.maps)
+    for recipe in values_of(config.weathering.recipe):
+        recipe_from_options(recipe, config.weathering.options, config.maps)
     return resolve_renderer(config.renderer, device, config.maps)
 
 

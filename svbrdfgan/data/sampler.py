@@ -128,7 +128,7 @@ class ConfigSampler:
         if declared is None:
             return "unknown"
         return SceneWeathering(
-            recipe=declared.recipe,
+            recipe=declared.recipe.sample(rng),
             amount=_clamped(declared.amount.sample(rng), (0.0, 1.0)),
             seed=declared.seed.sample(rng),
             options=declared.options,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -26,7 +27,7 @@ from svbrdfgan.metrics.constant import constant_layers
 from svbrdfgan.metrics.flip import display as as_displayed
 from svbrdfgan.metrics.flip import flip
 from svbrdfgan.metrics.recovered import Observed, Scorer
-from svbrdfgan.networks import Generator
+from svbrdfgan.networks import Draw, Generator
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import RGBA
@@ -108,7 +109,7 @@ def evaluate(
     constants = constant_layers(*load("train"), fabric.device)
     observed = _observed(source, renderer, config, shown)
     scorer = Scorer.make(source.exemplars, source.seen, constants, fabric.device, observed)
-    layers = {"generated": _layers(fabric, scorer, model.generator)}
+    layers = {"generated": _layers(fabric, scorer, model.generator, config.conditions.typical())}
     found = None
     if oracle:
         found = oracle_of(run, fabric, config, load, constants, schedule or OracleConfig(), shown)
@@ -197,9 +198,12 @@ def _known(error: float) -> float | None:
     return None if math.isnan(error) else error
 
 
-def _layers(fabric: Fabric, scorer: Scorer, generator: Generator) -> Float[Tensor, "subjects rows cols channels"]:
+def _layers(
+    fabric: Fabric, scorer: Scorer, generator: Generator, labels: Sequence[float] = ()
+) -> Float[Tensor, "subjects rows cols channels"]:
+    """One layer of each subject; of a generator with chance, that of seed 0."""
     with fabric.autocast():
-        return scorer.layers(generator.to(fabric.device))
+        return scorer.layers(Draw(generator.to(fabric.device), labels=labels))
 
 
 def _flips(source: BatchSource, layers: dict[str, Tensor], shown: Display) -> dict[str, float]:

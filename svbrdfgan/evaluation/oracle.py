@@ -81,9 +81,10 @@ def train_oracle(
 ) -> Oracle:
     """Minimises E of every map on the training targets until the score of `scorer` stops rising.
 
-    The error of a map counts relative to its constant layer's, as in `recovered`, in units of base_color's.
+    The error of a map counts relative to its constant layer's, as in `recovered`, in units of base_color's. The oracle
+    has no chance and is told nothing: where the truth varies it learns one layer between the true ones.
     """
-    generator = make_generator(config.generator, targets[0].truth.shape[-1])
+    generator = make_generator(config.generator.without_chance, targets[0].truth.shape[-1])
     initialise(generator, torch.Generator().manual_seed(config.seed))
     generator.to(geometry.device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
     adam = torch.optim.Adam(generator.parameters(), schedule.rate, betas=(0.9, 0.99), fused=True)
@@ -165,7 +166,7 @@ def oracle_of(
     oracle = train_oracle(
         fabric, config.train, stack_geometry(trained, fabric.device), targets, scorer, schedule, watch
     )
-    save_generator(path, oracle.generator, config.train.generator, oracle.score)
+    save_generator(path, oracle.generator, config.train.generator.without_chance, oracle.score)
     with atomic_path(notes) as temporary:
         temporary.write_text(json.dumps({"plateau": oracle.plateau, "steps": oracle.steps}), encoding="utf-8")
     return TrainedOracle(oracle.generator, oracle.score, oracle.plateau, oracle.steps)

@@ -77,6 +77,11 @@ class Generator(nn.Module):
         inputs = [4 * width] * (2 * blocks + 1) + [2 * width, width]  # of the blocks, `up` and `last`, in their order
         self.modulation = Modulation(code, inputs) if code else None
 
+    @property
+    def varies(self) -> bool:
+        """Whether it paints different layers on one geometry."""
+        return self.modulation is not None
+
     def forward(
         self,
         geometry: Float[Tensor, "batch 6 rows cols"],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from svbrdfgan.config.distributions import values_of
 from svbrdfgan.data.index import INDEX, DatasetIndex
 from svbrdfgan.evaluation.evaluate import Evaluated
 from svbrdfgan.evaluation.record import Evaluation
@@ -134,9 +135,9 @@ def summary(evaluated: Evaluated, plan: DatasetIndex | None, log: MetricsLog) ->
 
 
 def _recipe(config: RunConfig) -> str:
-    """The recipe that weathered the exemplars."""
+    """The recipes that weathered the exemplars."""
     weathering = config.dataset.weathering
-    return "unknown weathering" if weathering is None else weathering.recipe
+    return "unknown weathering" if weathering is None else ", ".join(values_of(weathering.recipe))
 
 
 def duration(seconds: float) -> str:

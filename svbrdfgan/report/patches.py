@@ -55,7 +55,8 @@ def patch_maps(run: Path, evaluated: Evaluated, indices: Sequence[int]) -> Patch
     if not found or not indices:
         return None
     try:
-        discriminator, step = load_discriminator(found[-1], evaluated.config.train.discriminator)
+        config = evaluated.config
+        discriminator, step = load_discriminator(found[-1], config.train.discriminator, config.conditions.size)
     except SvbrdfganError as error:
         log.warning("the report has no patch maps: %s", error)
         return None

@@ -45,7 +45,8 @@ class BatchSource:
         own_scenes: the exemplars' own scenes, which say what the exemplars show. They are `fake_scenes` itself where
             those are not perturbed and have enough samples, or are rendered online.
         buffers: the generator's input for each subject.
-        real: the exemplars on the device, with the buffers of their own scenes that the discriminator is shown.
+        real: the exemplars on the device, with the buffers of their own scenes that the discriminator is shown, and
+            with the labels of their layers.
         demodulated: whether the discriminator sees reflectance instead of radiance.
     """
 
@@ -62,6 +63,11 @@ class BatchSource:
     def geometry(self, indices: Sequence[int]) -> Float[Tensor, "batch 6 rows cols"]:
         """The generator's input for the subjects of these exemplars."""
         return self.buffers[copy_async(self.exemplars.subject_of[list(indices)], self.buffers.device)]
+
+    def labels(self, indices: Sequence[int]) -> Float[Tensor, "batch labels"] | None:
+        """The labels of these exemplars' layers; None if networks are told nothing of them."""
+        labels = self.real.labels
+        return None if labels is None else labels[copy_async(torch.as_tensor(list(indices)), labels.device)]
 
     def seen(self, index: int) -> Float[Tensor, "rows cols"]:
         """Positive at texels that an exemplar's picture shows of the outermost learnable surface."""
@@ -114,7 +120,8 @@ def make_batch_source(
     ):
         own_scenes.build(order, progress)  # into files; what others trace is looked at once, for the buffers below
     buffers = own_buffers(discriminator, own_scenes, range(len(exemplars)))
-    on_device = (None if buffer is None else buffer.to(device) for buffer in buffers)
+    known = (*buffers, run.conditions.of_scenes(exemplars.scenes))
+    on_device = (None if values is None else values.to(device) for values in known)
     real = ImageBatch(exemplars.images.to(device), exemplars.coverage.to(device), *on_device)
     return BatchSource(exemplars, fake_scenes, own_scenes, stack_geometry(exemplars, device), real, demodulated)
 

@@ -30,12 +30,14 @@ class ImageBatch:
         gbuffer: position and normal that each pixel shows, premultiplied; None where the discriminator is not shown it.
         light_buffer: how the scene lights reference materials there (`svbrdfgan.training.reference_pictures`), linear
             and premultiplied; None likewise.
+        labels: what is known of the layer that each image shows (`svbrdfgan.data.conditions`); None if nothing is told.
     """
 
     image: Float[Tensor, "batch height width 3"]
     coverage: Float[Tensor, "batch height width"]
     gbuffer: Float[Tensor, "batch height width 6"] | None
     light_buffer: Float[Tensor, "batch height width 9"] | None = None
+    labels: Float[Tensor, "batch labels"] | None = None
 
     def __len__(self) -> int:
         return len(self.image)
@@ -45,11 +47,15 @@ class ImageBatch:
         picked = copy_async(torch.as_tensor(indices), self.image.device)
         gbuffer = None if self.gbuffer is None else self.gbuffer[picked]
         light_buffer = None if self.light_buffer is None else self.light_buffer[picked]
-        return ImageBatch(self.image[picked], self.coverage[picked], gbuffer, light_buffer)
+        labels = None if self.labels is None else self.labels[picked]
+        return ImageBatch(self.image[picked], self.coverage[picked], gbuffer, light_buffer, labels)
 
     @classmethod
     def cat(cls, batches: Sequence[ImageBatch]) -> ImageBatch:
-        """All images in one batch, in half precision, as exemplars are stored. All have the same buffers."""
+        """All images in one batch, in half precision, as exemplars are stored, without labels.
+
+        All have the same buffers.
+        """
         image = torch.cat([batch.image.clamp(max=BRIGHTEST).half() for batch in batches])
         coverage = torch.cat([batch.coverage.half() for batch in batches])
         gbuffers = [batch.gbuffer.half() for batch in batches if batch.gbuffer is not None]
@@ -59,7 +65,8 @@ class ImageBatch:
     def tone_mapped(self, background: Float[Tensor, "batch 3"]) -> Pictures:
         """The images over a plain background, in about [-1, 1], and six channels of G-buffer and nine of light buffer.
 
-        Buffers that are None have no channels. The light buffer is over black, and has the images' tone curve.
+        Each label is one more channel, the same everywhere. What is None has no channels. The light buffer is over
+        black, and has the images' tone curve.
 
         The tone curve is log(1 + 10 x) / log 11 * 2 - 1. It maps 0 to -1 and 1 to 1, and is never flat: highlights keep
         a gradient.
@@ -70,6 +77,8 @@ class ImageBatch:
             channels.append(self.gbuffer.float())
         if self.light_buffer is not None:
             channels.append(_tone_curve(self.light_buffer.float()))
+        if self.labels is not None:
+            channels.append(self.labels[:, None, None, :].expand(*self.coverage.shape, -1))
         return torch.cat(channels, dim=-1).permute(0, 3, 1, 2)
 
 

@@ -11,6 +11,7 @@ import torch
 
 from svbrdfgan.config.distributions import mean
 from svbrdfgan.config.models import StrictModel, differences, validate
+from svbrdfgan.data.conditions import Conditions
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError, ConfigError
@@ -19,7 +20,7 @@ from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.networks import Generator
 from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.config import GeneratorConfig, TrainConfig
-from svbrdfgan.training.resolve import ResolvedRun
+from svbrdfgan.training.resolve import ResolvedRun, conditions_of
 from svbrdfgan.training.state import make_generator
 
 _FORMAT = "svbrdfgan generator 2"
@@ -53,6 +54,11 @@ class RunConfig(StrictModel):
     def maps(self) -> dict[str, float]:
         """Maps that layers paint beside base_color, and the mean of their values under the layer in the data set."""
         return {name: min(max(mean(value), 0.0), 1.0) for name, value in self.dataset.maps.items()}
+
+    @property
+    def conditions(self) -> Conditions:
+        """What the generator is told of each layer."""
+        return conditions_of(self.train.generator, self.dataset)
 
     def moved(self, dataset: Dataset) -> RunConfig:
         """The same run with its data set in another folder.
@@ -103,8 +109,9 @@ class Model:
 
 def save_generator(path: Path, generator: Generator, config: GeneratorConfig, score: float | None) -> None:
     """Writes a generator's weights and its configuration."""
+    sizes = {"channels": json.dumps(generator.channels), "labels": json.dumps(generator.labels)}
     words = {"generator": config.model_dump_json(), "score": json.dumps(score)}
-    save_tensors(path, _FORMAT, generator.state_dict(), words | {"channels": json.dumps(generator.channels)})
+    save_tensors(path, _FORMAT, generator.state_dict(), words | sizes)
 
 
 def load_generator(path: Path) -> tuple[Generator, float | None]:
@@ -115,7 +122,8 @@ def load_generator(path: Path) -> tuple[Generator, float | None]:
     """
     with stored_tensors(path, _FORMAT, "train the run until it has saved a model") as (weights, words):
         built = validate(GeneratorConfig, json.loads(words["generator"]), str(path))
-        generator = make_generator(built, json.loads(words.get("channels", str(RGBA))))
+        channels, labels = (json.loads(words.get(*size)) for size in (("channels", str(RGBA)), ("labels", "0")))
+        generator = make_generator(built, channels, labels)
         generator.load_state_dict(weights)
         score = json.loads(words["score"])
     return generator.eval().requires_grad_(False), score

@@ -54,15 +54,18 @@ class State:
     history: list[dict[str, float]] = field(default_factory=list)
 
     @classmethod
-    def fresh(cls, config: TrainConfig, device: torch.device, channels: int = RGBA, processes: int = 1) -> State:
+    def fresh(
+        cls, config: TrainConfig, device: torch.device, channels: int = RGBA, processes: int = 1, labels: int = 0
+    ) -> State:
         """The state before the first step, for layers with `channels` channels; the same for a seed on any device.
 
         Args:
             processes: number that share each step.
+            labels: numbers that both networks are told of each layer (`Conditions.labels`).
         """
         rng = torch.Generator().manual_seed(config.seed)
-        generator = make_generator(config.generator, channels)
-        discriminator = make_discriminator(config.discriminator)
+        generator = make_generator(config.generator, channels, labels)
+        discriminator = make_discriminator(config.discriminator, labels)
         for network in (generator, discriminator):
             initialise(network, rng)
             network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
@@ -128,28 +131,31 @@ class State:
         return {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
 
 
-def load_discriminator(checkpoint: Path, config: DiscriminatorConfig) -> tuple[Discriminator, int]:
+def load_discriminator(checkpoint: Path, config: DiscriminatorConfig, labels: int = 0) -> tuple[Discriminator, int]:
     """The discriminator of a checkpoint, on the CPU, and the checkpoint's step.
+
+    Args:
+        labels: numbers that it is told of each layer.
 
     Raises:
         AssetError: the checkpoint is damaged.
         TrainingError: it is of another network.
     """
     tensors, counters = _read(checkpoint)
-    discriminator = make_discriminator(config)
+    discriminator = make_discriminator(config, labels)
     with _of_these_networks(checkpoint):
         discriminator.load_state_dict(_under("discriminator.", tensors))
     return discriminator.eval().requires_grad_(False), counters["step"]
 
 
-def make_generator(config: GeneratorConfig, channels: int) -> Generator:
-    """The network that paints layers with `channels` channels (`layer_channels`)."""
-    return Generator(**config.model_dump(), channels=channels)
+def make_generator(config: GeneratorConfig, channels: int, labels: int = 0) -> Generator:
+    """The network that paints layers with `channels` channels (`layer_channels`), and is told labels of each."""
+    return Generator(**config.model_dump(exclude={"conditions"}), channels=channels, labels=labels)
 
 
-def make_discriminator(config: DiscriminatorConfig) -> Discriminator:
-    """The network for three colour channels, and for those of the buffers that it is shown."""
-    channels = 3 + (_GBUFFER if config.guide else 0) + (LIGHT_CHANNELS if config.light else 0)
+def make_discriminator(config: DiscriminatorConfig, labels: int = 0) -> Discriminator:
+    """The network for three colour channels, for those of the buffers that it is shown, and one for each label."""
+    channels = 3 + (_GBUFFER if config.guide else 0) + (LIGHT_CHANNELS if config.light else 0) + labels
     return Discriminator(channels=channels, **config.model_dump(include={"width", "layers", "norm"}))
 
 

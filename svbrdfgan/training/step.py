@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
+from jaxtyping import Int
 from lightning_fabric import Fabric
 from torch import Tensor, nn
 
 from svbrdfgan.networks.losses import LOSSES, gradient_penalty, gradient_square
+from svbrdfgan.networks.random_fields import MOST_SEEDS
 from svbrdfgan.training.batches import BatchSource
 from svbrdfgan.training.cached_rendering import demodulator_of
 from svbrdfgan.training.config import LossConfig, TrainConfig
@@ -63,7 +66,8 @@ def make_pair(
     fake_image, fake_clear = reproject(others.reflectance(image), others.clear, others, own, own)
     clear = real_clear & fake_clear
     both = [torch.where(clear.unsqueeze(-1), shown, 0.0) for shown in (real_image, fake_image)]
-    return ImageBatch(both[0], clear.float(), real.gbuffer), ImageBatch(both[1], clear.float(), real.gbuffer)
+    sides = [replace(real, image=image, coverage=clear.float()) for image in both]
+    return sides[0], sides[1]
 
 
 def _with_buffers(image: Images, coverage: Coverage, real: ImageBatch, scenes: SceneBatch) -> ImageBatch:
@@ -73,15 +77,22 @@ def _with_buffers(image: Images, coverage: Coverage, real: ImageBatch, scenes: S
         gbuffer = scenes.gbuffer.to(gbuffer.device)
     if light_buffer is not None and scenes.light_buffer is not None:
         light_buffer = scenes.light_buffer.to(light_buffer.device)
-    return ImageBatch(image, coverage, gbuffer, light_buffer)
+    return ImageBatch(image, coverage, gbuffer, light_buffer, real.labels)
 
 
 def _make_batch(
     fabric: Fabric, state: State, source: BatchSource, indices: Sequence[int], rng: np.random.Generator, visit: int
 ) -> DiscriminatorBatch:
+    geometry = source.geometry(indices)
+    seeds = _draw_seeds(rng, len(indices), geometry.device) if state.generator.chance else None
     with fabric.autocast():
-        layers = state.generator(source.geometry(indices))
+        layers = state.generator(geometry, seeds, source.labels(indices))
     return composite_pair(*make_pair(source, indices, source.scenes(indices, rng, visit), layers), rng)
+
+
+def _draw_seeds(rng: np.random.Generator, count: int, device: torch.device) -> Int[Tensor, " batch"]:
+    """A seed for each layer of a batch, from a stream of its own: the scenes and backgrounds drawn from `rng` stay."""
+    return copy_async(torch.from_numpy(rng.spawn(1)[0].integers(MOST_SEEDS, size=count)), device)
 
 
 def _update_discriminator(

@@ -18,6 +18,7 @@ from svbrdfgan.data.gather import INDEX
 from svbrdfgan.errors import ConfigError, TrainingError
 from svbrdfgan.metrics.constant import constant_layers
 from svbrdfgan.metrics.recovered import Scorer, mean_over_maps
+from svbrdfgan.networks import Draw
 from svbrdfgan.plugins import RENDERERS, find_plugin
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import layer_channels
@@ -62,7 +63,7 @@ def train(
     if config.devices > 1:
         # `partial` binds the records, since Fabric refuses frozen dataclasses among the arguments of a launch
         fabric.launch(partial(_train_in_process, resolved=resolved, record=record, run=run))
-        state = State.fresh(config, torch.device("cpu"), layer_channels(record.dataset.maps))
+        state = _fresh_state(config, record, torch.device("cpu"))
         state.load(checkpoints(run)[-1])
         return state
     return _train(fabric, resolved, record, run, display or SilentDisplay())
@@ -77,7 +78,11 @@ def batch_indices(seed: int, count: int, batch_size: int, number: int) -> list[i
 
 @dataclass(frozen=True, eq=False)
 class _Session:
-    """What one process holds while it trains. Only the first process has a scorer and a metrics log."""
+    """What one process holds while it trains. Only the first process has a scorer and a metrics log.
+
+    Attributes:
+        typical: the labels of the layers that are scored, of a generator that is told any.
+    """
 
     fabric: Fabric
     config: TrainConfig
@@ -86,6 +91,7 @@ class _Session:
     scorer: Scorer | None
     metrics_log: MetricsLog | None
     display: Display
+    typical: Sequence[float]
 
     @property
     def first(self) -> bool:
@@ -116,7 +122,7 @@ def _prepare_folder(run: Path, record: RunConfig, resume: bool) -> None:
 def _train(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path, display: Display) -> State:
     session = _open_session(fabric, resolved, record, run, display)
     config, device = session.config, fabric.device
-    state = State.fresh(config, device, layer_channels(record.dataset.maps), fabric.world_size)
+    state = _fresh_state(config, record, device, fabric.world_size)
     found = checkpoints(run)
     if found:
         state.load(found[-1])
@@ -131,6 +137,10 @@ def _train(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path, 
         if session.metrics_log is not None:
             session.metrics_log.close()
     return state
+
+
+def _fresh_state(config: TrainConfig, record: RunConfig, device: torch.device, processes: int = 1) -> State:
+    return State.fresh(config, device, layer_channels(record.dataset.maps), processes, record.conditions.size)
 
 
 def _train_in_process(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path) -> None:
@@ -155,7 +165,7 @@ def _open_session(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run:
         display.begin("light transport of the validation scenes")
         held_out = load_seen_texels(resolved, "validation", renderer, display.advance)
         scorer = Scorer.make(*held_out, constants, device)
-    return _Session(fabric, config, run, source, scorer, None, display)
+    return _Session(fabric, config, run, source, scorer, None, display, record.conditions.typical())
 
 
 def _loop(session: _Session, state: State) -> None:
@@ -226,13 +236,17 @@ def _report(session: _Session, state: State, diagnostics: Diagnostics, rate: flo
 def _score(session: _Session, state: State) -> None:
     """Scores the averaged generator on the validation split, and saves it if it is the best so far.
 
+    A generator that paints different layers on one geometry is always saved, so that the last becomes the model: one
+    draw of it recovers no other, however alike they look, and to compare many draws would cost as much as many steps.
+    Its score is that of its layer of seed 0 and typical labels.
+
     With further maps, the score is the mean over maps, on all texels that pictures show: to find where each map can be
     observed would take renderings of the whole split.
     """
     if session.scorer is None or session.metrics_log is None:
         return
     with session.fabric.autocast():
-        layers = session.scorer.layers(state.averaged)
+        layers = session.scorer.layers(Draw(state.averaged, labels=session.typical))
     each = session.scorer.each_recovered_by(layers)
     score = mean_over_maps(each)
     if not math.isfinite(score):
@@ -243,7 +257,10 @@ def _score(session: _Session, state: State) -> None:
     session.metrics_log.write(state.step, {"recovered": score, **by_map, "seconds": state.seconds})
     if score > state.best[0]:
         state.best = (score, state.step)
-        save_generator(session.run / MODEL, state.averaged, session.config.generator, score)
+        if not state.generator.varies:
+            save_generator(session.run / MODEL, state.averaged, session.config.generator, score)
+    if state.generator.varies:
+        save_generator(session.run / MODEL, state.averaged, session.config.generator, None)
 
 
 def _save(session: _Session, state: State, diagnostics: Diagnostics) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from svbrdfgan.config.distributions import Fixed, Integer, Number, Paint, mean
+from svbrdfgan.config.distributions import Fixed, Integer, Name, Number, Paint, limits, mean, values_of
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.errors import ConfigError
 
@@ -18,6 +18,7 @@ class Record(StrictModel):
     number: Number = Fixed[float](fixed=1.0)
     integer: Integer = Fixed[int](fixed=1)
     paint: Paint | None = None
+    name: Name = Fixed[str](fixed="rust")
 
 
 def drawn(**written: Any) -> list[Any]:
@@ -75,6 +76,34 @@ def test_an_integer_is_one() -> None:
     assert set(map(type, drawn(integer=7))) == {int}
 
 
+def test_uniform_integers_have_both_bounds() -> None:
+    found = drawn(integer={"uniform": [3, 5]})
+    assert set(map(type, found)) == {int}
+    for value in (3, 4, 5):
+        assert abs(found.count(value) - COUNT / 3) < 5 * np.sqrt(COUNT / 3)
+
+
+def test_names() -> None:
+    assert set(drawn(name="dust")) == {"dust"}
+    assert set(drawn(name={"choice": ["dust", "rust"]})) == {"dust", "rust"}
+    assert values_of(validate(Record, {"name": {"choice": ["b", "a", "b"]}}, "here").name) == ("b", "a")
+
+
+@pytest.mark.parametrize(
+    ("written", "wanted"),
+    [
+        (3, (1.0, 1.0)),
+        (0.5, (0.5, 0.5)),
+        ({"uniform": [0.2, 6]}, (0.2, 1.0)),
+        ({"normal": [0.5, 0.1]}, (0.0, 1.0)),
+        ({"normal": [0.5, 0]}, (0.5, 0.5)),
+        ({"choice": [0.75, 0.25, 0.5]}, (0.25, 0.75)),
+    ],
+)
+def test_limits_are_the_least_and_greatest_of_what_is_drawn(written: Any, wanted: tuple[float, float]) -> None:
+    assert limits(validate(Record, {"number": written}, "here").number, 0.0, 1.0) == wanted
+
+
 @pytest.mark.parametrize(
     "written",
     [
@@ -83,6 +112,8 @@ def test_an_integer_is_one() -> None:
         {"number": {"normal": [3, 0]}},
         {"number": {"choice": [1, 2]}},
         {"integer": {"choice": [1, 2]}},
+        {"integer": {"uniform": [1, 9]}},
+        {"name": {"choice": ["rust", "dust"]}},
         {"paint": [0.1, 0.2, 0.3]},
         {"paint": {"choice": [[0, 0, 0], [1, 1, 1]]}},
     ],
@@ -114,7 +145,9 @@ def test_json_and_back(written: dict[str, Any]) -> None:
         ({"number": {"choice": [1, "x"]}}, r"number\.choice\[1\]"),
         ({"number": {"fixed": "x"}}, "number"),
         ({"integer": 1.5}, "integer"),
-        ({"integer": {"uniform": [0, 1]}}, "integer"),
+        ({"integer": {"uniform": [0, 1.5]}}, r"integer\.uniform\[1\]"),
+        ({"integer": {"normal": [0, 1]}}, "integer"),
+        ({"name": {"uniform": [0, 1]}}, "name"),
         ({"integer": {"choice": [1, 2.5]}}, r"integer\.choice\[1\]"),
         ({"paint": [0.1, 0.2]}, "paint"),
         ({"paint": "red"}, "paint"),

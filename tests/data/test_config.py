@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from svbrdfgan.config.choices import PartSelection, PluginChoice
+from svbrdfgan.config.distributions import Fixed
 from svbrdfgan.config.models import validate
 from svbrdfgan.config.yaml_files import load_yaml
 from svbrdfgan.data.config import DatasetConfig
@@ -24,7 +25,8 @@ def test_defaults_fill_a_minimal_configuration() -> None:
     config = validate(DatasetConfig, MINIMAL, "here")
     assert config.image == (256, 256)
     assert config.renderer == PluginChoice(name="auto")
-    assert config.weathering.recipe == "road-dirt"
+    assert config.weathering is not None
+    assert config.weathering.recipe == Fixed[str](fixed="road-dirt")
 
 
 def test_json_and_back(dataset_data: Data) -> None:

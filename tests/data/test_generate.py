@@ -415,3 +415,20 @@ def test_a_preview_is_the_first_exemplar_beside_its_clean_twin(tiny_dataset: Pat
     assert not torch.equal(shown[:, :32], shown[:, 32:])
     bare = stored[..., 3] == 0
     assert torch.equal(shown[:, :32][bare], shown[:, 32:][bare])
+
+
+def test_exemplars_may_have_several_recipes(dataset_data: Data, tmp_path: Path) -> None:
+    weathering = {"recipe": {"choice": ["rust", "dust"]}, "amount": {"uniform": [0.5, 1]}, "seed": {"uniform": [0, 99]}}
+    declared = validate(DatasetConfig, dataset_data(weathering=weathering), "here")
+    index = generate(declared, tmp_path, base=Path())
+    found = [Scene.load(path).weathering for path in sorted(tmp_path.glob("train/*.json"))]
+    assert {weathering.recipe for weathering in found} == {"rust", "dust"}
+    assert len({weathering.seed for weathering in found}) > 1
+    assert DatasetIndex.load(tmp_path) == index
+
+
+def test_options_must_suit_every_recipe(dataset_data: Data, tmp_path: Path) -> None:
+    weathering = {"recipe": {"choice": ["rust", "dust"]}, "options": {"bleed": 0.5}}
+    declared = validate(DatasetConfig, dataset_data(weathering=weathering), "here")
+    with pytest.raises(ConfigError, match=r"weathering dust.*bleed"):
+        generate(declared, tmp_path, base=Path())

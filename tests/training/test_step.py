@@ -20,7 +20,7 @@ from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.training.state import State, checkpoints
-from svbrdfgan.training.step import Diagnostics, training_step
+from svbrdfgan.training.step import Diagnostics, _draw_seeds, make_pair, step_rng, training_step
 
 Data = Callable[..., dict[str, Any]]
 CPU = torch.device("cpu")
@@ -108,6 +108,38 @@ def test_the_same_seed_gives_the_same_run(config: Callable[..., TrainConfig], so
     assert not torch.equal(elsewhere.generator.first.weight, State.fresh(config(), CPU).generator.first.weight)
 
 
+@pytest.mark.parametrize("sees", ["radiance", "reflectance"])
+def test_chance_and_conditions_learn(sees: str, config: Callable[..., TrainConfig], varied_dataset: Path) -> None:
+    """Both sides are shown the exemplar's own conditions, and each step draws other seeds."""
+    small, plain = {"width": 4, "blocks": 1, "chance": 2}, {"sees": sees}
+    chosen = config(dataset=str(varied_dataset), generator=small, discriminator=plain)
+    resolved = resolve_run(chosen)
+    source = make_batch_source(resolved, "train", load_renderer("numpy"), CPU)
+    labels = source.labels([0, 4])
+    assert labels is not None
+    assert torch.equal(labels, resolved.conditions.of_scenes([source.exemplars.scenes[n] for n in (0, 4)]))
+    state = State.fresh(chosen, CPU, labels=resolved.conditions.size)
+    painted = torch.rand(2, 32, 32, 4)
+    for side in make_pair(source, [0, 4], source.scenes([0, 4], np.random.default_rng(0)), painted):
+        assert side.labels is not None
+        assert torch.equal(side.labels, labels)
+    before = weights(state)
+    run_steps(chosen, state, source, 2)
+    modulation = [name for name in before if name.startswith("generator.modulation")]
+    assert modulation
+    assert all(not torch.equal(before[name], state._tensors()[name]) for name in modulation)
+    drawn = [_draw_seeds(step_rng(Fabric(accelerator="cpu"), chosen, step, 0), 2, CPU) for step in (0, 0, 1)]
+    assert torch.equal(drawn[0], drawn[1])
+    assert drawn[0].min() >= 0
+    assert len({*drawn[0].tolist(), *drawn[2].tolist()}) == 4
+
+
+def test_seeds_take_no_random_numbers_of_the_scenes(config: Callable[..., TrainConfig]) -> None:
+    one, other = (step_rng(Fabric(accelerator="cpu"), config(), 3, 0) for _ in range(2))
+    _draw_seeds(one, 5, CPU)
+    assert one.random() == other.random()
+
+
 def test_moments_from_a_file_lie_as_the_weights_do(
     config: Callable[..., TrainConfig], source: BatchSource, tmp_path: Path
 ) -> None:
@@ -155,6 +187,14 @@ def test_buffers_follow_the_picture_as_channels() -> None:
     both = ImageBatch.cat([given.pick([0, 0]), given])
     assert both.light_buffer is not None
     assert both.light_buffer.shape == (3, 4, 4, 9)
+
+
+def test_labels_are_planes_after_the_buffers() -> None:
+    labels = torch.tensor([[0.5, -1.0], [0.0, 1.0]])
+    given = ImageBatch(torch.zeros(2, 4, 4, 3), torch.zeros(2, 4, 4), None, labels=labels)
+    shown = given.pick([1, 0]).tone_mapped(torch.zeros(2, 3))
+    assert shown.shape == (2, 5, 4, 4)
+    assert torch.equal(shown[:, 3:], labels.flip(0)[:, :, None, None].expand(2, 2, 4, 4))
 
 
 @pytest.mark.parametrize(("guide", "light", "channels"), [(False, False, 3), (True, False, 9), (True, True, 18)])

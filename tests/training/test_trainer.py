@@ -19,6 +19,7 @@ import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
+from svbrdfgan.data.conditions import Conditions
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.errors import AssetError, ConfigError, TrainingError
 from svbrdfgan.inference.apply import paint
@@ -27,8 +28,9 @@ from svbrdfgan.networks import Generator
 from svbrdfgan.training import trainer
 from svbrdfgan.training.config import GeneratorConfig, TrainConfig, resolved, train_config
 from svbrdfgan.training.metrics_log import read_metrics
+from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.training.run import MODEL, RunConfig, load_generator, load_model, save_generator
-from svbrdfgan.training.state import State, checkpoints, step_of
+from svbrdfgan.training.state import State, checkpoints, make_generator, step_of
 from svbrdfgan.training.trainer import batch_indices, train
 
 Data = Callable[..., dict[str, Any]]
@@ -145,6 +147,33 @@ def test_a_finished_run_resumed_stays_as_it_is(config: Callable[..., TrainConfig
     state = train(config(), tmp_path / "run", resume=True)
     assert state.step == 4
     assert all(torch.equal(tensor, before[name]) for name, tensor in final_weights(tmp_path / "run").items())
+
+
+def test_a_run_with_chance_and_conditions_goes_on_bit_for_bit(
+    config: Callable[..., TrainConfig], varied_dataset: Path, tmp_path: Path
+) -> None:
+    varied = {"dataset": str(varied_dataset), "generator": {"width": 4, "blocks": 1, "chance": 2}}
+    train(config(**varied, steps=4), tmp_path / "whole")
+    train(config(**varied, steps=2), tmp_path / "parts")
+    state = train(config(**varied, steps=4), tmp_path / "parts", resume=True)
+    assert_same_weights(tmp_path / "whole", tmp_path / "parts")
+    assert (state.generator.chance, state.generator.labels) == (2, 3)
+    model = load_model(tmp_path / "whole")
+    assert model.config.conditions == Conditions((0.2, 1.0), ("rust", "dust"))
+    assert model.score is None
+    averaged = state.averaged.state_dict()
+    assert all(torch.equal(weight, averaged[name]) for name, weight in model.generator.state_dict().items())
+
+
+def test_conditions_are_told_with_chance_or_when_asked_for(
+    config: Callable[..., TrainConfig], varied_dataset: Path
+) -> None:
+    def known(**generator: Any) -> Conditions:
+        small = {"width": 4, "blocks": 1}
+        return resolve_run(config(dataset=str(varied_dataset), generator=small | generator)).conditions
+
+    assert known().size == known(chance=2, conditions=False).size == 0
+    assert known(chance=2).size == known(conditions=True).size == 3
 
 
 def test_a_run_is_not_overwritten(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
@@ -324,7 +353,7 @@ def test_no_data_set_is_told_before_anything_is_written(config: Callable[..., Tr
 @pytest.mark.parametrize("channels", [4, 5])
 def test_a_generator_returns_with_its_channels(channels: int, tmp_path: Path) -> None:
     small = GeneratorConfig(width=4, blocks=0)
-    generator = Generator(**small.model_dump(), channels=channels).eval()
+    generator = make_generator(small, channels).eval()
     save_generator(tmp_path / MODEL, generator, small, 0.5)
     geometry = torch.randn(1, 6, 16, 16)
     with torch.no_grad():
@@ -333,9 +362,9 @@ def test_a_generator_returns_with_its_channels(channels: int, tmp_path: Path) ->
 
 def test_a_generator_that_says_no_channels_paints_rgba(tmp_path: Path) -> None:
     """As they were written before there were further maps."""
-    small = GeneratorConfig(width=4, blocks=0)
-    generator = Generator(**small.model_dump())
-    meta = {"format": "svbrdfgan generator 2", "generator": small.model_dump_json(), "score": "0.5"}
+    generator = Generator(width=4, blocks=0)
+    written = json.dumps({"width": 4, "blocks": 0, "norm": "instance", "upsampling": "nearest"})
+    meta = {"format": "svbrdfgan generator 2", "generator": written, "score": "0.5"}
     save_file(generator.state_dict(), tmp_path / MODEL, meta)
     again, score = load_generator(tmp_path / MODEL)
     assert (again.channels, score) == (4, 0.5)

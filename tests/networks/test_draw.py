@@ -1,0 +1,19 @@
+"""One draw of a generator is the generator at a fixed seed and fixed labels."""
+
+from __future__ import annotations
+
+import torch
+
+from svbrdfgan.networks import Draw, Generator
+
+
+def test_a_draw_is_the_generator_at_its_seed_and_labels() -> None:
+    generator, geometry = Generator(width=4, blocks=0, chance=2, labels=1), torch.rand(2, 6, 16, 16)
+    wanted = generator(geometry, torch.tensor([7, 7]), torch.tensor([[0.5], [0.5]]))
+    assert torch.equal(Draw(generator, 7, [0.5])(geometry), wanted)
+    assert not torch.equal(Draw(generator, 8, [0.5])(geometry), wanted)
+
+
+def test_without_chance_it_is_the_generator_itself() -> None:
+    generator, geometry = Generator(width=4, blocks=0), torch.rand(2, 6, 16, 16)
+    assert torch.equal(Draw(generator)(geometry), generator(geometry))
