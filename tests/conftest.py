@@ -157,6 +157,21 @@ def varied_dataset(built_once: BuiltOnce) -> Path:
 
 
 @pytest.fixture(scope="session")
+def varied_run(built_once: BuiltOnce, varied_dataset: Path) -> Path:
+    """A short run with chance and conditions on the varied data set. Not to be changed."""
+    from svbrdfgan.training.config import train_config
+    from svbrdfgan.training.trainer import train
+
+    chance = {"generator": {"chance": 3}, "optimizer": {"generator_rate": 1e-2}}
+
+    def fill(folder: Path) -> None:
+        changed = merged({"dataset": str(varied_dataset), **TINY_TRAINING}, chance)
+        train(train_config(changed, "varied"), folder / "run")
+
+    return built_once("varied_run", fill) / "run"
+
+
+@pytest.fixture(scope="session")
 def tiny_exemplars(tiny_dataset: Path) -> Any:
     """The training split of the tiny data set in memory. Not to be changed."""
     from svbrdfgan.data.exemplars import load_exemplars

@@ -20,12 +20,26 @@ from svbrdfgan.cli.options import (
 @click.command("texture")
 @click.argument("mesh", type=click.Path(path_type=Path))
 @click.option("--model", "run", required=True, type=click.Path(path_type=Path), help="Folder of a training run.")
+@click.option("--seed", type=int, help="Each seed gives another pattern; for models with chance.  [default: 0]")
+@click.option("--amount", type=float, help="0 is clean, 1 is filthy.  [default: the middle of those trained on]")
+@click.option("--recipe", help="One of those that the model was trained on; needed if it knows several.")
+@click.option(
+    "--count",
+    type=click.IntRange(min=1),
+    help="So many layers, of this seed and the next ones. OUT is then a folder; files are named after mesh and seed.",
+)
 @learnable_option
-@click.option("-o", "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="GLB file to write.")
+@click.option(
+    "-o", "--out", required=True, type=click.Path(path_type=Path), help="GLB file to write; with --count, a folder."
+)
 @picture_options
 def command(
     mesh: Path,
     run: Path,
+    seed: int | None,
+    amount: float | None,
+    recipe: str | None,
+    count: int | None,
     learnable: tuple[str, ...],
     out: Path,
     picture: Path | None,
@@ -33,16 +47,26 @@ def command(
     renderer: str,
 ) -> None:
     """Weather MESH with the generator of a run; write it as GLB, and the layer alone as PNG beside it."""
-    require_apart(mesh, out)
+    if count is not None and picture is not None:
+        raise click.UsageError("--picture is of one layer; leave out --count.")
+    first = seed or 0
+    seeds = [seed] if count is None else list(range(first, first + count))
+    paths = [out] if count is None else [out / f"{mesh.stem}-{number}.glb" for number in seeds]
+    for path in paths:
+        require_apart(mesh, path)
     with progress(f"loading {run}") as display:
-        from svbrdfgan.inference.apply import paint
+        from svbrdfgan.inference.apply import choose_draw, paint_draw, prepare
         from svbrdfgan.io import load_mesh
         from svbrdfgan.training.run import load_model
 
         model = load_model(run)
-        write = writer(out, picture, environment, renderer, model.config.maps)
+        draws = [choose_draw(model, seed=number, amount=amount, recipe=recipe) for number in seeds]
+        writers = [writer(path, picture, environment, renderer, model.config.maps) for path in paths]
         display.stage(f"weathering {mesh}")
-        subject, layer = paint(load_mesh(mesh), model, selected(learnable))
-        display.stage(f"writing {out}")
-        written = write(subject, layer)
+        subject = prepare(load_mesh(mesh), model, selected(learnable))
+        written = []
+        for path, draw, write in zip(paths, draws, writers, strict=True):
+            layer = paint_draw(subject, draw)
+            display.stage(f"writing {path}")
+            written += write(subject, layer)
     report_weathered(subject, written)

@@ -1,0 +1,69 @@
+"""`svbrdfgan texture` with chance and conditions: the files of each draw, and the sentence where there are none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from svbrdfgan.cli import main
+from svbrdfgan.io import save_mesh_glb
+from svbrdfgan.procedural import build_vehicle, sample_vehicle
+
+
+@pytest.fixture(scope="module")
+def car(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("car") / "car.glb"
+    save_mesh_glb(path, build_vehicle(sample_vehicle("van", 5)))
+    return path
+
+
+def texture(*words: object) -> Result:
+    return CliRunner().invoke(main, ["texture", *map(str, words)])
+
+
+def test_the_same_command_writes_the_same_bytes(car: Path, varied_run: Path, tmp_path: Path) -> None:
+    asked = ("--seed", 7, "--amount", 0.4, "--recipe", "rust")
+    for name in ("one", "other"):
+        assert texture(car, "--model", varied_run, *asked, "-o", tmp_path / f"{name}.glb").exit_code == 0
+    assert (tmp_path / "one.glb").read_bytes() == (tmp_path / "other.glb").read_bytes()
+
+
+def test_many_draws_into_a_folder(car: Path, varied_run: Path, tmp_path: Path) -> None:
+    asked = ("--model", varied_run, "--recipe", "dust", "--amount", 0.9)
+    result = texture(car, *asked, "--seed", 3, "--count", 2, "-o", tmp_path / "many")
+    assert result.exit_code == 0, result.output
+    names = [f"car-{seed}{end}" for seed in (3, 4) for end in (".glb", ".layer.png")]
+    assert result.stdout.splitlines() == [str(tmp_path / "many" / name) for name in names]
+    layers = [(tmp_path / "many" / name).read_bytes() for name in names[1::2]]
+    assert layers[0] != layers[1]
+    assert texture(car, *asked, "--seed", 4, "-o", tmp_path / "alone.glb").exit_code == 0
+    assert (tmp_path / "alone.glb").read_bytes() == (tmp_path / "many" / "car-4.glb").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (("--recipe", "rust", "--amount", 2), "amount 2 is not allowed; wanted a number from 0 to 1."),
+        (("--recipe", "rust", "--seed", -1), "seed -1 is not allowed; wanted a whole number from 0"),
+        (("--recipe", "snow"), "does not know the recipe 'snow'. It knows rust, dust."),
+        ((), "knows the recipes rust, dust: name the one that is wanted."),
+    ],
+)
+def test_what_cannot_be_painted_is_told(
+    asked: tuple[object, ...], said: str, car: Path, varied_run: Path, tmp_path: Path
+) -> None:
+    result = texture(car, "--model", varied_run, *asked, "-o", tmp_path / "a.glb")
+    assert result.exit_code == 1
+    (line,) = [line for line in result.stderr.strip().splitlines() if not line.startswith("  ")]  # but progress
+    assert line.startswith("Error: ")
+    assert said in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_picture_is_of_one_layer(car: Path, varied_run: Path, tmp_path: Path) -> None:
+    asked = ("--count", 2, "--picture", tmp_path / "a.png")
+    result = texture(car, "--model", varied_run, *asked, "-o", tmp_path / "many")
+    assert result.exit_code == 2
+    assert "--picture is of one layer; leave out --count." in result.stderr
