@@ -15,6 +15,7 @@ from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.config.distributions import Choice, Fixed, Normal, Uniform
 from svbrdfgan.config.models import validate
 from svbrdfgan.config.yaml_files import apply_overrides
+from svbrdfgan.data.conditions import Conditions
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.weathering import RECIPES
@@ -116,9 +117,12 @@ def test_the_required_keys_are_required(tables: tuple[dict[str, str], dict[str, 
 def test_the_files_shown_are_valid(repository: Path) -> None:
     text = (repository / "docs" / "quickstart.md").read_text(encoding="utf-8")
     blocks = [yaml.safe_load(block) for block in re.findall(r"^```yaml\n(.*?)^```", text, re.M | re.S)]
-    dataset, train, materials, train_materials = blocks
+    dataset, train, varied, train_varied, materials, train_materials = blocks
     assert set(validate(DatasetConfig, dataset, "dataset.yaml").splits) == {"train", "validation", "test"}
     assert train_config(train, "train.yaml").dataset == "data/cars"
+    known = Conditions.of(validate(DatasetConfig, {**dataset, **varied}, "dataset.yaml").weathering)
+    assert known == Conditions((0.1, 1.0), ("rust", "road-dirt"))
+    assert train_config(train_varied, "train.yaml").generator.conditional
     whole = validate(DatasetConfig, {**dataset, **materials}, "dataset.yaml")
     assert set(whole.maps) == {"roughness", "metallic", "normal"}
     fakes = train_config(train_materials, "train.yaml")
