@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,10 +16,12 @@ from jaxtyping import Float
 from lightning_fabric import Fabric
 from torch import Tensor
 
+from svbrdfgan.config.distributions import Fixed
 from svbrdfgan.data.config import Split
 from svbrdfgan.data.gather import INDEX
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
+from svbrdfgan.evaluation.distribution import resemblance_of
 from svbrdfgan.evaluation.observed import Observation
 from svbrdfgan.evaluation.oracle import LoadedSplit, OracleConfig, TrainedOracle, oracle_of
 from svbrdfgan.evaluation.record import Evaluation, MapScore, share
@@ -33,8 +36,10 @@ from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric
-from svbrdfgan.training.run import RunConfig, load_model
+from svbrdfgan.training.run import Model, RunConfig, load_model
 from svbrdfgan.utils.display import Display, SilentDisplay
+
+log = logging.getLogger(__name__)
 
 _RELIT = {
     "generated": "relit_flip",
@@ -117,11 +122,32 @@ def evaluate(
     layers["constant"] = constants[0].expand_as(layers["generated"])
     shown.begin("comparing pictures", len(source))
     evaluation = _judge(split, scorer, layers, found, constants, _flips(source, layers, shown))
+    if model.generator.varies or _seeds_vary(config):
+        evaluation = evaluation.model_copy(update=_resemblance(model, fabric, source, scorer, constants, shown))
     shown.begin("comparing relit pictures")
     relit = relighter.relit(source.exemplars, opened.index.sampler(split), renderer, layers, shown.advance)
     evaluation = evaluation.model_copy(update={_RELIT[name]: value for name, value in relit.flips.items()})
     evaluation.save(run)
     return Evaluated(evaluation, config, source, layers, relit.scenes)
+
+
+def _seeds_vary(config: RunConfig) -> bool:
+    """Whether the true layers are a distribution."""
+    weathering = config.dataset.weathering
+    return weathering is not None and not isinstance(weathering.seed, Fixed)
+
+
+def _resemblance(
+    model: Model, fabric: Fabric, source: BatchSource, scorer: Scorer, constants: Tensor, shown: Display
+) -> dict[str, Any]:
+    """What the record says of draws; nothing if the true ones cannot be compared."""
+    shown.begin("comparing draws of layers", len(scorer.geometry))
+    try:
+        found = resemblance_of(model, fabric, source.exemplars, scorer, constants, shown.advance)
+    except AssetError as error:
+        log.warning("resemblance has no score: %s", error)
+        return {}
+    return {"resemblance": found.resemblance, "draws": found}
 
 
 def _observed(source: BatchSource, renderer: Renderer[Any], config: RunConfig, shown: Display) -> Observed | None:

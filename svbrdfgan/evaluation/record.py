@@ -10,6 +10,7 @@ from pydantic import BeforeValidator
 from svbrdfgan.config.models import StrictModel
 from svbrdfgan.data.config import Split
 from svbrdfgan.io.records import save_record
+from svbrdfgan.metrics.resemblance import Resemblance
 
 EVALUATION = "evaluation.json"
 LEAST_AREA = 0.2
@@ -71,6 +72,9 @@ class Evaluation(StrictModel):
         seen: share of the learnable area that the split's pictures show; only that is scored.
         constant: the layer of least error on the training subjects.
         maps: where layers paint further maps, the scores of all maps, base_color among them.
+        resemblance: where layers are a distribution, how alike the generator's draws are to true ones
+            (`svbrdfgan.metrics.resemblance`); then `recovered` is that of one draw, and says little.
+        draws: the parts of `resemblance`.
     """
 
     split: Split
@@ -95,6 +99,8 @@ class Evaluation(StrictModel):
     subjects: int
     exemplars: int
     maps: dict[str, Annotated[MapScore, BeforeValidator(_from_error)]] = {}
+    resemblance: float | None = None
+    draws: Resemblance | None = None
 
     @property
     def relit_ratio(self) -> float | None:
@@ -116,7 +122,7 @@ class Evaluation(StrictModel):
         lines.append(
             f"FLIP:      {self.flip:.3f} (constant layer {self.flip_constant:.3f}, noise alone {self.flip_truth:.3f})"
         )
-        return lines + self._relit_lines() + self._map_lines()
+        return lines + self._relit_lines() + (self.draws.lines() if self.draws else []) + self._map_lines()
 
     def little_observed(self) -> list[str]:
         """A warning for each map that is scored on less than a fifth of the learnable area."""

@@ -44,6 +44,14 @@ def verdict(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> lis
             "1 is all of it, 0 no better than one colour everywhere.",
         )
     ]
+    if evaluation.resemblance is not None and evaluation.draws is not None:
+        least = evaluation.draws.least
+        meaning = (
+            "How alike draws of the generator are to draws of the true layers: 1 is as alike as true draws are to each "
+            f"other, 0 one colour everywhere. Least alike: {least}, {evaluation.draws.parts[least]:.2f}. Recovered is "
+            "that of one draw, and says little."
+        )
+        found.insert(0, KeyFigure("resemblance", f"{evaluation.resemblance:.3f}", meaning))
     if evaluation.oracle is not None:
         found.append(KeyFigure("oracle", f"{evaluation.oracle:.3f}", _oracle_meaning(evaluation)))
     if evaluation.fraction is not None:

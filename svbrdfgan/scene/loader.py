@@ -62,7 +62,7 @@ class SceneLoader:
         key = f"{subject_key(scene)}-{_digest(scene.weathering, *scene.maps)}"
         if key not in self._layers:
             path = self.folder / _CACHE / "layers" / f"{key}.safetensors"
-            recipe = _recipe(scene.weathering)
+            recipe = recipe_of(scene.weathering)
             if len(self._layers) >= _LAYERS:
                 del self._layers[next(iter(self._layers))]
             self._layers[key] = self._stored(path, load_layer, save_layer, lambda: self._weather(scene, recipe))
@@ -134,7 +134,8 @@ def subject_key(scene: Scene) -> str:
     return f"{Path(scene.mesh.path).stem}-{_digest(*parts)}"
 
 
-def _recipe(weathering: SceneWeathering) -> Recipe:
+def recipe_of(weathering: SceneWeathering) -> Recipe:
+    """The recipe with the amount, the seed and the options of a scene."""
     options = {"amount": weathering.amount, "seed": weathering.seed, **weathering.options}
     return recipe_from_options(weathering.recipe, options)
 

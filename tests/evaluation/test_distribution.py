@@ -1,0 +1,115 @@
+"""The score of draws on a split: 1 for a generator that draws as the recipe does, and low for one frozen draw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import torch
+from lightning_fabric import Fabric
+from torch import Tensor
+
+from svbrdfgan.data.conditions import Conditions
+from svbrdfgan.data.config import dataset_config
+from svbrdfgan.data.exemplars import Exemplars, load_exemplars
+from svbrdfgan.data.generate import generate
+from svbrdfgan.data.index import Dataset
+from svbrdfgan.errors import AssetError
+from svbrdfgan.evaluation.distribution import resemblance_of
+from svbrdfgan.evaluation.evaluate import evaluate
+from svbrdfgan.evaluation.record import Evaluation
+from svbrdfgan.metrics.constant import constant_layers
+from svbrdfgan.metrics.recovered import Scorer
+from svbrdfgan.weathering import find_site, recipe_from_options, weather
+
+CPU = torch.device("cpu")
+AMOUNTS = Conditions((0.4, 1.0), ("rust",))
+
+
+@pytest.fixture(scope="module")
+def dataset(dataset_data: Callable[..., dict[str, Any]], built_once: Any) -> Dataset:
+    """One vehicle with textures that are fine enough for the score."""
+    data = dataset_data(
+        texture=64,
+        image=[16, 16],
+        spp=1,
+        embedding={"resolution": 64},
+        weathering={"recipe": "rust", "amount": {"uniform": [0.4, 1]}, "seed": {"uniform": [0, 9999]}},
+        splits={"train": {"meshes": {"procedural": {"count": 1}}, "views": 4}, "validation": {"views": 1}},
+    )
+    return Dataset.open(built_once("draws", lambda f: generate(dataset_config(data, "here"), f, base=Path()) and None))
+
+
+@pytest.fixture(scope="module")
+def exemplars(dataset: Dataset) -> Exemplars:
+    return load_exemplars(dataset, "train")
+
+
+class Recipe:
+    """Stands for a generator that has learned the recipe exactly."""
+
+    def __init__(self, exemplars: Exemplars, frozen: bool = False, bias: float = 0.0) -> None:
+        self.subject, self.frozen, self.bias = exemplars.subjects[0], frozen, bias
+        self.site = find_site(self.subject.surface, self.subject.buffer)
+
+    def to(self, device: torch.device) -> Recipe:
+        return self
+
+    def __call__(self, geometry: Tensor, seeds: Tensor, labels: Tensor) -> Tensor:
+        seed = 77 if self.frozen else 10**6 + int(seeds[0])
+        amount = min(max((float(labels[0, 0]) + 1) / 2 + self.bias, 0.0), 1.0)
+        recipe = recipe_from_options("rust", {"amount": amount, "seed": seed})
+        return weather(self.subject.surface, self.subject.buffer, recipe, site=self.site).unsqueeze(0)
+
+
+@pytest.fixture(scope="module")
+def score(dataset: Dataset, exemplars: Exemplars) -> Callable[[Recipe], Any]:
+    def seen(index: int) -> Tensor:
+        return torch.ones(64, 64)
+
+    constants = constant_layers(exemplars, seen, CPU)
+    scorer = Scorer.make(exemplars, seen, constants, CPU)
+    config = SimpleNamespace(dataset=dataset.config, conditions=AMOUNTS)
+
+    def found(recipe: Recipe) -> Any:
+        model: Any = SimpleNamespace(generator=recipe, config=config)
+        return resemblance_of(model, Fabric(accelerator="cpu", precision="32-true"), exemplars, scorer, constants)
+
+    return found
+
+
+def test_draws_of_the_recipe_resemble_it_and_others_do_not(
+    score: Callable[[Recipe], Any], exemplars: Exemplars
+) -> None:
+    learned = score(Recipe(exemplars))
+    assert (learned.subjects, learned.draws) == (1, 16)
+    assert learned.resemblance > 0.85, learned.lines()
+    frozen = score(Recipe(exemplars, frozen=True))
+    assert frozen.deviation < 0.5, frozen.lines()
+    assert frozen.resemblance < 0.7 * learned.resemblance
+    biased = score(Recipe(exemplars, bias=-0.3))
+    assert biased.amount < 0.5 < 0.9 < learned.amount, biased.lines()
+
+
+def test_a_run_with_chance_has_the_score_in_its_record(varied_run: Path) -> None:
+    found = evaluate(varied_run, split="validation", device="cpu", oracle=False).evaluation
+    assert found.draws is not None
+    assert found.draws.draws == 16
+    assert found.resemblance == found.draws.resemblance
+    assert found.draws.lines()[0] in found.lines()
+    assert Evaluation.model_validate_json((varied_run / "evaluation.validation.json").read_text()) == found
+
+
+def test_draws_that_cannot_be_compared_have_no_score(
+    varied_run: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def refuse(*_: object) -> None:
+        raise AssetError("too small")
+
+    monkeypatch.setattr("svbrdfgan.evaluation.evaluate.resemblance_of", refuse)
+    found = evaluate(varied_run, split="validation", device="cpu", oracle=False).evaluation
+    assert found.resemblance is found.draws is None
+    assert "resemblance has no score: too small" in caplog.text
