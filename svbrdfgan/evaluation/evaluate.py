@@ -58,6 +58,7 @@ class Evaluated:
         source: the scored split.
         layers: the layers of each subject, by what painted them: "generated", "oracle" or "constant".
         relit: a few of the scenes that the run was relit in, with their pictures.
+        generator: the run's, on the device of the layers; for draws of it.
     """
 
     evaluation: Evaluation
@@ -65,6 +66,7 @@ class Evaluated:
     source: BatchSource
     layers: dict[str, Float[Tensor, "subjects rows cols channels"]]
     relit: tuple[RelitScene, ...] = ()
+    generator: Generator | None = None
 
 
 def evaluate(
@@ -128,7 +130,7 @@ def evaluate(
     relit = relighter.relit(source.exemplars, opened.index.sampler(split), renderer, layers, shown.advance)
     evaluation = evaluation.model_copy(update={_RELIT[name]: value for name, value in relit.flips.items()})
     evaluation.save(run)
-    return Evaluated(evaluation, config, source, layers, relit.scenes)
+    return Evaluated(evaluation, config, source, layers, relit.scenes, model.generator)
 
 
 def _seeds_vary(config: RunConfig) -> bool:

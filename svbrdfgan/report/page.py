@@ -12,6 +12,7 @@ from svbrdfgan.evaluation.evaluate import Evaluated
 from svbrdfgan.evaluation.record import map_cells, of_split
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.report.curves import charts, draw
+from svbrdfgan.report.draws import COLUMNS, sheets
 from svbrdfgan.report.facts import HELD_OUT, find_plan, flip_bars, relit_bars, summary, title, verdict
 from svbrdfgan.report.patches import patch_maps
 from svbrdfgan.report.pictures import data_uri
@@ -59,6 +60,8 @@ def _contents(run: Path, evaluated: Evaluated) -> dict[str, Any]:
         "relit": [relit(scene) for scene in evaluated.relit],
         "textures": [textured(evaluated, index, top) for index in textures],
         "error_top": f"{top:.2f}",
+        "sheets": sheets(evaluated, textures),
+        "sheet_columns": COLUMNS,
         "patches": patch_maps(run, evaluated, views[:_JUDGED]),
         "charts": [(chart, draw(chart)) for chart in drawn],
         "scored": any("recovered" in line for line in log),
