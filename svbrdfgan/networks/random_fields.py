@@ -9,6 +9,7 @@ trained models on the other.
 from __future__ import annotations
 
 import itertools
+from functools import cache
 
 import torch
 from jaxtyping import Float, Int
@@ -78,7 +79,7 @@ def _interpolated(
 ) -> Int[Tensor, "batch fields rows cols"]:
     """The noise, in units of 2^-16: linear functions of the cell's corners, mixed by the quintic fade."""
     fade, words = _faded(offset), _words(cell)
-    towards = [torch.tensor(steps, device=cell.device) for steps in zip(*_DIRECTIONS, strict=True)]
+    towards = _directions(cell.device)
     values = []
     for corner in itertools.product((0, 1), repeat=3):
         x, y, z = (words[axis][side] for axis, side in enumerate(corner))
@@ -94,6 +95,12 @@ def _interpolated(
             for low, high in zip(values[::2], values[1::2], strict=True)
         ]
     return values[0]
+
+
+@cache
+def _directions(device: torch.device) -> list[Int[Tensor, " directions"]]:
+    """The x, y and z of each direction; kept on the device, since each copy there would wait for it."""
+    return [torch.tensor(steps, device=device) for steps in zip(*_DIRECTIONS, strict=True)]
 
 
 def _words(cell: Int[Tensor, "batch fields 3 rows cols"]) -> list[tuple[Tensor, Tensor]]:
