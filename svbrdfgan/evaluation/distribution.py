@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -17,13 +17,12 @@ from svbrdfgan.metrics.resemblance import Resemblance, Resembler
 from svbrdfgan.networks import Draw
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import recipe_of
+from svbrdfgan.training.batches import Progress
 from svbrdfgan.training.run import Model
 from svbrdfgan.weathering import find_site, weather
 
 DRAWS = 16
 """Layers of each vehicle, in each of three sets: true ones, other true ones, and the generator's."""
-
-Progress = Callable[[int], None]
 
 
 def resemblance_of(

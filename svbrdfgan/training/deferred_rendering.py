@@ -184,10 +184,8 @@ class DeferredRendering:
 
     def in_scenes(self, config: ScenesConfig, spp: int) -> DeferredRendering:
         """The same exemplars in otherwise perturbed scenes, one for each; they are looked at once, and not kept."""
-        perturbation, forgetful = (
-            Perturbation(config, self.perturbation.sampler),
-            MemoryCache[SceneKey, DeferredScene](0),
-        )
+        perturbation = Perturbation(config, self.perturbation.sampler)
+        forgetful = MemoryCache[SceneKey, DeferredScene](0)
         return replace(self, perturbation=perturbation, spp=spp, pool=1, _cache=forgetful)
 
     def prefetch(self, indices: Sequence[int], rng: np.random.Generator) -> None:

@@ -255,12 +255,12 @@ def _score(session: _Session, state: State) -> None:
     state.history.append({"step": state.step, "seconds": state.seconds, "recovered": score})
     by_map = {f"recovered_{name}": value for name, value in each.items() if value is not None and len(each) > 1}
     session.metrics_log.write(state.step, {"recovered": score, **by_map, "seconds": state.seconds})
-    if score > state.best[0]:
+    varies, better = state.generator.varies, score > state.best[0]
+    if better:
         state.best = (score, state.step)
-        if not state.generator.varies:
-            save_generator(session.run / MODEL, state.averaged, session.config.generator, score)
-    if state.generator.varies:
-        save_generator(session.run / MODEL, state.averaged, session.config.generator, None)
+    if better or varies:
+        known = None if varies else score
+        save_generator(session.run / MODEL, state.averaged, session.config.generator, known)
 
 
 def _save(session: _Session, state: State, diagnostics: Diagnostics) -> None:
