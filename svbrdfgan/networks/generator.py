@@ -21,7 +21,7 @@ GEOMETRY_CHANNELS = 6
 _NO_METAL = -3.0
 """What is added to metallic before the sigmoid. Without it training starts half metallic, and few things are."""
 
-_TILT = 0.25
+_TILT = 0.1
 """What x and y of normals are multiplied by before their range. With 1 training starts with normals that lean by tens
 of degrees, where relief leans by a few, and they take long to come back."""
 

@@ -30,7 +30,7 @@ def lattice(side: int) -> Tensor:
 def test_a_seed_s_field_is_fixed_to_the_bit() -> None:
     fields = random_fields(lattice(16).expand(3, -1, -1, -1), torch.tensor([0, 7, 2**63 - 1]), MOST_FIELDS)
     assert fields.dtype == torch.float32
-    assert digest(fields) == "e0a95d7cc60e5043"
+    assert digest(fields) == "3d29f67f7e2043af"
     assert digest(random_numbers(torch.tensor([0, 7, 2**63 - 1]), 16)) == "cae4600c816b0554"
 
 
