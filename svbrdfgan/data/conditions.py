@@ -1,96 +1,38 @@
-"""Conditions: what is known of each exemplar's layer, and chosen of a generated one: its amount and its recipe."""
+"""The conditions of a data set: what is known of its exemplars' layers."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.config.distributions import limits, values_of
-from svbrdfgan.config.error_messages import did_you_mean
-from svbrdfgan.data.config import WeatheringDistribution
-from svbrdfgan.errors import ConfigError
+from svbrdfgan.data.config import DatasetConfig, WeatheringDistribution
+from svbrdfgan.networks import Conditions, GeneratorConfig
 from svbrdfgan.scene.description import Scene, SceneWeathering
 
 
-@dataclass(frozen=True)
-class Conditions:
-    """The conditions of a data set's exemplars. What is the same for all of them is no label.
+def declared_conditions(weathering: WeatheringDistribution | None) -> Conditions:
+    """Those of a data set; none where the weathering is not known, as of imported pictures."""
+    if weathering is None:
+        return Conditions()
+    low, high = limits(weathering.amount, 0.0, 1.0)
+    return Conditions((low, high) if low < high else None, values_of(weathering.recipe))
 
-    Attributes:
-        amount: the least and the greatest amount; None if all exemplars have the same.
-        recipes: all recipes; empty if they are not known.
-    """
 
-    amount: tuple[float, float] | None = None
-    recipes: tuple[str, ...] = ()
+def conditions_of(generator: GeneratorConfig, dataset: DatasetConfig) -> Conditions:
+    """What networks are told of each layer: what varies in the data set, if the generator is conditional."""
+    known = declared_conditions(dataset.weathering)
+    return known if generator.conditional else known.untold()
 
-    @classmethod
-    def of(cls, weathering: WeatheringDistribution | None) -> Conditions:
-        """Those of a data set; none where the weathering is not known, as of imported pictures."""
-        if weathering is None:
-            return cls()
-        low, high = limits(weathering.amount, 0.0, 1.0)
-        return cls((low, high) if low < high else None, values_of(weathering.recipe))
 
-    def untold(self) -> Conditions:
-        """Those of a model that is told nothing: the recipe is known if there is only one."""
-        return Conditions(None, () if self._told_apart else self.recipes)
-
-    @property
-    def size(self) -> int:
-        """Numbers in the labels of a layer."""
-        return (self.amount is not None) + len(self._told_apart)
-
-    def labels(self, amount: float, recipe: str) -> list[float]:
-        """The numbers that stand for the conditions: twice the amount less one, and 1 for the recipe among -1."""
-        first = [] if self.amount is None else [2.0 * amount - 1.0]
-        return first + [1.0 if known == recipe else -1.0 for known in self._told_apart]
-
-    def of_scenes(self, scenes: Sequence[Scene]) -> Float[Tensor, "exemplars labels"] | None:
-        """The labels of exemplars; None if there are no conditions."""
-        if not self.size:
-            return None
-        found = [scene.weathering for scene in scenes]
-        known = [weathering for weathering in found if isinstance(weathering, SceneWeathering)]
-        assert len(known) == len(found), "a data set with a weathering records it in each scene"
-        return torch.tensor([self.labels(weathering.amount, weathering.recipe) for weathering in known])
-
-    def choose(self, amount: float | None = None, recipe: str | None = None) -> list[float]:
-        """The labels of a layer that a user wants.
-
-        Args:
-            amount: in [0, 1]; by default the middle of those that the exemplars have.
-            recipe: one of several must be named.
-
-        Raises:
-            ConfigError: the amount is not in [0, 1], the recipe is not known, or nothing was learned of them.
-        """
-        if amount is not None and not 0.0 <= amount <= 1.0:
-            raise ConfigError(f"amount {amount:g} is not allowed; wanted a number from 0 to 1.")
-        if amount is not None and self.amount is None:
-            raise ConfigError(
-                "the model does not know amounts: leave out the amount, or train with generator.conditions on "
-                "exemplars whose weathering.amount varies."
-            )
-        if recipe is not None and recipe not in self.recipes:
-            hint = did_you_mean(recipe, self.recipes) or "."
-            raise ConfigError(
-                f"the model does not know the recipe {recipe!r}{hint} It knows {', '.join(self.recipes) or 'none'}."
-            )
-        if recipe is None and self._told_apart:
-            raise ConfigError(f"the model knows the recipes {', '.join(self.recipes)}: name the one that is wanted.")
-        if amount is None:
-            amount = 0.0 if self.amount is None else sum(self.amount) / 2
-        return self.labels(amount, recipe or "")
-
-    def typical(self) -> list[float]:
-        """The labels of a layer for scores of single layers: the middle amount of the first recipe."""
-        return self.choose(recipe=self.recipes[0] if self.recipes else None)
-
-    @property
-    def _told_apart(self) -> tuple[str, ...]:
-        return self.recipes if len(self.recipes) > 1 else ()
+def labels_of_scenes(conditions: Conditions, scenes: Sequence[Scene]) -> Float[Tensor, "exemplars labels"] | None:
+    """The labels of exemplars; None if there are no conditions."""
+    if not conditions.size:
+        return None
+    found = [scene.weathering for scene in scenes]
+    known = [weathering for weathering in found if isinstance(weathering, SceneWeathering)]
+    assert len(known) == len(found), "a data set with a weathering records it in each scene"
+    return torch.tensor([conditions.labels(weathering.amount, weathering.recipe) for weathering in known])

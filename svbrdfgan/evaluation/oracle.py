@@ -19,11 +19,11 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.metrics.map_errors import LEAST_ERRORS
 from svbrdfgan.metrics.recovered import Scorer, SeenTexels, Target, make_targets
-from svbrdfgan.networks import Generator, initialise
+from svbrdfgan.networks import Generator, initialise, make_generator
+from svbrdfgan.networks.saved import load_generator, save_generator
 from svbrdfgan.training.batches import stack_geometry
 from svbrdfgan.training.config import TrainConfig
-from svbrdfgan.training.run import ORACLE, ORACLE_NOTES, RunConfig, load_generator, save_generator
-from svbrdfgan.training.state import make_generator
+from svbrdfgan.training.run import ORACLE, ORACLE_NOTES, RunConfig
 from svbrdfgan.utils.display import Display
 
 LoadedSplit = tuple[Exemplars, SeenTexels]

@@ -11,6 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from svbrdfgan.data.conditions import labels_of_scenes
 from svbrdfgan.data.config import EnvironmentSource, Split
 from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.gather import gather_environments, match_files
@@ -120,7 +121,7 @@ def make_batch_source(
     ):
         own_scenes.build(order, progress)  # into files; what others trace is looked at once, for the buffers below
     buffers = own_buffers(discriminator, own_scenes, range(len(exemplars)))
-    known = (*buffers, run.conditions.of_scenes(exemplars.scenes))
+    known = (*buffers, labels_of_scenes(run.conditions, exemplars.scenes))
     on_device = (None if values is None else values.to(device) for values in known)
     real = ImageBatch(exemplars.images.to(device), exemplars.coverage.to(device), *on_device)
     return BatchSource(exemplars, fake_scenes, own_scenes, stack_geometry(exemplars, device), real, demodulated)

@@ -10,35 +10,7 @@ from pydantic import Field, model_validator
 from svbrdfgan.config.choices import PluginChoice, PluginField
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.data.config import CameraDistribution, EnvironmentSource
-from svbrdfgan.networks import Norm, Upsampling
-from svbrdfgan.networks.random_fields import MOST_FIELDS
-
-
-class GeneratorConfig(StrictModel):
-    """See `svbrdfgan.networks.Generator`.
-
-    `chance` is the number of random fields that it reads beside the geometry, one for each octave from 2 waves a
-    vehicle length on; with 0 the layer is a function of the geometry. `conditions` tells it the amount and the recipe
-    of each exemplar, where they vary in the data set, so that they can be chosen later; by default it does if there is
-    chance.
-    """
-
-    width: int = Field(default=64, ge=4)
-    blocks: int = Field(default=6, ge=0)
-    norm: Norm = "instance"
-    upsampling: Upsampling = "nearest"
-    chance: int = Field(default=0, ge=0, le=MOST_FIELDS)
-    conditions: bool | None = None
-
-    @property
-    def conditional(self) -> bool:
-        """Whether it is told amount and recipe."""
-        return self.chance > 0 if self.conditions is None else self.conditions
-
-    @property
-    def without_chance(self) -> GeneratorConfig:
-        """The network that paints one layer for each geometry."""
-        return self.model_copy(update={"chance": 0, "conditions": False})
+from svbrdfgan.networks import GeneratorConfig, Norm
 
 
 class DiscriminatorConfig(StrictModel):

@@ -8,11 +8,12 @@ from pathlib import Path
 import torch
 from lightning_fabric import Fabric
 
-from svbrdfgan.data.conditions import Conditions
+from svbrdfgan.data.conditions import conditions_of
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.training.config import GeneratorConfig, ScenesConfig, TrainConfig, resolved
+from svbrdfgan.networks import Conditions
+from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +67,6 @@ def resolve_run(config: TrainConfig, base: Path = Path()) -> ResolvedRun:
     dataset = Dataset.open((base / config.dataset).resolve())
     _require_divisible(config, dataset.config)
     return ResolvedRun(resolved(config, dataset.config.spp, dataset.config.maps), dataset, base)
-
-
-def conditions_of(generator: GeneratorConfig, dataset: DatasetConfig) -> Conditions:
-    """What networks are told of each layer: what varies in the data set, if the generator is conditional."""
-    known = Conditions.of(dataset.weathering)
-    return known if generator.conditional else known.untold()
 
 
 def make_fabric(device: str, *, devices: int = 1, precision: str = "auto") -> Fabric:

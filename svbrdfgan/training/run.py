@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,20 +9,17 @@ from typing import Any
 import torch
 
 from svbrdfgan.config.distributions import mean
-from svbrdfgan.config.models import StrictModel, differences, validate
-from svbrdfgan.data.conditions import Conditions
+from svbrdfgan.config.models import StrictModel, differences
+from svbrdfgan.data.conditions import conditions_of
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.records import load_record, save_record
-from svbrdfgan.io.tensors import save_tensors, stored_tensors
-from svbrdfgan.networks import Generator
-from svbrdfgan.rendering.compositing import RGBA
-from svbrdfgan.training.config import GeneratorConfig, TrainConfig
-from svbrdfgan.training.resolve import ResolvedRun, conditions_of
-from svbrdfgan.training.state import make_generator
+from svbrdfgan.networks import Conditions, Generator
+from svbrdfgan.networks.saved import load_generator
+from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.resolve import ResolvedRun
 
-_FORMAT = "svbrdfgan generator 2"
 CONFIG, MODEL, LOG = "config.json", "model.safetensors", "log.jsonl"
 ORACLE, ORACLE_NOTES = "oracle.safetensors", "oracle.json"
 _LENGTH = ("steps", "minutes", "score_every", "save_every", "device", "devices", "dataset")
@@ -105,28 +101,6 @@ class Model:
     generator: Generator
     config: RunConfig
     score: float | None
-
-
-def save_generator(path: Path, generator: Generator, config: GeneratorConfig, score: float | None) -> None:
-    """Writes a generator's weights and its configuration."""
-    sizes = {"channels": json.dumps(generator.channels), "labels": json.dumps(generator.labels)}
-    words = {"generator": config.model_dump_json(), "score": json.dumps(score)}
-    save_tensors(path, _FORMAT, generator.state_dict(), words | sizes)
-
-
-def load_generator(path: Path) -> tuple[Generator, float | None]:
-    """Reads what `save_generator` wrote, and its validation score.
-
-    Raises:
-        AssetError: missing, damaged, or of another kind.
-    """
-    with stored_tensors(path, _FORMAT, "train the run until it has saved a model") as (weights, words):
-        built = validate(GeneratorConfig, json.loads(words["generator"]), str(path))
-        channels, labels = (json.loads(words.get(*size)) for size in (("channels", str(RGBA)), ("labels", "0")))
-        generator = make_generator(built, channels, labels)
-        generator.load_state_dict(weights)
-        score = json.loads(words["score"])
-    return generator.eval().requires_grad_(False), score
 
 
 def load_model(run: Path) -> Model:

@@ -19,10 +19,10 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from svbrdfgan.errors import AssetError, TrainingError
-from svbrdfgan.networks import Discriminator, Generator, initialise
+from svbrdfgan.networks import Discriminator, Generator, initialise, make_generator
 from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.all_reduce import GradientAllReduce
-from svbrdfgan.training.config import DiscriminatorConfig, GeneratorConfig, TrainConfig
+from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
 from svbrdfgan.training.reference_pictures import LIGHT_CHANNELS
 
 _KEEP = 2
@@ -146,11 +146,6 @@ def load_discriminator(checkpoint: Path, config: DiscriminatorConfig, labels: in
     with _of_these_networks(checkpoint):
         discriminator.load_state_dict(_under("discriminator.", tensors))
     return discriminator.eval().requires_grad_(False), counters["step"]
-
-
-def make_generator(config: GeneratorConfig, channels: int, labels: int = 0) -> Generator:
-    """The network that paints layers with `channels` channels (`layer_channels`), and is told labels of each."""
-    return Generator(**config.model_dump(exclude={"conditions"}), channels=channels, labels=labels)
 
 
 def make_discriminator(config: DiscriminatorConfig, labels: int = 0) -> Discriminator:

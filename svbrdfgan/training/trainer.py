@@ -19,6 +19,7 @@ from svbrdfgan.errors import ConfigError, TrainingError
 from svbrdfgan.metrics.constant import constant_layers
 from svbrdfgan.metrics.recovered import Scorer, mean_over_maps
 from svbrdfgan.networks import Draw
+from svbrdfgan.networks.saved import save_generator
 from svbrdfgan.plugins import RENDERERS, find_plugin
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import layer_channels
@@ -27,7 +28,7 @@ from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.graceful_interrupt import defer_interrupts
 from svbrdfgan.training.metrics_log import MetricsLog
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, resolve_run
-from svbrdfgan.training.run import CONFIG, MODEL, ORACLE, ORACLE_NOTES, RunConfig, save_generator
+from svbrdfgan.training.run import CONFIG, MODEL, ORACLE, ORACLE_NOTES, RunConfig
 from svbrdfgan.training.state import State, checkpoint_path, checkpoints, step_of
 from svbrdfgan.training.step import Diagnostics, step_rng, training_step
 from svbrdfgan.utils.display import Display, SilentDisplay

@@ -15,8 +15,9 @@ from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.config.distributions import Choice, Fixed, Normal, Uniform
 from svbrdfgan.config.models import validate
 from svbrdfgan.config.yaml_files import apply_overrides
-from svbrdfgan.data.conditions import Conditions
+from svbrdfgan.data.conditions import declared_conditions
 from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.networks import Conditions
 from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.weathering import RECIPES
 
@@ -120,7 +121,7 @@ def test_the_files_shown_are_valid(repository: Path) -> None:
     dataset, train, varied, train_varied, materials, train_materials = blocks
     assert set(validate(DatasetConfig, dataset, "dataset.yaml").splits) == {"train", "validation", "test"}
     assert train_config(train, "train.yaml").dataset == "data/cars"
-    known = Conditions.of(validate(DatasetConfig, {**dataset, **varied}, "dataset.yaml").weathering)
+    known = declared_conditions(validate(DatasetConfig, {**dataset, **varied}, "dataset.yaml").weathering)
     assert known == Conditions((0.1, 1.0), ("rust", "road-dirt"))
     assert train_config(train_varied, "train.yaml").generator.conditional
     whole = validate(DatasetConfig, {**dataset, **materials}, "dataset.yaml")

@@ -12,7 +12,6 @@ import torch
 from lightning_fabric import Fabric
 from torch import Tensor
 
-from svbrdfgan.data.conditions import Conditions
 from svbrdfgan.data.config import dataset_config
 from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.generate import generate
@@ -23,6 +22,7 @@ from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.metrics.constant import constant_layers
 from svbrdfgan.metrics.recovered import Scorer
+from svbrdfgan.networks import Conditions
 from svbrdfgan.weathering import find_site, recipe_from_options, weather
 
 CPU = torch.device("cpu")

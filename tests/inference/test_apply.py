@@ -10,10 +10,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from svbrdfgan.data.conditions import Conditions
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.inference.apply import paint
-from svbrdfgan.networks import Generator
+from svbrdfgan.networks import Conditions, Generator
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
 from svbrdfgan.training.run import Model, load_model
 from svbrdfgan.types import Mesh

@@ -15,10 +15,11 @@ from svbrdfgan.evaluation.evaluate import Evaluated
 from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.geometry.bake import bake
 from svbrdfgan.geometry.rasterize import Fragments
+from svbrdfgan.networks import GeneratorConfig
 from svbrdfgan.scene.description import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.batches import BatchSource
-from svbrdfgan.training.config import DiscriminatorConfig, GeneratorConfig, TrainConfig
+from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.run import RunConfig
 from svbrdfgan.types import Part, Surface

@@ -13,6 +13,7 @@ import torch
 from lightning_fabric import Fabric
 from torch import Tensor
 
+from svbrdfgan.data.conditions import labels_of_scenes
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.plugins import load_renderer
 from svbrdfgan.training.batches import BatchSource, make_batch_source
@@ -117,7 +118,7 @@ def test_chance_and_conditions_learn(sees: str, config: Callable[..., TrainConfi
     source = make_batch_source(resolved, "train", load_renderer("numpy"), CPU)
     labels = source.labels([0, 4])
     assert labels is not None
-    assert torch.equal(labels, resolved.conditions.of_scenes([source.exemplars.scenes[n] for n in (0, 4)]))
+    assert torch.equal(labels, labels_of_scenes(resolved.conditions, [source.exemplars.scenes[n] for n in (0, 4)]))
     state = State.fresh(chosen, CPU, labels=resolved.conditions.size)
     painted = torch.rand(2, 32, 32, 4)
     for side in make_pair(source, [0, 4], source.scenes([0, 4], np.random.default_rng(0)), painted):

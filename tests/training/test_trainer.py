@@ -16,21 +16,21 @@ from typing import Any
 
 import pytest
 import torch
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 from torch import Tensor
 
-from svbrdfgan.data.conditions import Conditions
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.errors import AssetError, ConfigError, TrainingError
 from svbrdfgan.inference.apply import paint
 from svbrdfgan.io import load_mesh
-from svbrdfgan.networks import Generator
+from svbrdfgan.networks import Conditions
+from svbrdfgan.networks.saved import load_generator
 from svbrdfgan.training import trainer
-from svbrdfgan.training.config import GeneratorConfig, TrainConfig, resolved, train_config
+from svbrdfgan.training.config import TrainConfig, resolved, train_config
 from svbrdfgan.training.metrics_log import read_metrics
 from svbrdfgan.training.resolve import resolve_run
-from svbrdfgan.training.run import MODEL, RunConfig, load_generator, load_model, save_generator
-from svbrdfgan.training.state import State, checkpoints, make_generator, step_of
+from svbrdfgan.training.run import MODEL, RunConfig, load_model
+from svbrdfgan.training.state import State, checkpoints, step_of
 from svbrdfgan.training.trainer import batch_indices, train
 
 Data = Callable[..., dict[str, Any]]
@@ -350,27 +350,6 @@ def test_no_data_set_is_told_before_anything_is_written(config: Callable[..., Tr
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("channels", [4, 5])
-def test_a_generator_returns_with_its_channels(channels: int, tmp_path: Path) -> None:
-    small = GeneratorConfig(width=4, blocks=0)
-    generator = make_generator(small, channels).eval()
-    save_generator(tmp_path / MODEL, generator, small, 0.5)
-    geometry = torch.randn(1, 6, 16, 16)
-    with torch.no_grad():
-        assert torch.equal(load_generator(tmp_path / MODEL)[0](geometry), generator(geometry))
-
-
-def test_a_generator_that_says_no_channels_paints_rgba(tmp_path: Path) -> None:
-    """As they were written before there were further maps."""
-    generator = Generator(width=4, blocks=0)
-    written = json.dumps({"width": 4, "blocks": 0, "norm": "instance", "upsampling": "nearest"})
-    meta = {"format": "svbrdfgan generator 2", "generator": written, "score": "0.5"}
-    save_file(generator.state_dict(), tmp_path / MODEL, meta)
-    again, score = load_generator(tmp_path / MODEL)
-    assert (again.channels, score) == (4, 0.5)
-    assert again.state_dict().keys() == generator.state_dict().keys()
-
-
 def test_a_generator_paints_a_mesh_of_ones_own(
     config: Callable[..., TrainConfig], tmp_path: Path, tiny_dataset: Path
 ) -> None:
@@ -381,11 +360,3 @@ def test_a_generator_paints_a_mesh_of_ones_own(
     assert layer.shape == (32, 32, 4)
     assert not layer.requires_grad
     assert torch.equal(layer, model.generator(subject.geometry.unsqueeze(0))[0])
-
-
-@pytest.mark.parametrize("content", [b"", b"x" * 1000])
-def test_a_damaged_model_is_one_sentence(content: bytes, tmp_path: Path) -> None:
-    (tmp_path / MODEL).write_bytes(content)
-    with pytest.raises(AssetError, match=r"model\.safetensors cannot be read") as caught:
-        load_generator(tmp_path / MODEL)
-    assert len(str(caught.value).splitlines()) == 1

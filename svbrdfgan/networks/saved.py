@@ -1,0 +1,71 @@
+"""A generator's configuration, and the file that holds its weights."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from pydantic import Field
+
+from svbrdfgan.config.models import StrictModel, validate
+from svbrdfgan.io.tensors import save_tensors, stored_tensors
+from svbrdfgan.networks.generator import Generator, Upsampling
+from svbrdfgan.networks.layers import Norm
+from svbrdfgan.networks.random_fields import MOST_FIELDS
+from svbrdfgan.rendering.compositing import RGBA
+
+_FORMAT = "svbrdfgan generator 2"
+
+
+class GeneratorConfig(StrictModel):
+    """See `svbrdfgan.networks.Generator`.
+
+    `chance` is the number of random fields that it reads beside the geometry, one for each octave from 2 waves a
+    vehicle length on; with 0 the layer is a function of the geometry. `conditions` tells it the amount and the recipe
+    of each exemplar, where they vary in the data set, so that they can be chosen later; by default it does if there is
+    chance.
+    """
+
+    width: int = Field(default=64, ge=4)
+    blocks: int = Field(default=6, ge=0)
+    norm: Norm = "instance"
+    upsampling: Upsampling = "nearest"
+    chance: int = Field(default=0, ge=0, le=MOST_FIELDS)
+    conditions: bool | None = None
+
+    @property
+    def conditional(self) -> bool:
+        """Whether it is told amount and recipe."""
+        return self.chance > 0 if self.conditions is None else self.conditions
+
+    @property
+    def without_chance(self) -> GeneratorConfig:
+        """The network that paints one layer for each geometry."""
+        return self.model_copy(update={"chance": 0, "conditions": False})
+
+
+def make_generator(config: GeneratorConfig, channels: int, labels: int = 0) -> Generator:
+    """The network that paints layers with `channels` channels (`layer_channels`), and is told labels of each."""
+    return Generator(**config.model_dump(exclude={"conditions"}), channels=channels, labels=labels)
+
+
+def save_generator(path: Path, generator: Generator, config: GeneratorConfig, score: float | None) -> None:
+    """Writes a generator's weights and its configuration."""
+    sizes = {"channels": json.dumps(generator.channels), "labels": json.dumps(generator.labels)}
+    words = {"generator": config.model_dump_json(), "score": json.dumps(score)}
+    save_tensors(path, _FORMAT, generator.state_dict(), words | sizes)
+
+
+def load_generator(path: Path) -> tuple[Generator, float | None]:
+    """Reads what `save_generator` wrote, and its validation score.
+
+    Raises:
+        AssetError: missing, damaged, or of another kind.
+    """
+    with stored_tensors(path, _FORMAT, "train the run until it has saved a model") as (weights, words):
+        built = validate(GeneratorConfig, json.loads(words["generator"]), str(path))
+        channels, labels = (json.loads(words.get(*size)) for size in (("channels", str(RGBA)), ("labels", "0")))
+        generator = make_generator(built, channels, labels)
+        generator.load_state_dict(weights)
+        score = json.loads(words["score"])
+    return generator.eval().requires_grad_(False), score
