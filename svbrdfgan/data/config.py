@@ -12,6 +12,7 @@ from svbrdfgan.config.distributions import Choice, Color, Fixed, Integer, Name, 
 from svbrdfgan.config.models import StrictModel, validate
 
 Split = Literal["train", "validation", "test"]
+Label = Literal["weathered", "parts", "depth", "normals"]
 
 
 class ProceduralMeshes(StrictModel):
@@ -78,13 +79,21 @@ class SplitConfig(StrictModel):
 class WeatheringDistribution(StrictModel):
     """The ground-truth generator G0 (thesis 4.2). A fixed seed makes the layer a function of the geometry.
 
-    `options` must suit each of the recipes.
+    `options` must suit each of the recipes. With `model`, the folder of a run, its generator paints the layers instead;
+    `svbrdfgan.data.model` fills in what is left out.
     """
 
     recipe: Name = Fixed[str](fixed="road-dirt")
     amount: Annotated[Number, within(0, 1)] = Fixed[float](fixed=1.0)
     seed: Integer = Fixed[int](fixed=0)
     options: dict[str, Any] = {}
+    model: str | None = None
+
+    @model_validator(mode="after")
+    def _has_options(self) -> WeatheringDistribution:
+        if self.model is not None and self.options:
+            raise ValueError("options are those of recipes, and with 'model' a generator paints: leave out one of them")
+        return self
 
 
 PAINTS = (
@@ -112,6 +121,7 @@ class DatasetConfig(StrictModel):
     environment_brightness: Annotated[Number, within(*BRIGHTNESS)] = Fixed[float](fixed=1.0)
     camera: CameraDistribution = CameraDistribution()
     weathering: WeatheringDistribution | None = WeatheringDistribution()
+    labels: tuple[Label, ...] = ()
     splits: dict[Split, SplitConfig]
 
     @model_validator(mode="after")

@@ -15,11 +15,14 @@ from torch import Tensor
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.generate import render_scene, resolve_plugins, save_exemplar
 from svbrdfgan.data.index import make_index
+from svbrdfgan.data.labels import make_labels, save_labels
+from svbrdfgan.data.model import with_model
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.scene.loader import SceneLoader
 
 _FEW, _PATIENCE = 4, 20.0
+_NO_FOLDER = Path()
 _TRANSPORT_BYTES = 55
 """Of stored light transport per pixel, in half precision. Measured on vehicles: 53 over 504 views at 64x64
 and 32 samples, 55 over 2,028 views at 256x256."""
@@ -39,6 +42,7 @@ class Needs:
 
 def estimate(config: DatasetConfig, base: Path) -> Needs:
     """Bakes one mesh, renders a few exemplars of it, and multiplies each cost by the number in the data set."""
+    config = with_model(config, _NO_FOLDER, base)
     renderer, _ = resolve_plugins(config)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
@@ -52,12 +56,15 @@ def estimate(config: DatasetConfig, base: Path) -> Needs:
         began = time.monotonic()
         first = render_scene(loader, renderer, scenes.pop(0))  # includes compilation, which happens once
         baked, layer = time.monotonic() - began, _bytes_in(folder / "cache" / "layers")
-        began, made = time.monotonic(), 0
+        began, made, written = time.monotonic(), 0, folder / "train"
         while made < len(scenes) and time.monotonic() - began < _PATIENCE:
-            save_exemplar(folder / f"{made}.exr", render_scene(loader, renderer, scenes[made]))
+            picture_file = written / f"{made}.exr"
+            save_exemplar(picture_file, render_scene(loader, renderer, scenes[made]))
+            if config.labels:
+                save_labels(picture_file, make_labels(loader, scenes[made], config.labels, index.parts))
             made += 1
         each = (time.monotonic() - began) / made
-        picture = _bytes_in(folder, "*.exr") / made
+        picture = _bytes_in(written) / made
         subject = _bytes_in(folder / "cache" / "subjects")
         layers = exemplars if _bytes_in(folder / "cache" / "layers") > layer else meshes
     pixels, texels = first.coverage.numel(), config.texture**2
@@ -79,6 +86,7 @@ def _bytes_in(folder: Path, pattern: str = "**/*") -> int:
 
 def preview(config: DatasetConfig, base: Path) -> Float[Tensor, "height width 3"]:
     """The first exemplar beside its unweathered twin, linear, before grey."""
+    config = with_model(config, _NO_FOLDER, base)
     renderer, _ = resolve_renderer(config.renderer, maps=config.maps)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)

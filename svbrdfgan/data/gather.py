@@ -72,7 +72,13 @@ def mesh_asset(name: str, mesh: Mesh, config: DatasetConfig, folder: Path) -> Me
     save_mesh_glb(path, mesh)
     (x0, y0, z0), (x1, y1, z1) = mesh.bounds.tolist()
     painted = tuple(part.name for part in mesh.parts if config.learnable.selects(part))
-    return MeshAsset(name=name, asset=_reference(path, folder), bounds=((x0, y0, z0), (x1, y1, z1)), painted=painted)
+    return MeshAsset(
+        name=name,
+        asset=reference(path, folder),
+        bounds=((x0, y0, z0), (x1, y1, z1)),
+        painted=painted,
+        parts=tuple(part.name for part in mesh.parts),
+    )
 
 
 def gather_environments(
@@ -105,7 +111,7 @@ def environment_asset(name: str, radiance: Float[Tensor, "rows cols 3"], rows: i
     mean = _mean_luminance(radiance)
     if not mean > 0:
         raise AssetError(f"environment {name} is black; choose another.")
-    return EnvironmentAsset(name=name, asset=_reference(path, folder), normalisation=1.0 / mean)
+    return EnvironmentAsset(name=name, asset=reference(path, folder), normalisation=1.0 / mean)
 
 
 def _mean_luminance(radiance: Float[Tensor, "rows cols 3"]) -> float:
@@ -133,6 +139,7 @@ def _procedural_sky(seed: int) -> Tensor:
     return build_sky(sample_sky(seed))
 
 
-def _reference(path: Path, folder: Path) -> AssetRef:
+def reference(path: Path, folder: Path) -> AssetRef:
+    """The reference to a file below the folder."""
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     return AssetRef(path=path.relative_to(folder).as_posix(), sha256=digest)

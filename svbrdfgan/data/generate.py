@@ -16,6 +16,8 @@ from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.config.distributions import values_of
 from svbrdfgan.data.config import DatasetConfig, Split
 from svbrdfgan.data.index import Dataset, DatasetIndex, make_index
+from svbrdfgan.data.labels import make_labels, save_labels
+from svbrdfgan.data.model import with_model
 from svbrdfgan.data.prebake import prebake
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.exr import save_exr
@@ -53,12 +55,13 @@ def generate(
         display: shows progress; with several devices, the progress of the first process's share.
 
     Raises:
-        ConfigError: the folder holds another data set, a pattern matches nothing, or the renderer, the embedding or
-            the recipe cannot do what is asked.
-        AssetError: an asset cannot be read, or the disk cannot be written.
+        ConfigError: the folder holds another data set, a pattern matches nothing, or the renderer, the embedding, the
+            recipe or the model cannot do what is asked.
+        AssetError: an asset or the model cannot be read, or the disk cannot be written.
         PluginError: the renderer or the embedding is unknown, or does not work here.
     """
     fabric = Fabric(accelerator="auto", devices=devices, strategy="ddp_spawn" if devices > 1 else "auto")
+    config = with_model(config, folder, base)
     renderer, choice = resolve_plugins(config, fabric.device)
     dataset = Dataset(folder, make_index(config, folder, base))
     job = _Job(dataset, choice, _missing_by_mesh(dataset), max(1, workers // devices))
@@ -109,7 +112,7 @@ def resolve_plugins(config: DatasetConfig, device: torch.device | None = None) -
     load_embedding(config.embedding.name, config.embedding.options)
     if config.weathering is None:
         raise ConfigError("weathering is null, as in a data set of imported pictures: name a recipe.")
-    for recipe in values_of(config.weathering.recipe):
+    for recipe in values_of(config.weathering.recipe) if config.weathering.model is None else ():
         recipe_from_options(recipe, config.weathering.options, config.maps)
     return resolve_renderer(config.renderer, device, config.maps)
 
@@ -156,6 +159,8 @@ def _render_share(fabric: Fabric, job: _Job, renderer: Renderer[Any], display: D
         for (split, index), scene in zip(mine[number], scenes[number], strict=True):
             picture, record = exemplar_paths(folder, split, index)
             save_exemplar(picture, render_scene(loader, renderer, scene, prepared))
+            if config.labels:
+                save_labels(picture, make_labels(loader, scene, config.labels, job.dataset.index.parts))
             scene.save(record)
             display.advance()
         loader.forget()

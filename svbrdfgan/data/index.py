@@ -11,10 +11,11 @@ from pathlib import Path
 from svbrdfgan.config.models import StrictModel, differences, validate
 from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, MeshSource, Split
 from svbrdfgan.data.gather import INDEX, gather_environments, gather_meshes, match_files
+from svbrdfgan.data.model import gather_model, warn_of_new_model
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset, MeshAsset
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.records import load_json, save_record
-from svbrdfgan.scene.description import AssetRef
+from svbrdfgan.scene.description import AssetRef, SceneModel
 
 FORMAT = "svbrdfgan data set 1"
 _RUN = "config.json"
@@ -24,16 +25,21 @@ log = logging.getLogger(__name__)
 
 
 class DatasetIndex(StrictModel):
-    """The contents of `dataset.json`."""
+    """The contents of `dataset.json`.
+
+    `model` is the one that paints the layers, if a model does. `parts` names the part ids of the data set's labels.
+    """
 
     format: str = FORMAT
     config: DatasetConfig
     meshes: dict[Split, tuple[MeshAsset, ...]]
     environments: dict[Split, tuple[EnvironmentAsset, ...]]
+    model: SceneModel | None = None
+    parts: dict[int, str] = {}
 
     def sampler(self, split: Split) -> ConfigSampler:
         """Draws the scenes of a split."""
-        return ConfigSampler(self.config, split, self.meshes[split], self.environments[split])
+        return ConfigSampler(self.config, split, self.meshes[split], self.environments[split], self.model)
 
     def save(self, folder: Path) -> None:
         save_record(folder / INDEX, self)
@@ -83,7 +89,7 @@ def make_index(config: DatasetConfig, folder: Path, base: Path) -> DatasetIndex:
 
     Raises:
         ConfigError: the folder holds a data set of another configuration, or a pattern matches nothing.
-        AssetError: an asset cannot be read.
+        AssetError: an asset cannot be read, or the model.
     """
     if (folder / _RUN).is_file():
         raise ConfigError(f"{folder} holds a run; choose another folder for the data set.")
@@ -91,6 +97,7 @@ def make_index(config: DatasetConfig, folder: Path, base: Path) -> DatasetIndex:
         index = DatasetIndex.load(folder)
         if index.config == config:
             _warn_of_new_files(index, folder, base)
+            warn_of_new_model(index.model, config, base)
             return index
         if any(next((folder / split).glob("*.json"), None) for split in index.config.splits):
             changed = "; ".join(differences(index.config.model_dump(), config.model_dump()))
@@ -110,9 +117,21 @@ def make_index(config: DatasetConfig, folder: Path, base: Path) -> DatasetIndex:
     _require_distinct(mesh.asset for pool in meshes.values() for mesh in pool)
     _require_distinct(environment.asset for pool in environments.values() for environment in pool)
     _require_held_out(meshes)
-    index = DatasetIndex(config=config, meshes=meshes, environments=environments)
+    index = DatasetIndex(
+        config=config,
+        meshes=meshes,
+        environments=environments,
+        model=gather_model(config, folder, base),
+        parts=_part_ids(meshes) if "parts" in config.labels else {},
+    )
     index.save(folder)
     return index
+
+
+def _part_ids(meshes: Mapping[Split, tuple[MeshAsset, ...]]) -> dict[int, str]:
+    """Names of parts by their ids in labels, from 1 on; parts of one name have one id in all meshes. 0 is no part."""
+    names = {part for pool in meshes.values() for mesh in pool for part in mesh.parts}
+    return dict(enumerate(sorted(names), start=1))
 
 
 def _environment_sources(config: DatasetConfig) -> dict[Split, tuple[str, EnvironmentSource]]:

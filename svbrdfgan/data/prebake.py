@@ -11,7 +11,7 @@ from pathlib import Path
 import torch
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.scene.description import Scene
+from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader
 
 
@@ -46,4 +46,9 @@ def _bake(folder: Path, scenes: Sequence[Scene]) -> None:
     loader = SceneLoader(folder)
     for scene in scenes:
         loader.subject(scene)
-        loader.layer(scene)
+        if not _has_model(scene):  # else each worker would load the model, and its own context of a GPU
+            loader.layer(scene)
+
+
+def _has_model(scene: Scene) -> bool:
+    return isinstance(scene.weathering, SceneWeathering) and scene.weathering.model is not None

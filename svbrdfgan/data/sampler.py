@@ -21,11 +21,11 @@ from svbrdfgan.data.config import (
     DatasetConfig,
     Split,
 )
-from svbrdfgan.scene.description import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
+from svbrdfgan.scene.description import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneModel, SceneWeathering
 
 
 class MeshAsset(StrictModel):
-    """A mesh of the pool: its file, its box, and the names of the parts that will be painted.
+    """A mesh of the pool: its file, its box, the names of the parts that will be painted, and those of all its parts.
 
     `views` counts the pictures of it in an imported data set; elsewhere the split does.
     """
@@ -34,6 +34,7 @@ class MeshAsset(StrictModel):
     asset: AssetRef
     bounds: tuple[tuple[float, float, float], tuple[float, float, float]]
     painted: tuple[str, ...]
+    parts: tuple[str, ...] = ()
     views: int | None = Field(default=None, ge=1)
 
 
@@ -53,6 +54,7 @@ class ConfigSampler:
     split: Split
     meshes: tuple[MeshAsset, ...]
     environments: tuple[EnvironmentAsset, ...]
+    model: SceneModel | None = None
 
     def __len__(self) -> int:
         return len(self._mesh_of)
@@ -132,6 +134,7 @@ class ConfigSampler:
             amount=_clamped(declared.amount.sample(rng), (0.0, 1.0)),
             seed=declared.seed.sample(rng),
             options=declared.options,
+            model=self.model,
         )
 
 

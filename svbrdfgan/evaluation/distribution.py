@@ -16,10 +16,8 @@ from svbrdfgan.metrics.recovered import Scorer
 from svbrdfgan.metrics.resemblance import Resemblance, Resembler
 from svbrdfgan.networks import Draw
 from svbrdfgan.scene.description import Scene, SceneWeathering
-from svbrdfgan.scene.loader import recipe_of
 from svbrdfgan.training.batches import Progress
 from svbrdfgan.training.run import Model
-from svbrdfgan.weathering import find_site, weather
 
 DRAWS = 16
 """Layers of each vehicle, in each of three sets: true ones, other true ones, and the generator's."""
@@ -67,12 +65,11 @@ def resemblance_of(
 
 
 def _true_draws(exemplars: Exemplars, number: int, scenes: Sequence[Scene], declared: WeatheringDistribution) -> Draws:
-    """What the recipes paint in these scenes of one vehicle, each with a new seed."""
-    subject, rng = exemplars.subjects[number], np.random.default_rng([1, number])
-    site, layers = find_site(subject.surface, subject.buffer), []
+    """True layers of these scenes of one vehicle, each painted with a new seed."""
+    rng, layers = np.random.default_rng([1, number]), []
     for scene in scenes:
         drawn = _weathering(scene).model_copy(update={"seed": declared.seed.sample(rng)})
-        layers.append(weather(subject.surface, subject.buffer, recipe_of(drawn), scene.maps, site=site))
+        layers.append(exemplars.loader.paint(scene, drawn))
     return torch.stack(layers)
 
 

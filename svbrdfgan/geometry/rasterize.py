@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,6 +16,8 @@ from svbrdfgan.types import Surface
 _CANDIDATES_AT_ONCE = 1 << 18  # pairs (face, texel in its bounding box) per batch: its arrays fit into the CPU cache
 _BLOCK = 8  # texels along a side of the blocks used to cull faces that are covered entirely
 _SLACK = 1e-12  # of the greatest elevation: rounding can make an interpolated elevation exceed the corners'
+
+Keep = Callable[[Int[ndarray, " n"], Float[ndarray, "n 3"]], Bool[ndarray, " n"]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,13 +112,34 @@ class Fragments:
 
 def rasterize(surface: Surface, rows: int, cols: int, only: Bool[ndarray, " faces"] | None = None) -> Raster:
     """The same as `Fragments.outermost`, but faster: it skips covered faces and stores no fragments."""
-    corners, height = _texel_corners(surface, rows, cols), surface.elevation[surface.faces]
+    corners, elevation = _texel_corners(surface, rows, cols), surface.elevation[surface.faces]
+    return rasterize_triangles(corners, elevation, rows, cols, only)
+
+
+def rasterize_triangles(
+    corners: Float[ndarray, "faces 3 2"],
+    elevation: Float[ndarray, "faces 3"],
+    rows: int,
+    cols: int,
+    only: Bool[ndarray, " faces"] | None = None,
+    keep: Keep | None = None,
+) -> Raster:
+    """The outermost of any triangles in the plane, at the points with whole coordinates (col, row).
+
+    Args:
+        corners: of each triangle, (col, row).
+        elevation: at each corner.
+        only: the triangles that count.
+        keep: of some fragments, given by face and barycentric coordinates, which ones count.
+    """
     chosen = np.arange(len(corners)) if only is None else np.flatnonzero(only)
-    ceiling = height.max(axis=1, initial=-np.inf) + _SLACK * np.abs(height).max(initial=0.0)
+    ceiling = elevation.max(axis=1, initial=-np.inf) + _SLACK * np.abs(elevation).max(initial=0.0)
     chosen = chosen[np.argsort(-ceiling[chosen], kind="stable")]  # outermost first, so that later faces can be culled
     top, best = _nothing(rows * cols)
     for face, texel, barycentric in _fragments(corners, chosen, rows, cols, ceiling, top):
-        _put_on_top(top, best, face, texel, _elevation(surface, face, barycentric))
+        kept = slice(None) if keep is None else keep(face, barycentric)
+        heights = np.einsum("fi,fi->f", barycentric[kept], elevation[face[kept]])
+        _put_on_top(top, best, face[kept], texel[kept], heights)
     return _raster(corners, top, best, rows, cols)
 
 

@@ -9,11 +9,11 @@ import logging
 import os
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 from numpy import ndarray
 from torch import Tensor
 
@@ -82,6 +82,19 @@ def save_image(path: str | os.PathLike[str], image: Float[Tensor, "height width 
     else:
         with atomic_path(path) as temporary:
             picture(image).save(temporary, quality=95)
+
+
+def save_codes(path: str | os.PathLike[str], codes: Int[Tensor, "height width"], bits: Literal[8, 16]) -> None:
+    """Writes whole numbers, which fit into so many bits, as they are into a grey PNG; row 0 on top.
+
+    Raises:
+        AssetError: the file cannot be written.
+    """
+    from PIL import Image as PillowImage
+
+    values = codes.cpu().numpy().astype(np.uint8 if bits == 8 else np.uint16)
+    with atomic_path(path) as temporary:
+        PillowImage.fromarray(values).save(temporary)
 
 
 def load_texture(path: str | os.PathLike[str]) -> Float[Tensor, "rows cols channels"]:

@@ -12,6 +12,7 @@ from svbrdfgan.config.choices import FurtherMaps, PartSelection, PluginChoice, P
 from svbrdfgan.config.distributions import Color
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.io.records import load_record, save_record
+from svbrdfgan.networks import Conditions
 from svbrdfgan.types import Camera
 
 MapValues = FurtherMaps[Annotated[float, Field(ge=0, le=1)]]
@@ -52,13 +53,26 @@ class SceneEnvironment(StrictModel):
     scale: float = Field(default=1.0, gt=0, description="multiplies the file's radiance")
 
 
+class SceneModel(StrictModel):
+    """A trained generator that paints layers, and the conditions that it knows (`svbrdfgan.networks.Conditions`)."""
+
+    asset: AssetRef
+    amounts: tuple[float, float] | None = None
+    recipes: tuple[str, ...] = ()
+
+    @property
+    def conditions(self) -> Conditions:
+        return Conditions(self.amounts, self.recipes)
+
+
 class SceneWeathering(StrictModel):
-    """The recipe of the layer that the learnable parts carry."""
+    """The layer that the learnable parts carry: painted by a recipe, or by a model that learned it."""
 
     recipe: str
     amount: float = Field(default=1.0, ge=0, le=1)
     seed: int = 0
     options: dict[str, Any] = {}
+    model: SceneModel | None = None
 
 
 class Scene(StrictModel):

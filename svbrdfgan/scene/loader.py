@@ -11,12 +11,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError, EmbeddingError
 from svbrdfgan.io import load_environment, load_mesh
+from svbrdfgan.networks import Draw, Generator
+from svbrdfgan.networks.saved import load_generator
 from svbrdfgan.plugins import load_embedding
+from svbrdfgan.rendering.compositing import layer_channels
 from svbrdfgan.scene.cache import load_layer, load_subject, save_layer, save_subject
 from svbrdfgan.scene.description import AssetRef, Scene, SceneWeathering
 from svbrdfgan.scene.subject import Subject, make_subject
@@ -43,6 +47,7 @@ class SceneLoader:
     keep: bool = True
     _subjects: dict[str, Subject] = field(default_factory=dict)
     _sites: dict[str, Site] = field(default_factory=dict)
+    _generators: dict[str, Generator] = field(default_factory=dict)
     _layers: dict[str, Float[Tensor, "rows cols channels"]] = field(default_factory=dict)
     _lights: dict[str, Float[Tensor, "rows cols 3"]] = field(default_factory=dict)
     _scaled: dict[str, tuple[float, Float[Tensor, "rows cols 3"]]] = field(default_factory=dict)
@@ -56,17 +61,41 @@ class SceneLoader:
         return self._subjects[key]
 
     def layer(self, scene: Scene) -> Float[Tensor, "rows cols channels"] | None:
-        """The layer that G0 paints on the scene's surface; None where there is none or it is unknown."""
-        if not isinstance(scene.weathering, SceneWeathering):
+        """The true layer of the scene's surface; None where there is none or it is unknown."""
+        weathering = scene.weathering
+        if not isinstance(weathering, SceneWeathering):
             return None
-        key = f"{subject_key(scene)}-{_digest(scene.weathering, *scene.maps)}"
+        # without its None: layers of recipes keep the names that they had before there were models
+        key = f"{subject_key(scene)}-{_digest(weathering.model_dump(exclude_none=True), *scene.maps)}"
         if key not in self._layers:
             path = self.folder / _CACHE / "layers" / f"{key}.safetensors"
-            recipe = recipe_of(scene.weathering)
             if len(self._layers) >= _LAYERS:
                 del self._layers[next(iter(self._layers))]
-            self._layers[key] = self._stored(path, load_layer, save_layer, lambda: self._weather(scene, recipe))
+            self._layers[key] = self._stored(path, load_layer, save_layer, lambda: self.paint(scene, weathering))
         return self._layers[key]
+
+    def paint(self, scene: Scene, weathering: SceneWeathering) -> Float[Tensor, "rows cols channels"]:
+        """The layer of a weathering on the scene's surface, painted anew: by its recipe, or by its model.
+
+        All true layers are painted here. Painted by a model, a layer differs by at most 2/255 between devices.
+
+        Raises:
+            ConfigError: the recipe is unknown, or has no such option.
+            AssetError: the model's file is missing or damaged, has changed, or paints other maps than the scene has.
+        """
+        if weathering.model is None:
+            subject, site = self.subject(scene), self._site(scene)
+            return weather(subject.surface, subject.buffer, recipe_of(weathering), scene.maps, site=site)
+        generator = self._generator(weathering.model.asset)
+        if generator.channels != (wanted := layer_channels(scene.maps)):
+            raise AssetError(
+                f"{weathering.model.asset.path} paints layers of {generator.channels} channels, and the scene's maps "
+                f"need {wanted}: give it the maps that the model was trained with."
+            )
+        labels = weathering.model.conditions.labels(weathering.amount, weathering.recipe)
+        geometry = self.subject(scene).geometry.to(next(generator.parameters()).device)
+        with torch.no_grad():
+            return Draw(generator, weathering.seed, labels)(geometry.unsqueeze(0))[0].cpu()
 
     def view(self, scene: Scene) -> View:
         """The scene's camera, environment and film."""
@@ -93,17 +122,24 @@ class SceneLoader:
         return path
 
     def forget(self) -> None:
-        """Drops subjects and layers from memory; environments stay."""
+        """Drops subjects and layers from memory; environments and models stay."""
         for kept in (self._subjects, self._sites, self._layers):
             kept.clear()
 
-    def _weather(self, scene: Scene, recipe: Recipe) -> Float[Tensor, "rows cols channels"]:
-        """Paints a layer. Layers of a surface share its `Site`, which is slow to find; being large, one is kept."""
+    def _site(self, scene: Scene) -> Site:
+        """What recipes go by. Layers of a surface share it, since it is slow to find; being large, one is kept."""
         subject, key = self.subject(scene), subject_key(scene)
         if key not in self._sites:
             self._sites.clear()
             self._sites[key] = find_site(subject.surface, subject.buffer)
-        return weather(subject.surface, subject.buffer, recipe, scene.maps, site=self._sites[key])
+        return self._sites[key]
+
+    def _generator(self, asset: AssetRef) -> Generator:
+        """A stored generator, on the GPU if there is one: on a CPU, large layers take seconds."""
+        if asset.path not in self._generators:
+            generator, _ = load_generator(self.file(asset))
+            self._generators[asset.path] = generator.cuda() if torch.cuda.is_available() else generator
+        return self._generators[asset.path]
 
     def _make_subject(self, scene: Scene) -> Subject:
         mesh = load_mesh(self.file(scene.mesh))

@@ -1,0 +1,92 @@
+"""Labels of an exemplar's pixels, for those who train detectors: what is weathered, parts, depth and normals.
+
+They are computed from the surface, not rendered, so that they are free of noise and the same with every renderer.
+`docs/conventions.md` says what each holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from numpy import ndarray
+from torch import Tensor
+
+from svbrdfgan.data.config import Label
+from svbrdfgan.geometry.camera_hits import CameraHits, camera_hits
+from svbrdfgan.io import save_codes
+from svbrdfgan.io.exr import save_exr
+from svbrdfgan.rendering.compositing import RGBA
+from svbrdfgan.rendering.texture_filter import sample_texture
+from svbrdfgan.scene.description import Scene
+from svbrdfgan.scene.loader import SceneLoader
+from svbrdfgan.types import Surface
+
+_POINTS = 5
+"""Points along a side of a pixel at which the layer's alpha is looked up. Odd, so that one is the pixel's centre."""
+_WEATHERED, _PART = "weathered", "part.id"
+
+
+def make_labels(
+    loader: SceneLoader, scene: Scene, wanted: Collection[Label], ids: Mapping[int, str]
+) -> dict[str, Float[Tensor, "height width"]]:
+    """The channels of the wanted labels: `weathered`, `part.id`, `depth.Z`, and `normal.X`, `normal.Y`, `normal.Z`.
+
+    All are 0 where nothing is seen. `weathered` is a mean over the pixel; the others are those at its centre.
+
+    Args:
+        ids: names of the parts by their ids, which count from 1.
+    """
+    subject, layer = loader.subject(scene), loader.layer(scene)
+    points = _POINTS if "weathered" in wanted else 1
+    hits = camera_hits(subject.surface, scene.camera.camera(), scene.width, scene.height, points)
+    centre = (slice(points // 2, None, points),) * 2
+    channels: dict[str, ndarray] = {}
+    if "weathered" in wanted:
+        alpha = np.zeros(hits.face.shape) if layer is None else _alpha_seen(hits, subject.learnable, layer)
+        blocks = alpha.reshape(scene.height, points, scene.width, points)
+        channels[_WEATHERED] = blocks.mean(axis=(1, 3))
+    if "parts" in wanted:
+        channels[_PART] = _ids(subject.surface, ids)[hits.part[centre]]
+    if "depth" in wanted:
+        channels["depth.Z"] = hits.depth[centre]
+    if "normals" in wanted:
+        normal = hits.normals()[centre]
+        channels |= {f"normal.{axis}": normal[..., number] for number, axis in enumerate("XYZ")}
+    return {name: torch.from_numpy(np.ascontiguousarray(values, np.float32)) for name, values in channels.items()}
+
+
+def save_labels(picture: Path, channels: Mapping[str, Float[Tensor, "height width"]]) -> None:
+    """Writes labels beside an exemplar's picture: all as `NAME.labels.exr`, in single precision.
+
+    What detectors read is also written as grey PNG: `NAME.weathered.png`, of 8 bits, where 255 stands for 1; and
+    `NAME.parts.png`, of 16 bits, which are the ids.
+
+    Raises:
+        AssetError: a file cannot be written there.
+    """
+    save_exr(picture.with_suffix(".labels.exr"), channels)
+    if _WEATHERED in channels:
+        save_codes(picture.with_suffix(".weathered.png"), (255.0 * channels[_WEATHERED]).round().int(), 8)
+    if _PART in channels:
+        save_codes(picture.with_suffix(".parts.png"), channels[_PART].int(), 16)
+
+
+def _alpha_seen(
+    hits: CameraHits, learnable: Collection[int], layer: Float[Tensor, "rows cols channels"]
+) -> Float[ndarray, "rows cols"]:
+    """The layer's alpha at each hit of a part that carries it; 0 elsewhere."""
+    alpha, carries = np.zeros(hits.face.shape), np.isin(hits.part, list(learnable))
+    uv = torch.from_numpy(hits.interpolate(hits.surface.uv)[carries])
+    alpha[carries] = sample_texture(layer[..., RGBA - 1 : RGBA], uv, hits.surface.repeat)[:, 0].numpy()
+    return alpha
+
+
+def _ids(surface: Surface, ids: Mapping[int, str]) -> Int[ndarray, " parts_and_none"]:
+    """The id of each part of a surface; then 0, which index -1 finds. A hidden half has the id of its part."""
+    of_name = {name: number for number, name in ids.items()}
+    names = [part.name.removesuffix(" (hidden)") if part.hidden else part.name for part in surface.parts]
+    return np.array([*(of_name[name] for name in names), 0])
