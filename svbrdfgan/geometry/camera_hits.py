@@ -88,9 +88,9 @@ def camera_hits(surface: Surface, camera: Camera, width: int, height: int, per_p
     raster = rasterize_triangles(
         np.stack([col, row], axis=-1), 1.0 / ahead, rows, cols, keep=None if _all_opaque(surface.parts) else opaque
     )
-    barycentric, hit = np.zeros((rows, cols, 3)), raster.mask
+    face, barycentric, hit = np.full((rows, cols), -1), np.zeros((rows, cols, 3)), raster.mask
+    face[hit] = pieces.face[raster.face[hit]]
     barycentric[hit] = in_face(raster.face[hit], raster.barycentric[hit])
-    face = np.where(hit, pieces.face[raster.face], -1)
     distance = np.divide(1.0, raster.elevation, out=np.zeros((rows, cols)), where=hit)
     return CameraHits(surface, face, barycentric, distance, np.asarray(camera.origin))
 
