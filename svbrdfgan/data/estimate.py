@@ -22,7 +22,6 @@ from svbrdfgan.rendering.compositing import over
 from svbrdfgan.scene.loader import SceneLoader
 
 _FEW, _PATIENCE = 4, 20.0
-_NO_FOLDER = Path()
 _TRANSPORT_BYTES = 55
 """Of stored light transport per pixel, in half precision. Measured on vehicles: 53 over 504 views at 64x64
 and 32 samples, 55 over 2,028 views at 256x256."""
@@ -42,7 +41,7 @@ class Needs:
 
 def estimate(config: DatasetConfig, base: Path) -> Needs:
     """Bakes one mesh, renders a few exemplars of it, and multiplies each cost by the number in the data set."""
-    config = with_model(config, _NO_FOLDER, base)
+    config = with_model(config, None, base)
     renderer, _ = resolve_plugins(config)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
@@ -86,7 +85,7 @@ def _bytes_in(folder: Path, pattern: str = "**/*") -> int:
 
 def preview(config: DatasetConfig, base: Path) -> Float[Tensor, "height width 3"]:
     """The first exemplar beside its unweathered twin, linear, before grey."""
-    config = with_model(config, _NO_FOLDER, base)
+    config = with_model(config, None, base)
     renderer, _ = resolve_renderer(config.renderer, maps=config.maps)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)

@@ -139,10 +139,12 @@ class TrainedModel:
             raise ConfigError(f"weathering.seed: wanted whole numbers from 0 to {MOST_SEEDS - 1}.")
 
 
-def with_model(config: DatasetConfig, folder: Path, base: Path) -> DatasetConfig:
+def with_model(config: DatasetConfig, folder: Path | None, base: Path) -> DatasetConfig:
     """The configuration with all that its model decides; itself if there is no model.
 
-    If the data set was begun in the folder, its own copy of the model counts, so that the run need not be there.
+    Args:
+        folder: of the data set; if it was begun there, its own copy of the model counts, and the run need not be there.
+        base: the folder that the model's path is relative to.
 
     Raises:
         ConfigError: the configuration contradicts the model's training, or asks for what it does not know.
@@ -150,8 +152,8 @@ def with_model(config: DatasetConfig, folder: Path, base: Path) -> DatasetConfig
     """
     if config.weathering is None or config.weathering.model is None:
         return config
-    run = _run_of(config, base)
-    return TrainedModel.open(folder / _COPY if _copied(config, folder) else run).fill(config)
+    begun = folder is not None and _copied(config, folder)
+    return TrainedModel.open(folder / _COPY if folder and begun else _run_of(config, base)).fill(config)
 
 
 def gather_model(config: DatasetConfig, folder: Path, base: Path) -> SceneModel | None:

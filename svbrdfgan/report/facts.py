@@ -143,9 +143,12 @@ def summary(evaluated: Evaluated, plan: DatasetIndex | None, log: MetricsLog) ->
 
 
 def _recipe(config: RunConfig) -> str:
-    """The recipes that weathered the exemplars."""
+    """The recipes that weathered the exemplars, or those of the model that did."""
     weathering = config.dataset.weathering
-    return "unknown weathering" if weathering is None else ", ".join(values_of(weathering.recipe))
+    if weathering is None:
+        return "unknown weathering"
+    recipes = ", ".join(values_of(weathering.recipe))
+    return recipes if weathering.model is None else f"{recipes}, as a model paints it"
 
 
 def duration(seconds: float) -> str:

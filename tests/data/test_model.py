@@ -76,20 +76,18 @@ def weathering_of(scene: Scene) -> SceneWeathering:
 
 
 def test_what_is_left_out_is_that_of_its_training(declared: Made, base: Path, varied_dataset: Path) -> None:
-    trained, filled = Dataset.open(varied_dataset).config, with_model(declared(), Path("nowhere"), base)
+    trained, filled = Dataset.open(varied_dataset).config, with_model(declared(), None, base)
     assert filled.weathering is not None
     assert trained.weathering is not None
     assert (filled.texture, filled.embedding, filled.maps) == (trained.texture, trained.embedding, trained.maps)
-    assert (filled.weathering.recipe, filled.weathering.amount) == (
-        trained.weathering.recipe,
-        trained.weathering.amount,
-    )
+    assert filled.weathering.recipe == trained.weathering.recipe
+    assert filled.weathering.amount == trained.weathering.amount
     assert filled.weathering.seed == UniformInteger(uniform=(0, 1_000_000))
-    assert with_model(filled, Path("nowhere"), base) == filled
+    assert with_model(filled, None, base) == filled
 
 
 def test_a_model_without_chance_and_conditions_needs_nothing(declared: Made, base: Path) -> None:
-    filled = with_model(declared(weathering={"model": "plain"}), Path("nowhere"), base).weathering
+    filled = with_model(declared(weathering={"model": "plain"}), None, base).weathering
     assert filled is not None
     assert filled.recipe == Fixed[str](fixed="road-dirt")
     assert filled.amount == Fixed[float](fixed=1.0)
@@ -99,13 +97,13 @@ def test_a_model_without_chance_and_conditions_needs_nothing(declared: Made, bas
 def test_what_is_declared_stays(declared: Made, base: Path) -> None:
     wanted = {"recipe": "dust", "amount": {"uniform": [0.3, 0.4]}, "seed": {"choice": [3, 5]}}
     config = declared(weathering=wanted, learnable={"include": ["body"]}, texture=32)
-    filled = with_model(config, Path("nowhere"), base)
+    filled = with_model(config, None, base)
     assert (filled.weathering, filled.learnable) == (config.weathering, config.learnable)
 
 
 def test_without_a_model_nothing_changes(dataset_data: Data) -> None:
     config = validate(DatasetConfig, dataset_data(), "here")
-    assert with_model(config, Path("nowhere"), Path("nowhere")) is config
+    assert with_model(config, None, Path("nowhere")) is config
 
 
 @pytest.mark.parametrize(
@@ -157,7 +155,7 @@ def test_what_is_no_model_is_told(declared: Made, base: Path, tmp_path: Path) ->
 def test_amounts_beyond_those_of_training_are_told(
     declared: Made, base: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with_model(declared(weathering={"amount": {"uniform": [0, 1]}}), Path("nowhere"), base)
+    with_model(declared(weathering={"amount": {"uniform": [0, 1]}}), None, base)
     assert "weathering.amount is beyond what the model was trained on: 0.2 to 1" in caplog.text
 
 
@@ -174,17 +172,13 @@ def test_layers_are_draws_of_the_model(folder: Path, base: Path) -> None:
     assert {weathering_of(scene).recipe for scene in exemplars.scenes} == {"rust", "dust"}
 
 
-def test_pictures_show_the_models_layers(folder: Path) -> None:
+def test_amount_and_seed_of_a_scene_change_its_layer(folder: Path) -> None:
     one, other = (Scene.load(exemplar_paths(folder, "train", number)[1]) for number in (0, 1))
     loader = SceneLoader(folder, keep=False)
     changed = weathering_of(one).model_copy(update={"amount": 0.2 if weathering_of(one).amount > 0.6 else 1.0})
-    layers = [
-        loader.paint(one, weathering_of(one)),
-        loader.paint(one, changed),
-        loader.paint(other, weathering_of(other)),
-    ]
-    assert not torch.equal(layers[0], layers[1])
-    assert not torch.equal(layers[0], layers[2])
+    layer = loader.paint(one, weathering_of(one))
+    assert not torch.equal(layer, loader.paint(one, changed))
+    assert not torch.equal(layer, loader.paint(other, weathering_of(other)))
 
 
 def test_the_folder_goes_on_without_the_run(folder: Path, declared: Made, tmp_path: Path) -> None:

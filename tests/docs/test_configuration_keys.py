@@ -118,7 +118,7 @@ def test_the_required_keys_are_required(tables: tuple[dict[str, str], dict[str, 
 def test_the_files_shown_are_valid(repository: Path) -> None:
     text = (repository / "docs" / "quickstart.md").read_text(encoding="utf-8")
     blocks = [yaml.safe_load(block) for block in re.findall(r"^```yaml\n(.*?)^```", text, re.M | re.S)]
-    dataset, train, varied, train_varied, materials, train_materials = blocks
+    dataset, train, varied, train_varied, materials, train_materials, painted = blocks
     assert set(validate(DatasetConfig, dataset, "dataset.yaml").splits) == {"train", "validation", "test"}
     assert train_config(train, "train.yaml").dataset == "data/cars"
     known = declared_conditions(validate(DatasetConfig, {**dataset, **varied}, "dataset.yaml").weathering)
@@ -128,6 +128,9 @@ def test_the_files_shown_are_valid(repository: Path) -> None:
     assert set(whole.maps) == {"roughness", "metallic", "normal"}
     fakes = train_config(train_materials, "train.yaml")
     assert fakes.hits >= fakes.spp == whole.spp  # else their noise would tell them from exemplars
+    labelled = validate(DatasetConfig, {**dataset, **painted}, "dataset.yaml")
+    assert labelled.weathering is not None
+    assert (labelled.weathering.model, len(labelled.labels)) == ("runs/cars", 4)
 
 
 def _below(data: dict[str, Any], key: str) -> Any:
