@@ -136,7 +136,10 @@ class TrainedModel:
                 "train with generator.chance on exemplars of different seeds."
             )
         if not 0 <= low <= high < MOST_SEEDS:
-            raise ConfigError(f"weathering.seed: wanted whole numbers from 0 to {MOST_SEEDS - 1}.")
+            given = low if low < 0 else high
+            raise ConfigError(
+                f"weathering.seed: {given:.0f} is not allowed; wanted whole numbers from 0 to {MOST_SEEDS - 1}."
+            )
 
 
 def with_model(config: DatasetConfig, folder: Path | None, base: Path) -> DatasetConfig:

@@ -3,6 +3,7 @@
 import struct
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from svbrdfgan.io import (
     load_exr,
     load_image,
     load_texture,
+    save_codes,
     save_exr,
     save_image,
     save_texture,
@@ -174,3 +176,13 @@ def test_channels_of_several_shapes_are_refused(tmp_path: Path) -> None:
         save_exr(tmp_path / "a.exr", {"u": torch.zeros(2, 2), "w": torch.zeros(2, 3)})
     with pytest.raises(AssetError, match="one shape"):
         save_exr(tmp_path / "a.exr", {})
+
+
+@pytest.mark.parametrize(("bits", "kind", "most"), [(8, np.uint8, 255), (16, np.uint16, 65535)])
+def test_codes_are_stored_as_they_are(bits: Any, kind: type, most: int, tmp_path: Path) -> None:
+    codes = torch.tensor([[0, 1, most], [7, 130, 255]])
+    save_codes(tmp_path / "codes.png", codes, bits)
+    with Image.open(tmp_path / "codes.png") as image:
+        stored = np.asarray(image)
+    assert stored.dtype == kind
+    assert stored.tolist() == codes.tolist()

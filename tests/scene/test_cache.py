@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 from collections.abc import Callable
@@ -244,6 +245,14 @@ def test_a_surface_is_surveyed_once_for_all_its_layers(
     assert len(surveyed) == 1
     assert torch.equal(*(layer for layer in (layers[0], tiny_exemplars.layers[0]) if layer is not None))
     assert not torch.equal(*(layer for layer in layers if layer is not None))
+
+
+def test_layers_of_recipes_keep_the_names_that_they_had_before_models(tiny_dataset: Path) -> None:
+    """Else all of them would be painted again."""
+    scene = Scene.load(tiny_dataset / "train" / "000000.json")
+    as_before = [{"recipe": "road-dirt", "amount": 1.0, "seed": 0, "options": {}}]
+    digest = hashlib.sha256(json.dumps(as_before, sort_keys=True).encode()).hexdigest()[:12]
+    assert (tiny_dataset / "cache" / "layers" / f"{subject_key(scene)}-{digest}.safetensors").is_file()
 
 
 def test_a_layer_is_kept_apart_for_other_maps(tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
