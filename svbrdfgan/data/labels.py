@@ -27,6 +27,8 @@ from svbrdfgan.types import Surface
 
 _POINTS = 5
 """Points along a side of a pixel at which the layer's alpha is looked up. Odd, so that one is the pixel's centre."""
+_AT_ONCE = 1 << 21
+"""The most points at once: their hits take some hundred bytes each."""
 _WEATHERED, _PART = "weathered", "part.id"
 
 
@@ -40,15 +42,25 @@ def make_labels(
     Args:
         ids: names of the parts by their ids, which count from 1.
     """
-    subject, layer = loader.subject(scene), loader.layer(scene)
     points = _POINTS if "weathered" in wanted else 1
-    hits = camera_hits(subject.surface, scene.camera.camera(), scene.width, scene.height, points)
+    step = max(1, _AT_ONCE // (points * points * scene.width))
+    bands = [range(row, min(row + step, scene.height)) for row in range(0, scene.height, step)]
+    found = [_labels_of(loader, scene, wanted, ids, points, band) for band in bands]
+    joined = {name: np.concatenate([channels[name] for channels in found]) for name in found[0]}
+    return {name: torch.from_numpy(values.astype(np.float32)) for name, values in joined.items()}
+
+
+def _labels_of(
+    loader: SceneLoader, scene: Scene, wanted: Collection[Label], ids: Mapping[int, str], points: int, band: range
+) -> dict[str, Float[ndarray, "rows width"]]:
+    """The channels in a band of rows, from `points` x `points` points of each pixel."""
+    subject, layer = loader.subject(scene), loader.layer(scene)
+    hits = camera_hits(subject.surface, scene.camera.camera(), scene.width, scene.height, points, band)
     centre = (slice(points // 2, None, points),) * 2
     channels: dict[str, ndarray] = {}
     if "weathered" in wanted:
         alpha = np.zeros(hits.face.shape) if layer is None else _alpha_seen(hits, subject.learnable, layer)
-        blocks = alpha.reshape(scene.height, points, scene.width, points)
-        channels[_WEATHERED] = blocks.mean(axis=(1, 3))
+        channels[_WEATHERED] = alpha.reshape(len(band), points, scene.width, points).mean(axis=(1, 3))
     if "parts" in wanted:
         channels[_PART] = _ids(subject.surface, ids)[hits.part[centre]]
     if "depth" in wanted:
@@ -56,7 +68,7 @@ def make_labels(
     if "normals" in wanted:
         normal = hits.normals()[centre]
         channels |= {f"normal.{axis}": normal[..., number] for number, axis in enumerate("XYZ")}
-    return {name: torch.from_numpy(np.ascontiguousarray(values, np.float32)) for name, values in channels.items()}
+    return channels
 
 
 def save_labels(picture: Path, channels: Mapping[str, Float[Tensor, "height width"]]) -> None:

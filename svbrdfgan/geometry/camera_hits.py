@@ -60,21 +60,28 @@ class CameraHits:
         return np.where(self.hit[..., None], unit(np.where(away, -normal, normal)), 0.0)
 
 
-def camera_hits(surface: Surface, camera: Camera, width: int, height: int, per_pixel: int = 1) -> CameraHits:
+def camera_hits(
+    surface: Surface, camera: Camera, width: int, height: int, per_pixel: int = 1, band: range | None = None
+) -> CameraHits:
     """The first points of a surface along rays through `per_pixel` x `per_pixel` regular points of each pixel.
 
     One point is the pixel's centre; so is the middle one, if their number along a side is odd. Rays pass through points
     of parts whose alpha there is below one half.
+
+    Args:
+        band: consecutive rows of the picture to look at; by default all of them.
     """
+    band = range(height) if band is None else band
     right, up, backward = camera.basis()
     seen = surface.positions - np.asarray(camera.origin)
     depth = seen @ -backward
     pieces = _before_camera(depth[surface.faces], _NEAR * _diagonal(surface))
     ahead = pieces.interpolate(depth[surface.faces])
     scale = per_pixel * height / (2.0 * math.tan(camera.vertical_fov / 2.0))
-    rows, cols = per_pixel * height, per_pixel * width
+    rows, cols = per_pixel * len(band), per_pixel * width
+    middle = per_pixel * (height / 2.0 - band.start) - 0.5
     col = scale * pieces.interpolate((seen @ right)[surface.faces]) / ahead + (cols - 1) / 2.0
-    row = -scale * pieces.interpolate((seen @ up)[surface.faces]) / ahead + (rows - 1) / 2.0
+    row = -scale * pieces.interpolate((seen @ up)[surface.faces]) / ahead + middle
 
     def in_face(piece: Int[ndarray, " n"], flat: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Barycentric coordinates in the surface, from those in a piece of the picture, where 1/depth is linear."""

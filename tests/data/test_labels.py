@@ -119,6 +119,14 @@ def test_only_the_wanted_ones_are_made_and_at_the_same_points(folder: Path) -> N
     assert ((found["depth.Z"] > 0) == (channels(folder)["depth.Z"] > 0)).float().mean() > 0.995
 
 
+def test_bands_of_a_picture_make_the_whole(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("svbrdfgan.data.labels._AT_ONCE", 64 * 25 * 7)  # 48 rows are six bands of seven, and six rows
+    dataset, scene = Dataset.open(folder), Scene.load(exemplar_paths(folder, "train", 0)[1])
+    found = make_labels(SceneLoader(folder), scene, ALL, dataset.index.parts)
+    for name, plane in channels(folder).items():
+        assert ((found[name] - plane).abs() > 1e-5).float().mean() < 0.002, name
+
+
 def test_hidden_halves_have_the_id_of_their_part(folder: Path) -> None:
     from svbrdfgan.data.labels import _ids
 

@@ -115,7 +115,7 @@ def test_without_a_model_nothing_changes(dataset_data: Data) -> None:
         ({"weathering": {"recipe": "snow"}}, r"weathering\.recipe: the model does not know the recipe 'snow'\."),
         ({"weathering": {"recipe": {"choice": ["rust", "dusty"]}}}, "recipe 'dusty'; did you mean 'dust'"),
         ({"weathering": {"seed": -1}}, r"weathering\.seed: -1 is not allowed; wanted whole numbers from 0 to"),
-        ({"weathering": {"seed": {"uniform": [0, 2**63]}}}, r"weathering\.seed: 9\d+ is not allowed; wanted whole numbers from 0 to"),
+        ({"weathering": {"seed": {"uniform": [0, 2**63]}}}, r"weathering\.seed: 9\d+ is not allowed; wanted"),
         ({"weathering": {"model": "plain", "amount": 0.5}}, r"weathering\.amount: the model does not know amounts"),
         ({"weathering": {"model": "plain", "recipe": "rust"}}, r"weathering\.recipe: the model does not know"),
         ({"weathering": {"model": "plain", "seed": {"uniform": [0, 9]}}}, r"weathering\.seed: the model has no chance"),
