@@ -25,7 +25,7 @@ from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.types import Surface
 
-_POINTS = 5
+_POINTS = 3
 """Points along a side of a pixel at which the layer's alpha is looked up. Odd, so that one is the pixel's centre."""
 _AT_ONCE = 1 << 21
 """The most points at once: their hits take some hundred bytes each."""
@@ -56,17 +56,17 @@ def _labels_of(
     """The channels in a band of rows, from `points` x `points` points of each pixel."""
     subject, layer = loader.subject(scene), loader.layer(scene)
     hits = camera_hits(subject.surface, scene.camera.camera(), scene.width, scene.height, points, band)
-    centre = (slice(points // 2, None, points),) * 2
+    centres = hits.centres(points)
     channels: dict[str, ndarray] = {}
     if "weathered" in wanted:
         alpha = np.zeros(hits.face.shape) if layer is None else _alpha_seen(hits, subject.learnable, layer)
         channels[_WEATHERED] = alpha.reshape(len(band), points, scene.width, points).mean(axis=(1, 3))
     if "parts" in wanted:
-        channels[_PART] = _ids(subject.surface, ids)[hits.part[centre]]
+        channels[_PART] = _ids(subject.surface, ids)[centres.part]
     if "depth" in wanted:
-        channels["depth.Z"] = hits.depth[centre]
+        channels["depth.Z"] = centres.depth
     if "normals" in wanted:
-        normal = hits.normals()[centre]
+        normal = centres.normals()
         channels |= {f"normal.{axis}": normal[..., number] for number, axis in enumerate("XYZ")}
     return channels
 
@@ -92,7 +92,8 @@ def _alpha_seen(
 ) -> Float[ndarray, "rows cols"]:
     """The layer's alpha at each hit of a part that carries it; 0 elsewhere."""
     alpha, carries = np.zeros(hits.face.shape), np.isin(hits.part, list(learnable))
-    uv = torch.from_numpy(hits.interpolate(hits.surface.uv)[carries])
+    corners = hits.surface.uv[hits.surface.faces[hits.face[carries]]]
+    uv = torch.from_numpy(np.einsum("nj,nji->ni", hits.barycentric[carries], corners))
     alpha[carries] = sample_texture(layer[..., RGBA - 1 : RGBA], uv, hits.surface.repeat)[:, 0].numpy()
     return alpha
 

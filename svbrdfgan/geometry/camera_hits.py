@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -50,8 +50,15 @@ class CameraHits:
 
     def interpolate(self, attribute: Float[ndarray, " vertices *k"]) -> Float[ndarray, "rows cols *k"]:
         """A per-vertex attribute; zero where nothing is hit."""
-        values = attribute[self.surface.faces[self.face]]
-        return np.einsum("hwj,hwj...->hw...", self.barycentric, values)
+        values, hit = np.zeros((*self.face.shape, *attribute.shape[1:])), self.hit
+        corners = attribute[self.surface.faces[self.face[hit]]]
+        values[hit] = np.einsum("nj,nj...->n...", self.barycentric[hit], corners)
+        return values
+
+    def centres(self, per_pixel: int) -> CameraHits:
+        """Of so many hits along each side of a pixel, an odd number, those at the pixels' centres."""
+        middle = (slice(per_pixel // 2, None, per_pixel),) * 2
+        return replace(self, face=self.face[middle], barycentric=self.barycentric[middle], depth=self.depth[middle])
 
     def normals(self) -> Float[ndarray, "rows cols 3"]:
         """Unit shading normals in the world's axes, turned to the camera; zero where nothing is hit."""

@@ -74,14 +74,14 @@ def test_the_mask_agrees_with_the_picture(folder: Path) -> None:
     twin = render_scene(SceneLoader(folder, keep=False), resolve_renderer(scene.renderer)[0], clean)
     stored, mask = load_picture(picture).float(), channels(folder)["weathered"]
     differs = (stored[..., :3] - twin.image.half().float()).abs().amax(dim=-1)
-    around = max_pool2d(mask[None, None], 3, stride=1, padding=1)[0, 0]  # a sample may meet what no point of 25 does
+    around = max_pool2d(mask[None, None], 3, stride=1, padding=1)[0, 0]  # a sample may meet what no point of nine does
     seen = stored[..., 3] > 0
     assert 0 <= mask.min() < 0.1 < 0.9 < mask.max() <= 1
     assert (seen & (around == 0)).sum() > 50
     assert (differs[around == 0] == 0).all()
     assert (mask > 0.7).sum() > 20
     assert (differs[mask > 0.7] > 0.02).float().mean() > 0.95
-    assert (mask[~seen] <= 0.1).all()
+    assert (mask[~seen] <= 0.2).all()
 
 
 def test_parts_depth_and_normals_are_of_what_is_seen(folder: Path) -> None:
@@ -95,7 +95,7 @@ def test_parts_depth_and_normals_are_of_what_is_seen(folder: Path) -> None:
     assert (part[coverage == 0] == 0).all()
     assert set(part.unique().tolist()) > {0, ids["body"], ids["glass"]}
     carries = torch.isin(part, torch.tensor([float(ids[name]) for name in dataset.index.meshes["train"][0].painted]))
-    assert found["weathered"][max_pool2d(carries.float()[None], 3, 1, 1)[0] == 0].max() < 0.1  # slivers between centres
+    assert found["weathered"][max_pool2d(carries.float()[None], 3, 1, 1)[0] == 0].max() < 0.2  # slivers between centres
     camera = Scene.load(exemplar_paths(folder, "train", 0)[1]).camera
     assert ((depth > 0) == (part > 0)).all()
     assert 0.5 * camera.distance < depth[part > 0].min() < depth.max() < 1.5 * camera.distance
@@ -120,7 +120,7 @@ def test_only_the_wanted_ones_are_made_and_at_the_same_points(folder: Path) -> N
 
 
 def test_bands_of_a_picture_make_the_whole(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("svbrdfgan.data.labels._AT_ONCE", 64 * 25 * 7)  # 48 rows are six bands of seven, and six rows
+    monkeypatch.setattr("svbrdfgan.data.labels._AT_ONCE", 64 * 9 * 7)  # 48 rows are six bands of seven, and six rows
     dataset, scene = Dataset.open(folder), Scene.load(exemplar_paths(folder, "train", 0)[1])
     found = make_labels(SceneLoader(folder), scene, ALL, dataset.index.parts)
     for name, plane in channels(folder).items():
