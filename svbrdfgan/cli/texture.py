@@ -24,6 +24,12 @@ from svbrdfgan.cli.options import (
 @click.option("--amount", type=float, help="0 is clean, 1 is filthy.  [default: the middle of those trained on]")
 @click.option("--recipe", help="One of those that the model was trained on; needed if it knows several.")
 @click.option(
+    "--resolution",
+    type=int,
+    help="Texels along a side of the layer: a multiple of those trained at; patterns keep their scale.  "
+    "[default: those trained at]",
+)
+@click.option(
     "--count",
     type=click.IntRange(min=1),
     help="So many layers, of this seed and the next ones. OUT is then a folder; files are named after mesh and seed.",
@@ -39,6 +45,7 @@ def command(
     seed: int | None,
     amount: float | None,
     recipe: str | None,
+    resolution: int | None,
     count: int | None,
     learnable: tuple[str, ...],
     out: Path,
@@ -55,18 +62,20 @@ def command(
     for path in paths:
         require_apart(mesh, path)
     with progress(f"loading {run}") as display:
-        from svbrdfgan.inference.apply import choose_draw, paint_draw, prepare
+        from svbrdfgan.inference.apply import choose_draw, explain_memory, finer_factor, prepare
         from svbrdfgan.io import load_mesh
         from svbrdfgan.training.run import load_model
 
         model = load_model(run)
         draws = [choose_draw(model, seed=number, amount=amount, recipe=recipe) for number in seeds]
+        finer_factor(model, resolution)  # before anything is made or written
         writers = [writer(path, picture, environment, renderer, model.config.maps) for path in paths]
         display.stage(f"weathering {mesh}")
-        subject = prepare(load_mesh(mesh), model, selected(learnable))
-        written = []
-        for path, draw, write in zip(paths, draws, writers, strict=True):
-            layer = paint_draw(subject, draw)
-            display.stage(f"writing {path}")
-            written += write(subject, layer)
-    report_weathered(subject, written)
+        with explain_memory(resolution):
+            canvas = prepare(load_mesh(mesh), model, selected(learnable), resolution)
+            written = []
+            for path, draw, write in zip(paths, draws, writers, strict=True):
+                layer = canvas.paint(draw)
+                display.stage(f"writing {path}")
+                written += write(canvas.subject, layer)
+    report_weathered(canvas.subject, written)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
@@ -10,6 +13,8 @@ from torch import Tensor
 
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.errors import ConfigError
+from svbrdfgan.geometry.bake import bake
+from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.networks import Draw
 from svbrdfgan.networks.random_fields import MOST_SEEDS
 from svbrdfgan.plugins import load_embedding
@@ -18,6 +23,29 @@ from svbrdfgan.training.run import Model
 from svbrdfgan.types import Mesh
 
 log = logging.getLogger(__name__)
+
+FINEST = 4096
+"""The most texels along a side that a layer can be painted at: textures beyond it are more than viewers take."""
+
+
+@dataclass(frozen=True, eq=False)
+class Canvas:
+    """A mesh ready to be painted on.
+
+    Attributes:
+        subject: at the resolution of the layer.
+        geometry: the generator's input, at the resolution that it was trained at.
+        factor: the one resolution over the other.
+    """
+
+    subject: Subject
+    geometry: Float[Tensor, "6 trained_rows trained_cols"]
+    factor: int
+
+    def paint(self, draw: Draw) -> Float[Tensor, "rows cols channels"]:
+        """The layer of a draw."""
+        with torch.no_grad():
+            return draw(self.geometry.unsqueeze(0), self.factor)[0]
 
 
 def paint(
@@ -28,23 +56,28 @@ def paint(
     seed: int | None = None,
     amount: float | None = None,
     recipe: str | None = None,
+    resolution: int | None = None,
 ) -> tuple[Subject, Float[Tensor, "rows cols channels"]]:
-    """The mesh with the embedding and texture resolution of the training, and the layer that the model paints on it.
+    """The mesh with the embedding of the training, and the layer that the model paints on it.
 
     Args:
         learnable: the parts that carry the layer; by default those that the training's selection matches.
         seed: of a model with chance: which of its layers; by default 0.
         amount: of a model that knows amounts, in [0, 1]; by default the middle of those that it was trained on.
         recipe: of a model of several recipes, which it must be told.
+        resolution: texels along a side of the layer and of the subject's textures, a multiple of those that the model
+            was trained at, and at most `FINEST`; by default those. Patterns keep their scale (`Generator.forward`).
 
     Raises:
-        ConfigError: the model has no chance, or does not know what is asked for.
+        ConfigError: the model has no chance, or does not know what is asked for, or cannot paint at that resolution, or
+            there is not enough memory for it.
         EmbeddingError: the mesh cannot be embedded.
         AssetError: no part that can be seen is learnable.
     """
     draw = choose_draw(model, seed=seed, amount=amount, recipe=recipe)
-    subject = prepare(mesh, model, learnable)
-    return subject, paint_draw(subject, draw)
+    with explain_memory(resolution):
+        canvas = prepare(mesh, model, learnable, resolution)
+        return canvas.subject, canvas.paint(draw)
 
 
 def choose_draw(
@@ -69,14 +102,54 @@ def choose_draw(
     return Draw(model.generator, seed or 0, labels)
 
 
-def prepare(mesh: Mesh, model: Model, learnable: PartSelection | None = None) -> Subject:
-    """The mesh as the model's training saw its meshes; see `paint`."""
+def prepare(mesh: Mesh, model: Model, learnable: PartSelection | None = None, resolution: int | None = None) -> Canvas:
+    """The mesh as the model's training saw its meshes, to be painted at a resolution; see `paint`.
+
+    Raises:
+        ConfigError: the model cannot paint at that resolution.
+    """
     trained = model.config.dataset
+    factor = finer_factor(model, resolution)
     embedding = load_embedding(trained.embedding.name, trained.embedding.options)
-    return make_subject(mesh, embedding, trained.texture, learnable or trained.learnable, file_maps=bool(trained.maps))
+    subject = make_subject(
+        mesh, embedding, factor * trained.texture, learnable or trained.learnable, file_maps=bool(trained.maps)
+    )
+    if factor == 1:
+        return Canvas(subject, subject.geometry, factor)
+    # baked again, since for even factors no texel of the finer buffer lies at the centre of one of the trained size
+    buffer = bake(embed_and_rasterize(embedding, mesh, trained.texture))
+    return Canvas(subject, buffer.network_input(), factor)
 
 
-def paint_draw(subject: Subject, draw: Draw) -> Float[Tensor, "rows cols channels"]:
-    """The layer of a draw on a subject."""
-    with torch.no_grad():
-        return draw(subject.geometry.unsqueeze(0))[0]
+def finer_factor(model: Model, resolution: int | None) -> int:
+    """How many times finer than it was trained the model paints at a resolution; 1 for None.
+
+    Raises:
+        ConfigError: the resolution is not a multiple of the trained one, or greater than `FINEST`.
+    """
+    trained = model.config.dataset.texture
+    if resolution is None:
+        return 1
+    if resolution % trained or not trained <= resolution <= max(trained, FINEST):
+        raise ConfigError(
+            f"resolution {resolution} is not allowed; the model was trained at {trained} texels, so wanted a multiple "
+            f"of {trained} from {trained} to {max(trained, FINEST // trained * trained)}."
+        )
+    return resolution // trained
+
+
+@contextmanager
+def explain_memory(resolution: int | None) -> Iterator[None]:
+    """Says what to do if memory runs out at a resolution that was asked for.
+
+    Raises:
+        ConfigError: it did. (Linux may also end the process without a word.)
+    """
+    try:
+        yield
+    except (MemoryError, RuntimeError) as error:
+        # torch has no exception of its own for the CPU's memory
+        lacking = isinstance(error, MemoryError | torch.cuda.OutOfMemoryError) or "DefaultCPUAllocator" in str(error)
+        if resolution is None or not lacking:
+            raise
+        raise ConfigError(f"there is not enough memory for resolution {resolution}; choose a smaller one.") from error

@@ -25,10 +25,12 @@ class Draw:
     seed: int = 0
     labels: Sequence[float] = ()
 
-    def __call__(self, geometry: Float[Tensor, "batch 6 rows cols"]) -> Float[Tensor, "batch rows cols channels"]:
-        """The layer of this seed and these labels on each geometry."""
+    def __call__(
+        self, geometry: Float[Tensor, "batch 6 rows cols"], factor: int = 1
+    ) -> Float[Tensor, "batch fine_rows fine_cols channels"]:
+        """The layer of this seed and these labels on each geometry, `factor` times as fine as it."""
         count, device = len(geometry), geometry.device
         seeds = torch.full((count,), self.seed, dtype=torch.int64, device=device)
         labels = torch.tensor([list(self.labels)] * count, dtype=torch.float32, device=device)
-        layers: Tensor = self.generator(geometry, seeds, labels)
+        layers: Tensor = self.generator(geometry, seeds, labels, factor)
         return layers

@@ -7,6 +7,7 @@ from itertools import repeat
 from typing import Literal
 
 import torch
+import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
@@ -87,7 +88,8 @@ class Generator(nn.Module):
         geometry: Float[Tensor, "batch 6 rows cols"],
         seeds: Int[Tensor, " batch"] | None = None,
         labels: Float[Tensor, "batch labels"] | None = None,
-    ) -> Float[Tensor, "batch rows cols channels"]:
+        factor: int = 1,
+    ) -> Float[Tensor, "batch fine_rows fine_cols channels"]:
         """Straight-alpha linear values in (0, 1), but x and y of normals in (-1, 1).
 
         Rows and columns must be multiples of four, and at least 16. Where the last convolution gives 0, metallic is
@@ -96,6 +98,8 @@ class Generator(nn.Module):
         Args:
             seeds: of each layer's chance, at least 0; needed if there is any.
             labels: of each layer; needed if there are any.
+            factor: the layer has this many times the rows and columns of the geometry, and patterns of the same scale
+                (`PreActConv.finer`). Only the last convolution runs at that resolution, so memory hardly grows.
         """
         affine = self._affine(seeds, labels)
         if self.chance:
@@ -106,7 +110,9 @@ class Generator(nn.Module):
         for block in self.blocks:
             x, residual = block(x, residual, (next(affine), next(affine)))
         x = self.up[0](x, residual, next(affine))
-        x = self.last(self.up[1](x, None, next(affine)), None, next(affine))
+        x = self.up[1](x, None, next(affine))
+        # `finer` with a factor of 1 gives the same, but not as one fused operation
+        x = self.last(x, None, next(affine)) if factor == 1 else self.last.finer(x, factor, next(affine))
         x = x.float()
         if self.metallic is not None:
             start = x.new_zeros(self.channels, 1, 1)
@@ -154,6 +160,27 @@ class PreActConv(nn.Module):
         convolved: Tensor = self.convolve(self.activate(x, residual, affine).padded)
         return convolved
 
+    def finer(
+        self, x: Float[Tensor, "batch inputs rows cols"], factor: int, affine: Affine | None = None
+    ) -> Float[Tensor, "batch outputs fine_rows fine_cols"]:
+        """What `forward` gives, at `factor` times the resolution and with the scale of `x`; without upsampling.
+
+        The normalised input is interpolated, then rectified and convolved with taps that stay a texel of `x` apart. So
+        edges, which the activation and the layer's range make, are sharper than those of an interpolated result. At the
+        centres of `x`'s texels the result is that of `forward`. All other features keep their resolution, because
+        strided convolutions and doubling do not commute with shifts of a part of a texel: computed for each such shift
+        alone, layers show a grid with the period of a texel.
+        """
+        padded = norm_act_pad(self.norm(x), NormActPad(norm=self.fused, pad=self.pad + 1)).padded
+        shifts = [(2 * place + 1 - factor) / (2 * factor) for place in range(factor)]
+        phases = []  # one at a time, so that wide features are never held at the finer resolution
+        for down in shifts:
+            rows = _shifted(padded, down, dim=2)
+            for right in shifts:
+                features = F.relu(_shifted(rows, right, dim=3))
+                phases.append(self.convolve(features if affine is None else affine(features)))
+        return F.pixel_shuffle(torch.stack(phases, dim=2).flatten(1, 2), factor)
+
     def activate(
         self, x: Float[Tensor, "batch inputs rows cols"], residual: Residual = None, affine: Affine | None = None
     ) -> Features:
@@ -188,6 +215,12 @@ class ResidualBlock(nn.Module):
         """
         padded, features = self.first.activate(x, residual, affine[0])
         return self.second(self.first.convolve(padded), None, affine[1]), features
+
+
+def _shifted(x: Float[Tensor, "*shape"], shift: float, dim: int) -> Float[Tensor, "*shape"]:
+    """Linear interpolation `shift` texels (-1 to 1) further along an axis; the axis loses a texel at both ends."""
+    inner = x.shape[dim] - 2
+    return torch.lerp(x.narrow(dim, 1, inner), x.narrow(dim, 2 if shift > 0 else 0, inner), abs(shift))
 
 
 def _conv(inputs: int, outputs: int, size: int, norm: Norm, stride: int = 1, upsample: int = 1) -> PreActConv:

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from svbrdfgan.cli import main
-from svbrdfgan.io import save_mesh_glb
+from svbrdfgan.io import load_mesh, load_texture, save_mesh_glb
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
 
 
@@ -30,6 +30,15 @@ def test_the_same_command_writes_the_same_bytes(car: Path, varied_run: Path, tmp
     assert (tmp_path / "one.glb").read_bytes() == (tmp_path / "other.glb").read_bytes()
 
 
+def test_a_finer_layer_and_finer_base_colours(car: Path, varied_run: Path, tmp_path: Path) -> None:
+    asked = ("--model", varied_run, "--recipe", "rust", "--resolution", 64)
+    result = texture(car, *asked, "-o", tmp_path / "fine.glb")
+    assert result.exit_code == 0, result.output
+    assert load_texture(tmp_path / "fine.layer.png").shape[:2] == (64, 64)
+    sizes = {part.texture.shape for part in load_mesh(tmp_path / "fine.glb").parts if part.texture is not None}
+    assert sizes == {(64, 64, 3)}
+
+
 def test_many_draws_into_a_folder(car: Path, varied_run: Path, tmp_path: Path) -> None:
     asked = ("--model", varied_run, "--recipe", "dust", "--amount", 0.9)
     result = texture(car, *asked, "--seed", 3, "--count", 2, "-o", tmp_path / "many")
@@ -48,6 +57,7 @@ def test_many_draws_into_a_folder(car: Path, varied_run: Path, tmp_path: Path) -
         (("--recipe", "rust", "--amount", 2), "amount 2 is not allowed; wanted a number from 0 to 1."),
         (("--recipe", "rust", "--seed", -1), "seed -1 is not allowed; wanted a whole number from 0"),
         (("--recipe", "snow"), "does not know the recipe 'snow'. It knows rust, dust."),
+        (("--recipe", "rust", "--resolution", 100), "resolution 100 is not allowed; the model was trained at 32"),
         ((), "knows the recipes rust, dust: name the one that is wanted."),
     ],
 )

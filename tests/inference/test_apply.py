@@ -8,12 +8,15 @@ from typing import Any
 
 import pytest
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.inference.apply import paint
+from svbrdfgan.inference.apply import Canvas, explain_memory, paint
+from svbrdfgan.metrics.texture_pyramid import octaves, premultiplied
 from svbrdfgan.networks import Conditions, Generator
 from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.run import Model, load_model
 from svbrdfgan.types import Mesh
 
@@ -72,3 +75,59 @@ def test_a_model_without_chance_has_no_seeds(mesh: Mesh, model: Model) -> None:
         with pytest.raises(ConfigError, match=said):
             paint(mesh, still, **asked)
     assert paint(mesh, still)[1].shape == (32, 32, 4)
+
+
+def test_at_the_trained_resolution_nothing_changes(mesh: Mesh, model: Model) -> None:
+    asked: dict[str, Any] = {"seed": 7, "amount": 0.4, "recipe": "rust"}
+    assert torch.equal(paint(mesh, model, **asked, resolution=32)[1], paint(mesh, model, **asked)[1])
+
+
+def test_a_finer_layer_has_the_scale_of_the_coarse_one(mesh: Mesh, model: Model) -> None:
+    def painted(resolution: int) -> tuple[Subject, Tensor]:
+        return paint(mesh, model, seed=7, recipe="rust", resolution=resolution)
+
+    def power(subject: Subject, layer: Tensor) -> Tensor:
+        """Of alpha, by octave, finest first."""
+        weight = torch.where(subject.learnable_texels, subject.buffer.area, 0.0)
+        return torch.stack([octave.power()[0] for octave in octaves(premultiplied(layer[None]), weight)])
+
+    (subject, coarse), (finer_subject, finer) = painted(32), painted(128)
+    assert finer.shape == (128, 128, 4)
+    assert finer_subject.geometry.shape == (6, 128, 128)
+    pooled = F.avg_pool2d(finer.permute(2, 0, 1), 4).permute(1, 2, 0)
+    assert (pooled - coarse).abs().mean() < 0.1 * coarse.std(dim=(0, 1)).mean()
+    ratio = power(finer_subject, finer)[2:] / power(subject, coarse)
+    assert (ratio - 1.0).abs().max() < 0.2
+
+
+def test_finer_layers_obey_seed_amount_and_recipe(mesh: Mesh, model: Model) -> None:
+    def layer(**asked: Any) -> Tensor:
+        return paint(mesh, model, **{"seed": 7, "amount": 0.4, "recipe": "rust", "resolution": 64} | asked)[1]
+
+    assert torch.equal(layer(), layer())
+    for other in ({"seed": 8}, {"amount": 0.9}, {"recipe": "dust"}):
+        assert not torch.equal(layer(**other), layer())
+
+
+@pytest.mark.parametrize("resolution", [-32, 0, 16, 48, 8192])
+def test_resolutions_that_it_cannot_paint_are_told(resolution: int, mesh: Mesh, model: Model) -> None:
+    said = f"resolution {resolution} is not allowed; .* trained at 32 texels, .* a multiple of 32 from 32 to 4096."
+    with pytest.raises(ConfigError, match=said):
+        paint(mesh, model, recipe="rust", resolution=resolution)
+
+
+@pytest.mark.parametrize("error", [MemoryError(), RuntimeError("DefaultCPUAllocator: can't allocate memory")])
+def test_a_lack_of_memory_is_told(error: Exception, mesh: Mesh, model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    def lacking(self: Canvas, draw: Any) -> Tensor:
+        raise error
+
+    monkeypatch.setattr(Canvas, "paint", lacking)
+    with pytest.raises(ConfigError, match="not enough memory for resolution 64; choose a smaller one"):
+        paint(mesh, model, recipe="rust", resolution=64)
+    with pytest.raises(type(error)):  # no resolution was asked for, so none is to blame
+        paint(mesh, model, recipe="rust")
+
+
+def test_other_errors_stay_as_they_are() -> None:
+    with pytest.raises(RuntimeError, match="something else"), explain_memory(64):
+        raise RuntimeError("something else")

@@ -17,3 +17,10 @@ def test_a_draw_is_the_generator_at_its_seed_and_labels() -> None:
 def test_without_chance_it_is_the_generator_itself() -> None:
     generator, geometry = Generator(width=4, blocks=0), torch.rand(2, 6, 16, 16)
     assert torch.equal(Draw(generator)(geometry), generator(geometry))
+
+
+def test_a_finer_draw_is_the_generator_s_finer_layer() -> None:
+    generator, geometry = Generator(width=4, blocks=0, chance=2, labels=1), torch.rand(1, 6, 16, 16)
+    wanted = generator(geometry, torch.tensor([7]), torch.tensor([[0.5]]), 2)
+    assert wanted.shape == (1, 32, 32, 4)
+    assert torch.equal(Draw(generator, 7, [0.5])(geometry, 2), wanted)

@@ -7,6 +7,8 @@ import torch
 from torch import nn
 
 from svbrdfgan.networks import Discriminator, Generator, ResidualBlock, initialise
+from svbrdfgan.networks.generator import PreActConv
+from svbrdfgan.networks.layers import Norm
 
 
 @pytest.mark.parametrize("size", [(16, 16), (32, 64)])
@@ -146,3 +148,41 @@ def test_without_chance_nothing_is_built_for_it() -> None:
     names = set(Generator(width=4, blocks=1).state_dict())
     assert names < set(Generator(width=4, blocks=1, chance=2).state_dict())
     assert not any(name.startswith("modulation") for name in names)
+
+
+def _asked() -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Two geometries, seeds and labels of `_drawing`."""
+    rng = torch.Generator().manual_seed(0)
+    return torch.rand(2, 6, 32, 32, generator=rng), torch.tensor([1, 2]), torch.tensor([[0.5], [-0.5]])
+
+
+def test_a_finer_layer_has_the_coarse_one_at_its_texels_centres() -> None:
+    generator, (geometry, seeds, labels) = _drawing(), _asked()
+    coarse, fine = (generator(geometry, seeds, labels, factor) for factor in (1, 3))
+    assert fine.shape == (2, 96, 96, 4)
+    torch.testing.assert_close(fine[:, 1::3, 1::3], coarse)
+
+
+@pytest.mark.parametrize("norm", ["instance", "group", "none"])
+def test_a_convolution_at_a_factor_of_one_is_the_convolution(norm: Norm) -> None:
+    last, x = PreActConv(nn.Conv2d(4, 3, 7), norm, pad=3).eval(), torch.randn(2, 4, 16, 16)
+    torch.testing.assert_close(last.finer(x, 1), last(x))
+
+
+def test_a_finer_convolution_keeps_the_scale() -> None:
+    """Convolving interpolated features with taps as far apart as before; the borders reflect."""
+    last, x = PreActConv(nn.Conv2d(4, 3, 7), "instance", pad=3), torch.randn(1, 4, 16, 16)
+    features = nn.functional.pad(nn.functional.instance_norm(x), (4,) * 4, mode="reflect")
+    fine = nn.functional.interpolate(features, scale_factor=4, mode="bilinear")[:, :, 4:-4, 4:-4].relu()
+    wanted = nn.functional.conv2d(fine, last.convolve.weight, last.convolve.bias, dilation=4)
+    torch.testing.assert_close(last.finer(x, 4), wanted, atol=1e-5, rtol=1e-5)
+
+
+def test_a_finer_layer_has_no_grid() -> None:
+    """Neighbours differ as much within texels of the trained resolution as across their borders."""
+    generator, (_, seeds, labels) = _drawing(), _asked()
+    corners = torch.rand(2, 6, 4, 4, generator=torch.Generator().manual_seed(0))
+    geometry = nn.functional.interpolate(corners, size=(32, 32), mode="bicubic")
+    step = generator(geometry, seeds, labels, 4).diff(dim=1).abs().mean(dim=(0, 2, 3))
+    by_place = torch.stack([step[place::4].mean() for place in range(4)])
+    assert by_place.max() < 1.3 * by_place.mean()
