@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
-from itertools import repeat
 from typing import Literal
 
 import torch
@@ -36,14 +36,18 @@ Residual = Float[Tensor, "batch channels rows cols"] | None
 class Generator(nn.Module):
     """Johnson et al.'s ResNet (2016), from a geometry buffer to a layer of the same size.
 
-    It has one 7x7 convolution, two strided ones, residual blocks, two upsampling convolutions and one 7x7.
+    It has one 7x7 convolution, strided ones that each halve the resolution and double the channels, residual blocks, as
+    many upsampling convolutions, and one 7x7.
 
     With chance, a layer is a function of the geometry and a seed: random fields of object space are read beside the
     geometry, and random numbers modulate the features. Labels of the layer modulate them, too.
 
     Args:
-        width: channels after the first convolution; the blocks have four times as many. The thesis uses 64.
+        width: channels after the first convolution. The thesis uses 64, and so 256 in the blocks.
         blocks: residual blocks; the thesis uses six.
+        downsamplings: how often the resolution is halved before the blocks; the thesis uses two. One more for twice the
+            texels, with half the width, keeps the blocks' resolution, their channels and what they see of the surface,
+            and most of the cost.
         norm: the thesis uses "instance".
         upsampling: "strided" is the thesis's transposed convolution, which leaves a checkerboard of period four in
             the layer; "nearest" doubles the features and convolves (Odena et al. 2016), which does not.
@@ -56,6 +60,7 @@ class Generator(nn.Module):
         self,
         width: int = 64,
         blocks: int = 6,
+        downsamplings: int = 2,
         norm: Norm = "instance",
         upsampling: Upsampling = "nearest",
         channels: int = RGBA,
@@ -68,15 +73,20 @@ class Generator(nn.Module):
         self.paints_normals = "normal" in maps
         self.metallic = layer_channels(maps[: maps.index("metallic")]) if "metallic" in maps else None
         self.first = nn.Conv2d(GEOMETRY_CHANNELS + chance, width, 7, bias=_biased(norm))
-        self.down = nn.Sequential(
-            _conv(width, 2 * width, 3, norm, stride=2), _conv(2 * width, 4 * width, 3, norm, stride=2)
-        )
-        self.blocks = nn.ModuleList(ResidualBlock(4 * width, norm) for _ in range(blocks))
-        self.up = nn.ModuleList([_up(4 * width, 2 * width, norm, upsampling), _up(2 * width, width, norm, upsampling)])
+        widths = [width << depth for depth in range(downsamplings + 1)]
+        steps = list(itertools.pairwise(widths))
+        self.down = nn.Sequential(*(_conv(coarse, deep, 3, norm, stride=2) for coarse, deep in steps))
+        self.blocks = nn.ModuleList(ResidualBlock(widths[-1], norm) for _ in range(blocks))
+        self.up = nn.ModuleList(_up(deep, coarse, norm, upsampling) for coarse, deep in reversed(steps))
         self.last = PreActConv(nn.Conv2d(width, channels, 7), norm, pad=3)
         code = labels + (_NUMBERS if chance else 0)
-        inputs = [4 * width] * (2 * blocks + 1) + [2 * width, width]  # of the blocks, `up` and `last`, in their order
+        inputs = widths[-1:] * (2 * blocks) + widths[::-1]  # of the blocks, `up` and `last`, in their order
         self.modulation = Modulation(code, inputs) if code else None
+
+    @property
+    def multiple(self) -> int:
+        """What the numbers of rows and columns must be multiples of."""
+        return 1 << len(self.up)
 
     @property
     def varies(self) -> bool:
@@ -92,8 +102,8 @@ class Generator(nn.Module):
     ) -> Float[Tensor, "batch fine_rows fine_cols channels"]:
         """Straight-alpha linear values in (0, 1), but x and y of normals in (-1, 1).
 
-        Rows and columns must be multiples of four, and at least 16. Where the last convolution gives 0, metallic is
-        0.05, and normals are (0, 0, 0.5), which is flat.
+        Rows and columns must be multiples of `multiple`, and at least four times that. Where the last convolution gives
+        0, metallic is 0.05, and normals are (0, 0, 0.5), which is flat.
 
         Args:
             seeds: of each layer's chance, at least 0; needed if there is any.
@@ -109,8 +119,8 @@ class Generator(nn.Module):
         residual: Residual = None
         for block in self.blocks:
             x, residual = block(x, residual, (next(affine), next(affine)))
-        x = self.up[0](x, residual, next(affine))
-        x = self.up[1](x, None, next(affine))
+        for up in self.up:
+            x, residual = up(x, residual, next(affine)), None
         # `finer` with a factor of 1 gives the same, but not as one fused operation
         x = self.last(x, None, next(affine)) if factor == 1 else self.last.finer(x, factor, next(affine))
         x = x.float()
@@ -127,7 +137,7 @@ class Generator(nn.Module):
     def _affine(self, seeds: Tensor | None, labels: Tensor | None) -> Iterator[Affine | None]:
         """For each modulated convolution, what modulates it; None without end if nothing does."""
         if self.modulation is None:
-            return repeat(None)
+            return itertools.repeat(None)
         code = []
         if self.labels:
             assert labels is not None

@@ -43,8 +43,9 @@ def random_fields(
     """Gradient noise (Perlin 2002) of object space, one field for each octave: 2, 4, 8, ... waves a vehicle length.
 
     Each field has mean zero and standard deviation one, and is twice continuously differentiable in the position. Its
-    lattice is turned away from the axes, since the panels of vehicles lie along them. It is a function of position and seed alone, so it continues across the seams of a texture. Fields of a seed, and fields
-    of different seeds, are independent. The result has no gradient.
+    lattice is turned away from the axes, since the panels of vehicles lie along them. It is a function of position and
+    seed alone, so it continues across the seams of a texture. Fields of a seed, and fields of different seeds, are
+    independent. The result has no gradient.
 
     Args:
         position: as in a generator's input, in units of half a vehicle length (`GeometryBuffer.network_input`). It is

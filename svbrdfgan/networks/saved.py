@@ -28,6 +28,7 @@ class GeneratorConfig(StrictModel):
 
     width: int = Field(default=64, ge=4)
     blocks: int = Field(default=6, ge=0)
+    downsamplings: int = Field(default=2, ge=1, le=6)
     norm: Norm = "instance"
     upsampling: Upsampling = "nearest"
     chance: int = Field(default=0, ge=0, le=MOST_FIELDS)

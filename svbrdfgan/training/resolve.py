@@ -66,6 +66,7 @@ def resolve_run(config: TrainConfig, base: Path = Path()) -> ResolvedRun:
     """
     dataset = Dataset.open((base / config.dataset).resolve())
     _require_divisible(config, dataset.config)
+    _require_halvable(config, dataset.config.texture)
     return ResolvedRun(resolved(config, dataset.config.spp, dataset.config.maps), dataset, base)
 
 
@@ -95,4 +96,13 @@ def _require_divisible(config: TrainConfig, dataset: DatasetConfig) -> None:
         raise ConfigError(
             "discriminator.sees: reflectance is for base_color alone, and the data set's layers paint "
             f"{', '.join(dataset.maps)} too: set discriminator.sees: radiance."
+        )
+
+
+def _require_halvable(config: TrainConfig, texture: int) -> None:
+    halvings = config.generator.downsamplings
+    if texture % (1 << halvings) or texture < 4 << halvings:
+        raise ConfigError(
+            f"generator.downsamplings: a texture of {texture} texels cannot be halved {halvings} times into 4 or more; "
+            "set a smaller number, or make the data set with another texture."
         )

@@ -7,7 +7,7 @@ import torch
 from torch import nn
 
 from svbrdfgan.networks import Discriminator, Generator, ResidualBlock, initialise
-from svbrdfgan.networks.generator import PreActConv
+from svbrdfgan.networks.generator import PreActConv, Upsampling
 from svbrdfgan.networks.layers import Norm
 
 
@@ -61,6 +61,21 @@ def test_thesis_generator() -> None:
     weights = [m.weight for m in generator.modules() if isinstance(m, nn.Conv2d)]
     assert weights[0].shape == (64, 6, 7, 7)
     assert weights[-1].shape[0] == 4
+
+
+@pytest.mark.parametrize(("downsamplings", "upsampling"), [(1, "nearest"), (3, "strided"), (4, "nearest")])
+def test_more_downsamplings_keep_the_blocks(downsamplings: int, upsampling: Upsampling) -> None:
+    """With half the width for each, blocks have the channels and the resolution that they had for fewer texels."""
+    generator = Generator(4 << (4 - downsamplings), 1, downsamplings, upsampling=upsampling, chance=2)
+    block = generator.blocks[0]
+    assert isinstance(block, ResidualBlock)
+    assert block.first.convolve.in_channels == 64
+    assert generator.multiple == 1 << downsamplings
+    sizes: list[torch.Size] = []
+    block.first.convolve.register_forward_hook(lambda _module, _given, result: sizes.append(result.shape[-2:]))
+    side = 8 * generator.multiple
+    assert generator(torch.randn(1, 6, side, side), torch.tensor([3])).shape == (1, side, side, 4)
+    assert sizes == [(8, 8)]
 
 
 @pytest.mark.parametrize(("layers", "patch"), [(1, 16), (2, 34), (3, 70)])

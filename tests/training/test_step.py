@@ -14,7 +14,7 @@ from lightning_fabric import Fabric
 from torch import Tensor
 
 from svbrdfgan.data.conditions import labels_of_scenes
-from svbrdfgan.errors import AssetError, TrainingError
+from svbrdfgan.errors import AssetError, ConfigError, TrainingError
 from svbrdfgan.plugins import load_renderer
 from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.config import TrainConfig, train_config
@@ -52,6 +52,12 @@ def run_steps(
 
 def weights(state: State) -> dict[str, Tensor]:
     return {name: tensor.clone() for name, tensor in state._tensors().items()}
+
+
+def test_a_texture_that_cannot_be_halved_so_often_is_refused(config: Callable[..., TrainConfig]) -> None:
+    resolve_run(config(generator={"downsamplings": 3}))
+    with pytest.raises(ConfigError, match=r"downsamplings: a texture of 32 texels cannot be halved 4 times"):
+        resolve_run(config(generator={"downsamplings": 4}))
 
 
 def test_a_step_changes_all_that_learns(config: Callable[..., TrainConfig], source: BatchSource) -> None:
