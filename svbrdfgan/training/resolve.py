@@ -8,6 +8,7 @@ from pathlib import Path
 import torch
 from lightning_fabric import Fabric
 
+from svbrdfgan.config.distributions import Fixed
 from svbrdfgan.data.conditions import Conditions
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
@@ -72,6 +73,16 @@ def conditions_of(generator: GeneratorConfig, dataset: DatasetConfig) -> Conditi
     """What networks are told of each layer: what varies in the data set, if the generator is conditional."""
     known = Conditions.of(dataset.weathering)
     return known if generator.conditional else known.untold()
+
+
+def seeds_vary(dataset: DatasetConfig) -> bool:
+    """Whether the true layers are a distribution: each exemplar's has a seed of its own."""
+    return dataset.weathering is not None and not isinstance(dataset.weathering.seed, Fixed)
+
+
+def learns_distribution(generator: GeneratorConfig, dataset: DatasetConfig) -> bool:
+    """Whether a generator with chance learns from true layers that are a distribution."""
+    return generator.chance > 0 and seeds_vary(dataset)
 
 
 def make_fabric(device: str, *, devices: int = 1, precision: str = "auto") -> Fabric:
