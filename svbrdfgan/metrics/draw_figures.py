@@ -123,7 +123,7 @@ def _ratio(truth: Tensor, made: Tensor) -> Tensor:
 def _correlation(a: Float[Tensor, " values"], b: Float[Tensor, " values"]) -> Float[Tensor, ""]:
     """Pearson's; 0 if either side is constant."""
     a, b = a - a.mean(), b - b.mean()
-    return (a * b).sum() / (a.norm() * b.norm()).clamp(min=_LEAST)
+    return ((a * b).sum() / (a.norm() * b.norm()).clamp(min=_LEAST)).clamp(-1.0, 1.0)  # which rounding may leave
 
 
 def _mean(values: Tensor, weight: Tensor) -> Float[Tensor, ""]:
