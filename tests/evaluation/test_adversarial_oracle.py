@@ -37,7 +37,7 @@ CONFIG = TrainConfig.model_validate(
         "batch_size": 4,
         "generator": {"width": 4, "blocks": 1, "chance": 2},
         "discriminator": {"width": 8, "layers": 1},
-        "optimizer": {"generator_rate": 5e-3, "discriminator_rate": 5e-3, "ema_images": 40},
+        "optimizer": {"generator_rate": 2e-3, "discriminator_rate": 5e-3, "ema_images": 200},
     }
 )
 
@@ -99,12 +99,13 @@ def test_further_maps_are_judged_and_labels_may_be_missing(even: TrueLayers, fab
 
 def test_it_learns_to_obey_the_amount(even: TrueLayers, fabric: Fabric) -> None:
     told: list[int] = []
-    oracle, steps = train_adversarial_oracle(fabric, CONFIG, even, Budget(150), told.append)
-    assert steps == sum(told) == 150
+    oracle, steps = train_adversarial_oracle(fabric, CONFIG, even, Budget(300), told.append)
+    assert steps == sum(told) == 300
     labels = torch.tensor([[-0.6], [0.6]])
     with torch.no_grad():
         little, much = oracle(even.geometry, torch.tensor([5, 5]), labels)[:, SIZE // 2 :, :, 3].mean(dim=(1, 2))
-    assert much - little > 0.25, "0.6 in the truth"
+    assert abs(little - 0.2) < 0.15
+    assert abs(much - 0.8) < 0.15
 
 
 def test_the_same_seed_is_the_same_oracle(even: TrueLayers, fabric: Fabric) -> None:
