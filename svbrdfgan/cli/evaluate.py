@@ -19,7 +19,7 @@ from svbrdfgan.cli.display import progress
     type=click.Choice(["train", "validation", "test"]),
     help="The data to score it on.",
 )
-@click.option("--no-oracle", is_flag=True, help="Leave out the supervised oracle, whose training takes minutes.")
+@click.option("--no-oracle", is_flag=True, help="Leave out the oracle, whose training takes minutes.")
 @click.option(
     "--relight",
     "relight",

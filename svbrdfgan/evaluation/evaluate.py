@@ -16,12 +16,12 @@ from jaxtyping import Float
 from lightning_fabric import Fabric
 from torch import Tensor
 
-from svbrdfgan.config.distributions import Fixed
 from svbrdfgan.data.config import Split
 from svbrdfgan.data.gather import INDEX
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
-from svbrdfgan.evaluation.distribution import resemblance_of
+from svbrdfgan.evaluation.adversarial_oracle import Budget
+from svbrdfgan.evaluation.distribution import compare_draws
 from svbrdfgan.evaluation.observed import Observation
 from svbrdfgan.evaluation.oracle import LoadedSplit, OracleConfig, TrainedOracle, oracle_of
 from svbrdfgan.evaluation.record import Evaluation, MapScore, share
@@ -35,8 +35,8 @@ from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
-from svbrdfgan.training.resolve import ResolvedRun, make_fabric
-from svbrdfgan.training.run import Model, RunConfig, load_model
+from svbrdfgan.training.resolve import ResolvedRun, make_fabric, seeds_vary
+from svbrdfgan.training.run import RunConfig, load_model
 from svbrdfgan.utils.display import Display, SilentDisplay
 
 log = logging.getLogger(__name__)
@@ -77,6 +77,7 @@ def evaluate(
     device: Literal["auto", "cpu", "cuda"] = "auto",
     dataset: Path | None = None,
     schedule: OracleConfig | None = None,
+    budget: Budget | None = None,
     relight: Relight | None = None,
     display: Display | None = None,
 ) -> Evaluated:
@@ -84,7 +85,9 @@ def evaluate(
 
     Args:
         dataset: the folder of the run's data set, if it was moved.
-        schedule: how the oracle is trained.
+        schedule: how a supervised oracle is trained.
+        budget: how long the oracle of a distribution is trained; by default as many steps as the run, and at most the
+            time that the run was allowed.
         relight: the scenes for relit FLIP; by default two for each vehicle, in procedural skies and rooms.
 
     Raises:
@@ -119,13 +122,18 @@ def evaluate(
     layers = {"generated": _layers(fabric, scorer, model.generator, config.conditions.typical())}
     found = None
     if oracle:
-        found = oracle_of(run, fabric, config, load, constants, schedule or OracleConfig(), shown)
-        layers["oracle"] = _layers(fabric, scorer, found.generator)
+        found = oracle_of(run, fabric, config, load, constants, schedule or OracleConfig(), budget, shown)
+        labels = config.conditions.typical() if found.adversarial else ()
+        layers["oracle"] = _layers(fabric, scorer, found.generator, labels)
     layers["constant"] = constants[0].expand_as(layers["generated"])
     shown.begin("comparing pictures", len(source))
     evaluation = _judge(split, scorer, layers, found, constants, _flips(source, layers, shown))
-    if model.generator.varies or _seeds_vary(config):
-        evaluation = evaluation.model_copy(update=_resemblance(model, fabric, source, scorer, constants, shown))
+    if model.generator.varies or seeds_vary(config.dataset):
+        drawing = {"generated": model.generator}
+        if found is not None and found.adversarial:
+            drawing["oracle"] = found.generator
+        update = _of_draws(drawing, config, fabric, source, scorer, constants, shown)
+        evaluation = evaluation.model_copy(update=update)
     shown.begin("comparing relit pictures")
     relit = relighter.relit(source.exemplars, opened.index.sampler(split), renderer, layers, shown.advance)
     evaluation = evaluation.model_copy(update={_RELIT[name]: value for name, value in relit.flips.items()})
@@ -133,23 +141,28 @@ def evaluate(
     return Evaluated(evaluation, config, source, layers, relit.scenes, model.generator)
 
 
-def _seeds_vary(config: RunConfig) -> bool:
-    """Whether the true layers are a distribution."""
-    weathering = config.dataset.weathering
-    return weathering is not None and not isinstance(weathering.seed, Fixed)
-
-
-def _resemblance(
-    model: Model, fabric: Fabric, source: BatchSource, scorer: Scorer, constants: Tensor, shown: Display
+def _of_draws(
+    generators: dict[str, Generator],
+    config: RunConfig,
+    fabric: Fabric,
+    source: BatchSource,
+    scorer: Scorer,
+    constants: Tensor,
+    shown: Display,
 ) -> dict[str, Any]:
     """What the record says of draws; nothing if the true ones cannot be compared."""
     shown.begin("comparing draws of layers", len(scorer.geometry))
     try:
-        found = resemblance_of(model, fabric, source.exemplars, scorer, constants, shown.advance)
+        found = compare_draws(generators, config, fabric, source.exemplars, scorer, constants, shown.advance)
     except AssetError as error:
         log.warning("resemblance has no score: %s", error)
         return {}
-    return {"resemblance": found.resemblance, "draws": found}
+    made, best = found.resemblance["generated"], found.resemblance.get("oracle")
+    told = {"resemblance": made.resemblance, "draws": made, "figures": found.figures}
+    if best is None:
+        return told
+    oracle = {"resemblance_oracle": best.resemblance, "draws_oracle": best}
+    return told | oracle | {"resemblance_fraction": share(made.resemblance, best.resemblance)}
 
 
 def _observed(source: BatchSource, renderer: Renderer[Any], config: RunConfig, shown: Display) -> Observed | None:
@@ -186,7 +199,7 @@ def _judge(
         split=split,
         recovered=recovered,
         oracle=best,
-        fraction=share(recovered, best),
+        fraction=None if oracle and oracle.adversarial else share(recovered, best),
         recovered_at_poles=ends.recovered_by(layers["generated"]) if ends else None,
         oracle_at_poles=ends.recovered_by(layers["oracle"]) if ends and oracle else None,
         oracle_validation=oracle.score if oracle else None,

@@ -1,4 +1,7 @@
-"""The oracle: the same network on the same data, supervised with the true layers; a ceiling for the GAN."""
+"""The oracle: the same network on the same data, taught by the true layers; a ceiling for the GAN.
+
+It is supervised. Where layers are a distribution, it is trained adversarially (`adversarial_oracle`).
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,7 @@ from torch import Tensor
 
 from svbrdfgan.data.config import Split
 from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.evaluation.adversarial_oracle import Budget, TrueLayers, train_adversarial_oracle
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.metrics.map_errors import LEAST_ERRORS
 from svbrdfgan.metrics.recovered import Scorer, SeenTexels, Target, make_targets
@@ -23,6 +27,8 @@ from svbrdfgan.networks import Generator, initialise, make_generator
 from svbrdfgan.networks.saved import load_generator, save_generator
 from svbrdfgan.training.batches import stack_geometry
 from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.metrics_log import read_metrics
+from svbrdfgan.training.resolve import learns_distribution
 from svbrdfgan.training.run import ORACLE, ORACLE_NOTES, RunConfig
 from svbrdfgan.utils.display import Display
 
@@ -126,12 +132,22 @@ def _weights(constant_errors: Mapping[str, float], device: torch.device) -> Floa
 
 @dataclass(frozen=True, eq=False)
 class TrainedOracle:
-    """An oracle, trained now or in an earlier evaluation."""
+    """An oracle, trained now or in an earlier evaluation.
+
+    Attributes:
+        score: on the validation split; None of an adversarial one.
+        plateau: whether a supervised one had stopped improving; None of an adversarial one.
+    """
 
     generator: Generator
     score: float | None
-    plateau: bool
+    plateau: bool | None
     steps: int
+
+    @property
+    def adversarial(self) -> bool:
+        """Whether it draws, and so is compared by `resemblance`."""
+        return self.generator.chance > 0
 
 
 def oracle_of(
@@ -141,19 +157,68 @@ def oracle_of(
     load: Callable[[Split], LoadedSplit],
     constants: Tensor,
     schedule: OracleConfig,
+    budget: Budget | None,
     shown: Display,
 ) -> TrainedOracle:
-    """The run's oracle, trained now if there is none. The validation split decides when it stops.
+    """The run's oracle, trained now if there is none.
+
+    It is adversarial if the run learns a distribution, and otherwise supervised.
 
     Args:
         load: loads a split.
         constants: the constant layers of the training subjects.
+        schedule: of a supervised one.
+        budget: of an adversarial one; by default the run's own.
     """
+    drawing = learns_distribution(config.train.generator, config.dataset)
+    stored = _stored(run, fabric.device)
+    if stored is not None and stored.adversarial == drawing:  # earlier versions had no adversarial one
+        return stored
+    if drawing:
+        oracle = _adversarial(fabric, config, load, budget or _budget_of(run, config.train), shown)
+    else:
+        oracle = _supervised(fabric, config, load, constants, schedule, shown)
+    generator = config.train.generator if drawing else config.train.generator.without_chance
+    save_generator(run / ORACLE, oracle.generator, generator, oracle.score)
+    with atomic_path(run / ORACLE_NOTES) as temporary:
+        temporary.write_text(json.dumps({"plateau": oracle.plateau, "steps": oracle.steps}), encoding="utf-8")
+    return oracle
+
+
+def _stored(run: Path, device: torch.device) -> TrainedOracle | None:
+    """The oracle of an earlier evaluation."""
     path, notes = run / ORACLE, run / ORACLE_NOTES
-    if path.is_file() and notes.is_file():
-        reached = json.loads(notes.read_text(encoding="utf-8"))
-        generator, score = load_generator(path)
-        return TrainedOracle(generator.to(fabric.device), score, reached["plateau"], reached["steps"])
+    if not path.is_file() or not notes.is_file():
+        return None
+    reached = json.loads(notes.read_text(encoding="utf-8"))
+    generator, score = load_generator(path)
+    return TrainedOracle(generator.to(device), score, reached["plateau"], reached["steps"])
+
+
+def _budget_of(run: Path, config: TrainConfig) -> Budget:
+    """The steps that the run has made, by its log, and the time that it was allowed."""
+    log = read_metrics(run)
+    return Budget(round(log[-1]["step"]) if log else config.steps, config.minutes)
+
+
+def _adversarial(
+    fabric: Fabric, config: RunConfig, load: Callable[[Split], LoadedSplit], budget: Budget, shown: Display
+) -> TrainedOracle:
+    truth = TrueLayers.of(*load("train"), config, fabric.device)
+    shown.begin("training the oracle on true layers", budget.steps)
+    generator, steps = train_adversarial_oracle(fabric, config.train, truth, budget, shown.advance)
+    return TrainedOracle(generator, None, None, steps)
+
+
+def _supervised(
+    fabric: Fabric,
+    config: RunConfig,
+    load: Callable[[Split], LoadedSplit],
+    constants: Tensor,
+    schedule: OracleConfig,
+    shown: Display,
+) -> TrainedOracle:
+    """The validation split decides when it stops."""
     trained, seen = load("train")
     targets, _ = make_targets(trained, seen, fabric.device, _TARGETS)
     held_out = load("validation") if "validation" in config.dataset.splits else (trained, seen)
@@ -166,7 +231,4 @@ def oracle_of(
     oracle = train_oracle(
         fabric, config.train, stack_geometry(trained, fabric.device), targets, scorer, schedule, watch
     )
-    save_generator(path, oracle.generator, config.train.generator.without_chance, oracle.score)
-    with atomic_path(notes) as temporary:
-        temporary.write_text(json.dumps({"plateau": oracle.plateau, "steps": oracle.steps}), encoding="utf-8")
     return TrainedOracle(oracle.generator, oracle.score, oracle.plateau, oracle.steps)

@@ -10,6 +10,7 @@ from pydantic import BeforeValidator
 from svbrdfgan.config.models import StrictModel
 from svbrdfgan.data.config import Split
 from svbrdfgan.io.records import save_record
+from svbrdfgan.metrics.draw_figures import DrawFigures
 from svbrdfgan.metrics.resemblance import Resemblance
 
 EVALUATION = "evaluation.json"
@@ -75,6 +76,11 @@ class Evaluation(StrictModel):
         resemblance: where layers are a distribution, how alike the generator's draws are to true ones
             (`svbrdfgan.metrics.resemblance`); then `recovered` is that of one draw, and says little.
         draws: the parts of `resemblance`.
+        resemblance_oracle, draws_oracle: the same of the oracle of a run that learns a distribution, which is trained
+            adversarially on true layers. Then `oracle` is that of one draw of it, and there is no `fraction`.
+        resemblance_fraction: resemblance / resemblance_oracle.
+        figures: what draws are in alpha beside true ones, by what painted them: "generated", "oracle", or "truth",
+            which are other true draws.
     """
 
     split: Split
@@ -101,6 +107,10 @@ class Evaluation(StrictModel):
     maps: dict[str, Annotated[MapScore, BeforeValidator(_from_error)]] = {}
     resemblance: float | None = None
     draws: Resemblance | None = None
+    resemblance_oracle: float | None = None
+    draws_oracle: Resemblance | None = None
+    resemblance_fraction: float | None = None
+    figures: dict[str, DrawFigures] = {}
 
     @property
     def relit_ratio(self) -> float | None:
@@ -112,8 +122,7 @@ class Evaluation(StrictModel):
         scored = f"{self.subjects} {self.split} subjects, {self.seen:.0%} of their area seen"
         lines = [f"recovered: {self.recovered:.3f} ({scored})"]
         if self.oracle is not None:
-            plateau = "at its plateau" if self.oracle_plateau else "still rising"
-            lines.append(f"oracle:    {self.oracle:.3f} ({plateau} after {self.oracle_steps} steps)")
+            lines.append(f"oracle:    {self.oracle:.3f} ({self._oracle_state} after {self.oracle_steps} steps)")
         if self.fraction is not None:
             lines.append(f"fraction:  {self.fraction:.3f} of the oracle")
         if self.recovered_at_poles is not None:
@@ -122,7 +131,7 @@ class Evaluation(StrictModel):
         lines.append(
             f"FLIP:      {self.flip:.3f} (constant layer {self.flip_constant:.3f}, noise alone {self.flip_truth:.3f})"
         )
-        return lines + self._relit_lines() + (self.draws.lines() if self.draws else []) + self._map_lines()
+        return lines + self._relit_lines() + self._draw_lines() + self._map_lines()
 
     def little_observed(self) -> list[str]:
         """A warning for each map that is scored on less than a fifth of the learnable area."""
@@ -134,6 +143,21 @@ class Evaluation(StrictModel):
 
     def save(self, run: Path) -> None:
         save_record(run / of_split(EVALUATION, self.split), self)
+
+    @property
+    def _oracle_state(self) -> str:
+        if self.oracle_plateau is None:
+            return "one draw of it"
+        return "at its plateau" if self.oracle_plateau else "still rising"
+
+    def _draw_lines(self) -> list[str]:
+        lines = self.draws.lines() if self.draws else []
+        if self.draws_oracle is not None:
+            least = f"{self.draws_oracle.least} {self.draws_oracle.parts[self.draws_oracle.least]:.2f}"
+            lines.append(f"its oracle:  {self.resemblance_oracle:.3f} (least: {least}; {self.oracle_steps} steps)")
+        if self.resemblance_fraction is not None:
+            lines.append(f"fraction:    {self.resemblance_fraction:.3f} of the oracle")
+        return lines + [f"{name}: {figures.line()}" for name, figures in self.figures.items()]
 
     def _relit_lines(self) -> list[str]:
         if self.relit_flip is None:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from svbrdfgan.evaluation.record import MapScore
 from svbrdfgan.experiments.definition import Measure
 from svbrdfgan.experiments.outcome import RunOutcome
+from svbrdfgan.metrics.draw_figures import DrawFigures
+from svbrdfgan.metrics.draw_statistics import PARTS
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,28 @@ class Column:
             return None
         deviation = statistics.stdev(values) if len(values) > 1 else None
         return Statistic(statistics.fmean(values), deviation, len(values), len(outcomes))
+
+
+def _of_part(name: str) -> Column:
+    """A part of resemblance."""
+
+    def value(outcome: RunOutcome) -> float | None:
+        draws = outcome.evaluation.draws
+        return None if draws is None else draws.parts[name]
+
+    return Column(f"resemblance_{name}", name, f"the part `{name}` of resemblance", value, ".2f")
+
+
+def _of_draws(
+    key: str, heading: str, meaning: str, value: Callable[[DrawFigures], float | None], form: str = ".2f"
+) -> Column:
+    """A figure of a run's own draws."""
+
+    def of(outcome: RunOutcome) -> float | None:
+        figures = outcome.evaluation.figures.get("generated")
+        return None if figures is None else value(figures)
+
+    return Column(key, heading, meaning, of, form)
 
 
 _VERDICTS = (
@@ -98,6 +122,74 @@ _RELIT = (
     ),
 )
 
+_RESEMBLANCE = (
+    Column(
+        "resemblance",
+        "resemblance",
+        "how alike draws on test vehicles are to true draws: 1 is as alike as true draws are to each other, 0 is one "
+        "colour everywhere; then `recovered` is that of one draw, and says little",
+        lambda outcome: outcome.evaluation.resemblance,
+    ),
+    Column(
+        "resemblance_least",
+        "least part",
+        "the least of the parts of resemblance",
+        lambda outcome: None if (draws := outcome.evaluation.draws) is None else draws.parts[draws.least],
+        ".2f",
+    ),
+    Column(
+        "resemblance_oracle",
+        "resemblance of the oracle",
+        "of the same network trained adversarially on true layers instead of pictures",
+        lambda outcome: outcome.evaluation.resemblance_oracle,
+    ),
+    Column(
+        "resemblance_fraction",
+        "resemblance, of the oracle",
+        "resemblance / that of the oracle",
+        lambda outcome: outcome.evaluation.resemblance_fraction,
+        ".2f",
+    ),
+    *(_of_part(name) for name in PARTS),
+    _of_draws(
+        "deviation_ratio",
+        "deviation / truth",
+        "standard deviation of alpha over draws, mean over the surface, over that of true draws",
+        lambda figures: figures.deviation,
+    ),
+    _of_draws(
+        "mean_correlation",
+        "mean maps correlate",
+        "correlation over the surface of the maps of mean alpha with the true ones, the mean over vehicles",
+        lambda figures: figures.mean_correlation,
+    ),
+    _of_draws(
+        "power_least",
+        "least power / truth",
+        "power of alpha over that of true draws, in the octave where it is least",
+        lambda figures: min(figures.power),
+    ),
+    _of_draws(
+        "power_greatest",
+        "greatest power / truth",
+        "likewise where it is greatest",
+        lambda figures: max(figures.power),
+    ),
+    _of_draws(
+        "amount_correlation",
+        "amount, rank correlation",
+        "rank correlation, over amounts, of mean alpha over the learnable area with the recipe's",
+        lambda figures: None if figures.amount is None else figures.amount.correlation,
+    ),
+    _of_draws(
+        "amount_error",
+        "amount, error",
+        "mean absolute difference between the two at the same amount",
+        lambda figures: None if figures.amount is None else figures.amount.error,
+        ".3f",
+    ),
+)
+
 _MEASURES: dict[Measure, Column] = {
     "shown": Column(
         "shown",
@@ -123,9 +215,9 @@ _MEASURES: dict[Measure, Column] = {
 
 
 def verdicts(measures: Sequence[Measure], outcomes: Sequence[RunOutcome] = ()) -> list[Column]:
-    """Columns for the quality of the learned layers. Of maps and relit pictures, what some outcome has a number for."""
+    """Columns for the quality of the learned layers. Of maps, relit pictures and draws, what some outcome has."""
     names = dict.fromkeys(name for outcome in outcomes for name in outcome.evaluation.maps if name != "base_color")
-    optional = [*(column for name in names for column in _of_map(name)), *_RELIT]
+    optional = [*(column for name in names for column in _of_map(name)), *_RELIT, *_RESEMBLANCE]
     known = [column for column in optional if column.over(outcomes) is not None]
     return [*_VERDICTS, *known, *(_MEASURES[name] for name in measures)]
 

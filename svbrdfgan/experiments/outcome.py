@@ -28,13 +28,19 @@ class Ceiling(StrictModel):
         """The evaluation of a run, completed with the oracle's scores."""
         names = (
             *("oracle", "oracle_at_poles", "oracle_validation", "oracle_plateau", "oracle_steps"),
-            *("flip_oracle", "relit_flip_oracle"),
+            *("flip_oracle", "relit_flip_oracle", "resemblance_oracle", "draws_oracle"),
         )
         its = {name: getattr(self.evaluation, name) for name in names}
         best = {name: score.oracle for name, score in self.evaluation.maps.items()}
         maps = {name: score.beside(best.get(name)) for name, score in evaluation.maps.items()}
-        fraction = share(evaluation.recovered, self.evaluation.oracle)
-        return evaluation.model_copy(update={**its, "maps": maps, "fraction": fraction})
+        drawing = self.evaluation.oracle_plateau is None
+        fractions = {
+            "fraction": None if drawing else share(evaluation.recovered, self.evaluation.oracle),
+            "resemblance_fraction": share(evaluation.resemblance, self.evaluation.resemblance_oracle),
+        }
+        figures = {name: found for name, found in self.evaluation.figures.items() if name == "oracle"}
+        figures = evaluation.figures | figures
+        return evaluation.model_copy(update={**its, **fractions, "maps": maps, "figures": figures})
 
     def save(self, oracle: Path) -> None:
         save_record(oracle / CEILING, self)

@@ -25,9 +25,12 @@ from svbrdfgan.experiments.definition import (
     load_profile,
 )
 from svbrdfgan.training.config import TrainConfig, resolved, train_config
+from svbrdfgan.training.resolve import learns_distribution
 
 _PLACEHOLDER = "dataset"
 """Stands for the data set's folder, which is chosen together with the run's folder."""
+_ADVERSARIAL = ("recipe", "discriminator", "loss", "optimizer", "batch_size", "rendering")
+"""What an adversarial oracle has from its run; pictures of it are rendered likewise, as the discriminator needs."""
 
 
 class DatasetSpec(StrictModel):
@@ -37,11 +40,16 @@ class DatasetSpec(StrictModel):
 
 
 class OracleSpec(StrictModel):
-    """Everything that an oracle depends on: the data, the run of one step that it belongs to, and its own steps."""
+    """Everything that an oracle depends on: the data, the run of one step that it belongs to, and its own steps.
+
+    Attributes:
+        minutes: the most time for an adversarial oracle, which trains as long as the runs that it is compared with.
+    """
 
     dataset: DatasetConfig
     train: TrainConfig
     steps: int
+    minutes: float | None = None
 
 
 class RunSpec(StrictModel):
@@ -162,11 +170,17 @@ class RunMatrix:
         return apply_overrides(base, self.common)
 
     def _oracle(self, dataset: DatasetConfig, train: TrainConfig) -> OracleSpec:
-        """The oracle of a run. It depends on data and generator alone, so that rows with other changes share it."""
+        """The oracle of a run. A supervised one depends on data and generator alone: rows with other changes share it.
+
+        That of a distribution is trained adversarially, by the run's own discriminator, loss and optimizers.
+        """
         base = apply_overrides({"train": self.profile.train}, (o for o in self.overrides if o.startswith("train.")))
         fixed = {"seed": 0, "dataset": _PLACEHOLDER, "steps": 1, "minutes": None}
         same = train_config({**base["train"], **fixed}, self.name).model_copy(update={"generator": train.generator})
-        return OracleSpec(dataset=dataset, train=same, steps=self.profile.oracle_steps)
+        if not learns_distribution(train.generator, dataset):
+            return OracleSpec(dataset=dataset, train=same, steps=self.profile.oracle_steps)
+        adversarial = same.model_copy(update={name: getattr(train, name) for name in _ADVERSARIAL})
+        return OracleSpec(dataset=dataset, train=adversarial, steps=train.steps, minutes=train.minutes)
 
 
 def select_cells(cells: Sequence[Cell], patterns: Sequence[str]) -> list[Cell]:

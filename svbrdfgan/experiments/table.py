@@ -96,7 +96,7 @@ def _spread(results: Results) -> str:
 
 def _rising(lines: Iterable[TableLine]) -> str:
     """Names the oracles that stopped while their scores still rose, so that these are too low a ceiling."""
-    found = [_label(line) for line in lines if any(not o.evaluation.oracle_plateau for o in line.outcomes)]
+    found = [_label(line) for line in lines if any(o.evaluation.oracle_plateau is False for o in line.outcomes)]
     return f" Its steps ran out while it was still rising in: {'; '.join(found)}." if found else ""
 
 

@@ -15,6 +15,7 @@ from svbrdfgan.config.models import StrictModel
 from svbrdfgan.data.config import DatasetConfig, EnvironmentSource
 from svbrdfgan.data.generate import generate, missing
 from svbrdfgan.data.index import INDEX, DatasetIndex
+from svbrdfgan.evaluation.adversarial_oracle import Budget
 from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.experiments.contact_strip import CONTACT_STRIP, write_contact_strip
@@ -84,7 +85,8 @@ class OracleTask(_Task):
     def work(self) -> None:
         _train(self, self.spec.train, self.dataset)
         schedule = OracleConfig(batch=self.spec.train.batch_size, steps=self.spec.steps)
-        evaluated = evaluate(self.path, split="test", schedule=schedule)
+        budget = Budget(self.spec.steps, self.spec.minutes)
+        evaluated = evaluate(self.path, split="test", schedule=schedule, budget=budget)
         Ceiling(evaluation=evaluated.evaluation).save(self.path)
         _forget_checkpoints(self.path)
 

@@ -102,7 +102,7 @@ def make_targets(
     shares: list[dict[str, float]] = []
     for number, chosen in groupby(known, key=lambda view: int(exemplars.subject_of[view])):
         subject = exemplars.subjects[number]
-        shown = torch.stack([seen(view).cpu() > 0 for view in exemplars.views_of(number)]).any(dim=0)
+        shown = shown_texels(exemplars, seen, number)
         area = subject.buffer.area * subject.learnable_texels
         weight = area * shown
         masks = {} if observed is None else observed(number)
@@ -117,6 +117,11 @@ def make_targets(
             "none)."
         )
     return targets, {name: sum(share[name] for share in shares) / len(shares) for name in shares[0]}
+
+
+def shown_texels(exemplars: Exemplars, seen: SeenTexels, number: int) -> Bool[Tensor, "rows cols"]:
+    """The texels of a subject that any of its pictures shows."""
+    return torch.stack([seen(view).cpu() > 0 for view in exemplars.views_of(number)]).any(dim=0)
 
 
 def _names(exemplars: Exemplars) -> tuple[str, ...]:

@@ -52,6 +52,8 @@ def verdict(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> lis
             "that of one draw, and says little."
         )
         found.insert(0, KeyFigure("resemblance", f"{evaluation.resemblance:.3f}", meaning))
+    if evaluation.draws_oracle is not None:
+        found[1:1] = _resemblance_of_the_oracle(evaluation)
     if evaluation.oracle is not None:
         found.append(KeyFigure("oracle", f"{evaluation.oracle:.3f}", _oracle_meaning(evaluation)))
     if evaluation.fraction is not None:
@@ -75,6 +77,21 @@ def verdict(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> lis
     )
     half = half_way(evaluation, config, log)
     return found if half is None else [*found, half]
+
+
+def _resemblance_of_the_oracle(evaluation: Evaluation) -> list[KeyFigure]:
+    """What the oracle of a distribution reached, and the run's share of it."""
+    best, part = evaluation.draws_oracle, evaluation.resemblance_fraction
+    assert best is not None
+    meaning = (
+        "The same network trained adversarially on true layers instead of pictures, for as many steps. Least alike: "
+        f"{best.least}, {best.parts[best.least]:.2f}."
+    )
+    found = [KeyFigure("resemblance of the oracle", f"{best.resemblance:.3f}", meaning)]
+    if part is not None:
+        meaning = "Resemblance as a share of the oracle's: what learning from pictures costs."
+        found.append(KeyFigure("resemblance, of the oracle", f"{part:.0%}", meaning))
+    return found
 
 
 def half_way(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> KeyFigure | None:
@@ -168,6 +185,8 @@ def _relit_meaning(evaluation: Evaluation) -> str:
 def _oracle_meaning(evaluation: Evaluation) -> str:
     ceiling = "The same network trained on the true layers themselves: the ceiling."
     steps = "" if evaluation.oracle_steps is None else f" after {evaluation.oracle_steps:,} steps"
+    if evaluation.oracle_plateau is None:
+        return f"One draw of the same network trained{steps} on true layers instead of pictures; says as little."
     if evaluation.oracle_plateau:
         return f"{ceiling} At its plateau{steps}."
     return f"{ceiling} Still rising{steps}, so the true ceiling is higher."

@@ -84,7 +84,7 @@ class SceneLoader:
             AssetError: the model's file is missing or damaged, has changed, or paints other maps than the scene has.
         """
         if weathering.model is None:
-            subject, site = self.subject(scene), self._site(scene)
+            subject, site = self.subject(scene), self.site(scene)
             return weather(subject.surface, subject.buffer, recipe_of(weathering), scene.maps, site=site)
         generator = self._generator(weathering.model.asset)
         if generator.channels != (wanted := layer_channels(scene.maps)):
@@ -96,6 +96,14 @@ class SceneLoader:
         geometry = self.subject(scene).geometry.to(next(generator.parameters()).device)
         with torch.no_grad():
             return Draw(generator, weathering.seed, labels)(geometry.unsqueeze(0))[0].cpu()
+
+    def site(self, scene: Scene) -> Site:
+        """What recipes go by on the scene's surface. The last one is kept: it is slow to find, and large."""
+        subject, key = self.subject(scene), subject_key(scene)
+        if key not in self._sites:
+            self._sites.clear()
+            self._sites[key] = find_site(subject.surface, subject.buffer)
+        return self._sites[key]
 
     def view(self, scene: Scene) -> View:
         """The scene's camera, environment and film."""
@@ -125,14 +133,6 @@ class SceneLoader:
         """Drops subjects and layers from memory; environments and models stay."""
         for kept in (self._subjects, self._sites, self._layers):
             kept.clear()
-
-    def _site(self, scene: Scene) -> Site:
-        """What recipes go by. Layers of a surface share it, since it is slow to find; being large, one is kept."""
-        subject, key = self.subject(scene), subject_key(scene)
-        if key not in self._sites:
-            self._sites.clear()
-            self._sites[key] = find_site(subject.surface, subject.buffer)
-        return self._sites[key]
 
     def _generator(self, asset: AssetRef) -> Generator:
         """A stored generator, on the GPU if there is one: on a CPU, large layers take seconds."""

@@ -72,11 +72,11 @@ class ImageBatch:
         a gradient.
         """
         picture = over(self.image.float(), self.coverage.float(), background[:, None, None, :])
-        channels = [_tone_curve(picture)]
+        channels = [tone_curve(picture)]
         if self.gbuffer is not None:
             channels.append(self.gbuffer.float())
         if self.light_buffer is not None:
-            channels.append(_tone_curve(self.light_buffer.float()))
+            channels.append(tone_curve(self.light_buffer.float()))
         if self.labels is not None:
             channels.append(self.labels[:, None, None, :].expand(*self.coverage.shape, -1))
         return torch.cat(channels, dim=-1).permute(0, 3, 1, 2)
@@ -100,5 +100,6 @@ def composite_pair(real: ImageBatch, fake: ImageBatch, rng: np.random.Generator)
     return DiscriminatorBatch(real.tone_mapped(background), fake.tone_mapped(background))
 
 
-def _tone_curve(radiance: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
+def tone_curve(radiance: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
+    """log(1 + 10 x) / log 11 * 2 - 1 of linear values; see `ImageBatch.tone_mapped`."""
     return torch.log1p(_CONTRAST * radiance.clamp(min=0)) * (2 / math.log1p(_CONTRAST)) - 1

@@ -8,11 +8,12 @@ from pathlib import Path
 import torch
 from lightning_fabric import Fabric
 
+from svbrdfgan.config.distributions import Fixed
 from svbrdfgan.data.conditions import conditions_of
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.networks import Conditions
+from svbrdfgan.networks import Conditions, GeneratorConfig
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
 
 
@@ -68,6 +69,16 @@ def resolve_run(config: TrainConfig, base: Path = Path()) -> ResolvedRun:
     _require_divisible(config, dataset.config)
     _require_halvable(config, dataset.config.texture)
     return ResolvedRun(resolved(config, dataset.config.spp, dataset.config.maps), dataset, base)
+
+
+def seeds_vary(dataset: DatasetConfig) -> bool:
+    """Whether the true layers are a distribution: each exemplar's has a seed of its own."""
+    return dataset.weathering is not None and not isinstance(dataset.weathering.seed, Fixed)
+
+
+def learns_distribution(generator: GeneratorConfig, dataset: DatasetConfig) -> bool:
+    """Whether a generator with chance learns from true layers that are a distribution."""
+    return generator.chance > 0 and seeds_vary(dataset)
 
 
 def make_fabric(device: str, *, devices: int = 1, precision: str = "auto") -> Fabric:

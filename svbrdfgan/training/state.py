@@ -25,6 +25,8 @@ from svbrdfgan.training.all_reduce import GradientAllReduce
 from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
 from svbrdfgan.training.reference_pictures import LIGHT_CHANNELS
 
+RGB = 3
+"""Channels of a picture."""
 _KEEP = 2
 _GBUFFER = 6
 """Channels of position and normal."""
@@ -55,17 +57,24 @@ class State:
 
     @classmethod
     def fresh(
-        cls, config: TrainConfig, device: torch.device, channels: int = RGBA, processes: int = 1, labels: int = 0
+        cls,
+        config: TrainConfig,
+        device: torch.device,
+        channels: int = RGBA,
+        processes: int = 1,
+        labels: int = 0,
+        judged: int = RGB,
     ) -> State:
         """The state before the first step, for layers with `channels` channels; the same for a seed on any device.
 
         Args:
             processes: number that share each step.
             labels: numbers that both networks are told of each layer (`Conditions.labels`).
+            judged: channels of what the discriminator judges, beside those of buffers and labels.
         """
         rng = torch.Generator().manual_seed(config.seed)
         generator = make_generator(config.generator, channels, labels)
-        discriminator = make_discriminator(config.discriminator, labels)
+        discriminator = make_discriminator(config.discriminator, labels, judged)
         for network in (generator, discriminator):
             initialise(network, rng)
             network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
@@ -148,9 +157,9 @@ def load_discriminator(checkpoint: Path, config: DiscriminatorConfig, labels: in
     return discriminator.eval().requires_grad_(False), counters["step"]
 
 
-def make_discriminator(config: DiscriminatorConfig, labels: int = 0) -> Discriminator:
-    """The network for three colour channels, for those of the buffers that it is shown, and one for each label."""
-    channels = 3 + (_GBUFFER if config.guide else 0) + (LIGHT_CHANNELS if config.light else 0) + labels
+def make_discriminator(config: DiscriminatorConfig, labels: int = 0, judged: int = RGB) -> Discriminator:
+    """The network for what it judges, such as colour, for the buffers that it is shown, and one for each label."""
+    channels = judged + (_GBUFFER if config.guide else 0) + (LIGHT_CHANNELS if config.light else 0) + labels
     return Discriminator(channels=channels, **config.model_dump(include={"width", "layers", "norm"}))
 
 

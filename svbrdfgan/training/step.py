@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,22 +24,38 @@ from svbrdfgan.utils.copy_async import copy_async
 
 Diagnostics = dict[str, Tensor]
 """Detached scalars to report, by name."""
+MakeBatch = Callable[[int, Sequence[int], np.random.Generator], DiscriminatorBatch]
+"""Makes what the discriminator compares, given the critic step, exemplar indices, and a random generator."""
 
 
 def training_step(
     fabric: Fabric, config: TrainConfig, state: State, source: BatchSource, batches: Sequence[Sequence[int]]
 ) -> Diagnostics:
+    """`adversarial_step` on pictures: exemplars beside renderings of the generator's layers."""
+
+    def make(critic_step: int, indices: Sequence[int], rng: np.random.Generator) -> DiscriminatorBatch:
+        visit = (state.step * len(batches) + critic_step) * config.batch_size // len(source)
+        return _make_batch(fabric, state, source, indices, rng, visit)
+
+    return adversarial_step(fabric, config, state, batches, make)
+
+
+def adversarial_step(
+    fabric: Fabric, config: TrainConfig, state: State, batches: Sequence[Sequence[int]], make_batch: MakeBatch
+) -> Diagnostics:
     """Updates the discriminator once for each batch of exemplar indices, and then the generator once.
 
     Random numbers depend on the seed and the step alone, so that a resumed run continues as if it had never stopped.
+
+    Args:
+        make_batch: runs the generator; of the last batch with gradients.
     """
     diagnostics: Diagnostics = {}
     for critic_step, indices in enumerate(batches):
         last = critic_step == len(batches) - 1
         rng = step_rng(fabric, config, state.step, critic_step)
         with torch.set_grad_enabled(last):  # only the last batch updates the generator
-            visit = (state.step * len(batches) + critic_step) * config.batch_size // len(source)
-            batch = _make_batch(fabric, state, source, indices, rng, visit)
+            batch = make_batch(critic_step, indices, rng)
         diagnostics |= _update_discriminator(fabric, config.loss, state, batch, rng)
     return diagnostics | _update_generator(fabric, config, state, batch)
 
@@ -84,13 +100,13 @@ def _make_batch(
     fabric: Fabric, state: State, source: BatchSource, indices: Sequence[int], rng: np.random.Generator, visit: int
 ) -> DiscriminatorBatch:
     geometry = source.geometry(indices)
-    seeds = _draw_seeds(rng, len(indices), geometry.device) if state.generator.chance else None
+    seeds = draw_seeds(rng, len(indices), geometry.device) if state.generator.chance else None
     with fabric.autocast():
         layers = state.generator(geometry, seeds, source.labels(indices))
     return composite_pair(*make_pair(source, indices, source.scenes(indices, rng, visit), layers), rng)
 
 
-def _draw_seeds(rng: np.random.Generator, count: int, device: torch.device) -> Int[Tensor, " batch"]:
+def draw_seeds(rng: np.random.Generator, count: int, device: torch.device) -> Int[Tensor, " batch"]:
     """A seed for each layer of a batch, from a stream of its own: the scenes and backgrounds drawn from `rng` stay."""
     return copy_async(torch.from_numpy(rng.spawn(1)[0].integers(MOST_SEEDS, size=count)), device)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from svbrdfgan.types import Surface
@@ -39,6 +39,11 @@ class Site:
     def moved(self, offset: Float[ndarray, "texels 3"]) -> Site:
         """The same surroundings with every texel a little elsewhere, in the units of `position`."""
         return replace(self, position=self.position + offset)
+
+    def at(self, texels: Int[ndarray, " chosen"]) -> Site:
+        """The same site at some of its texels only: recipes paint each texel by itself."""
+        names = ("position", "height", "normal", "visibility", "curvature")
+        return replace(self, **{name: getattr(self, name)[texels] for name in names})
 
 
 def survey(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,7 +18,7 @@ from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
-from svbrdfgan.evaluation.distribution import resemblance_of
+from svbrdfgan.evaluation.distribution import Comparison, compare_draws
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.metrics.constant import constant_layers
@@ -55,43 +56,63 @@ class Recipe:
         self.subject, self.frozen, self.bias = exemplars.subjects[0], frozen, bias
         self.site = find_site(self.subject.surface, self.subject.buffer)
 
-    def to(self, device: torch.device) -> Recipe:
-        return self
+    def __call__(self, geometry: Tensor, seeds: Tensor, labels: Tensor, factor: int = 1) -> Tensor:
+        return torch.stack(
+            [self.layer(int(seed), float(label)) for seed, label in zip(seeds, labels[:, 0], strict=True)]
+        )
 
-    def __call__(self, geometry: Tensor, seeds: Tensor, labels: Tensor) -> Tensor:
-        seed = 77 if self.frozen else 10**6 + int(seeds[0])
-        amount = min(max((float(labels[0, 0]) + 1) / 2 + self.bias, 0.0), 1.0)
-        recipe = recipe_from_options("rust", {"amount": amount, "seed": seed})
-        return weather(self.subject.surface, self.subject.buffer, recipe, site=self.site).unsqueeze(0)
+    def layer(self, seed: int, label: float) -> Tensor:
+        amount = min(max((label + 1) / 2 + self.bias, 0.0), 1.0)
+        recipe = recipe_from_options("rust", {"amount": amount, "seed": 77 if self.frozen else 10**6 + seed})
+        return weather(self.subject.surface, self.subject.buffer, recipe, site=self.site)
 
 
 @pytest.fixture(scope="module")
-def score(dataset: Dataset, exemplars: Exemplars) -> Callable[[Recipe], Any]:
+def score(dataset: Dataset, exemplars: Exemplars) -> Callable[..., Comparison]:
     def seen(index: int) -> Tensor:
         return torch.ones(64, 64)
 
     constants = constant_layers(exemplars, seen, CPU)
     scorer = Scorer.make(exemplars, seen, constants, CPU)
-    config = SimpleNamespace(dataset=dataset.config, conditions=AMOUNTS)
+    config: Any = SimpleNamespace(dataset=dataset.config, conditions=AMOUNTS)
+    fabric = Fabric(accelerator="cpu", precision="32-true")
 
-    def found(recipe: Recipe) -> Any:
-        model: Any = SimpleNamespace(generator=recipe, config=config)
-        return resemblance_of(model, Fabric(accelerator="cpu", precision="32-true"), exemplars, scorer, constants)
+    @cache
+    def found(**fault: Any) -> Comparison:
+        learned: Any = Recipe(exemplars, **fault)
+        return compare_draws({"it": learned}, config, fabric, exemplars, scorer, constants)
 
     return found
 
 
-def test_draws_of_the_recipe_resemble_it_and_others_do_not(
-    score: Callable[[Recipe], Any], exemplars: Exemplars
-) -> None:
-    learned = score(Recipe(exemplars))
+def test_draws_of_the_recipe_resemble_it_and_others_do_not(score: Callable[..., Comparison]) -> None:
+    learned = score().resemblance["it"]
     assert (learned.subjects, learned.draws) == (1, 16)
     assert learned.resemblance > 0.85, learned.lines()
-    frozen = score(Recipe(exemplars, frozen=True))
+    frozen = score(frozen=True).resemblance["it"]
     assert frozen.deviation < 0.5, frozen.lines()
     assert frozen.resemblance < 0.7 * learned.resemblance
-    biased = score(Recipe(exemplars, bias=-0.3))
+    biased = score(bias=-0.3).resemblance["it"]
     assert biased.amount < 0.5 < 0.9 < learned.amount, biased.lines()
+
+
+def test_figures_of_the_recipe_are_the_truths_and_others_are_off(score: Callable[..., Comparison]) -> None:
+    learned = score().figures
+    assert set(learned) == {"it", "truth"}
+    assert learned["truth"].amount is None
+    amount = learned["it"].amount
+    assert amount is not None
+    assert amount.correlation > 0.95
+    assert amount.error < 0.03
+    for figures in learned.values():
+        assert 0.8 < figures.deviation < 1.25
+        assert figures.mean_correlation > 0.7
+        assert all(0.6 < ratio < 1.6 for ratio in figures.power), figures.line()
+    assert score(frozen=True).figures["it"].deviation < 0.8
+    biased = score(bias=-0.3).figures["it"].amount
+    assert biased is not None
+    assert biased.error > 2 * amount.error
+    assert biased.correlation > 0.9, "it has too little, but more where more is asked for"
 
 
 def test_a_run_with_chance_has_the_score_in_its_record(varied_run: Path) -> None:
@@ -109,7 +130,7 @@ def test_draws_that_cannot_be_compared_have_no_score(
     def refuse(*_: object) -> None:
         raise AssetError("too small")
 
-    monkeypatch.setattr("svbrdfgan.evaluation.evaluate.resemblance_of", refuse)
+    monkeypatch.setattr("svbrdfgan.evaluation.evaluate.compare_draws", refuse)
     found = evaluate(varied_run, split="validation", device="cpu", oracle=False).evaluation
     assert found.resemblance is found.draws is None
     assert "resemblance has no score: too small" in caplog.text

@@ -66,3 +66,27 @@ def test_a_share_of_an_oracle_that_recovered_nothing_says_nothing(
     learned: float | None, oracle: float | None, wanted: float | None
 ) -> None:
     assert share(learned, oracle) == wanted
+
+
+def test_a_distribution_has_its_oracle_and_its_figures() -> None:
+    draws = {
+        "patches": 1,
+        "mean": 1,
+        "deviation": 0.5,
+        "spectrum": 1,
+        "joint": 1,
+        "amount": 1,
+        "subjects": 3,
+        "draws": 16,
+    }
+    figures = {"deviation": 0.8, "mean_correlation": 0.7, "power": (0.9, 1.1)}
+    said = EARLIER | {"oracle_plateau": None, "fraction": None, "resemblance": 0.4, "draws": draws}
+    said |= {"resemblance_oracle": 0.8, "draws_oracle": draws, "resemblance_fraction": 0.5}
+    told = Evaluation.model_validate(said | {"figures": {"generated": figures}}).lines()
+    assert told[1] == "oracle:    0.800 (one draw of it after 300 steps)"
+    assert told[-3:] == [
+        "its oracle:  0.800 (least: deviation 0.50; 300 steps)",
+        "fraction:    0.500 of the oracle",
+        "generated: deviation 0.80 of the truth's; mean maps correlate 0.70; power 0.90, 1.10 of the truth's, finest "
+        "octave first",
+    ]

@@ -79,3 +79,19 @@ def test_an_experiment_from_nothing_to_a_table(tmp_path: Path) -> None:
     assert done == ["matched, default, seed 0"]
     assert resumed.failures == []
     assert resumed.outcomes[1] == before
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_a_distribution_from_nothing_to_a_table(tmp_path: Path) -> None:
+    matrix = RunMatrix.load("variety", "cpu", (*SMALL, "train.steps=6"))
+    (results,) = run_experiments([matrix], tmp_path, only=["variety/both"])
+    assert results.failures == []
+    (outcome,) = results.outcomes
+    evaluation = outcome.evaluation
+    assert evaluation.oracle_plateau is None
+    assert evaluation.oracle_steps == 6
+    assert set(evaluation.figures) == {"generated", "oracle", "truth"}
+    assert evaluation.figures["generated"].amount is not None
+    assert evaluation.draws_oracle is not None
+    assert "resemblance of the oracle" in (tmp_path / "variety" / "table.md").read_text()

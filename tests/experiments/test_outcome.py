@@ -10,6 +10,14 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.evaluation.record import MapScore
 from svbrdfgan.experiments.columns import verdicts
 from svbrdfgan.experiments.outcome import Ceiling, RunOutcome
+from svbrdfgan.metrics.draw_figures import AmountFigures, DrawFigures
+from svbrdfgan.metrics.draw_statistics import PARTS
+from svbrdfgan.metrics.resemblance import Resemblance
+
+DRAWS = Resemblance(**dict.fromkeys(PARTS, 0.5) | {"joint": 0.25}, subjects=2, draws=16)
+FIGURES = DrawFigures(
+    deviation=0.8, mean_correlation=0.7, power=(0.4, 0.9, 1.3), amount=AmountFigures(correlation=0.95, error=0.05)
+)
 
 
 def test_it_is_read_as_written(outcome, tmp_path: Path) -> None:
@@ -74,3 +82,31 @@ def test_maps_and_relit_pictures_have_columns_where_there_are_any(outcome) -> No
     wanted = {"recovered_roughness": 0.4, "fraction_roughness": 0.5, "relit_flip": 0.3, "relit_ratio": 1.5}
     assert {key: further.get(key) for key in wanted} == pytest.approx(wanted)
     assert not {"recovered_base_color", "recovered_metallic"} & columns.keys()
+
+
+def test_the_ceiling_of_a_distribution_is_that_of_resemblance(outcome) -> None:
+    """`recovered` of one draw is no yardstick for another."""
+    its = {"oracle_plateau": None, "resemblance_oracle": 0.8, "draws_oracle": DRAWS, "figures": {"oracle": FIGURES}}
+    ceiling = Ceiling(evaluation=outcome().evaluation.model_copy(update=its))
+    own = {"resemblance": 0.6, "draws": DRAWS, "figures": {"generated": FIGURES}}
+    over = ceiling.over(outcome().evaluation.model_copy(update=own))
+    assert over.fraction is None
+    assert over.resemblance_fraction == pytest.approx(0.75)
+    assert (over.resemblance_oracle, over.draws_oracle) == (0.8, DRAWS)
+    assert over.figures == {"generated": FIGURES, "oracle": FIGURES}
+
+
+def test_draws_have_columns_where_there_are_any(outcome) -> None:
+    assert not any("resemblance" in column.key for column in verdicts((), [outcome()]))
+    found = outcome()
+    update = {"resemblance": 0.6, "resemblance_oracle": 0.8, "resemblance_fraction": 0.75, "draws": DRAWS}
+    varied = found.evaluation.model_copy(update=update | {"figures": {"generated": FIGURES}})
+    outcomes = [found.model_copy(update={"evaluation": varied})]
+    columns = {column.key: column.over(outcomes) for column in verdicts((), outcomes)}
+    numbers = {key: value.mean for key, value in columns.items() if value is not None}
+    wanted = {
+        "resemblance": 0.6, "resemblance_least": 0.25, "resemblance_oracle": 0.8, "resemblance_fraction": 0.75,
+        "resemblance_joint": 0.25, "resemblance_mean": 0.5, "deviation_ratio": 0.8, "mean_correlation": 0.7,
+        "power_least": 0.4, "power_greatest": 1.3, "amount_correlation": 0.95, "amount_error": 0.05,
+    }  # fmt: skip
+    assert {key: numbers.get(key) for key in wanted} == pytest.approx(wanted)

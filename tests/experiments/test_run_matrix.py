@@ -75,6 +75,29 @@ def test_an_oracle_depends_on_data_and_generator_alone(make_matrix: MakeMatrix) 
     assert other.cell("none", "default", 0).spec.oracle == oracles["none", "default", 0]
 
 
+def test_the_oracle_of_a_distribution_trains_as_its_runs_do(make_matrix: MakeMatrix) -> None:
+    seeds = {"dataset": {"weathering.seed": {"uniform": [0, 9]}}, "train": {"generator.chance": 2}}
+    rows = {
+        "drawn": {"about": ".", **seeds},
+        "lsgan": {"about": ".", "dataset": seeds["dataset"], "train": {"generator.chance": 2, "loss.name": "lsgan"}},
+        "fixed": {"about": ".", "train": seeds["train"]},
+        "even": {"about": ".", "dataset": seeds["dataset"]},
+    }
+    cells = {
+        (cell.row, cell.seed): cell.spec
+        for cell in make_matrix("train.minutes=2", rows=rows, recipes={"default": [0, 1]}).cells()
+    }
+    drawn = cells["drawn", 0]
+    assert drawn.oracle == cells["drawn", 1].oracle
+    assert (drawn.oracle.steps, drawn.oracle.minutes) == (drawn.train.steps, 2)
+    assert (drawn.oracle.train.steps, drawn.oracle.train.minutes) == (1, None)
+    assert drawn.oracle.train.discriminator == drawn.train.discriminator
+    assert cells["lsgan", 0].oracle.train.loss.name == "lsgan"
+    for row in ("fixed", "even"):  # regression finds the one layer, or what is best without chance
+        assert cells[row, 0].oracle.minutes is None
+        assert cells[row, 0].oracle.steps == make_matrix().profile.oracle_steps
+
+
 def test_specifications_survive_json(make_matrix: MakeMatrix) -> None:
     spec = make_matrix().cell("some", "thesis", 1).spec
     assert RunSpec.model_validate_json(spec.model_dump_json()) == spec

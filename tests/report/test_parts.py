@@ -7,8 +7,9 @@ import matplotlib
 import pytest
 import torch
 
+from svbrdfgan.metrics.resemblance import Resemblance
 from svbrdfgan.report.curves import Curve, Level, LineChart, charts, draw
-from svbrdfgan.report.facts import duration, flip_bars, half_way, relit_bars, summary
+from svbrdfgan.report.facts import duration, flip_bars, half_way, relit_bars, summary, verdict
 from svbrdfgan.report.patches import CYAN, YELLOW, PatchLogits, Scale, overlay
 from svbrdfgan.report.vehicles import choose_views, error_scale, rendered, textured
 from svbrdfgan.training.config import LossConfig
@@ -146,6 +147,22 @@ def test_half_the_oracle_is_where_validation_first_passes_it(evaluated) -> None:
     assert found.value == "80"
     assert "in 20 s" in found.meaning
     assert half_way(evaluated.evaluation, evaluated.config.train, journal[:1]) is None
+
+
+def test_the_oracle_of_a_distribution_is_beside_resemblance(evaluated) -> None:
+    draws = Resemblance(patches=0.5, mean=0.5, deviation=0.5, spectrum=0.5, joint=0.2, amount=0.5, subjects=1, draws=2)
+    update = {"resemblance": 0.4, "draws": draws, "resemblance_oracle": 0.8, "draws_oracle": draws}
+    update |= {"resemblance_fraction": 0.5, "oracle": -0.1, "oracle_plateau": None, "fraction": None}
+    found = verdict(evaluated.evaluation.model_copy(update=update), evaluated.config.train, [])
+    assert [(figure.label, figure.value) for figure in found[:5]] == [
+        ("resemblance", "0.400"),
+        ("resemblance of the oracle", f"{draws.resemblance:.3f}"),
+        ("resemblance, of the oracle", "50%"),
+        ("recovered", f"{evaluated.evaluation.recovered:.3f}"),
+        ("oracle", "-0.100"),
+    ]
+    assert "Least alike: joint, 0.20" in found[1].meaning
+    assert "One draw" in found[4].meaning
 
 
 def test_the_longest_bar_is_full(evaluated) -> None:

@@ -21,7 +21,7 @@ from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.training.state import State, checkpoints
-from svbrdfgan.training.step import Diagnostics, _draw_seeds, make_pair, step_rng, training_step
+from svbrdfgan.training.step import Diagnostics, draw_seeds, make_pair, step_rng, training_step
 
 Data = Callable[..., dict[str, Any]]
 CPU = torch.device("cpu")
@@ -135,7 +135,7 @@ def test_chance_and_conditions_learn(sees: str, config: Callable[..., TrainConfi
     modulation = [name for name in before if name.startswith("generator.modulation")]
     assert modulation
     assert all(not torch.equal(before[name], state._tensors()[name]) for name in modulation)
-    drawn = [_draw_seeds(step_rng(Fabric(accelerator="cpu"), chosen, step, 0), 2, CPU) for step in (0, 0, 1)]
+    drawn = [draw_seeds(step_rng(Fabric(accelerator="cpu"), chosen, step, 0), 2, CPU) for step in (0, 0, 1)]
     assert torch.equal(drawn[0], drawn[1])
     assert drawn[0].min() >= 0
     assert len({*drawn[0].tolist(), *drawn[2].tolist()}) == 4
@@ -143,7 +143,7 @@ def test_chance_and_conditions_learn(sees: str, config: Callable[..., TrainConfi
 
 def test_seeds_take_no_random_numbers_of_the_scenes(config: Callable[..., TrainConfig]) -> None:
     one, other = (step_rng(Fabric(accelerator="cpu"), config(), 3, 0) for _ in range(2))
-    _draw_seeds(one, 5, CPU)
+    draw_seeds(one, 5, CPU)
     assert one.random() == other.random()
 
 

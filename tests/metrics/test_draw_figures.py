@@ -1,0 +1,92 @@
+"""Figures of draws: 1 for other draws of the same, and each sees its own fault."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch import Tensor
+
+from svbrdfgan.metrics.draw_figures import DrawFigures, amount_figures, draw_figures
+from svbrdfgan.metrics.draw_statistics import ScoredSurface
+
+SIZE = 32
+DRAWS = 16
+
+
+def surface() -> ScoredSurface:
+    """The lower half is scored, the left of it with twice the area."""
+    weight = torch.zeros(SIZE, SIZE)
+    weight[: SIZE // 2] = 1.0
+    weight[: SIZE // 2, : SIZE // 2] = 2.0
+    return ScoredSurface(weight, torch.zeros(SIZE, SIZE, dtype=torch.long))
+
+
+def draws(seed: int, spread: float = 0.2, slope: float = 0.1) -> Tensor:
+    """Alpha rises along the rows by `slope` times the deviation of a ramp; each texel is drawn on its own."""
+    rng = torch.Generator().manual_seed(seed)
+    layers = torch.rand(DRAWS, SIZE, SIZE, 4, generator=rng)
+    ramp = torch.linspace(-1.7, 1.7, SIZE // 2).repeat(2)[:, None]
+    layers[..., 3] = 0.5 + slope * ramp + spread * torch.randn(DRAWS, SIZE, SIZE, generator=rng)
+    return layers
+
+
+def figures(made: Tensor, truth: Tensor | None = None) -> DrawFigures:
+    return draw_figures([surface()], [draws(0) if truth is None else truth], [made])
+
+
+def test_other_draws_of_the_same_have_ratios_of_one() -> None:
+    found = figures(draws(1))
+    assert found.deviation == pytest.approx(1.0, abs=0.03)
+    assert found.mean_correlation == pytest.approx(1.0, abs=0.05)
+    assert found.power == pytest.approx([1.0] * 3, abs=0.1)
+    assert found.amount is None
+
+
+def test_the_number_of_draws_takes_nothing_from_the_correlation() -> None:
+    """By themselves, means of 16 draws correlate by 0.5 where their error is as large as the deviation of the map."""
+    wide = [draws(seed, spread=0.4) for seed in (0, 1)]
+    plain = torch.corrcoef(torch.stack([w[:, : SIZE // 2, :, 3].mean(dim=0).flatten() for w in wide]))[0, 1]
+    assert plain < 0.6
+    assert figures(wide[1], wide[0]).mean_correlation == pytest.approx(1.0, abs=0.15)
+
+
+def test_wrong_places_do_not_correlate() -> None:
+    moved = draws(1).flip(1).roll(SIZE // 2, dims=1)  # the ramp falls where it should rise
+    assert figures(moved).mean_correlation == pytest.approx(-1.0, abs=0.05)
+    even = draws(1)
+    even[..., 3] = 0.5
+    assert figures(even).mean_correlation == 0.0
+
+
+def test_draws_that_agree_have_no_deviation() -> None:
+    frozen = draws(1)[:1].expand(DRAWS, -1, -1, -1)
+    assert figures(frozen).deviation == 0.0
+    assert figures(draws(1, spread=0.1)).deviation == pytest.approx(0.5, abs=0.03)
+
+
+def test_blur_takes_the_power_of_the_finest_octave() -> None:
+    blurred = draws(1)
+    blurred[..., 3] = torch.nn.functional.avg_pool2d(blurred[..., 3], 3, 1, 1)
+    finest, *_, coarsest = figures(blurred).power
+    assert finest < 0.2
+    assert coarsest > 0.6
+
+
+def test_what_is_not_scored_does_not_count() -> None:
+    made = draws(1)
+    made[:, SIZE // 2 :] = 0.0
+    assert figures(made) == figures(draws(1))
+
+
+def test_amounts_are_ranked_and_compared() -> None:
+    truth = torch.tensor([0.0, 0.1, 0.3, 0.8])
+    same = amount_figures([truth], [truth])
+    assert (same.correlation, same.error) == (pytest.approx(1.0), 0.0)
+    assert amount_figures([truth], [truth.square()]).correlation == pytest.approx(1.0)
+    assert amount_figures([truth], [-truth]).correlation == pytest.approx(-1.0)
+    deaf = amount_figures([truth], [torch.full((4,), 0.3)])
+    assert deaf.correlation == 0.0
+    assert deaf.error == pytest.approx((0.3 + 0.2 + 0.0 + 0.5) / 4)
+    both = amount_figures([truth, truth], [truth, -truth])
+    assert both.correlation == pytest.approx(0.0)
+    assert "rank 0.00, error 0.300" in figures(draws(1)).model_copy(update={"amount": both}).line()
