@@ -15,14 +15,16 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from svbrdfgan.utils.triton_works import triton_works
+
 MOST_FIELDS = 9
 """Field `MOST_FIELDS - 1` has 512 waves a vehicle length; finer ones would not have 16 bits within a wave."""
 MOST_SEEDS = 2**63
 """Seeds are whole numbers from 0 to `MOST_SEEDS - 1`."""
 
-_GRID_BITS = 24  # positions are rounded to 2^-24 of half a vehicle length, which is the precision of float32 there
-_FRACTION_BITS = 16  # of a position within one cell, and of weights
-_ONE = 1 << _FRACTION_BITS
+GRID_BITS = 24  # positions are rounded to 2^-24 of half a vehicle length, which is the precision of float32 there
+FRACTION_BITS = 16  # of a position within one cell, and of weights
+_ONE = 1 << FRACTION_BITS
 _DIRECTIONS = [v for v in itertools.product((-1, 0, 1), repeat=3) if sum(map(abs, v)) == 2]
 _DEVIATION = 0.27
 """Standard deviation of a field whose directions have length sqrt(2); measured."""
@@ -33,8 +35,8 @@ def _signed(word: int) -> int:
     return word - 2**64 if word >= 2**63 else word
 
 
-_PRIMES = tuple(_signed(word) for word in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9))
-_MIX = tuple(_signed(word) for word in (0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
+PRIMES = tuple(_signed(word) for word in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9))
+MIX = tuple(_signed(word) for word in (0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
 
 
 def random_fields(
@@ -53,20 +55,18 @@ def random_fields(
         seeds: at least 0.
         fields: at most `MOST_FIELDS`.
     """
-    grid = _turned((position.detach().float() * float(1 << _GRID_BITS)).round().long()).unsqueeze(1)
+    grid = _turned((position.detach().float() * float(1 << GRID_BITS)).round().long())
     octaves = torch.arange(fields, device=grid.device)
-    streams = _hashed(_hashed(seeds)[:, None] + octaves * _PRIMES[0])
-    bits = (_GRID_BITS - octaves).view(1, -1, 1, 1, 1)  # of a position within one cell
-    shift = torch.stack([_hashed(streams + prime) for prime in _PRIMES], dim=-1)[..., None, None] & ((1 << bits) - 1)
-    grid = grid + shift  # else the lattices, on which fields are zero, would coincide
-    cell, offset = grid >> bits, (grid & ((1 << bits) - 1)) >> (bits - _FRACTION_BITS)
-    noise = _interpolated(cell, offset, streams[..., None, None])
-    return noise.float() * (1.0 / (_ONE * _DEVIATION))
+    streams = _hashed(_hashed(seeds)[:, None] + octaves * PRIMES[0])
+    within = (1 << (GRID_BITS - octaves)[:, None]) - 1
+    # without a shift the lattices, on which fields are zero, would coincide
+    shift = torch.stack([_hashed(streams + prime) for prime in PRIMES], dim=-1) & within
+    return _noise(grid, shift, streams).float() * (1.0 / (_ONE * _DEVIATION))
 
 
 def random_numbers(seeds: Int[Tensor, " batch"], count: int) -> Float[Tensor, "batch count"]:
     """Nearly Gaussian numbers of each seed: sums of twelve uniform ones, with mean zero and standard deviation one."""
-    places = torch.arange(count * 3, device=seeds.device) * _PRIMES[1]
+    places = torch.arange(count * 3, device=seeds.device) * PRIMES[1]
     words = _hashed(_hashed(seeds + 1)[:, None] ^ _hashed(places)).view(len(seeds), count, 3)
     total = sum(_shifted(words, bits) & (_ONE - 1) for bits in (0, 16, 32, 48))
     assert isinstance(total, Tensor)
@@ -80,6 +80,31 @@ def _turned(grid: Int[Tensor, "batch 3 rows cols"]) -> Int[Tensor, "batch 3 rows
     return torch.div(turned, 3, rounding_mode="floor")
 
 
+def _noise(grid: Tensor, shift: Tensor, streams: Tensor) -> Tensor:
+    """`noise_reference`, by a Triton kernel where that works."""
+    if grid.device.type != "cuda" or not triton_works(grid.device):
+        return noise_reference(grid, shift, streams)
+    from svbrdfgan.networks.random_fields_kernel import noise_triton
+
+    return noise_triton(grid, shift, streams)
+
+
+def noise_reference(
+    grid: Int[Tensor, "batch 3 rows cols"], shift: Int[Tensor, "batch fields 3"], streams: Int[Tensor, "batch fields"]
+) -> Int[Tensor, "batch fields rows cols"]:
+    """The noise of each field, in units of 2^-16.
+
+    Args:
+        grid: positions in units of 2^-24 of the first field's cells.
+        shift: of each field's lattice.
+        streams: a word of each field, which selects its directions.
+    """
+    bits = (GRID_BITS - torch.arange(streams.shape[1], device=grid.device)).view(1, -1, 1, 1, 1)  # within one cell
+    moved = grid.unsqueeze(1) + shift[..., None, None]
+    cell, offset = moved >> bits, (moved & ((1 << bits) - 1)) >> (bits - FRACTION_BITS)
+    return _interpolated(cell, offset, streams[..., None, None])
+
+
 def _interpolated(
     cell: Int[Tensor, "batch fields 3 rows cols"],
     offset: Int[Tensor, "batch fields 3 rows cols"],
@@ -87,7 +112,7 @@ def _interpolated(
 ) -> Int[Tensor, "batch fields rows cols"]:
     """The noise, in units of 2^-16: linear functions of the cell's corners, mixed by the quintic fade."""
     fade, words = _faded(offset), _words(cell)
-    towards = _directions(cell.device)
+    towards = directions(cell.device)
     values = []
     for corner in itertools.product((0, 1), repeat=3):
         x, y, z = (words[axis][side] for axis, side in enumerate(corner))
@@ -99,36 +124,35 @@ def _interpolated(
     for axis in (2, 1, 0):  # corners that differ in this axis alone lie beside each other
         share = fade[:, :, axis]
         values = [
-            low + (((high - low) * share) >> _FRACTION_BITS)
-            for low, high in zip(values[::2], values[1::2], strict=True)
+            low + (((high - low) * share) >> FRACTION_BITS) for low, high in zip(values[::2], values[1::2], strict=True)
         ]
     return values[0]
 
 
 @cache
-def _directions(device: torch.device) -> list[Int[Tensor, " directions"]]:
+def directions(device: torch.device) -> list[Int[Tensor, " directions"]]:
     """The x, y and z of each direction; kept on the device, since each copy there would wait for it."""
     return [torch.tensor(steps, device=device) for steps in zip(*_DIRECTIONS, strict=True)]
 
 
 def _words(cell: Int[Tensor, "batch fields 3 rows cols"]) -> list[tuple[Tensor, Tensor]]:
     """For each axis, 64 bits of the coordinate of the lower and of the upper side of each cell."""
-    x, y, z = ((cell[:, :, axis] * prime, (cell[:, :, axis] + 1) * prime) for axis, prime in enumerate(_PRIMES))
+    x, y, z = ((cell[:, :, axis] * prime, (cell[:, :, axis] + 1) * prime) for axis, prime in enumerate(PRIMES))
     rotated = [(word << 21) ^ _shifted(word, 43) for word in y]
     return [x, (rotated[0], rotated[1]), z]
 
 
 def _faded(t: Int[Tensor, "*shape"]) -> Int[Tensor, "*shape"]:
     """t^3 (6 t^2 - 15 t + 10), in units of 2^-16."""
-    inner = ((t * (6 * t - 15 * _ONE)) >> _FRACTION_BITS) + 10 * _ONE
-    return ((((t * t) >> _FRACTION_BITS) * t >> _FRACTION_BITS) * inner) >> _FRACTION_BITS
+    inner = ((t * (6 * t - 15 * _ONE)) >> FRACTION_BITS) + 10 * _ONE
+    return ((((t * t) >> FRACTION_BITS) * t >> FRACTION_BITS) * inner) >> FRACTION_BITS
 
 
 def _hashed(words: Int[Tensor, "*shape"]) -> Int[Tensor, "*shape"]:
     """A 64-bit hash of each word (finaliser of SplitMix64; Steele et al. 2014)."""
-    words = words + _PRIMES[0]
-    words = (words ^ _shifted(words, 30)) * _MIX[0]
-    words = (words ^ _shifted(words, 27)) * _MIX[1]
+    words = words + PRIMES[0]
+    words = (words ^ _shifted(words, 30)) * MIX[0]
+    words = (words ^ _shifted(words, 27)) * MIX[1]
     return words ^ _shifted(words, 31)
 
 
