@@ -8,6 +8,7 @@ from typing import Literal
 import click
 
 from svbrdfgan.cli.display import progress
+from svbrdfgan.utils.processes import cores
 
 
 @click.command("evaluate")
@@ -32,6 +33,11 @@ from svbrdfgan.cli.display import progress
 @click.option(
     "--device", default="auto", show_default=True, type=click.Choice(["auto", "cpu", "cuda"]), help="Where to compute."
 )
+@click.option(
+    "--workers",
+    type=click.IntRange(1),
+    help="Processes that paint true layers, for draws.  [default: one for each core]",
+)
 def command(
     run: Path,
     split: Literal["train", "validation", "test"],
@@ -39,6 +45,7 @@ def command(
     relight: tuple[str, ...],
     dataset: Path | None,
     device: Literal["auto", "cpu", "cuda"],
+    workers: int | None,
 ) -> None:
     """Score the generator of the folder RUN on a split, and write evaluation.json and report.html into RUN.
 
@@ -56,6 +63,7 @@ def command(
             device=device,
             dataset=dataset,
             relight=Relight(relight),
+            workers=workers or cores(),
             display=display,
         )
         display.stage("writing the report")

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from lightning_fabric import Fabric
@@ -14,18 +12,15 @@ from torch import Tensor
 
 from svbrdfgan.data.config import WeatheringDistribution
 from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.evaluation.true_draws import Vehicle, paint_all, weathering_of
 from svbrdfgan.metrics.draw_figures import DrawFigures, amount_figures, draw_figures
 from svbrdfgan.metrics.draw_statistics import Draws, ScoredSurface
 from svbrdfgan.metrics.recovered import Scorer
 from svbrdfgan.metrics.resemblance import Resemblance, Resembler
 from svbrdfgan.networks import Draw, Generator
 from svbrdfgan.rendering.compositing import RGBA
-from svbrdfgan.scene.description import Scene, SceneWeathering
-from svbrdfgan.scene.loader import SceneLoader, recipe_of
-from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.batches import Progress
 from svbrdfgan.training.run import RunConfig
-from svbrdfgan.weathering.site import Site
 
 DRAWS = 16
 """Layers of each vehicle, in each of three sets: true ones, other true ones, and a generator's."""
@@ -33,7 +28,6 @@ TRUTH = "truth"
 """The name of the other true draws, beside the names of generators."""
 _AMOUNTS = 8
 _BATCH = 4  # draws at once, where nothing but their mean alpha is kept: as many as train at 1,024 texels
-_POINTS = 4096  # texels for the recipe's mean alpha, which is known to a fraction of a percent by so many
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,30 +44,17 @@ class Comparison:
 
 
 @dataclass(frozen=True, eq=False)
-class _Vehicle:
-    """A scored vehicle.
+class _Asked:
+    """What generators are asked for: draws of a vehicle.
 
     Attributes:
-        number: index of the subject in its split.
-        scenes: one for each draw: it has the amount and recipe of one of the vehicle's own exemplars.
-        geometry: the generators' input.
+        geometry: their input.
+        area: the share of each texel in the learnable area.
     """
 
-    loader: SceneLoader
-    number: int
-    subject: Subject
-    scenes: list[Scene]
-    geometry: Float[Tensor, "6 rows cols"]
-
-    @property
-    def site(self) -> Site:
-        return self.loader.site(self.scenes[0])
-
-    @cached_property
-    def area(self) -> Float[Tensor, "rows cols"]:
-        """The share of each texel in the learnable area."""
-        area = self.subject.buffer.area * self.subject.learnable_texels
-        return area / area.sum()
+    geometry: Float[Tensor, "channels rows cols"]
+    area: Float[Tensor, "rows cols"]
+    vehicle: Vehicle
 
 
 def compare_draws(
@@ -85,6 +66,7 @@ def compare_draws(
     constants: Tensor,
     progress: Progress | None = None,
     count: int = DRAWS,
+    workers: int = 1,
 ) -> Comparison:
     """The scores of generators' draws on the split's vehicles.
 
@@ -98,6 +80,7 @@ def compare_draws(
         constants: constant layers to compare with.
         progress: called with the number of vehicles that are done since the last call.
         count: draws of each vehicle in each set.
+        workers: processes that paint true layers; see `paint_all`.
 
     Raises:
         AssetError: the true draws do not vary, or the textures are too small to compare.
@@ -109,16 +92,19 @@ def compare_draws(
     truth: list[Draws] = []
     sets: dict[str, list[Draws]] = {name: [] for name in (TRUTH, *generators)}
     painted: dict[str, list[Tensor]] = {name: [] for name in sets}
-    for number, weight in weights.items():
-        vehicle = _vehicle(exemplars, number, scorer.geometry[number], count)
-        surfaces.append(ScoredSurface(weight, vehicle.subject.buffer.part.to(weight.device)))
-        first, again = _true_draws(vehicle, declared).to(weight.device).chunk(2)
+    vehicles = [_vehicle(exemplars, number, config, declared, count) for number in weights]
+    for vehicle, drawn in zip(vehicles, paint_all(vehicles, workers), strict=True):
+        weight = weights[vehicle.number]
+        parts = exemplars.subjects[vehicle.number].buffer.part
+        surfaces.append(ScoredSurface(weight, parts.to(weight.device)))
+        first, again = torch.from_numpy(drawn.layers).to(weight.device).chunk(2)
         truth.append(first)
         sets[TRUTH].append(again)
-        painted[TRUTH] += _true_amounts(vehicle, config, declared, count)
+        painted[TRUTH] += [torch.from_numpy(row) for row in drawn.amounts]
+        asked = _Asked(scorer.geometry[vehicle.number], torch.from_numpy(drawn.area).to(weight.device), vehicle)
         for name, generator in generators.items():
-            sets[name].append(_generated(generator, config, fabric, vehicle))
-            painted[name] += _generated_amounts(generator, config, fabric, vehicle, count)
+            sets[name].append(_generated(generator, config, fabric, asked))
+            painted[name] += _generated_amounts(generator, config, fabric, asked)
         if progress is not None:
             progress(1)
     resembler = Resembler.make(surfaces, truth, sets[TRUTH], constants)
@@ -129,82 +115,48 @@ def compare_draws(
     return Comparison({name: resembler.score(sets[name]) for name in generators}, figures)
 
 
-def _vehicle(exemplars: Exemplars, number: int, geometry: Tensor, count: int) -> _Vehicle:
+def _vehicle(
+    exemplars: Exemplars, number: int, config: RunConfig, declared: WeatheringDistribution, count: int
+) -> Vehicle:
     scenes = [exemplars.scenes[view] for view in exemplars.views_of(number) if exemplars.weathered(view)]
-    return _Vehicle(
-        exemplars.loader, number, exemplars.subjects[number], [scenes[n % len(scenes)] for n in range(count)], geometry
-    )
+    drawn = tuple(scenes[n % len(scenes)] for n in range(count))
+    return Vehicle(exemplars.loader.folder, number, drawn, declared, _sweeps(config))
 
 
-def _true_draws(vehicle: _Vehicle, declared: WeatheringDistribution) -> Draws:
-    """Two sets of true layers of the vehicle's scenes, each painted with a new seed."""
-    rng, layers = np.random.default_rng([1, vehicle.number]), []
-    for scene in vehicle.scenes * 2:
-        drawn = _weathering(scene).model_copy(update={"seed": declared.seed.sample(rng)})
-        layers.append(vehicle.loader.paint(scene, drawn))
-    return torch.stack(layers)
-
-
-def _generated(generator: Generator, config: RunConfig, fabric: Fabric, vehicle: _Vehicle) -> Draws:
+def _generated(generator: Generator, config: RunConfig, fabric: Fabric, asked: _Asked) -> Draws:
     """What the generator paints with the amounts and recipes of the vehicle's scenes, and seeds from 0 on."""
     layers = []
-    for seed, scene in enumerate(vehicle.scenes):
-        asked = _weathering(scene)
-        labels = config.conditions.labels(asked.amount, asked.recipe)
+    for seed, scene in enumerate(asked.vehicle.scenes):
+        wanted = weathering_of(scene)
+        labels = config.conditions.labels(wanted.amount, wanted.recipe)
         with torch.no_grad(), fabric.autocast():
-            layers.append(Draw(generator, seed, labels)(vehicle.geometry.unsqueeze(0))[0].float())
+            layers.append(Draw(generator, seed, labels)(asked.geometry.unsqueeze(0))[0].float())
     return torch.stack(layers)
-
-
-def _true_amounts(
-    vehicle: _Vehicle, config: RunConfig, declared: WeatheringDistribution, count: int
-) -> list[Float[Tensor, " amounts"]]:
-    """Mean alpha over the learnable area at growing amounts, one row for each recipe; means of true draws."""
-    rng = np.random.default_rng([2, vehicle.number])
-    share = vehicle.area.flatten().double().numpy()
-    site = vehicle.site.at(rng.choice(share.size, _POINTS, p=share / share.sum()))
-    seeds, scene = [declared.seed.sample(rng) for _ in range(count)], vehicle.scenes[0]
-
-    def covered(drawn: SceneWeathering) -> float:
-        if drawn.model is None:
-            return float(recipe_of(drawn).paint(site).alpha.mean())
-        return float((vehicle.loader.paint(scene, drawn)[..., RGBA - 1] * vehicle.area).sum())
-
-    def mean_alpha(amount: float, recipe: str) -> float:
-        asked = {"amount": amount, "recipe": recipe}
-        drawn = [_weathering(scene).model_copy(update=asked | {"seed": seed}) for seed in seeds]
-        return float(np.mean([covered(each) for each in drawn]))
-
-    return [torch.tensor([mean_alpha(amount, recipe) for amount in amounts]) for recipe, amounts in _sweeps(config)]
 
 
 def _generated_amounts(
-    generator: Generator, config: RunConfig, fabric: Fabric, vehicle: _Vehicle, count: int
+    generator: Generator, config: RunConfig, fabric: Fabric, asked: _Asked
 ) -> list[Float[Tensor, " amounts"]]:
-    """Likewise of the generator."""
-    area = vehicle.area.to(vehicle.geometry.device)
+    """The generator's mean alpha over the learnable area, a row for each sweep; means of as many draws."""
+    count, device = len(asked.vehicle.scenes), asked.area.device
 
     def mean_alpha(amount: float, recipe: str) -> float:
-        labels = torch.tensor([config.conditions.labels(amount, recipe)], device=area.device)
-        total = torch.zeros((), device=area.device)
-        for seeds in torch.arange(count, device=area.device).split(_BATCH):
-            geometry = vehicle.geometry.expand(len(seeds), -1, -1, -1)
+        labels = torch.tensor([config.conditions.labels(amount, recipe)], device=device)
+        total = torch.zeros((), device=device)
+        for seeds in torch.arange(count, device=device).split(_BATCH):
+            geometry = asked.geometry.expand(len(seeds), -1, -1, -1)
             with torch.no_grad(), fabric.autocast():
                 layers = generator(geometry, seeds, labels.expand(len(seeds), -1))
-            total += (layers[..., RGBA - 1].float() * area).sum()
+            total += (layers[..., RGBA - 1].float() * asked.area).sum()
         return float(total) / count
 
-    return [torch.tensor([mean_alpha(amount, recipe) for amount in amounts]) for recipe, amounts in _sweeps(config)]
+    sweeps = asked.vehicle.sweeps
+    return [torch.tensor([mean_alpha(amount, recipe) for amount in amounts]) for recipe, amounts in sweeps]
 
 
-def _sweeps(config: RunConfig) -> list[tuple[str, list[float]]]:
+def _sweeps(config: RunConfig) -> tuple[tuple[str, tuple[float, ...]], ...]:
     """Each recipe, with amounts from the least to the greatest that the run knows; none if it knows no amounts."""
     known = config.conditions
     if known.amount is None:
-        return []
-    return [(recipe, torch.linspace(*known.amount, _AMOUNTS).tolist()) for recipe in known.recipes]
-
-
-def _weathering(scene: Scene) -> SceneWeathering:
-    assert isinstance(scene.weathering, SceneWeathering)
-    return scene.weathering
+        return ()
+    return tuple((recipe, tuple(torch.linspace(*known.amount, _AMOUNTS).tolist())) for recipe in known.recipes)

@@ -79,6 +79,7 @@ def evaluate(
     schedule: OracleConfig | None = None,
     budget: Budget | None = None,
     relight: Relight | None = None,
+    workers: int = 1,
     display: Display | None = None,
 ) -> Evaluated:
     """Scores a run on a split and writes `evaluation.json`. It trains the oracle first if the run has none yet.
@@ -89,6 +90,8 @@ def evaluate(
         budget: how long the oracle of a distribution is trained; by default as many steps as the run, and at most the
             time that the run was allowed.
         relight: the scenes for relit FLIP; by default two for each vehicle, in procedural skies and rooms.
+        workers: processes that paint the true layers which draws are compared with. More than one are spawned, so they
+            import the caller's main module.
 
     Raises:
         AssetError: the folder is no run or has no model yet, or its data set or that split is missing.
@@ -132,7 +135,7 @@ def evaluate(
         drawing = {"generated": model.generator}
         if found is not None and found.adversarial:
             drawing["oracle"] = found.generator
-        update = _of_draws(drawing, config, fabric, source, scorer, constants, shown)
+        update = _of_draws(drawing, config, fabric, source, scorer, constants, workers, shown)
         evaluation = evaluation.model_copy(update=update)
     shown.begin("comparing relit pictures")
     relit = relighter.relit(source.exemplars, opened.index.sampler(split), renderer, layers, shown.advance)
@@ -148,12 +151,15 @@ def _of_draws(
     source: BatchSource,
     scorer: Scorer,
     constants: Tensor,
+    workers: int,
     shown: Display,
 ) -> dict[str, Any]:
     """What the record says of draws; nothing if the true ones cannot be compared."""
     shown.begin("comparing draws of layers", len(scorer.geometry))
     try:
-        found = compare_draws(generators, config, fabric, source.exemplars, scorer, constants, shown.advance)
+        found = compare_draws(
+            generators, config, fabric, source.exemplars, scorer, constants, shown.advance, workers=workers
+        )
     except AssetError as error:
         log.warning("resemblance has no score: %s", error)
         return {}

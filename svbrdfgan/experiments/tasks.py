@@ -27,6 +27,7 @@ from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.run import CONFIG, ORACLE, ORACLE_NOTES
 from svbrdfgan.training.state import State
 from svbrdfgan.training.trainer import train
+from svbrdfgan.utils.processes import cores
 
 
 class _Task(StrictModel):
@@ -125,12 +126,12 @@ class RunTask(_Task):
 
     def _evaluate(self, ceiling: Ceiling) -> Evaluated:
         """Evaluates with the oracle if its weights exist; else with its scores, which may have been copied alone."""
-        oracle = Path(self.root) / self.oracle
+        oracle, workers = Path(self.root) / self.oracle, max(1, cores() // self.jobs)
         if (oracle / ORACLE).is_file() and (oracle / ORACLE_NOTES).is_file():
             for name in (ORACLE, ORACLE_NOTES):
                 shutil.copyfile(oracle / name, self.path / name)
-            return evaluate(self.path, split="test")
-        evaluated = evaluate(self.path, split="test", oracle=False)
+            return evaluate(self.path, split="test", workers=workers)
+        evaluated = evaluate(self.path, split="test", oracle=False, workers=workers)
         evaluation = ceiling.over(evaluated.evaluation)
         evaluation.save(self.path)
         return replace(evaluated, evaluation=evaluation)

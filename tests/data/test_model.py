@@ -20,8 +20,8 @@ from svbrdfgan.data.generate import exemplar_paths, generate
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.data.model import with_model
 from svbrdfgan.errors import AssetError, ConfigError
-from svbrdfgan.evaluation.distribution import _true_amounts, _true_draws, _vehicle
 from svbrdfgan.evaluation.evaluate import evaluate
+from svbrdfgan.evaluation.true_draws import Vehicle, paint
 from svbrdfgan.inference.apply import choose_draw
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader
@@ -240,22 +240,23 @@ def test_a_run_can_learn_from_it_and_be_scored(folder: Path, training_data: Data
 
 def test_true_draws_and_their_amounts_are_the_model_s(folder: Path, base: Path) -> None:
     exemplars = load_exemplars(Dataset.open(folder), "train")
-    vehicle = _vehicle(exemplars, 0, exemplars.subjects[0].geometry, 2)
     model, declared = load_model(base / "run"), Dataset.open(folder).config.weathering
     assert declared is not None
     fixed = declared.model_copy(update={"seed": Fixed[int](fixed=7)})
+    recipes = model.config.conditions.recipes
+    scenes = tuple(exemplars.scenes[view] for view in exemplars.views_of(0))[:1]
+    drawn = paint(Vehicle(folder, 0, scenes, fixed, tuple((recipe, (0.2, 1.0)) for recipe in recipes)))
 
     def painted(amount: float, recipe: str) -> torch.Tensor:
         draw = choose_draw(model, seed=7, amount=amount, recipe=recipe)
         return draw(exemplars.subjects[0].geometry.unsqueeze(0))[0]
 
-    asked = [weathering_of(scene) for scene in vehicle.scenes * 2]
+    asked = [weathering_of(scene) for scene in scenes * 2]
     wanted = torch.stack([painted(each.amount, each.recipe) for each in asked])
-    torch.testing.assert_close(_true_draws(vehicle, fixed), wanted, atol=2 / 255, rtol=0)
-    rows = _true_amounts(vehicle, model.config, fixed, 1)
-    for row, recipe in zip(rows, model.config.conditions.recipes, strict=True):
-        alpha = (painted(1.0, recipe)[..., 3] * vehicle.area).sum()
-        torch.testing.assert_close(row[-1], alpha, atol=2 / 255, rtol=0)
+    torch.testing.assert_close(torch.from_numpy(drawn.layers), wanted, atol=2 / 255, rtol=0)
+    for row, recipe in zip(drawn.amounts, recipes, strict=True):
+        alpha = float((painted(1.0, recipe)[..., 3] * torch.from_numpy(drawn.area)).sum())
+        assert abs(row[-1] - alpha) < 2 / 255
 
 
 def load_model_conditions(folder: Path) -> Any:

@@ -127,7 +127,7 @@ def test_a_run_with_chance_has_the_score_in_its_record(varied_run: Path) -> None
 def test_draws_that_cannot_be_compared_have_no_score(
     varied_run: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def refuse(*_: object) -> None:
+    def refuse(*_: object, **__: object) -> None:
         raise AssetError("too small")
 
     monkeypatch.setattr("svbrdfgan.evaluation.evaluate.compare_draws", refuse)

@@ -1,0 +1,125 @@
+"""True draws of vehicles, painted by their recipe or model; for several vehicles at once in worker processes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+
+from svbrdfgan.data.config import WeatheringDistribution
+from svbrdfgan.errors import AssetError
+from svbrdfgan.rendering.compositing import RGBA
+from svbrdfgan.scene.description import Scene, SceneWeathering
+from svbrdfgan.scene.loader import SceneLoader, recipe_of
+
+_POINTS = 4096  # texels for the recipe's mean alpha, which is known to a fraction of a percent by so many
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """What is painted of one vehicle.
+
+    Attributes:
+        folder: of its data set.
+        number: index of the subject in its split; true seeds depend on it.
+        scenes: one for each draw: it has the amount and recipe of one of the vehicle's own exemplars.
+        declared: says which seeds true layers have.
+        sweeps: recipes, each with the amounts for which mean alpha is wanted.
+    """
+
+    folder: Path
+    number: int
+    scenes: tuple[Scene, ...]
+    declared: WeatheringDistribution
+    sweeps: tuple[tuple[str, tuple[float, ...]], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class TrueDraws:
+    """What was painted of a vehicle. NumPy's arrays, since torch would pass its own between processes in shared memory.
+
+    Attributes:
+        layers: one for each scene with a new seed, and the same scenes again with other seeds.
+        area: the share of each texel in the learnable area.
+        amounts: mean alpha over that area, a row for each of the vehicle's sweeps; means of as many draws as scenes.
+    """
+
+    layers: Float[ndarray, "draws rows cols channels"]
+    area: Float[ndarray, "rows cols"]
+    amounts: list[Float[ndarray, " amounts"]]
+
+
+def paint_all(vehicles: Sequence[Vehicle], workers: int) -> Iterator[TrueDraws]:
+    """Those of each vehicle, in order. What a model paints is painted in this process, which may have a GPU.
+
+    Args:
+        workers: processes. They are spawned, so they import the caller's main module.
+
+    Raises:
+        AssetError: a mesh's file is missing or has changed; or a process was killed.
+    """
+    if workers == 1 or len(vehicles) < 2 or any(weathering_of(vehicle.scenes[0]).model for vehicle in vehicles):
+        shared = {vehicle.folder: SceneLoader(vehicle.folder) for vehicle in vehicles}
+        yield from (paint(vehicle, shared[vehicle.folder]) for vehicle in vehicles)
+        return
+    pool = ProcessPoolExecutor(min(workers, len(vehicles)), get_context("spawn"), torch.set_num_threads, (1,))
+    try:
+        yield from pool.map(paint, vehicles)
+    except BrokenProcessPool as error:
+        raise AssetError(
+            "a process that paints layers was killed, probably for memory; try fewer --workers."
+        ) from error
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def paint(vehicle: Vehicle, loader: SceneLoader | None = None) -> TrueDraws:
+    """Those of one vehicle, which depend on nothing else."""
+    found = loader or SceneLoader(vehicle.folder)
+    subject = found.subject(vehicle.scenes[0])
+    area = (subject.buffer.area * subject.learnable_texels).numpy()
+    share = area / area.sum()
+    return TrueDraws(_layers(vehicle, found), share, _amounts(vehicle, found, share))
+
+
+def _layers(vehicle: Vehicle, loader: SceneLoader) -> Float[ndarray, "draws rows cols channels"]:
+    rng, layers = np.random.default_rng([1, vehicle.number]), []
+    for scene in vehicle.scenes * 2:
+        drawn = weathering_of(scene).model_copy(update={"seed": vehicle.declared.seed.sample(rng)})
+        layers.append(loader.paint(scene, drawn).numpy())
+    return np.stack(layers)
+
+
+def _amounts(
+    vehicle: Vehicle, loader: SceneLoader, area: Float[ndarray, "rows cols"]
+) -> list[Float[ndarray, " amounts"]]:
+    rng, scene = np.random.default_rng([2, vehicle.number]), vehicle.scenes[0]
+    share = area.ravel().astype(np.float64)
+    site = loader.site(scene).at(rng.choice(share.size, _POINTS, p=share / share.sum()))
+    seeds = [vehicle.declared.seed.sample(rng) for _ in vehicle.scenes]
+
+    def covered(drawn: SceneWeathering) -> float:
+        if drawn.model is None:
+            return float(recipe_of(drawn).paint(site).alpha.mean())
+        return float((loader.paint(scene, drawn)[..., RGBA - 1].numpy() * area).sum())
+
+    def mean_alpha(amount: float, recipe: str) -> float:
+        asked = {"amount": amount, "recipe": recipe}
+        drawn = [weathering_of(scene).model_copy(update=asked | {"seed": seed}) for seed in seeds]
+        return float(np.mean([covered(each) for each in drawn]))
+
+    return [np.array([mean_alpha(amount, recipe) for amount in amounts]) for recipe, amounts in vehicle.sweeps]
+
+
+def weathering_of(scene: Scene) -> SceneWeathering:
+    """The scene's weathering, which must be known."""
+    assert isinstance(scene.weathering, SceneWeathering)
+    return scene.weathering
