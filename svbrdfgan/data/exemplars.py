@@ -59,8 +59,11 @@ class Exemplars:
         return torch.nonzero(self.subject_of == subject).flatten().tolist()
 
 
-def load_exemplars(dataset: Dataset, split: Split) -> Exemplars:
+def load_exemplars(dataset: Dataset, split: Split, *, mesh_maps: bool = False) -> Exemplars:
     """Reads a split of a data set into memory.
+
+    Args:
+        mesh_maps: whether the subjects have mesh maps, for a generator that reads them.
 
     Raises:
         AssetError: the data set has no such split, is not finished, or a file of it is damaged.
@@ -78,6 +81,7 @@ def load_exemplars(dataset: Dataset, split: Split) -> Exemplars:
     scenes = tuple(Scene.load(record) for _, record in paths)
     pictures = torch.stack([load_picture(picture) for picture, _ in paths])
     loader = SceneLoader(folder)
+    load = loader.with_mesh_maps if mesh_maps else loader.subject
     keys = [subject_key(scene) for scene in scenes]
     first_of = {key: keys.index(key) for key in keys}
     number_of = {key: number for number, key in enumerate(first_of)}
@@ -85,7 +89,7 @@ def load_exemplars(dataset: Dataset, split: Split) -> Exemplars:
         images=pictures[..., :3],
         coverage=pictures[..., 3],
         scenes=scenes,
-        subjects=tuple(loader.subject(scenes[first]) for first in first_of.values()),
+        subjects=tuple(map(load, (scenes[first] for first in first_of.values()))),
         subject_of=torch.tensor([number_of[key] for key in keys]),
         layers=_StoredLayers(loader, scenes),
         loader=loader,

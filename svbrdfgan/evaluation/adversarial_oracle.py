@@ -22,8 +22,8 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.metrics.recovered import SeenTexels, shown_texels
 from svbrdfgan.metrics.texture_pyramid import premultiplied
-from svbrdfgan.networks import Generator
-from svbrdfgan.training.batches import stack_geometry
+from svbrdfgan.networks import GEOMETRY_CHANNELS, Generator
+from svbrdfgan.training.batches import stack_inputs
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.discriminator_batch import DiscriminatorBatch, Pictures, tone_curve
 from svbrdfgan.training.run import RunConfig
@@ -64,7 +64,7 @@ class TrueLayers:
         gbuffer: whether the discriminator is shown the geometry.
     """
 
-    geometry: Float[Tensor, "subjects 6 rows cols"]
+    geometry: Float[Tensor, "subjects inputs rows cols"]
     shown: Bool[Tensor, "subjects rows cols"]
     layers: Float[Tensor, "exemplars rows cols channels"]
     subject_of: Int[Tensor, " exemplars"]
@@ -91,7 +91,7 @@ class TrueLayers:
         layers = [exemplars.layers[view] for view in views]
         labels = labels_of_scenes(config.conditions, [exemplars.scenes[view] for view in views])
         return cls(
-            stack_geometry(exemplars, device),
+            stack_inputs(exemplars, device),
             torch.stack(shown).to(device),
             torch.stack([layer.half() for layer in layers if layer is not None]),
             exemplars.subject_of[views],
@@ -131,7 +131,7 @@ class TrueLayers:
         alpha, color, further = premultiplied(layers).split([1, 3, self.judged - 4], dim=1)
         channels = [2 * alpha - 1, tone_curve(color), further]
         if self.gbuffer:
-            channels.append(self.geometry[subjects])
+            channels.append(self.geometry[subjects, :GEOMETRY_CHANNELS])
         if labels is not None:
             channels.append(labels[:, :, None, None].expand(-1, -1, *alpha.shape[2:]))
         return torch.cat(channels, dim=1) * self.shown[subjects].unsqueeze(1)

@@ -25,7 +25,7 @@ from svbrdfgan.metrics.map_errors import LEAST_ERRORS
 from svbrdfgan.metrics.recovered import Scorer, SeenTexels, Target, make_targets
 from svbrdfgan.networks import Generator, initialise, make_generator
 from svbrdfgan.networks.saved import load_generator, save_generator
-from svbrdfgan.training.batches import stack_geometry
+from svbrdfgan.training.batches import stack_inputs
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.metrics_log import read_metrics
 from svbrdfgan.training.resolve import learns_distribution
@@ -79,7 +79,7 @@ class Oracle:
 def train_oracle(
     fabric: Fabric,
     config: TrainConfig,
-    geometry: Float[Tensor, "subjects 6 rows cols"],
+    geometry: Float[Tensor, "subjects inputs rows cols"],
     targets: list[Target],
     scorer: Scorer,
     schedule: OracleConfig,
@@ -228,7 +228,5 @@ def _supervised(
     def watch(step: int, score: float) -> None:
         shown.advance(schedule.every, f"recovered {score:.3f}")
 
-    oracle = train_oracle(
-        fabric, config.train, stack_geometry(trained, fabric.device), targets, scorer, schedule, watch
-    )
+    oracle = train_oracle(fabric, config.train, stack_inputs(trained, fabric.device), targets, scorer, schedule, watch)
     return TrainedOracle(oracle.generator, oracle.score, oracle.plateau, oracle.steps)

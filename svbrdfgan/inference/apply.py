@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -39,7 +39,7 @@ class Canvas:
     """
 
     subject: Subject
-    geometry: Float[Tensor, "6 trained_rows trained_cols"]
+    geometry: Float[Tensor, "inputs trained_rows trained_cols"]
     factor: int
 
     def paint(self, draw: Draw) -> Float[Tensor, "rows cols channels"]:
@@ -115,10 +115,13 @@ def prepare(mesh: Mesh, model: Model, learnable: PartSelection | None = None, re
         mesh, embedding, factor * trained.texture, learnable or trained.learnable, file_maps=bool(trained.maps)
     )
     if factor == 1:
-        return Canvas(subject, subject.geometry, factor)
-    # baked again, since for even factors no texel of the finer buffer lies at the centre of one of the trained size
-    buffer = bake(embed_and_rasterize(embedding, mesh, trained.texture))
-    return Canvas(subject, buffer.network_input(), factor)
+        read = subject
+    else:  # baked again: for even factors no texel of the finer buffer lies at the centre of one of the trained size
+        fragments = embed_and_rasterize(embedding, mesh, trained.texture)
+        read = replace(subject, surface=fragments.surface, buffer=bake(fragments))
+    if model.generator.mesh_maps:
+        read = read.with_mesh_maps()
+    return Canvas(subject, read.generator_input, factor)
 
 
 def finer_factor(model: Model, resolution: int | None) -> int:

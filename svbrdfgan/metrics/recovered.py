@@ -151,7 +151,7 @@ def mean_error(targets: Sequence[Target], layers: Float[Tensor, "subjects rows c
     return mean_errors(targets, layers)[0]
 
 
-def near_poles(geometry: Float[Tensor, "subjects 6 rows cols"]) -> Bool[Tensor, "subjects rows cols"]:
+def near_poles(geometry: Float[Tensor, "subjects inputs rows cols"]) -> Bool[Tensor, "subjects rows cols"]:
     """Texels near the poles of the hemispherical map (thesis 4.1), in any embedding: a vehicle's nose and tail.
 
     Seen from the centre of the ground, they lie within `POLE_DEGREES` of the long axis (+Z and -Z).
@@ -172,7 +172,7 @@ class Scorer:
             be observed.
     """
 
-    geometry: Float[Tensor, "subjects 6 rows cols"]
+    geometry: Float[Tensor, "subjects inputs rows cols"]
     targets: list[Target]
     constant_errors: dict[str, float]
     shares: dict[str, float] = field(default_factory=dict)
@@ -188,7 +188,7 @@ class Scorer:
     ) -> Scorer:
         """A scorer of these exemplars, against the constant layers of the training subjects."""
         targets, shares = make_targets(exemplars, seen, device, observed=observed)
-        geometry = torch.stack([subject.geometry for subject in exemplars.subjects]).to(device)
+        geometry = torch.stack([subject.generator_input for subject in exemplars.subjects]).to(device)
         return cls(geometry, targets, _constant_errors(targets, constants, geometry), shares)
 
     def at_poles(self, constants: Float[Tensor, "maps channels"]) -> Scorer | None:
@@ -255,7 +255,7 @@ def mean_over_maps(recovered: Mapping[str, float | None]) -> float:
 def _constant_errors(
     targets: Sequence[Target],
     constants: Float[Tensor, "maps channels"],
-    geometry: Float[Tensor, "subjects 6 rows cols"],
+    geometry: Float[Tensor, "subjects inputs rows cols"],
 ) -> dict[str, float]:
     """E of each map's own constant layer."""
     size = (len(geometry), *geometry.shape[2:], -1)

@@ -26,7 +26,7 @@ class Draw:
     labels: Sequence[float] = ()
 
     def __call__(
-        self, geometry: Float[Tensor, "batch 6 rows cols"], factor: int = 1
+        self, geometry: Float[Tensor, "batch inputs rows cols"], factor: int = 1
     ) -> Float[Tensor, "batch fine_rows fine_cols channels"]:
         """The layer of this seed and these labels on each geometry, `factor` times as fine as it."""
         count, device = len(geometry), geometry.device

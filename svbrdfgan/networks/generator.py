@@ -18,6 +18,9 @@ from svbrdfgan.networks.random_fields import random_fields, random_numbers
 from svbrdfgan.rendering.compositing import RGBA, layer_channels, layer_maps
 
 GEOMETRY_CHANNELS = 6
+"""Position and normal."""
+MESH_MAPS = 2
+"""Visibility and curvature."""
 
 _NO_METAL = -3.0
 """What is added to metallic before the sigmoid. Without it training starts half metallic, and few things are."""
@@ -51,6 +54,7 @@ class Generator(nn.Module):
         norm: the thesis uses "instance".
         upsampling: "strided" is the thesis's transposed convolution, which leaves a checkerboard of period four in
             the layer; "nearest" doubles the features and convolves (Odena et al. 2016), which does not.
+        mesh_maps: whether it reads visibility and curvature beside position and normal (`MeshMaps`).
         channels: of the layer: RGBA, then those of further maps (`layer_channels`).
         chance: random fields (`random_fields`), one for each octave; 0 leaves out all chance.
         labels: numbers that say which layer is wanted, such as its amount; about -1 to 1.
@@ -64,15 +68,16 @@ class Generator(nn.Module):
         norm: Norm = "instance",
         upsampling: Upsampling = "nearest",
         channels: int = RGBA,
+        mesh_maps: bool = False,
         chance: int = 0,
         labels: int = 0,
     ) -> None:
         super().__init__()
-        self.chance, self.labels = chance, labels
+        self.mesh_maps, self.chance, self.labels = mesh_maps, chance, labels
         self.channels, maps = channels, layer_maps(channels)
         self.paints_normals = "normal" in maps
         self.metallic = layer_channels(maps[: maps.index("metallic")]) if "metallic" in maps else None
-        self.first = nn.Conv2d(GEOMETRY_CHANNELS + chance, width, 7, bias=_biased(norm))
+        self.first = nn.Conv2d(self.inputs + chance, width, 7, bias=_biased(norm))
         widths = [width << depth for depth in range(downsamplings + 1)]
         steps = list(itertools.pairwise(widths))
         self.down = nn.Sequential(*(_conv(coarse, deep, 3, norm, stride=2) for coarse, deep in steps))
@@ -82,6 +87,11 @@ class Generator(nn.Module):
         code = labels + (_NUMBERS if chance else 0)
         inputs = widths[-1:] * (2 * blocks) + widths[::-1]  # of the blocks, `up` and `last`, in their order
         self.modulation = Modulation(code, inputs) if code else None
+
+    @property
+    def inputs(self) -> int:
+        """Channels of the geometry that it reads."""
+        return GEOMETRY_CHANNELS + MESH_MAPS * self.mesh_maps
 
     @property
     def multiple(self) -> int:
@@ -95,7 +105,7 @@ class Generator(nn.Module):
 
     def forward(
         self,
-        geometry: Float[Tensor, "batch 6 rows cols"],
+        geometry: Float[Tensor, "batch inputs rows cols"],
         seeds: Int[Tensor, " batch"] | None = None,
         labels: Float[Tensor, "batch labels"] | None = None,
         factor: int = 1,
@@ -106,6 +116,7 @@ class Generator(nn.Module):
         0, metallic is 0.05, and normals are (0, 0, 0.5), which is flat.
 
         Args:
+            geometry: position and normal (`GeometryBuffer.network_input`), then mesh maps if it reads them.
             seeds: of each layer's chance, at least 0; needed if there is any.
             labels: of each layer; needed if there are any.
             factor: the layer has this many times the rows and columns of the geometry, and patterns of the same scale

@@ -20,7 +20,8 @@ _FORMAT = "svbrdfgan generator 2"
 class GeneratorConfig(StrictModel):
     """See `svbrdfgan.networks.Generator`.
 
-    `chance` is the number of random fields that it reads beside the geometry, one for each octave from 2 waves a
+    `mesh_maps` lets it read ambient visibility and curvature beside position and normal: rust starts in recesses and on
+    edges. `chance` is the number of random fields that it reads beside the geometry, one for each octave from 2 waves a
     vehicle length on; with 0 the layer is a function of the geometry. `conditions` tells it the amount and the recipe
     of each exemplar, where they vary in the data set, so that they can be chosen later; by default it does if there is
     chance.
@@ -31,6 +32,7 @@ class GeneratorConfig(StrictModel):
     downsamplings: int = Field(default=2, ge=1, le=6)
     norm: Norm = "instance"
     upsampling: Upsampling = "nearest"
+    mesh_maps: bool = False
     chance: int = Field(default=0, ge=0, le=MOST_FIELDS)
     conditions: bool | None = None
 

@@ -1,4 +1,4 @@
-"""Files that cache subjects and layers."""
+"""Files that cache subjects, their mesh maps, and layers."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from svbrdfgan.geometry.bake import GeometryBuffer
 from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Part, Surface
+from svbrdfgan.weathering.mesh_maps import MeshMaps
 
-_SUBJECT, _LAYER = "svbrdfgan subject 1", "svbrdfgan layer 1"
+_SUBJECT, _LAYER, _MAPS = "svbrdfgan subject 1", "svbrdfgan layer 1", "svbrdfgan mesh maps 1"
 _REMEDY = "delete it, and it is made again"
 
 
@@ -72,6 +73,22 @@ def load_layer(path: Path) -> Float[Tensor, "rows cols channels"]:
     with stored_tensors(path, _LAYER, _REMEDY) as (tensors, _):
         layer = tensors["layer"]
     return layer
+
+
+def save_mesh_maps(path: Path, maps: MeshMaps) -> None:
+    """Writes mesh maps, so that no later process bakes them again."""
+    save_tensors(path, _MAPS, _tensors(maps), {})
+
+
+def load_mesh_maps(path: Path) -> MeshMaps:
+    """Reads what `save_mesh_maps` wrote.
+
+    Raises:
+        AssetError: missing, damaged, or of another version.
+    """
+    with stored_tensors(path, _MAPS, _REMEDY) as (tensors, _):
+        maps = MeshMaps(**tensors)
+    return maps
 
 
 def _alpha(stored: Tensor | None) -> float | Float[np.ndarray, "rows cols"]:

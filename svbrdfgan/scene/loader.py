@@ -7,7 +7,7 @@ import json
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +21,19 @@ from svbrdfgan.networks import Draw, Generator
 from svbrdfgan.networks.saved import load_generator
 from svbrdfgan.plugins import load_embedding
 from svbrdfgan.rendering.compositing import layer_channels
-from svbrdfgan.scene.cache import load_layer, load_subject, save_layer, save_subject
+from svbrdfgan.scene.cache import (
+    load_layer,
+    load_mesh_maps,
+    load_subject,
+    save_layer,
+    save_mesh_maps,
+    save_subject,
+)
 from svbrdfgan.scene.description import AssetRef, Scene, SceneWeathering
 from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.types import Environment, View
 from svbrdfgan.weathering import Recipe, Site, find_site, recipe_from_options, weather
+from svbrdfgan.weathering.mesh_maps import MeshMaps, bake_mesh_maps
 
 log = logging.getLogger(__name__)
 
@@ -40,12 +48,13 @@ class SceneLoader:
 
     Attributes:
         folder: asset paths are relative to it.
-        keep: whether subjects and layers are cached in files there, for the next process.
+        keep: whether subjects, mesh maps and layers are cached in files there, for the next process.
     """
 
     folder: Path
     keep: bool = True
     _subjects: dict[str, Subject] = field(default_factory=dict)
+    _maps: dict[str, MeshMaps] = field(default_factory=dict)
     _sites: dict[str, Site] = field(default_factory=dict)
     _generators: dict[str, Generator] = field(default_factory=dict)
     _layers: dict[str, Float[Tensor, "rows cols channels"]] = field(default_factory=dict)
@@ -59,6 +68,20 @@ class SceneLoader:
             path = self.folder / _CACHE / "subjects" / f"{key}.safetensors"
             self._subjects[key] = self._stored(path, load_subject, save_subject, lambda: self._make_subject(scene))
         return self._subjects[key]
+
+    def with_mesh_maps(self, scene: Scene) -> Subject:
+        """The same, with mesh maps, for a generator that reads them."""
+        return replace(self.subject(scene), mesh_maps=self.mesh_maps(scene))
+
+    def mesh_maps(self, scene: Scene) -> MeshMaps:
+        """Visibility and curvature of the scene's surface."""
+        key, subject = subject_key(scene), self.subject(scene)
+        if key not in self._maps:
+            path = self.folder / _CACHE / "mesh_maps" / f"{key}.safetensors"
+            self._maps[key] = self._stored(
+                path, load_mesh_maps, save_mesh_maps, lambda: bake_mesh_maps(subject.surface, subject.buffer)
+            )
+        return self._maps[key]
 
     def layer(self, scene: Scene) -> Float[Tensor, "rows cols channels"] | None:
         """The true layer of the scene's surface; None where there is none or it is unknown."""
@@ -93,16 +116,18 @@ class SceneLoader:
                 f"need {wanted}: give it the maps that the model was trained with."
             )
         labels = weathering.model.conditions.labels(weathering.amount, weathering.recipe)
-        geometry = self.subject(scene).geometry.to(next(generator.parameters()).device)
+        subject = self.with_mesh_maps(scene) if generator.mesh_maps else self.subject(scene)
+        geometry = subject.generator_input.to(next(generator.parameters()).device)
         with torch.no_grad():
             return Draw(generator, weathering.seed, labels)(geometry.unsqueeze(0))[0].cpu()
 
     def site(self, scene: Scene) -> Site:
         """What recipes go by on the scene's surface. The last one is kept: it is slow to find, and large."""
-        subject, key = self.subject(scene), subject_key(scene)
+        key = subject_key(scene)
         if key not in self._sites:
             self._sites.clear()
-            self._sites[key] = find_site(subject.surface, subject.buffer)
+            subject, maps = self.subject(scene), self.mesh_maps(scene)
+            self._sites[key] = find_site(subject.surface, subject.buffer, maps)
         return self._sites[key]
 
     def view(self, scene: Scene) -> View:
@@ -131,7 +156,7 @@ class SceneLoader:
 
     def forget(self) -> None:
         """Drops subjects and layers from memory; environments and models stay."""
-        for kept in (self._subjects, self._sites, self._layers):
+        for kept in (self._subjects, self._maps, self._sites, self._layers):
             kept.clear()
 
     def _generator(self, asset: AssetRef) -> Generator:

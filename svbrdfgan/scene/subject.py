@@ -19,6 +19,7 @@ from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.rendering.compositing import BARE, bare_maps, composite, composite_maps
 from svbrdfgan.types import Material, Materials, Mesh, Surface
+from svbrdfgan.weathering.mesh_maps import MeshMaps, bake_mesh_maps
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,7 @@ class Subject:
         base: linear RGB reflectance of every part, constant (3,) or (rows, cols, 3) over the surface's UV.
         file_maps: by name, what the mesh's file says of each part's roughness, metallic and normal, likewise
             (channels,) or (rows, cols, channels). Empty if the subject was made for base colours alone.
+        mesh_maps: visibility and curvature, if the generator reads them.
     """
 
     surface: Surface
@@ -39,11 +41,21 @@ class Subject:
     learnable: tuple[int, ...]
     base: tuple[Float[Tensor, ...], ...]
     file_maps: tuple[Mapping[str, Float[Tensor, ...]], ...] = ()
+    mesh_maps: MeshMaps | None = None
 
     @cached_property
     def geometry(self) -> Float[Tensor, "6 rows cols"]:
-        """The generator's input."""
+        """Position and normal, as networks see them."""
         return self.buffer.network_input()
+
+    @cached_property
+    def generator_input(self) -> Float[Tensor, "inputs rows cols"]:
+        """Position and normal, and then visibility and curvature if they were baked."""
+        return self.geometry if self.mesh_maps is None else torch.cat([self.geometry, self.mesh_maps.network_input()])
+
+    def with_mesh_maps(self) -> Subject:
+        """The same, with mesh maps."""
+        return replace(self, mesh_maps=bake_mesh_maps(self.surface, self.buffer))
 
     @cached_property
     def learnable_texels(self) -> Bool[Tensor, "rows cols"]:

@@ -54,14 +54,14 @@ class BatchSource:
     exemplars: Exemplars
     fake_scenes: SceneRendering
     own_scenes: SceneRendering
-    buffers: Float[Tensor, "subjects 6 rows cols"]
+    buffers: Float[Tensor, "subjects inputs rows cols"]
     real: ImageBatch
     demodulated: bool = False
 
     def __len__(self) -> int:
         return len(self.exemplars)
 
-    def geometry(self, indices: Sequence[int]) -> Float[Tensor, "batch 6 rows cols"]:
+    def geometry(self, indices: Sequence[int]) -> Float[Tensor, "batch inputs rows cols"]:
         """The generator's input for the subjects of these exemplars."""
         return self.buffers[copy_async(self.exemplars.subject_of[list(indices)], self.buffers.device)]
 
@@ -109,7 +109,7 @@ def make_batch_source(
     discriminator = run.config.discriminator
     if discriminator.light:
         require_reference_materials(renderer)
-    exemplars = load_exemplars(run.dataset, split)
+    exemplars = load_exemplars(run.dataset, split, mesh_maps=run.config.generator.mesh_maps)
     fake_scenes = make_scenes(run, exemplars, split, renderer, device)
     own_scenes, order = _own_scenes(run.config, fake_scenes), _by_subject(exemplars)
     demodulated = discriminator.sees == "reflectance"
@@ -124,7 +124,7 @@ def make_batch_source(
     known = (*buffers, labels_of_scenes(run.conditions, exemplars.scenes))
     on_device = (None if values is None else values.to(device) for values in known)
     real = ImageBatch(exemplars.images.to(device), exemplars.coverage.to(device), *on_device)
-    return BatchSource(exemplars, fake_scenes, own_scenes, stack_geometry(exemplars, device), real, demodulated)
+    return BatchSource(exemplars, fake_scenes, own_scenes, stack_inputs(exemplars, device), real, demodulated)
 
 
 def load_seen_texels(
@@ -138,7 +138,7 @@ def load_seen_texels(
         AssetError: the data set is not finished, or a file of it is damaged.
         ConfigError: `rendering` is `transport`, and the renderer does not store what that needs.
     """
-    exemplars = load_exemplars(run.dataset, split)
+    exemplars = load_exemplars(run.dataset, split, mesh_maps=run.config.generator.mesh_maps)
     own = run.unperturbed().with_config(spp=exemplar_spp(run.config, exemplars))
     scenes = make_scenes(own, exemplars, split, renderer, torch.device("cpu"))
     if isinstance(scenes, CachedRendering):
@@ -161,9 +161,9 @@ def own_buffers(
     return _halves(gbuffers), _halves(lights)
 
 
-def stack_geometry(exemplars: Exemplars, device: torch.device) -> Float[Tensor, "subjects 6 rows cols"]:
+def stack_inputs(exemplars: Exemplars, device: torch.device) -> Float[Tensor, "subjects inputs rows cols"]:
     """The generator's input for each subject, channels last in memory."""
-    return torch.stack([s.geometry for s in exemplars.subjects]).to(device, memory_format=torch.channels_last)
+    return torch.stack([s.generator_input for s in exemplars.subjects]).to(device, memory_format=torch.channels_last)
 
 
 def make_scenes(

@@ -19,6 +19,7 @@ from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.types import Surface
 from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.weathering.mesh_maps import MeshMaps
 from svbrdfgan.weathering.recipes import RECIPES, Recipe
 from svbrdfgan.weathering.site import Site, survey
 
@@ -81,12 +82,16 @@ def weather(
     return torch.from_numpy(painted.reshape(rows, cols, -1).astype(np.float32))
 
 
-def find_site(surface: Surface, buffer: TexelGeometry) -> Site:
-    """The geometry that recipes use, at each texel of the buffer, row by row."""
+def find_site(surface: Surface, buffer: TexelGeometry, maps: MeshMaps | None = None) -> Site:
+    """The geometry that recipes use, at each texel of the buffer, row by row.
+
+    Args:
+        maps: the buffer's mesh maps, which else are computed.
+    """
     position, normal = (np.asarray(values, np.float64) for values in (buffer.position, buffer.normal))
     steps = np.linalg.norm(np.diff(position, axis=1), axis=2)
     texel = float(np.median(steps[steps > 0.0])) if steps.any() else 0.0
-    return survey(surface, position.reshape(-1, 3), normal.reshape(-1, 3), texel)
+    return survey(surface, position.reshape(-1, 3), normal.reshape(-1, 3), texel, maps)
 
 
 def _relief(

@@ -9,7 +9,8 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from svbrdfgan.types import Surface
-from svbrdfgan.weathering.occlusion import ambient_visibility, mean_curvature, scatter
+from svbrdfgan.weathering.mesh_maps import MeshMaps, length_of, survey_maps
+from svbrdfgan.weathering.occlusion import scatter
 
 _USUAL_AXLES = (-0.3, 0.3)  # z in lengths of the model, from its centre
 
@@ -47,25 +48,30 @@ class Site:
 
 
 def survey(
-    surface: Surface, position: Float[ndarray, "texels 3"], normal: Float[ndarray, "texels 3"], texel: float = 0.0
+    surface: Surface,
+    position: Float[ndarray, "texels 3"],
+    normal: Float[ndarray, "texels 3"],
+    texel: float = 0.0,
+    maps: MeshMaps | None = None,
 ) -> Site:
-    """The site at points on a surface. It takes about a second for 65,000 points.
+    """The site at points on a surface. Without `maps` it takes about a second for 65,000 points.
 
     Args:
         position, texel: in metres.
+        maps: the mesh maps at these points, if they are known.
     """
     used = surface.positions[np.unique(surface.faces)]
     low, high = used.min(axis=0), used.max(axis=0)
-    extent = high - low
-    length = max(extent[0], extent[2]) or extent[1] or 1.0
+    extent, length = high - low, length_of(surface)
     ground = np.array([(low[0] + high[0]) / 2.0, low[1], (low[2] + high[2]) / 2.0])
     centred = (position - ground) / length
+    visibility, curvature = survey_maps(surface, position, normal) if maps is None else maps.flat()
     return Site(
         position=centred,
         height=np.clip(centred[:, 1] * length / max(extent[1], 1e-6 * length), 0.0, 1.0),
         normal=normal,
-        visibility=ambient_visibility(surface, position, normal),
-        curvature=mean_curvature(surface, position, normal, 0.03 * length),
+        visibility=visibility,
+        curvature=curvature,
         axles=find_axles(
             (scatter(surface, 0.01 * length)[0] - ground) / [length, max(extent[1], 1e-6 * length), length]
         ),

@@ -22,7 +22,7 @@ from svbrdfgan.training.batches import (
     exemplar_spp,
     make_scenes,
     own_buffers,
-    stack_geometry,
+    stack_inputs,
 )
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.discriminator_batch import ImageBatch
@@ -80,7 +80,7 @@ class RenderedPairs:
             exemplars=exemplars,
             fake_scenes=self._scenes(scenes_with(config.scenes, present), config.spp),
             own_scenes=own_scenes,
-            buffers=stack_geometry(exemplars, self.device),
+            buffers=stack_inputs(exemplars, self.device),
             real=ImageBatch(images, coverage, *self._own_buffers(own_scenes)),
             demodulated=self._demodulated,
         )

@@ -1,0 +1,62 @@
+"""Mesh maps: ambient visibility and curvature of the outermost surface at each texel, by which weathering goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+from torch import Tensor
+
+from svbrdfgan.geometry.bake import GeometryBuffer
+from svbrdfgan.types import Surface
+from svbrdfgan.weathering.occlusion import ambient_visibility, mean_curvature
+
+_RADIUS = 0.03
+"""Curvature is that of a ball of this radius, in lengths of the model."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeshMaps:
+    """What artists bake of a mesh beside position and normal; float64, in which recipes compute.
+
+    Attributes:
+        visibility: ambient-occlusion visibility: 1 is unoccluded, 0 is enclosed.
+        curvature: mean curvature times a radius of 3 % of the model's length: positive on edges, negative in creases,
+            about 1 at a right angle.
+    """
+
+    visibility: Float[Tensor, "rows cols"]
+    curvature: Float[Tensor, "rows cols"]
+
+    def flat(self) -> tuple[Float[ndarray, " texels"], Float[ndarray, " texels"]]:
+        """Visibility and curvature, row by row."""
+        return self.visibility.numpy().ravel(), self.curvature.numpy().ravel()
+
+    def network_input(self) -> Float[Tensor, "2 rows cols"]:
+        """Both for the generator, in [-1, 1]; curvature beyond 2 is cut off."""
+        return torch.stack([2.0 * self.visibility - 1.0, 0.5 * self.curvature.clamp(-2.0, 2.0)]).float()
+
+
+def bake_mesh_maps(surface: Surface, buffer: GeometryBuffer) -> MeshMaps:
+    """The mesh maps of a surface at the texels of its geometry buffer. It takes about a second for 65,000 texels."""
+    rows, cols, _ = buffer.position.shape
+    points, normals = (values.reshape(-1, 3).double().numpy() for values in (buffer.position, buffer.normal))
+    found = survey_maps(surface, points, normals)
+    return MeshMaps(*(torch.from_numpy(values).view(rows, cols) for values in found))
+
+
+def survey_maps(
+    surface: Surface, position: Float[ndarray, "points 3"], normal: Float[ndarray, "points 3"]
+) -> tuple[Float[ndarray, " points"], Float[ndarray, " points"]]:
+    """Visibility and curvature at points on a surface."""
+    visibility = ambient_visibility(surface, position, normal)
+    return visibility, mean_curvature(surface, position, normal, _RADIUS * length_of(surface))
+
+
+def length_of(surface: Surface) -> float:
+    """The longer horizontal side of the box around the faces, in metres; a sheet's height, and 1 for a point."""
+    extent = np.ptp(surface.positions[np.unique(surface.faces)], axis=0)
+    return float(max(extent[0], extent[2]) or extent[1] or 1.0)
