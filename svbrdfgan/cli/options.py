@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from svbrdfgan.config.choices import PartSelection
+    from svbrdfgan.inference.export import Studio
     from svbrdfgan.scene.subject import Subject
 
     Layer = Float[Tensor, "rows cols channels"]
@@ -36,8 +37,8 @@ def picture_options(command: Command) -> Command:
     """Adds `picture`, `environment` and `renderer` to a command's options."""
     path = click.Path(path_type=Path, dir_okay=False)
     for option in (
-        click.option("--renderer", default="auto", show_default=True, help="For --picture; see `svbrdfgan backends`."),
-        click.option("--environment", type=path, help="For --picture: .hdr or .exr.  [default: a cloudy sky]"),
+        click.option("--renderer", default="auto", show_default=True, help="For pictures; see `svbrdfgan backends`."),
+        click.option("--environment", type=path, help="For pictures: .hdr or .exr.  [default: a cloudy sky]"),
         click.option("--picture", type=path, help="Also render the mesh from two sides, to a .png or .jpg file."),
     ):
         command = option(command)
@@ -79,22 +80,63 @@ def require_apart(mesh: Path, out: Path) -> None:
         raise ConfigError(f"{out} is the input mesh, which the output would overwrite; choose another path.")
 
 
-def writer(
-    out: Path, picture: Path | None, environment: Path | None, renderer: str, maps: Mapping[str, float | None]
-) -> Callable[[Subject, Layer], list[Path]]:
-    """A function that writes a weathered mesh and gives the paths written. Checks paths and renderer beforehand.
+def studio_maker(
+    pictures: Mapping[str, Path | None],
+    environment: Path | None,
+    renderer: str,
+    maps: Mapping[str, float | None],
+) -> Callable[[Subject], Studio]:
+    """A function that makes the studio in which a subject's pictures are rendered. Paths and renderer are checked now.
+
+    Args:
+        pictures: by option, where each picture is written; None if it is not wanted.
 
     Raises:
+        UsageError: no picture is wanted, but an environment or a renderer is named.
         ConfigError: a file cannot be written there.
         PluginError: the renderer does not work, or cannot read the maps.
     """
+    wanted = [path for path in pictures.values() if path is not None]
+    if not wanted:
+        if environment is not None or renderer != "auto":
+            raise click.UsageError(f"--environment and --renderer need {' or '.join(pictures)}.")
+        return _no_studio
+    for path in wanted:
+        _require_writable(path, ".png", ".jpg", ".jpeg")
+
+    from svbrdfgan.config.choices import PluginChoice
+    from svbrdfgan.inference.export import Studio
+    from svbrdfgan.io import load_environment
+    from svbrdfgan.plugins.select import resolve_renderer
+    from svbrdfgan.procedural import build_sky, sample_sky
+
+    chosen, _ = resolve_renderer(PluginChoice(name=renderer), maps=maps)
+    light = build_sky(sample_sky(_SKY_SEED)) if environment is None else load_environment(environment)
+    return lambda subject: Studio(subject, chosen, light, maps)
+
+
+def _no_studio(_: Subject) -> Studio:
+    raise AssertionError("no picture was asked for")
+
+
+def writer(
+    out: Path, picture: Path | None, studio: Callable[[Subject], Studio], maps: Mapping[str, float | None]
+) -> Callable[[Subject, Layer], list[Path]]:
+    """A function that writes a weathered mesh and gives the paths written. Checks the mesh's path beforehand.
+
+    Raises:
+        ConfigError: a file cannot be written there.
+    """
     _require_writable(out, ".glb")
-    write_picture = _picture_writer(picture, environment, renderer, maps)
 
     def write(subject: Subject, layer: Layer) -> list[Path]:
         from svbrdfgan.inference.export import write_weathered
 
-        return [out, write_weathered(out, subject, layer, maps), *write_picture(subject, layer)]
+        written = [out, write_weathered(out, subject, layer, maps)]
+        if picture is not None:
+            studio(subject).write(picture, layer)
+            written.append(picture)
+        return written
 
     return write
 
@@ -117,29 +159,3 @@ def _require_writable(path: Path, *suffixes: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"{path} cannot be written: {error.strerror}.") from error
-
-
-def _picture_writer(
-    picture: Path | None, environment: Path | None, renderer: str, maps: Mapping[str, float | None]
-) -> Callable[[Subject, Layer], list[Path]]:
-    """A function that writes the picture, if one is wanted, and gives the paths written."""
-    if picture is None:
-        if environment is not None or renderer != "auto":
-            raise click.UsageError("--environment and --renderer need --picture.")
-        return lambda subject, layer: []
-    _require_writable(picture, ".png", ".jpg", ".jpeg")
-
-    from svbrdfgan.config.choices import PluginChoice
-    from svbrdfgan.inference.export import write_picture
-    from svbrdfgan.io import load_environment
-    from svbrdfgan.plugins.select import resolve_renderer
-    from svbrdfgan.procedural import build_sky, sample_sky
-
-    chosen, _ = resolve_renderer(PluginChoice(name=renderer), maps=maps)
-    light = build_sky(sample_sky(_SKY_SEED)) if environment is None else load_environment(environment)
-
-    def write(subject: Subject, layer: Layer) -> list[Path]:
-        write_picture(picture, subject, layer, chosen, light, maps)
-        return [picture]
-
-    return write

@@ -13,6 +13,7 @@ from svbrdfgan.cli.options import (
     report_weathered,
     require_apart,
     selected,
+    studio_maker,
     writer,
 )
 
@@ -34,6 +35,11 @@ from svbrdfgan.cli.options import (
     type=click.IntRange(min=1),
     help="So many layers, of this seed and the next ones. OUT is then a folder; files are named after mesh and seed.",
 )
+@click.option(
+    "--sheet",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Also render draws, amounts and recipes side by side, to a .png or .jpg file.",
+)
 @learnable_option
 @click.option(
     "-o", "--out", required=True, type=click.Path(path_type=Path), help="GLB file to write; with --count, a folder."
@@ -47,6 +53,7 @@ def command(
     recipe: str | None,
     resolution: int | None,
     count: int | None,
+    sheet: Path | None,
     learnable: tuple[str, ...],
     out: Path,
     picture: Path | None,
@@ -64,12 +71,16 @@ def command(
     with progress(f"loading {run}") as display:
         from svbrdfgan.inference.apply import choose_draw, explain_memory, finer_factor, prepare
         from svbrdfgan.io import load_mesh
+        from svbrdfgan.report.sheet import sheet_rows, write_sheet
         from svbrdfgan.training.run import load_model
 
         model = load_model(run)
         draws = [choose_draw(model, seed=number, amount=amount, recipe=recipe) for number in seeds]
         finer_factor(model, resolution)  # before anything is made or written
-        writers = [writer(path, picture, environment, renderer, model.config.maps) for path in paths]
+        rows = [] if sheet is None else sheet_rows(model, seed=seed, amount=amount, recipe=recipe)
+        maps = model.config.maps
+        studio = studio_maker({"--picture": picture, "--sheet": sheet}, environment, renderer, maps)
+        writers = [writer(path, picture, studio, maps) for path in paths]
         display.stage(f"weathering {mesh}")
         with explain_memory(resolution):
             canvas = prepare(load_mesh(mesh), model, selected(learnable), resolution)
@@ -78,4 +89,8 @@ def command(
                 layer = canvas.paint(draw)
                 display.stage(f"writing {path}")
                 written += write(canvas.subject, layer)
+            if sheet is not None:
+                display.stage(f"writing {sheet}")
+                write_sheet(sheet, rows, canvas, studio(canvas.subject))
+                written.append(sheet)
     report_weathered(canvas.subject, written)

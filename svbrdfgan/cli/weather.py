@@ -14,6 +14,7 @@ from svbrdfgan.cli.options import (
     report_weathered,
     require_apart,
     selected,
+    studio_maker,
     writer,
 )
 
@@ -73,7 +74,8 @@ def command(
         if not maps and not base_color_only:
             bare = dict.fromkeys(BARE)
         chosen = recipe_from_options(recipe, {"amount": amount, "seed": seed, **key_values(options)})
-        write = writer(out, picture, environment, renderer, bare)
+        studio = studio_maker({"--picture": picture}, environment, renderer, bare)
+        write = writer(out, picture, studio, bare)
         loaded = load_mesh(mesh)
         display.stage(f"unwrapping {mesh}")
         parts = selected(learnable) or PartSelection()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -16,11 +17,14 @@ from jaxtyping import Float
 from lightning_fabric import Fabric
 from torch import Tensor
 
+from svbrdfgan.data.conditions import labels_of_scenes
 from svbrdfgan.data.config import Split
+from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.gather import INDEX
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
 from svbrdfgan.evaluation.adversarial_oracle import Budget
+from svbrdfgan.evaluation.close_up import close_ups
 from svbrdfgan.evaluation.distribution import compare_draws
 from svbrdfgan.evaluation.observed import Observation
 from svbrdfgan.evaluation.oracle import LoadedSplit, OracleConfig, TrainedOracle, oracle_of
@@ -49,6 +53,10 @@ _RELIT = {
 }
 
 
+LayersOf = Callable[[int], dict[str, Float[Tensor, "rows cols channels"]]]
+"""The layers of an exemplar, by what painted them. Those of generators have the exemplar's own amount and recipe."""
+
+
 @dataclass(frozen=True, eq=False)
 class Evaluated:
     """The score of a run, and what pictures of it need.
@@ -56,8 +64,11 @@ class Evaluated:
     Attributes:
         config: the run's.
         source: the scored split.
-        layers: the layers of each subject, by what painted them: "generated", "oracle" or "constant".
+        layers: the layers of each subject, by what painted them: "generated", "oracle" or "constant". A generator that
+            is told conditions paints the middle amount of the first recipe.
+        layers_of: the layers of an exemplar; for pictures beside it.
         relit: a few of the scenes that the run was relit in, with their pictures.
+        close_ups: small parts of a few vehicles, if the generator varies.
         generator: the run's, on the device of the layers; for draws of it.
     """
 
@@ -65,7 +76,9 @@ class Evaluated:
     config: RunConfig
     source: BatchSource
     layers: dict[str, Float[Tensor, "subjects rows cols channels"]]
+    layers_of: LayersOf
     relit: tuple[RelitScene, ...] = ()
+    close_ups: tuple[RelitScene, ...] = ()
     generator: Generator | None = None
 
 
@@ -129,19 +142,21 @@ def evaluate(
         labels = config.conditions.typical() if found.adversarial else ()
         layers["oracle"] = _layers(fabric, scorer, found.generator, labels)
     layers["constant"] = constants[0].expand_as(layers["generated"])
+    drawing = {"generated": model.generator}
+    if found is not None and found.adversarial:
+        drawing["oracle"] = found.generator
+    layers_of = _with_own_conditions(by_subject(source.exemplars, layers), drawing, config, fabric, source)
     shown.begin("comparing pictures", len(source))
-    evaluation = _judge(split, scorer, layers, found, constants, _flips(source, layers, shown))
+    evaluation = _judge(split, scorer, layers, found, constants, _flips(source, layers_of, shown))
     if model.generator.varies or seeds_vary(config.dataset):
-        drawing = {"generated": model.generator}
-        if found is not None and found.adversarial:
-            drawing["oracle"] = found.generator
         update = _of_draws(drawing, config, fabric, source, scorer, constants, workers, shown)
         evaluation = evaluation.model_copy(update=update)
     shown.begin("comparing relit pictures")
-    relit = relighter.relit(source.exemplars, opened.index.sampler(split), renderer, layers, shown.advance)
+    relit = relighter.relit(source.exemplars, opened.index.sampler(split), renderer, layers_of, shown.advance)
     evaluation = evaluation.model_copy(update={_RELIT[name]: value for name, value in relit.flips.items()})
     evaluation.save(run)
-    return Evaluated(evaluation, config, source, layers, relit.scenes, model.generator)
+    near = close_ups(source.exemplars, renderer, layers_of) if model.generator.varies else ()
+    return Evaluated(evaluation, config, source, layers, layers_of, relit.scenes, near, model.generator)
 
 
 def _of_draws(
@@ -253,26 +268,48 @@ def _layers(
         return scorer.layers(Draw(generator.to(fabric.device), labels=labels))
 
 
-def _flips(source: BatchSource, layers: dict[str, Tensor], shown: Display) -> dict[str, float]:
+def by_subject(exemplars: Exemplars, layers: dict[str, Tensor]) -> LayersOf:
+    """The layers of each exemplar's subject."""
+    return lambda index: {name: painted[int(exemplars.subject_of[index])] for name, painted in layers.items()}
+
+
+def _with_own_conditions(
+    layers_of: LayersOf, generators: dict[str, Generator], config: RunConfig, fabric: Fabric, source: BatchSource
+) -> LayersOf:
+    """The same, but what generators paint that are told conditions: seed 0, with the exemplar's amount and recipe."""
+    if not config.conditions.size:
+        return layers_of
+
+    def layers(index: int) -> dict[str, Tensor]:
+        labels = labels_of_scenes(config.conditions, [source.exemplars.scenes[index]])
+        assert labels is not None
+        found, geometry = layers_of(index), source.geometry([index])
+        with torch.no_grad(), fabric.autocast():
+            drawn = {name: Draw(each, 0, labels[0].tolist())(geometry)[0].float() for name, each in generators.items()}
+        return found | drawn
+
+    return layers
+
+
+def _flips(source: BatchSource, layers_of: LayersOf, shown: Display) -> dict[str, float]:
     """Mean FLIP between the exemplars and pictures of the same scenes under each set of layers, and under G0's own."""
-    totals = dict.fromkeys([*layers, "truth"], 0.0)
+    totals: dict[str, float] = defaultdict(float)
     weathered = [index for index in range(len(source)) if source.exemplars.weathered(index)]
     for index in weathered:
         truth = as_displayed(source.exemplars.images[index], coverage=source.exemplars.coverage[index].float())
-        for name, picture in pictures(source, index, layers).items():
+        for name, picture in pictures(source, index, layers_of(index)).items():
             totals[name] += flip(truth, picture)
         shown.advance(1)
     return {name: total / max(len(weathered), 1) for name, total in totals.items()}
 
 
-def pictures(source: BatchSource, index: int, layers: dict[str, Tensor]) -> dict[str, Float[Tensor, "height width 3"]]:
-    """Display-referred pictures of an exemplar's scene, one for each set of layers and one for G0's own ("truth")."""
-    subject = int(source.exemplars.subject_of[index])
+def pictures(
+    source: BatchSource, index: int, layers: dict[str, Float[Tensor, "rows cols channels"]]
+) -> dict[str, Float[Tensor, "height width 3"]]:
+    """Display-referred pictures of an exemplar's scene, one under each layer and one under G0's own ("truth")."""
     scenes = source.scenes([index], np.random.default_rng(0))
-    chosen: dict[str, Any] = {name: painted[subject] for name, painted in layers.items()}
-    chosen["truth"] = source.exemplars.layers[index]
     shown = {}
-    for name, layer in chosen.items():
+    for name, layer in {**layers, "truth": source.exemplars.layers[index]}.items():
         if layer is not None:
             with torch.no_grad():
                 image, coverage = scenes.render(layer.unsqueeze(0).to(source.buffers.device))

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import copy
 import json
+import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,9 @@ Watch = Callable[[int, float], None]
 """Called with the step and the validation score at every scoring."""
 
 _TARGETS = 2048
+_NOTES = ("plateau", "steps", "run_steps")
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -137,12 +141,14 @@ class TrainedOracle:
     Attributes:
         score: on the validation split; None of an adversarial one.
         plateau: whether a supervised one had stopped improving; None of an adversarial one.
+        run_steps: the steps that the run had made when an adversarial one was trained as long; else None.
     """
 
     generator: Generator
     score: float | None
     plateau: bool | None
     steps: int
+    run_steps: int | None = None
 
     @property
     def adversarial(self) -> bool:
@@ -162,7 +168,8 @@ def oracle_of(
 ) -> TrainedOracle:
     """The run's oracle, trained now if there is none.
 
-    It is adversarial if the run learns a distribution, and otherwise supervised.
+    It is adversarial if the run learns a distribution, and otherwise supervised. One that was trained as long as the
+    run is trained anew once the run was continued.
 
     Args:
         load: loads a split.
@@ -172,16 +179,21 @@ def oracle_of(
     """
     drawing = learns_distribution(config.train.generator, config.dataset)
     stored = _stored(run, fabric.device)
+    as_run = _budget_of(run, config.train)
     if stored is not None and stored.adversarial == drawing:  # earlier versions had no adversarial one
-        return stored
+        if budget is not None or stored.run_steps is None or stored.run_steps >= as_run.steps:
+            return stored
+        log.info("the oracle is trained anew: the run has made %d steps since", as_run.steps - stored.run_steps)
     if drawing:
-        oracle = _adversarial(fabric, config, load, budget or _budget_of(run, config.train), shown)
+        oracle = _adversarial(fabric, config, load, budget or as_run, shown)
+        oracle = replace(oracle, run_steps=None if budget else as_run.steps)
     else:
         oracle = _supervised(fabric, config, load, constants, schedule, shown)
     generator = config.train.generator if drawing else config.train.generator.without_chance
     save_generator(run / ORACLE, oracle.generator, generator, oracle.score)
     with atomic_path(run / ORACLE_NOTES) as temporary:
-        temporary.write_text(json.dumps({"plateau": oracle.plateau, "steps": oracle.steps}), encoding="utf-8")
+        notes = {name: getattr(oracle, name) for name in _NOTES}
+        temporary.write_text(json.dumps(notes), encoding="utf-8")
     return oracle
 
 
@@ -192,7 +204,7 @@ def _stored(run: Path, device: torch.device) -> TrainedOracle | None:
         return None
     reached = json.loads(notes.read_text(encoding="utf-8"))
     generator, score = load_generator(path)
-    return TrainedOracle(generator.to(device), score, reached["plateau"], reached["steps"])
+    return TrainedOracle(generator.to(device), score, **{name: reached.get(name) for name in _NOTES})
 
 
 def _budget_of(run: Path, config: TrainConfig) -> Budget:

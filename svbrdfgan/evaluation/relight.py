@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ from svbrdfgan.protocols import Renderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.scene.subject import Subject
+from svbrdfgan.types import View
 
 _SEED = 7919
 """Of the scenes, and of the procedural lights: far from the seeds that data sets use."""
@@ -98,15 +100,18 @@ class Relighter:
         exemplars: Exemplars,
         sampler: ConfigSampler,
         renderer: Renderer[Any],
-        layers: Mapping[str, Float[Tensor, "subjects rows cols channels"]],
+        layers_of: Callable[[int], Mapping[str, Float[Tensor, "rows cols channels"]]],
         progress: Callable[[int], None],
     ) -> Relit:
         """Renders the layers of all weathered subjects in new scenes, and compares them with G0's.
 
         Cameras come from the split's distribution, rotations and brightness from the data set's. There are as many
         samples as in the exemplars.
+
+        Args:
+            layers_of: an exemplar's layers, by what painted them.
         """
-        totals, kept = dict.fromkeys([*layers, "truth"], 0.0), []
+        totals, kept = defaultdict[str, float](float), []
         scenes = list(self._scenes(exemplars, sampler))
         spread = {round(n) for n in np.linspace(0, len(scenes) - 1, min(_KEPT, len(scenes)))}
         prepared: dict[int, Any] = {}
@@ -116,13 +121,13 @@ class Relighter:
                 prepared = {subject: renderer.prepare(exemplars.subjects[subject].surface)}
             truth = exemplars.layers[exemplar]
             assert truth is not None
-            painted = {"reference": truth, **{name: made[subject] for name, made in layers.items()}, "truth": truth}
-            found = self._render(scene, exemplars.subjects[subject], renderer, prepared[subject], painted)
+            layers, view = {**layers_of(exemplar), "truth": truth}, self.loader.view(scene)
+            found = render_under(scene, view, exemplars.subjects[subject], renderer, prepared[subject], layers)
             for name, value in found.flips().items():
                 totals[name] += value / len(scenes)
             kept += [found] if number in spread else []
             progress(1)
-        return Relit(totals, tuple(kept))
+        return Relit(dict(totals), tuple(kept))
 
     def _scenes(self, exemplars: Exemplars, sampler: ConfigSampler) -> Iterator[tuple[int, Scene]]:
         """For each weathered subject, exemplars and each one's scene with another camera, light and seed."""
@@ -137,22 +142,26 @@ class Relighter:
                 }
                 yield exemplar, exemplars.scenes[exemplar].model_copy(update=new)
 
-    def _render(
-        self,
-        scene: Scene,
-        subject: Subject,
-        renderer: Renderer[Any],
-        prepared: Any,
-        painted: Mapping[str, Float[Tensor, "rows cols channels"]],
-    ) -> RelitScene:
-        """The reference has random numbers of its own; the pictures that are compared with it share theirs."""
-        pictures, view = {}, self.loader.view(scene)
-        for name, layer in painted.items():
-            materials = subject.materials(scene.materials, layer.float(), scene.maps)
-            seed = scene.seed if name == "reference" else (scene.seed + 1) % 2**31
-            rendering = renderer.render(prepared, materials, view, spp=scene.spp, seed=seed)
-            pictures[name] = display(rendering.image.cpu(), coverage=rendering.coverage.cpu())
-        return RelitScene(scene, rendering.coverage.cpu(), pictures)
+
+def render_under(
+    scene: Scene,
+    view: View,
+    subject: Subject,
+    renderer: Renderer[Any],
+    prepared: Any,
+    layers: Mapping[str, Float[Tensor, "rows cols channels"]],
+) -> RelitScene:
+    """The scene from a view, under each layer and the true one, which is named "truth".
+
+    The reference has random numbers of its own; the pictures that are compared with it share theirs.
+    """
+    pictures = {}
+    for name, layer in {"reference": layers["truth"], **layers}.items():
+        materials = subject.materials(scene.materials, layer.float(), scene.maps)
+        seed = scene.seed if name == "reference" else (scene.seed + 1) % 2**31
+        rendering = renderer.render(prepared, materials, view, spp=scene.spp, seed=seed)
+        pictures[name] = display(rendering.image.cpu(), coverage=rendering.coverage.cpu())
+    return RelitScene(scene, rendering.coverage.cpu(), pictures)
 
 
 def _lights(files: Sequence[str], index: DatasetIndex, folder: Path) -> tuple[EnvironmentAsset, ...]:

@@ -92,7 +92,7 @@ def choose_draw(
         raise ConfigError(f"seed {seed} is not allowed; wanted a whole number from 0 to {MOST_SEEDS - 1}.")
     if seed is not None and not model.generator.chance:
         raise ConfigError(
-            "the model has no chance, and so paints one layer on a mesh: leave out --seed and --count, or train with "
+            "the model has no chance, and so paints one layer on a mesh: ask for no seed and no count, or train with "
             "generator.chance on exemplars of different seeds."
         )
     known = model.config.conditions

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ from svbrdfgan.io import linear_from_srgb, save_glb, save_image, save_texture
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import RGBA, over
 from svbrdfgan.scene.subject import Subject
-from svbrdfgan.types import Camera, Environment, Materials, View
+from svbrdfgan.types import Camera, Environment, Materials, Rendering, View
 
 _PICTURE = (480, 300)
 _FOV = math.radians(22.0)
@@ -70,6 +72,60 @@ def write_weathered(
     return layer_path
 
 
+@dataclass(frozen=True, eq=False)
+class Studio:
+    """A surface in a light, to be shown under any layer.
+
+    Attributes:
+        environment: linear radiance, equirectangular; scaled to a fixed mean.
+        maps: as for `Subject.materials`.
+
+    Raises:
+        AssetError: the light is black.
+    """
+
+    subject: Subject
+    renderer: Renderer[Any]
+    environment: Float[Tensor, "rows cols 3"]
+    maps: Mapping[str, float | None] | None = None
+
+    def __post_init__(self) -> None:
+        if float(self.environment.mean()) <= 0:
+            raise AssetError("the environment is black, so that nothing would be visible; choose another.")
+
+    @cached_property
+    def _prepared(self) -> Any:
+        return self.renderer.prepare(self.subject.surface)
+
+    def show(self, layer: Float[Tensor, "rows cols channels"], *, spp: int = 64, sides: int = 2) -> Rendering:
+        """The weathered surface from the front and, by default, from behind, side by side; linear.
+
+        Raises:
+            AssetError: the layer does not have the channels of these maps.
+            UnsupportedError: the renderer does not read one of the maps.
+        """
+        light = Environment(self.environment * (_BRIGHTNESS / float(self.environment.mean())))
+        materials = self.subject.materials({}, layer, self.maps)
+        views = [View(_camera(self.subject, *angles), light, *_PICTURE) for angles in _FROM[:sides]]
+        shown = [self.renderer.render(self._prepared, materials, view, spp=spp, seed=0) for view in views]
+        image = torch.cat([side.image for side in shown], dim=1)
+        return Rendering(image, torch.cat([side.coverage for side in shown], dim=1))
+
+    def write(self, path: Path, layer: Float[Tensor, "rows cols channels"], *, spp: int = 64) -> None:
+        """Writes the picture of both sides; see `write_picture`."""
+        (picture,) = developed([self.show(layer, spp=spp)])
+        save_image(path, picture)
+
+
+def developed(shown: Sequence[Rendering]) -> list[Float[Tensor, "height width 3"]]:
+    """The pictures on grey, all with the exposure that none of them becomes white with; linear, on the CPU."""
+    covered = torch.cat([picture.image[picture.coverage > 0].amax(dim=-1) for picture in shown])
+    # every n-th pixel, since torch's quantile takes 16 million values at most
+    brightest = torch.quantile(covered[:: 1 + len(covered) // 10_000_000], _QUANTILE)
+    exposure, grey = (_BRIGHTEST / brightest).clamp(max=1), torch.full((3,), _GREY, device=covered.device)
+    return [over(picture.image * exposure, picture.coverage, grey).cpu() for picture in shown]
+
+
 def write_picture(
     path: Path,
     subject: Subject,
@@ -92,18 +148,7 @@ def write_picture(
             written.
         UnsupportedError: the renderer does not read one of the maps.
     """
-    mean = float(environment.mean())
-    if mean <= 0:
-        raise AssetError("the environment is black, so that nothing would be visible; choose another.")
-    light = Environment(environment * (_BRIGHTNESS / mean))
-    prepared, materials = renderer.prepare(subject.surface), subject.materials({}, layer, maps)
-    grey = torch.full((3,), _GREY, device=renderer.device)
-    views = [View(_camera(subject, *angles), light, *_PICTURE) for angles in _FROM]
-    sides = [renderer.render(prepared, materials, view, spp=spp, seed=0) for view in views]
-    image = torch.cat([side.image for side in sides], dim=1)
-    coverage = torch.cat([side.coverage for side in sides], dim=1)
-    brightest = torch.quantile(image[coverage > 0].amax(dim=-1), _QUANTILE)
-    save_image(path, over(image * (_BRIGHTEST / brightest).clamp(max=1), coverage, grey).cpu())
+    Studio(subject, renderer, environment, maps).write(path, layer, spp=spp)
 
 
 def _camera(subject: Subject, azimuth: float, elevation: float) -> Camera:

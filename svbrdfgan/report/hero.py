@@ -58,17 +58,17 @@ def write_hero(
 
 
 def _row(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
-    exemplars, number = evaluated.source.exemplars, int(evaluated.source.exemplars.subject_of[index])
-    subject, layer = exemplars.subjects[number], evaluated.layers["generated"][number].cpu().float()
+    exemplars = evaluated.source.exemplars
+    subject, layer = exemplars.subject(index), evaluated.layers_of(index)["generated"]
     truth = display(exemplars.images[index].float(), coverage=exemplars.coverage[index].float())
-    learned = pictures(evaluated.source, index, {"generated": evaluated.layers["generated"]})["generated"]
+    learned = pictures(evaluated.source, index, {"generated": layer})["generated"]
     normal = upright(signed_as_color(subject.geometry[3:6].cpu()), subject.buffer.mask)
     coverage = exemplars.coverage[index]
     return (
         normal,
         framed(truth, coverage),
         framed(learned, coverage),
-        upright(over_checker(layer), subject.learnable_texels),
+        upright(over_checker(layer.cpu().float()), subject.learnable_texels),
     )
 
 

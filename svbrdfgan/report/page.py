@@ -16,7 +16,7 @@ from svbrdfgan.report.draws import COLUMNS, sheets
 from svbrdfgan.report.facts import HELD_OUT, find_plan, flip_bars, relit_bars, summary, title, verdict
 from svbrdfgan.report.patches import patch_maps
 from svbrdfgan.report.pictures import data_uri
-from svbrdfgan.report.vehicles import choose_views, error_scale, relit, rendered, textured
+from svbrdfgan.report.vehicles import choose_views, close_up, error_scale, relit, rendered, textured
 from svbrdfgan.training.metrics_log import read_metrics
 
 REPORT = "report.html"
@@ -61,6 +61,7 @@ def _contents(run: Path, evaluated: Evaluated) -> dict[str, Any]:
         "textures": [textured(evaluated, index, top) for index in textures],
         "error_top": f"{top:.2f}",
         "sheets": sheets(evaluated, textures),
+        "close_ups": [close_up(scene) for scene in evaluated.close_ups],
         "sheet_columns": COLUMNS,
         "patches": patch_maps(run, evaluated, views[:_JUDGED]),
         "charts": [(chart, draw(chart)) for chart in drawn],

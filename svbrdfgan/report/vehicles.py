@@ -17,7 +17,7 @@ from svbrdfgan.evaluation.relight import RelitScene
 from svbrdfgan.metrics.flip import display, flip
 from svbrdfgan.rendering.compositing import composite
 from svbrdfgan.report.pictures import Picture, framed, heat, over_checker, signed_as_color, upright
-from svbrdfgan.scene.description import Scene
+from svbrdfgan.scene.description import Scene, SceneWeathering
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +66,8 @@ def rendered(evaluated: Evaluated, index: int) -> Vehicle:
     """An exemplar beside renders of its scene under each layer, with the FLIP of each render."""
     exemplars = evaluated.source.exemplars
     truth = display(exemplars.images[index].float(), coverage=exemplars.coverage[index].float())
-    bare = torch.zeros_like(evaluated.layers["generated"])
-    made = pictures(evaluated.source, index, {**evaluated.layers, "bare": bare})
+    layers = evaluated.layers_of(index)
+    made = pictures(evaluated.source, index, {**layers, "bare": torch.zeros_like(layers["generated"])})
     floor = f"noise alone {flip(truth, made['truth']):.3f}" if "truth" in made else ""
     titles = {"generated": "Learned", "oracle": "Oracle", "constant": "Best constant", "bare": "Unweathered"}
     coverage = exemplars.coverage[index]
@@ -89,12 +89,19 @@ def relit(found: RelitScene) -> Vehicle:
     return Vehicle(subject_name(found.scene), _scene_note(found.scene), tuple(columns))
 
 
+def close_up(found: RelitScene) -> Vehicle:
+    """A small part of a vehicle under each layer."""
+    titles = {"reference": "Truth", "generated": "Learned", "oracle": "Oracle"}
+    columns = [Titled(title, found.pictures[name]) for name, title in titles.items() if name in found.pictures]
+    return Vehicle(subject_name(found.scene), _weathering_note(found.scene), tuple(columns))
+
+
 def textured(evaluated: Evaluated, index: int, top: float) -> Vehicle:
     """The generator's input, its layer, G0's layer, and the errors, in colours from 0 (black) to `top` (bright)."""
     exemplars, number = evaluated.source.exemplars, int(evaluated.source.exemplars.subject_of[index])
     subject, truth = exemplars.subjects[number], exemplars.layers[index]
     assert truth is not None
-    made = evaluated.layers["generated"][number].cpu().float()
+    made = evaluated.layers_of(index)["generated"].cpu().float()
     surface, learnable = subject.buffer.mask, subject.learnable_texels
     scored, error = _error(evaluated, index)
     geometry = subject.geometry.cpu().float()
@@ -129,7 +136,7 @@ def _error(evaluated: Evaluated, index: int) -> tuple[Tensor, Tensor]:
     subject, truth = exemplars.subjects[number], exemplars.layers[index]
     assert truth is not None
     base = subject.base_albedo(exemplars.scenes[index].materials)
-    made = evaluated.layers["generated"][number].cpu().float()
+    made = evaluated.layers_of(index)["generated"].cpu().float()
     seen = torch.stack([evaluated.source.seen(view).cpu() > 0 for view in exemplars.views_of(number)]).any(dim=0)
     scored = seen & subject.learnable_texels & (subject.buffer.area > 0)
     return scored, (composite(base, made) - composite(base, truth)).abs().mean(dim=-1)
@@ -137,6 +144,11 @@ def _error(evaluated: Evaluated, index: int) -> tuple[Tensor, Tensor]:
 
 def _grey(values: Float[Tensor, "rows cols"]) -> Float[Tensor, "rows cols 3"]:
     return values.clamp(0, 1).unsqueeze(-1).expand(*values.shape, 3)
+
+
+def _weathering_note(scene: Scene) -> str:
+    weathering = scene.weathering
+    return f"{weathering.recipe}, amount {weathering.amount:.2f}" if isinstance(weathering, SceneWeathering) else ""
 
 
 def _scene_note(scene: Scene) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from PIL import Image
 
 from svbrdfgan.cli import main
 from svbrdfgan.io import load_mesh, load_texture, save_mesh_glb
@@ -49,6 +50,17 @@ def test_many_draws_into_a_folder(car: Path, varied_run: Path, tmp_path: Path) -
     assert layers[0] != layers[1]
     assert texture(car, *asked, "--seed", 4, "-o", tmp_path / "alone.glb").exit_code == 0
     assert (tmp_path / "alone.glb").read_bytes() == (tmp_path / "many" / "car-4.glb").read_bytes()
+
+
+def test_a_sheet_of_draws_amounts_and_recipes(car: Path, varied_run: Path, tmp_path: Path) -> None:
+    words = ("--recipe", "rust", "--sheet", tmp_path / "sheet.png", "--renderer", "warp")
+    result = texture(car, "--model", varied_run, *words, "-o", tmp_path / "a.glb")
+    assert result.exit_code == 0, result.output
+    assert result.stdout.splitlines()[-1] == str(tmp_path / "sheet.png")
+    with Image.open(tmp_path / "sheet.png") as sheet:
+        assert sheet.size == (6 * 328 + 8, 3 * 272 + 8)
+        cells = [sheet.crop((8 + 328 * column, 44, 328 * column + 328, 244)).tobytes() for column in range(6)]
+    assert len(set(cells)) == 6
 
 
 @pytest.mark.parametrize(

@@ -192,6 +192,7 @@ def test_the_folder_goes_on_without_the_run(folder: Path, declared: Made, tmp_pa
     assert pictures(folder) == whole
 
 
+@pytest.mark.full
 def test_baked_ahead_they_are_the_same(folder: Path, declared: Made, base: Path, tmp_path: Path) -> None:
     generate(declared(), tmp_path / "again", base=base, workers=2)
     assert pictures(tmp_path / "again") == pictures(folder)

@@ -96,6 +96,7 @@ def test_the_model_paints_every_map_and_its_glb_says_so(run: Path, vehicles: Pat
     assert read["tyre"].file_maps == {}
 
 
+@pytest.mark.full
 def test_every_map_is_scored(run: Path) -> None:
     evaluated = evaluate(run, split="validation", device="cpu", schedule=OracleConfig(every=2, steps=2))
     scores = evaluated.evaluation.maps

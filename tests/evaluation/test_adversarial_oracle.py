@@ -27,7 +27,8 @@ from svbrdfgan.networks import Generator, make_generator
 from svbrdfgan.networks.saved import load_generator, save_generator
 from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.config import TrainConfig, train_config
-from svbrdfgan.training.run import ORACLE, ORACLE_NOTES, RunConfig
+from svbrdfgan.training.metrics_log import read_metrics
+from svbrdfgan.training.run import LOG, ORACLE, ORACLE_NOTES, RunConfig
 from svbrdfgan.training.trainer import train
 
 CPU = torch.device("cpu")
@@ -140,6 +141,7 @@ def test_it_learns_from_as_many_layers_as_there_are_exemplars(varied_run: Path) 
         TrueLayers.of(exemplars, lambda index: torch.zeros(SIZE, SIZE), config, CPU)
 
 
+@pytest.mark.full
 def test_evaluation_trains_it_for_a_run_that_learns_a_distribution(varied_run: Path, tmp_path: Path) -> None:
     run = shutil.copytree(varied_run, tmp_path / "run")
     found = evaluate(run, split="validation", device="cpu").evaluation
@@ -161,6 +163,17 @@ def test_evaluation_trains_it_for_a_run_that_learns_a_distribution(varied_run: P
     assert (run / ORACLE).stat().st_mtime_ns == written
 
 
+@pytest.mark.full
+def test_a_run_that_was_continued_has_its_oracle_trained_anew(varied_run: Path, tmp_path: Path) -> None:
+    run = shutil.copytree(varied_run, tmp_path / "run")
+    assert evaluate(run, split="validation", device="cpu").evaluation.oracle_steps == 4
+    last = read_metrics(run)[-1]
+    with (run / LOG).open("a") as log:
+        log.write(json.dumps({**last, "step": 6}) + "\n")
+    for _ in range(2):
+        assert evaluate(run, split="validation", device="cpu").evaluation.oracle_steps == 6
+
+
 def test_an_oracle_of_an_earlier_version_is_not_taken_for_it(varied_run: Path, tmp_path: Path) -> None:
     run = shutil.copytree(varied_run, tmp_path / "run")
     earlier = RunConfig.load(run).train.generator.without_chance
@@ -169,6 +182,7 @@ def test_an_oracle_of_an_earlier_version_is_not_taken_for_it(varied_run: Path, t
     assert evaluate(run, split="validation", device="cpu").evaluation.draws_oracle is not None
 
 
+@pytest.mark.full
 def test_where_seeds_are_fixed_the_oracle_is_supervised(
     training_data: Callable[..., dict[str, Any]], tmp_path: Path
 ) -> None:

@@ -21,9 +21,11 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.evaluation.distribution import Comparison, compare_draws
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.record import Evaluation
+from svbrdfgan.inference.apply import choose_draw
 from svbrdfgan.metrics.constant import constant_layers
 from svbrdfgan.metrics.recovered import Scorer
 from svbrdfgan.networks import Conditions
+from svbrdfgan.training.run import load_model
 from svbrdfgan.weathering import find_site, recipe_from_options, weather
 
 CPU = torch.device("cpu")
@@ -85,6 +87,7 @@ def score(dataset: Dataset, exemplars: Exemplars) -> Callable[..., Comparison]:
     return found
 
 
+@pytest.mark.full
 def test_draws_of_the_recipe_resemble_it_and_others_do_not(score: Callable[..., Comparison]) -> None:
     learned = score().resemblance["it"]
     assert (learned.subjects, learned.draws) == (1, 16)
@@ -96,6 +99,7 @@ def test_draws_of_the_recipe_resemble_it_and_others_do_not(score: Callable[..., 
     assert biased.amount < 0.5 < 0.9 < learned.amount, biased.lines()
 
 
+@pytest.mark.full
 def test_figures_of_the_recipe_are_the_truths_and_others_are_off(score: Callable[..., Comparison]) -> None:
     learned = score().figures
     assert set(learned) == {"it", "truth"}
@@ -115,8 +119,16 @@ def test_figures_of_the_recipe_are_the_truths_and_others_are_off(score: Callable
     assert biased.correlation > 0.9, "it has too little, but more where more is asked for"
 
 
-def test_a_run_with_chance_has_the_score_in_its_record(varied_run: Path) -> None:
-    found = evaluate(varied_run, split="validation", device="cpu", oracle=False).evaluation
+def test_a_run_with_chance_has_the_score_in_its_record_and_paints_exemplars_as_they_are(varied_run: Path) -> None:
+    evaluated = evaluate(varied_run, split="validation", device="cpu", oracle=False)
+    model = load_model(varied_run)
+    for index, scene in enumerate(evaluated.source.exemplars.scenes):
+        weathering: Any = scene.weathering
+        draw = choose_draw(model, amount=weathering.amount, recipe=weathering.recipe)
+        layer = draw(evaluated.source.geometry([index]))[0]
+        torch.testing.assert_close(evaluated.layers_of(index)["generated"], layer, atol=1e-3, rtol=0)
+        assert not torch.equal(layer, evaluated.layers["generated"][0]), "that has the middle amount"
+    found = evaluated.evaluation
     assert found.draws is not None
     assert found.draws.draws == 16
     assert found.resemblance == found.draws.resemblance

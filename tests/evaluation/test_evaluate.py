@@ -88,7 +88,7 @@ def test_layers_are_painted_on_every_subject(evaluated: Evaluated) -> None:
 
 
 def test_pictures_show_the_same_scene_under_each_layer(evaluated: Evaluated) -> None:
-    shown = pictures(evaluated.source, 1, evaluated.layers)
+    shown = pictures(evaluated.source, 1, evaluated.layers_of(1))
     assert set(shown) == {"generated", "oracle", "constant", "truth"}
     bare = evaluated.source.fake_scenes._stored((1, 0)).coverage == 0  # type: ignore[union-attr]
     for picture in shown.values():

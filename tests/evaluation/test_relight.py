@@ -14,6 +14,7 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
+from svbrdfgan.evaluation.evaluate import by_subject
 from svbrdfgan.evaluation.relight import Relight, Relighter, Relit
 from svbrdfgan.io import save_environment
 from svbrdfgan.plugins import load_renderer
@@ -39,7 +40,9 @@ def relight(
 ) -> Relit:
     index = Dataset.open(folder).index
     relighter = Relighter.make(Relight(**how), index)
-    return relighter.relit(exemplars, index.sampler("train"), renderer, layers, lambda done: None)
+    return relighter.relit(
+        exemplars, index.sampler("train"), renderer, by_subject(exemplars, layers), lambda done: None
+    )
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import torch.nn.functional as F
 
 from svbrdfgan.data.config import DatasetConfig, MeshSource, SplitConfig
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation.evaluate import Evaluated
+from svbrdfgan.evaluation.evaluate import Evaluated, by_subject
 from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.geometry.bake import bake
 from svbrdfgan.geometry.rasterize import Fragments
@@ -125,13 +125,18 @@ def make_evaluated(names: tuple[str, ...] = ("sedan_1", "van_2"), views: int = 2
     )
     dataset = DatasetConfig(splits={"train": SplitConfig(meshes=MeshSource(files=("cars/*.glb",)))})
     config = RunConfig(train=train, dataset=dataset, dataset_folder="nowhere", versions={"svbrdfgan": "1.2.3"})
-    return Evaluated(evaluation, config, source, layers)
+    return Evaluated(evaluation, config, source, layers, by_subject(source.exemplars, layers))
 
 
 def without_oracle(evaluated: Evaluated) -> Evaluated:
     unknown = dict.fromkeys(("oracle", "fraction", "oracle_plateau", "oracle_steps", "flip_oracle"))
     layers = {name: layer for name, layer in evaluated.layers.items() if name != "oracle"}
-    return replace(evaluated, evaluation=evaluated.evaluation.model_copy(update=unknown), layers=layers)
+    return replace(
+        evaluated,
+        evaluation=evaluated.evaluation.model_copy(update=unknown),
+        layers=layers,
+        layers_of=by_subject(evaluated.source.exemplars, layers),
+    )
 
 
 def without_weathering(evaluated: Evaluated) -> Evaluated:

@@ -34,6 +34,14 @@ def test_the_report_has_the_sheets(varied: Evaluated, varied_run: Path) -> None:
     page = write_report(varied_run, varied).read_text(encoding="utf-8")
     assert "<h2>Draws</h2>" in page
     assert "Amount 0.20" in page
+    assert "<h2>Close-ups</h2>" in page
+
+
+def test_close_ups_show_the_truth_and_the_same_place_as_learned(varied: Evaluated) -> None:
+    (found,) = varied.close_ups
+    assert set(found.pictures) == {"reference", "truth", "generated", "constant"}
+    assert found.coverage.mean() > 0.5, "it is near"
+    assert found.flips()["truth"] < found.flips()["generated"]
 
 
 def test_a_generator_of_one_layer_has_none(varied: Evaluated) -> None:

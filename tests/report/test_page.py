@@ -116,7 +116,7 @@ def test_maps_and_relit_pictures_are_shown(run: Path, evaluated) -> None:
 
 def test_a_rising_oracle_is_called_so(run: Path, evaluated) -> None:
     rising = evaluated.evaluation.model_copy(update={"oracle_plateau": False})
-    page = write(run, type(evaluated)(rising, evaluated.config, evaluated.source, evaluated.layers))
+    page = write(run, replace(evaluated, evaluation=rising))
     assert "Still rising after 2,300 steps" in page.words
     assert "At its plateau" not in page.words
 

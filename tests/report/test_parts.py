@@ -7,6 +7,7 @@ import matplotlib
 import pytest
 import torch
 
+from svbrdfgan.evaluation.evaluate import by_subject
 from svbrdfgan.metrics.resemblance import Resemblance
 from svbrdfgan.report.curves import Curve, Level, LineChart, charts, draw
 from svbrdfgan.report.facts import duration, flip_bars, half_way, relit_bars, summary, verdict
@@ -50,7 +51,8 @@ def test_the_error_map_covers_seen_learnable_texels_alone(evaluated) -> None:
 
 
 def test_a_perfect_layer_has_no_error(evaluated) -> None:
-    perfect = replace(evaluated, layers={**evaluated.layers, "generated": evaluated.layers["oracle"]})
+    layers = {**evaluated.layers, "generated": evaluated.layers["oracle"]}
+    perfect = replace(evaluated, layers=layers, layers_of=by_subject(evaluated.source.exemplars, layers))
     notes = [shown.note for shown in textured(perfect, 0, 1.0).pictures]
     assert "mean 0.000" in notes
     assert error_scale(perfect, [0, 2]) == 0.05

@@ -1,0 +1,67 @@
+"""Close-ups: a small part of a vehicle under the true layer and the learned ones, where texels can be told apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from torch import Tensor
+
+from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.evaluation.relight import RelitScene, render_under
+from svbrdfgan.geometry.camera_hits import camera_hits
+from svbrdfgan.protocols import Renderer
+from svbrdfgan.scene.description import SceneWeathering
+from svbrdfgan.scene.subject import Subject
+from svbrdfgan.types import Camera, View
+
+_COUNT = 3
+_ZOOM = 4.0
+_PIXELS = 256
+
+
+def close_ups(
+    exemplars: Exemplars,
+    renderer: Renderer[Any],
+    layers_of: Callable[[int], Mapping[str, Float[Tensor, "rows cols channels"]]],
+) -> tuple[RelitScene, ...]:
+    """Of up to three vehicles, evenly spread, the middle of the exemplar with the greatest amount, four times nearer.
+
+    They are chosen regardless of what was learned.
+
+    Args:
+        layers_of: an exemplar's layers, by what painted them.
+    """
+    weathered = [list(filter(exemplars.weathered, exemplars.views_of(n))) for n in range(len(exemplars.subjects))]
+    chosen = [max(views, key=lambda view: _amount(exemplars, view)) for views in weathered if views]
+    spread = sorted({round(n) for n in np.linspace(0, len(chosen) - 1, min(_COUNT, len(chosen)))})
+    found = []
+    for exemplar in (chosen[n] for n in spread):
+        scene, subject, truth = exemplars.scenes[exemplar], exemplars.subject(exemplar), exemplars.layers[exemplar]
+        assert truth is not None
+        view = _nearer(subject, exemplars.loader.view(scene))
+        layers = {**layers_of(exemplar), "truth": truth}
+        found.append(render_under(scene, view, subject, renderer, renderer.prepare(subject.surface), layers))
+    return tuple(found)
+
+
+def _amount(exemplars: Exemplars, exemplar: int) -> float:
+    weathering = exemplars.scenes[exemplar].weathering
+    assert isinstance(weathering, SceneWeathering)
+    return weathering.amount
+
+
+def _nearer(subject: Subject, view: View) -> View:
+    """The view of the learnable point in the picture that is nearest to the middle of all of them."""
+    hits = camera_hits(subject.surface, view.camera, view.width, view.height)
+    rows, cols = np.nonzero(np.isin(hits.part, subject.learnable))
+    if not len(rows):
+        return view
+    nearest = np.argmin((rows - rows.mean()) ** 2 + (cols - cols.mean()) ** 2)
+    x, y, z = hits.interpolate(subject.surface.positions)[rows[nearest], cols[nearest]].tolist()
+    old = view.camera
+    camera = Camera(old.origin, (x, y, z), old.up, old.vertical_fov / _ZOOM)
+    return replace(view, camera=camera, width=_PIXELS, height=_PIXELS)
