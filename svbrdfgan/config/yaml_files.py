@@ -2,6 +2,9 @@
 
 Plain values are read by the rules of YAML 1.2: `1e-3` is a number; `no`, `010`, `1:30` and `2024-01-01` are text. By
 PyYAML's own rules, those of 1.1, all five are something else; ruamel.yaml makes numbers of `010` and objects of dates.
+
+Files may come from strangers. So tags are not read, and what aliases and merge keys stand for is bounded: a few
+lines of aliases to aliases would else fill the memory.
 """
 
 from __future__ import annotations
@@ -15,12 +18,16 @@ import yaml
 
 from svbrdfgan.errors import ConfigError
 
+MOST_VALUES = 1_000_000
+"""Values in a file: a manifest of 10,000 pictures has some 200,000."""
+
 
 def load_yaml(path: Path) -> dict[str, Any]:
     """The mapping that a YAML file holds.
 
     Raises:
-        ConfigError: the file is missing, is not YAML, repeats a key, or is not a mapping.
+        ConfigError: the file is missing, is not YAML, repeats a key, has tags, stands for more than `MOST_VALUES`, or
+            is not a mapping.
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
@@ -71,14 +78,47 @@ def _parse(text: str, source: str) -> Any:
         mark = error.problem_mark
         where = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
         raise ConfigError(f"{source}{where}: {error.problem}.") from error
-    except (yaml.YAMLError, RecursionError, ValueError) as error:  # ValueError: a tag that does not fit, as !!int x
+    except RecursionError as error:
+        raise ConfigError(f"{source}: is nested too deeply.") from error
+    except (yaml.YAMLError, ValueError) as error:
         raise ConfigError(f"{source}: is not YAML: {str(error).splitlines()[0]}.") from error
 
 
+def _require_few_values(node: yaml.Node, counted: dict[int, int]) -> int:
+    """The number of values in a node, with each alias replaced by what it stands for."""
+    if id(node) in counted:
+        if not counted[id(node)]:
+            raise yaml.composer.ComposerError(None, None, "an alias stands for what it lies in", node.start_mark)
+        return counted[id(node)]
+    counted[id(node)] = 0
+    inner = [] if isinstance(node, yaml.ScalarNode) else node.value
+    pieces = [piece for each in inner for piece in (each if isinstance(each, tuple) else (each,))]
+    total = 1 + sum(_require_few_values(piece, counted) for piece in pieces)
+    if total > MOST_VALUES:
+        problem = f"with what aliases stand for, it has more than {MOST_VALUES:,} values"
+        raise yaml.composer.ComposerError(None, None, problem, node.start_mark)
+    counted[id(node)] = total
+    return total
+
+
 class _Loader(yaml.SafeLoader):
-    """The safe loader, with the plain values of YAML 1.2; refuses repeated keys and keys that are not text."""
+    """The safe loader, with the plain values of YAML 1.2; refuses repeated keys, keys that are not text, and tags."""
 
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # replaces the rules of 1.1
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        event = self.peek_event()
+        if (tag := getattr(event, "tag", None)) is not None:
+            raise yaml.composer.ComposerError(
+                None, None, f"the tag {tag!r} is not read; leave it out", event.start_mark
+            )
+        return super().compose_node(parent, index)
+
+    def get_single_node(self) -> yaml.Node | None:
+        root = super().get_single_node()
+        if root is not None:
+            _require_few_values(root, {})
+        return root
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen = set()
@@ -95,7 +135,7 @@ _TEXT, _MERGE = "tag:yaml.org,2002:str", "tag:yaml.org,2002:merge"
 for _tag, _pattern, _first in (
     ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
     ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
-    ("int", r"[-+]?(?:0|[1-9][0-9_]*)|0x[0-9a-fA-F]+", list("-+0123456789")),
+    ("int", r"[-+]?(?:0|[1-9][0-9_]{0,30})|0x[0-9a-fA-F]{1,16}", list("-+0123456789")),
     (
         "float",
         r"[-+]?(?:\.[0-9]+|[0-9]+\.[0-9]*)(?:[eE][-+]?[0-9]+)?|[-+]?[0-9]+[eE][-+]?[0-9]+",

@@ -19,8 +19,8 @@ class ProceduralMeshes(StrictModel):
     """Procedural vehicles. Each seed gives other vehicles; splits need different seeds."""
 
     count: int = Field(ge=1)
-    kinds: tuple[str, ...] = ("sedan", "hatchback", "van", "pickup")
-    seed: int = 0
+    kinds: tuple[str, ...] = Field(default=("sedan", "hatchback", "van", "pickup"), min_length=1)
+    seed: int = Field(default=0, ge=0, lt=2**63)
 
 
 class ProceduralSkies(StrictModel):
@@ -28,7 +28,7 @@ class ProceduralSkies(StrictModel):
 
     count: int = Field(ge=1)
     kind: Literal["outdoor", "indoor"] = "outdoor"
-    seed: int = 0
+    seed: int = Field(default=0, ge=0, lt=2**63)
 
 
 class MeshSource(StrictModel):
@@ -106,7 +106,7 @@ PAINTS = (
 class DatasetConfig(StrictModel):
     """A whole data set. One of imported pictures has no `weathering`, since theirs is unknown."""
 
-    seed: int = 0
+    seed: int = Field(default=0, ge=0, lt=2**63)
     image: tuple[Annotated[int, Field(ge=8, le=8192)], Annotated[int, Field(ge=8, le=8192)]] = (256, 256)
     texture: int = Field(default=256, ge=16, le=4096, multiple_of=4)
     spp: int = Field(default=64, ge=1)

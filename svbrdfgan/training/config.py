@@ -93,7 +93,7 @@ class TrainConfig(StrictModel):
 
     dataset: str
     recipe: Literal["default", "thesis"] = "default"
-    seed: int = 0
+    seed: int = Field(default=0, ge=0, lt=2**63)
     steps: int = Field(default=20000, ge=1)
     minutes: float | None = Field(default=None, gt=0, description="stop earlier, after so much training time")
     batch_size: int = Field(default=16, ge=1)

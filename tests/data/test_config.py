@@ -57,6 +57,9 @@ def test_a_plugin_is_a_name_or_a_name_with_options(written: Any, dataset_data: D
     [
         ({"sed": 1}, r"unknown key 'sed'; did you mean 'seed'\?"),
         ({"seed": "one"}, "seed: 'one' is not allowed"),
+        ({"seed": -1}, "seed: -1 is not allowed"),
+        ({"splits": {"train": {"meshes": {"procedural": {"count": 1, "seed": -1}}}}}, "seed: -1 is not allowed"),
+        ({"splits": {"train": {"meshes": {"procedural": {"count": 1, "kinds": []}}}}}, r"kinds: \[\] is not allowed"),
         ({"image": [64]}, "image"),
         ({"image": [4, 64]}, r"image\[0\].*at least 8"),
         ({"texture": 30}, "texture"),
