@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -65,13 +65,13 @@ def read_floats(path: Path) -> tuple[tuple[str, ...], Float[ndarray, "height wid
 
     source = oiio.ImageInput.open(str(path))
     if source is None:
-        raise AssetError(f"{path} cannot be read as a picture: {_sentence(oiio.geterror(), path)}.")
+        raise AssetError(f"{path} cannot be read as a picture: {_sentence(_message(oiio.geterror), path)}.")
     spec = source.spec()
     if spec.width * spec.height * spec.nchannels > 4 * MAX_PIXELS:
         source.close()
         raise AssetError(f"{path} claims {spec.width} x {spec.height} pixels, which is beyond use; export it again.")
     values = source.read_image("float")
-    reason = source.geterror()
+    reason = _message(source.geterror)
     source.close()
     if values is None:
         raise AssetError(f"{path} is damaged or cut short: {_sentence(reason, path)}.")
@@ -97,10 +97,18 @@ def write_floats(
     with atomic_path(path) as temporary:
         target = oiio.ImageOutput.create(str(temporary))
         if target is None:
-            raise OSError(_sentence(oiio.geterror(), path))
+            raise OSError(_sentence(_message(oiio.geterror), path))
         done = target.open(str(temporary), spec) and target.write_image(np.ascontiguousarray(values, dtype=np.float32))
         if not (target.close() and done):
-            raise OSError(_sentence(target.geterror() or oiio.geterror(), path))
+            raise OSError(_sentence(_message(target.geterror) or _message(oiio.geterror), path))
+
+
+def _message(error: Callable[[], str]) -> str:
+    """The library's message, which quotes the file: it need not be text."""
+    try:
+        return error()
+    except UnicodeDecodeError:
+        return "its header is no text"
 
 
 def _sentence(message: str, path: Path) -> str:

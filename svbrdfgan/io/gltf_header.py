@@ -151,7 +151,7 @@ def _material(material: dict[str, Any]) -> HeaderMaterial:
     red, green, blue, alpha = (float(value) for value in pbr.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0)))
     extras = material.get("extras")
     return HeaderMaterial(
-        name=material.get("name"),
+        name=name if isinstance(name := material.get("name"), str) else None,
         base_color=(red, green, blue),
         alpha=alpha,
         normal_scale=float(material.get("normalTexture", {}).get("scale", 1.0)),

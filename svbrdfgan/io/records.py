@@ -43,3 +43,5 @@ def load_json(path: Path) -> Any:
         raise AssetError(f"{path} cannot be read: {error.strerror or error}.") from error
     except ValueError as error:
         raise AssetError(f"{path} is not valid JSON: {error}.") from error
+    except RecursionError as error:
+        raise AssetError(f"{path} is nested too deeply.") from error

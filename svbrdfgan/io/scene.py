@@ -51,20 +51,23 @@ class Neighbours:
     def get(self, name: str) -> bytes:
         """The bytes of a file, by its path relative to the mesh's folder, or by its file name in that folder.
 
-        A missing file causes a warning. A missing image is returned as empty bytes, because the mesh loads without it.
+        Files outside of that folder are not read, whatever the mesh names: it may come from a stranger, and what it
+        names may be a device that never ends. A missing file causes a warning. A missing image is returned as empty
+        bytes, because the mesh loads without it.
 
         Raises:
             FileNotFoundError: a file that is not an image is missing.
         """
-        plain = name.strip().replace("\\", "/")
+        plain, folder = name.strip().replace("\\", "/"), self.path.parent.resolve()
         for candidate in (plain, unquote(plain), Path(unquote(plain)).name):
-            if candidate and (self.path.parent / candidate).is_file():
-                data = (self.path.parent / candidate).read_bytes()
+            found = (folder / candidate).resolve()
+            if found.is_file() and found.is_relative_to(folder):
+                data = found.read_bytes()
                 return as_utf8(data) if candidate.lower().endswith(".mtl") else data
-        log.warning("%s names the file '%s', which is missing", self.path, name.strip())
+        log.warning("%s names the file '%s', which is missing or outside of its folder", self.path, name.strip())
         if (mimetypes.guess_type(plain)[0] or "").startswith("image/"):
             return b""
-        raise FileNotFoundError(f"the file '{name.strip()}' that it names is missing")
+        raise FileNotFoundError(f"the file '{name.strip()}' that it names is missing or outside of its folder")
 
     __getitem__ = get
 
@@ -131,7 +134,9 @@ def _own_uv(geometry: Any) -> Float[ndarray, "vertices 2"] | None:
     import trimesh
 
     uv = geometry.visual.uv if isinstance(geometry.visual, trimesh.visual.TextureVisuals) else None
-    return None if uv is None or len(uv) != len(geometry.vertices) else np.asarray(uv, dtype=np.float64)[:, :2]
+    if uv is None or len(uv) != len(geometry.vertices) or np.ndim(uv) != 2 or uv.shape[1] < 2:
+        return None  # an OBJ file may have lines of one coordinate
+    return np.asarray(uv, dtype=np.float64)[:, :2]
 
 
 def _further_uv(path: Path, geometry: Any, uv_set: UVSet) -> Float[ndarray, "vertices 2"]:

@@ -186,3 +186,12 @@ def test_codes_are_stored_as_they_are(bits: Any, kind: type, most: int, tmp_path
         stored = np.asarray(image)
     assert stored.dtype == kind
     assert stored.tolist() == codes.tolist()
+
+
+def test_an_exr_whose_header_is_no_text_is_told(tmp_path: Path) -> None:
+    """The library quotes it in its message, which then cannot be decoded."""
+    save_exr(tmp_path / "a.exr", {"R": torch.zeros(4, 4)})
+    broken = (tmp_path / "a.exr").read_bytes().replace(b"channels\0chlist\0", b"channels\0chl\xffst\0")
+    (tmp_path / "a.exr").write_bytes(broken)
+    with pytest.raises(AssetError, match="cannot be read as a picture: its header is no text"):
+        load_exr(tmp_path / "a.exr")

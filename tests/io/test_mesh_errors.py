@@ -140,3 +140,34 @@ def test_a_path_that_is_missing_or_a_folder(tmp_path: Path) -> None:
     (tmp_path / "folder.glb").mkdir()
     with pytest.raises(AssetError, match="is a folder"):
         load_mesh(tmp_path / "folder.glb")
+
+
+@pytest.mark.parametrize("named", ["../secret.mtl", "{folder}/secret.mtl", "linked.mtl", "..\\secret.mtl"])
+def test_what_a_mesh_names_outside_of_its_folder_is_not_read(
+    named: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "secret.mtl").write_text("newmtl paint\nKd 1 0 0\n")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "linked.mtl").symlink_to(tmp_path / "secret.mtl")
+    lines = f"mtllib {named.format(folder=tmp_path)}\n{TRIANGLE}usemtl paint\nf 1 2 3\n"
+    (tmp_path / "mine" / "a.obj").write_text(lines)
+    assert load_mesh(tmp_path / "mine" / "a.obj").parts[0].base_color == (0.8, 0.8, 0.8)
+    assert "which is missing or outside of its folder" in caplog.text
+
+
+def test_a_device_is_not_waited_for(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text(f"mtllib /dev/zero\nmtllib /proc/kmsg\n{TRIANGLE}usemtl paint\nf 1 2 3\n")
+    assert len(load_mesh(tmp_path / "a.obj").faces) == 1
+
+
+@pytest.mark.parametrize("name", [{"a": 1}, ["a"], 7, True, None])
+def test_a_material_s_name_that_is_no_text_is_none(name: object, tmp_path: Path) -> None:
+    primitive = {"attributes": {"POSITION": 0}, "material": 0}
+    header = gltf(meshes=[{"primitives": [primitive]}], materials=[{"name": name}])
+    (tmp_path / "a.glb").write_bytes(glb(header, CORNERS))
+    assert [part.name for part in load_mesh(tmp_path / "a.glb").parts] == ["a"]
+
+
+def test_texture_coordinates_of_one_number_are_none(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text(f"{TRIANGLE}vt 0\nvt 1\nvt 2\nf 1/1 2/2 3/3\n")
+    assert load_mesh(tmp_path / "a.obj").uv is None
