@@ -20,7 +20,6 @@ from svbrdfgan.types import Camera, View
 
 _COUNT = 3
 _ZOOM = 4.0
-_PIXELS = 256
 
 
 def close_ups(
@@ -43,7 +42,7 @@ def close_ups(
         scene, subject, truth = exemplars.scenes[exemplar], exemplars.subject(exemplar), exemplars.layers[exemplar]
         assert truth is not None
         view = _nearer(subject, exemplars.loader.view(scene))
-        layers = {**layers_of(exemplar), "truth": truth}
+        layers = {name: layer for name, layer in layers_of(exemplar).items() if name != "constant"} | {"truth": truth}
         found.append(render_under(scene, view, subject, renderer, renderer.prepare(subject.surface), layers))
     return tuple(found)
 
@@ -55,7 +54,7 @@ def _amount(exemplars: Exemplars, exemplar: int) -> float:
 
 
 def _nearer(subject: Subject, view: View) -> View:
-    """The view of the learnable point in the picture that is nearest to the middle of all of them."""
+    """The view of the learnable point in the picture that is nearest to the middle of all of them; as many pixels."""
     hits = camera_hits(subject.surface, view.camera, view.width, view.height)
     rows, cols = np.nonzero(np.isin(hits.part, subject.learnable))
     if not len(rows):
@@ -64,4 +63,5 @@ def _nearer(subject: Subject, view: View) -> View:
     x, y, z = hits.interpolate(subject.surface.positions)[rows[nearest], cols[nearest]].tolist()
     old = view.camera
     camera = Camera(old.origin, (x, y, z), old.up, old.vertical_fov / _ZOOM)
-    return replace(view, camera=camera, width=_PIXELS, height=_PIXELS)
+    side = max(8, round((view.width * view.height) ** 0.5))
+    return replace(view, camera=camera, width=side, height=side)
