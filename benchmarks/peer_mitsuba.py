@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 Arrays = Mapping[str, np.ndarray]
-"""The scene's file: `svbrdfgan.bench.scene` says what is in it."""
+"""The scene's file: `svbrdfgan.bench.bench_scene` says what is in it."""
 
 
 def main() -> None:

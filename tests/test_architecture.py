@@ -24,8 +24,6 @@ ROOMS = (
     *("experiments", "bench", "testing", "cli"),
 )
 """The rooms of the core, lowest first: each imports only from itself and from those before it."""
-ALIASES = ("refusals",)
-"""Deprecated modules that only pass names on."""
 
 
 def imports(source: str, module: str, is_package: bool = False) -> Iterator[str]:
@@ -52,8 +50,6 @@ def forbidden_in_core(module: str, names: Iterator[str]) -> list[str]:
     parts = module.split(".")
     if len(parts) == 1:
         below: tuple[str, ...] = ("svbrdfgan",)
-    elif parts[1] in ALIASES:
-        below = FOR_BACKENDS
     else:
         below = ("svbrdfgan.__version__", *(f"svbrdfgan.{room}" for room in ROOMS[: ROOMS.index(parts[1]) + 1]))
     return [
@@ -96,8 +92,7 @@ def test_the_core_imports_no_plugin_and_nothing_upward() -> None:
 def test_every_room_has_its_place() -> None:
     """A room is a package folder, or a loose module at the package's top."""
     entries = {path.stem for path in (REPOSITORY / "svbrdfgan").iterdir() if not path.name.startswith(("_", "py."))}
-    assert entries == {*ROOMS, *ALIASES}
-    assert len(entries) + len(("__init__.py", "py.typed")) <= 26
+    assert entries == set(ROOMS)
 
 
 @pytest.mark.parametrize("folder", PLUGINS, ids=lambda folder: folder.name)

@@ -18,8 +18,8 @@ from torch import Tensor
 from svbrdfgan.types import TransportSamples
 from svbrdfgan.types.material import CHANNELS
 from svbrdfgan_mitsuba.interop import dr, tensor
+from svbrdfgan_mitsuba.prepared_scene import CameraSamples, FilmChunk
 from svbrdfgan_mitsuba.rays import Hits
-from svbrdfgan_mitsuba.scene import CameraSamples, FilmChunk
 from svbrdfgan_mitsuba.textures import GradientAccumulator, Taps
 from svbrdfgan_mitsuba.vertex import PathTracer, Vertex, VertexValues
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from svbrdfgan_mitsuba.interop import dr
-from svbrdfgan_mitsuba.scene import PreparedSurface
+from svbrdfgan_mitsuba.prepared_scene import PreparedSurface
 from svbrdfgan_mitsuba.textures import Atlas
 
 OFFSET = 2e-5

@@ -12,7 +12,7 @@ from torch import Tensor
 from svbrdfgan.types import Gradients, Rendering, View
 from svbrdfgan_mitsuba.integrator import DirectSamples, PathIntegrator
 from svbrdfgan_mitsuba.interop import wait_for_torch
-from svbrdfgan_mitsuba.scene import FilmChunk
+from svbrdfgan_mitsuba.prepared_scene import FilmChunk
 from svbrdfgan_mitsuba.textures import GradientAccumulator
 
 KEPT = {"cpu": 2**22, "cuda": 2**26}

@@ -13,12 +13,12 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import Pullback, RendererCapabilities
 from svbrdfgan.rendering.validation import check_cotangent, check_device, check_radiance, check_render, check_transport
 from svbrdfgan.types import Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
-from svbrdfgan_mitsuba import scene, variant
+from svbrdfgan_mitsuba import variant
 from svbrdfgan_mitsuba.environment import EnvironmentEmitter
 from svbrdfgan_mitsuba.integrator import PathIntegrator
 from svbrdfgan_mitsuba.interop import wait_for_torch
+from svbrdfgan_mitsuba.prepared_scene import FilmChunk, PreparedCamera, PreparedSurface, film_chunks, prepare
 from svbrdfgan_mitsuba.render_pass import RenderPass
-from svbrdfgan_mitsuba.scene import FilmChunk, PreparedCamera, PreparedSurface, film_chunks
 from svbrdfgan_mitsuba.textures import NEUTRAL, MaterialMaps, snapshot
 from svbrdfgan_mitsuba.vertex import PathTracer
 
@@ -62,7 +62,7 @@ class MitsubaRenderer:
 
     def prepare(self, surface: Surface) -> PreparedSurface:
         """The surface and its search tree on the renderer's device."""
-        return scene.prepare(surface, self.device)
+        return prepare(surface, self.device)
 
     def render(self, prepared: PreparedSurface, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
         """The picture; see `Renderer.render`. Beyond it and its inputs, memory holds one chunk of the film."""

@@ -19,8 +19,8 @@ from svbrdfgan_mitsuba.bsdf import Bsdf, Lambertian, MetallicRoughness, cosine
 from svbrdfgan_mitsuba.environment import EnvironmentEmitter
 from svbrdfgan_mitsuba.interop import dr
 from svbrdfgan_mitsuba.normal_map import tilted_normal
+from svbrdfgan_mitsuba.prepared_scene import CameraSamples, PreparedCamera, PreparedSurface
 from svbrdfgan_mitsuba.rays import Hits, blocked, first_hits, leaving
-from svbrdfgan_mitsuba.scene import CameraSamples, PreparedCamera, PreparedSurface
 from svbrdfgan_mitsuba.textures import Lookup, MaterialMaps, Taps
 
 

@@ -13,7 +13,7 @@ from torch import Tensor
 from svbrdfgan_warp import alpha_kernels, emitter, material_kernels, trace_kernels
 from svbrdfgan_warp.device import launch
 from svbrdfgan_warp.frame import TangentSpace
-from svbrdfgan_warp.scene import FilmChunk, PreparedSurface, SampleRecords
+from svbrdfgan_warp.prepared_scene import FilmChunk, PreparedSurface, SampleRecords
 
 CHUNK = {"cpu": 2**15, "cuda": 2**22}
 """Camera samples at a time. A record takes 36 bytes, its radiance 12, and its gradients up to 56."""

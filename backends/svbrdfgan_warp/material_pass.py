@@ -16,8 +16,8 @@ from svbrdfgan_warp import material_kernels
 from svbrdfgan_warp.device import in_order, launch, quiet
 from svbrdfgan_warp.light_records import LightRecords, LightTracer
 from svbrdfgan_warp.materials import PackedMaps, as_array
+from svbrdfgan_warp.prepared_scene import FilmChunk
 from svbrdfgan_warp.render_pass import KEPT
-from svbrdfgan_warp.scene import FilmChunk
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from torch import Tensor
 from svbrdfgan.types import Gradients, Materials, Rendering, View
 from svbrdfgan_warp import texture_kernels
 from svbrdfgan_warp.device import in_order, launch
-from svbrdfgan_warp.scene import FilmChunk, SampleRecords, Tracer
+from svbrdfgan_warp.prepared_scene import FilmChunk, SampleRecords, Tracer
 
 KEPT = {"cpu": 2**22, "cuda": 2**26}
 """Most camera samples whose records are kept for a gradient; the backward pass traces the others again."""

@@ -21,7 +21,7 @@ from svbrdfgan.rendering.validation import (
 )
 from svbrdfgan.types import Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan.types.material import CHANNELS
-from svbrdfgan_warp import light_records, scene
+from svbrdfgan_warp import light_records, prepared_scene
 from svbrdfgan_warp.deferred_shading import ShadingPass
 from svbrdfgan_warp.device import choose_device, in_order
 from svbrdfgan_warp.environment import EmitterCache
@@ -29,8 +29,8 @@ from svbrdfgan_warp.frame import TangentSpace
 from svbrdfgan_warp.light_records import LightTracer
 from svbrdfgan_warp.material_pass import MaterialPass
 from svbrdfgan_warp.materials import linear_in_base_color
+from svbrdfgan_warp.prepared_scene import PreparedSurface, Tracer, film_chunks, prepare, prepare_camera
 from svbrdfgan_warp.render_pass import RenderPass
-from svbrdfgan_warp.scene import PreparedSurface, Tracer, film_chunks, prepare_camera
 from svbrdfgan_warp.stored_light import StoredLight, store_light
 
 CAPABILITIES = RendererCapabilities(
@@ -75,7 +75,7 @@ class WarpRenderer:
 
     def prepare(self, surface: Surface) -> PreparedSurface:
         """The surface and its BVH. The first call in a process loads or compiles the kernels."""
-        return scene.prepare(surface, self.device)
+        return prepare(surface, self.device)
 
     def render(self, prepared: PreparedSurface, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
         """The picture; unbiased. Beyond the picture and the inputs, memory holds only a few chunks of the film."""
@@ -115,7 +115,7 @@ class WarpRenderer:
         if prepared.alpha is not None:
             return self._transport_through(prepared, view, spp, seed)
         tracer = self._tracer(prepared, view)
-        chunks = film_chunks(view, spp, seed, scene.CHUNK[self.device.type])
+        chunks = film_chunks(view, spp, seed, prepared_scene.CHUNK[self.device.type])
         return in_order(lambda chunk: tracer(chunk).transport(), chunks, self.device)
 
     def store_light(
@@ -166,7 +166,7 @@ class WarpRenderer:
         check_render("warp", CAPABILITIES, prepared.parts, materials, spp=spp, wrt=wrt)
         light = "environment" in wrt
         if prepared.alpha is None and linear_in_base_color(materials):
-            chunks = film_chunks(view, spp, seed, scene.CHUNK[self.device.type])
+            chunks = film_chunks(view, spp, seed, prepared_scene.CHUNK[self.device.type])
             return RenderPass.of(self._tracer(prepared, view, light_samples=light), view, chunks, materials)
         return self._material_pass(prepared, materials, view, spp, seed, dark=light)
 

@@ -18,7 +18,7 @@ from svbrdfgan_warp import alpha_kernels, deferred_kernels, light_records, trace
 from svbrdfgan_warp.deferred_kernels import REDRAWS
 from svbrdfgan_warp.device import in_order, launch, quiet
 from svbrdfgan_warp.emitter import EnvironmentEmitter
-from svbrdfgan_warp.scene import FilmChunk, PreparedSurface, film_chunks, prepare_camera
+from svbrdfgan_warp.prepared_scene import FilmChunk, PreparedSurface, film_chunks, prepare_camera
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,8 @@ import sys
 
 import torch
 
-from svbrdfgan.bench.measure import measure
-from svbrdfgan.bench.scene import BenchScene
+from svbrdfgan.bench.bench_scene import BenchScene
+from svbrdfgan.bench.time_renderer import measure
 from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.plugins import load_renderer
 

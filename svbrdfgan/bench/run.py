@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from svbrdfgan.bench.bench_scene import BenchScene
 from svbrdfgan.bench.cases import Case
 from svbrdfgan.bench.programs import Figures, Program, faster
-from svbrdfgan.bench.scene import BenchScene
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.plugins import RENDERERS, find_plugin, list_plugins
 from svbrdfgan.plugins.probe import probe_all

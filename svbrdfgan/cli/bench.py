@@ -11,10 +11,10 @@ import click
 from svbrdfgan.cli.display import print_table, progress
 
 if TYPE_CHECKING:
+    from svbrdfgan.bench.bench_scene import BenchScene
     from svbrdfgan.bench.cases import Case
     from svbrdfgan.bench.report import Report
     from svbrdfgan.bench.run import Maker
-    from svbrdfgan.bench.scene import BenchScene
 
 
 @click.command("bench")
@@ -97,7 +97,7 @@ def _makers(
 ) -> dict[str, Maker]:
     """How each scene is made, by its name; a mesh's is its file's."""
     from svbrdfgan.bench.cases import GLOSSY, STANDARD, VERTICES
-    from svbrdfgan.bench.scenes import glossy_scene, standard_scene, vehicle_scene
+    from svbrdfgan.bench.standard_scenes import glossy_scene, standard_scene, vehicle_scene
     from svbrdfgan.plugins import load_embedding
 
     def standard(case: Case) -> BenchScene:

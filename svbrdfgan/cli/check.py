@@ -183,9 +183,9 @@ def _show_pairs(name: str | None, profile: str, scenes: Sequence[str], output: s
     rows: list[Row] = []
     with progress("trying the renderers, each in its own process") as display:
         from svbrdfgan.testing.pairs import show
+        from svbrdfgan.testing.pairs.pair_scene import SCENES
         from svbrdfgan.testing.pairs.references import load_reference
         from svbrdfgan.testing.pairs.sampling import PROFILES
-        from svbrdfgan.testing.pairs.scenes import SCENES
         from svbrdfgan.testing.pairs.table import Table as PairsTable
         from svbrdfgan.testing.pairs.table import installed_renderers
 

@@ -80,7 +80,7 @@ class WeatheringDistribution(StrictModel):
     """The ground-truth generator G0 (thesis 4.2). A fixed seed makes the layer a function of the geometry.
 
     `options` must suit each of the recipes. With `model`, the folder of a run, its generator paints the layers instead;
-    `svbrdfgan.data.model` fills in what is left out.
+    `svbrdfgan.data.trained_model` fills in what is left out.
     """
 
     recipe: Name = Fixed[str](fixed="road-dirt")

@@ -16,7 +16,7 @@ from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.generate import render_scene, resolve_plugins, save_exemplar
 from svbrdfgan.data.index import make_index
 from svbrdfgan.data.labels import make_labels, save_labels
-from svbrdfgan.data.model import with_model
+from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.scene.loader import SceneLoader

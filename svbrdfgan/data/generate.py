@@ -17,8 +17,8 @@ from svbrdfgan.config.distributions import values_of
 from svbrdfgan.data.config import DatasetConfig, Split
 from svbrdfgan.data.index import Dataset, DatasetIndex, make_index
 from svbrdfgan.data.labels import make_labels, save_labels
-from svbrdfgan.data.model import with_model
 from svbrdfgan.data.prebake import prebake
+from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.exr import save_exr
 from svbrdfgan.plugins import load_embedding

@@ -11,8 +11,8 @@ from pathlib import Path
 from svbrdfgan.config.models import StrictModel, differences, validate
 from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, MeshSource, Split
 from svbrdfgan.data.gather import INDEX, gather_environments, gather_meshes, match_files
-from svbrdfgan.data.model import gather_model, warn_of_new_model
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset, MeshAsset
+from svbrdfgan.data.trained_model import gather_model, warn_of_new_model
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.records import load_json, save_record
 from svbrdfgan.scene.description import AssetRef, SceneModel

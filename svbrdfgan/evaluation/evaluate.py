@@ -26,11 +26,11 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.evaluation.adversarial_oracle import Budget
 from svbrdfgan.evaluation.close_up import close_ups
 from svbrdfgan.evaluation.distribution import compare_draws
-from svbrdfgan.evaluation.observed import Observation
+from svbrdfgan.evaluation.observable_texels import Observation
 from svbrdfgan.evaluation.oracle import LoadedSplit, OracleConfig, TrainedOracle, oracle_of
 from svbrdfgan.evaluation.record import Evaluation, MapScore, share
 from svbrdfgan.evaluation.relight import Relight, Relighter, RelitScene
-from svbrdfgan.metrics.constant import constant_layers
+from svbrdfgan.metrics.constant_layer import constant_layers
 from svbrdfgan.metrics.flip import display as as_displayed
 from svbrdfgan.metrics.flip import flip
 from svbrdfgan.metrics.recovered import Observed, Scorer

@@ -180,7 +180,7 @@ def oracle_of(
     drawing = learns_distribution(config.train.generator, config.dataset)
     stored = _stored(run, fabric.device)
     as_run = _budget_of(run, config.train)
-    if stored is not None and stored.adversarial == drawing:  # earlier versions had no adversarial one
+    if stored is not None and stored.adversarial == drawing:
         if budget is not None or stored.run_steps is None or stored.run_steps >= as_run.steps:
             return stored
         log.info("the oracle is trained anew: the run has made %d steps since", as_run.steps - stored.run_steps)

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
-
-from pydantic import BeforeValidator
 
 from svbrdfgan.config.models import StrictModel
 from svbrdfgan.data.config import Split
@@ -46,11 +43,6 @@ class MapScore(StrictModel):
     def beside(self, oracle: float | None) -> MapScore:
         """The same score beside what an oracle recovered."""
         return self.model_copy(update={"oracle": oracle, "fraction": share(self.recovered, oracle)})
-
-
-def _from_error(value: Any) -> Any:
-    """Earlier versions recorded the mean absolute error alone."""
-    return {"error": value} if isinstance(value, int | float) else value
 
 
 class Evaluation(StrictModel):
@@ -104,7 +96,7 @@ class Evaluation(StrictModel):
     constant: tuple[float, float, float, float]
     subjects: int
     exemplars: int
-    maps: dict[str, Annotated[MapScore, BeforeValidator(_from_error)]] = {}
+    maps: dict[str, MapScore] = {}
     resemblance: float | None = None
     draws: Resemblance | None = None
     resemblance_oracle: float | None = None

@@ -19,9 +19,9 @@ from svbrdfgan.evaluation.adversarial_oracle import Budget
 from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.experiments.contact_strip import CONTACT_STRIP, write_contact_strip
-from svbrdfgan.experiments.measures import measure
 from svbrdfgan.experiments.outcome import CEILING, OUTCOME, Ceiling, RunOutcome, ScorePoint
 from svbrdfgan.experiments.run_matrix import OracleSpec, RunSpec
+from svbrdfgan.experiments.run_metrics import measure
 from svbrdfgan.report.page import write_report
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.run import CONFIG, ORACLE, ORACLE_NOTES

@@ -14,8 +14,8 @@ from numpy import ndarray
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.files import check_file
+from svbrdfgan.io.mesh_pieces import Piece, read_pieces
 from svbrdfgan.io.rows import merge_rows
-from svbrdfgan.io.scene import Piece, read_pieces
 from svbrdfgan.types import Mesh, Part
 
 log = logging.getLogger(__name__)

@@ -117,7 +117,7 @@ def flip_bars(evaluation: Evaluation) -> list[Bar]:
 
 
 def relit_bars(evaluation: Evaluation) -> list[Bar]:
-    """Relit FLIP under each layer; none in records of earlier versions."""
+    """Relit FLIP under each layer; none where it was not measured."""
     its = evaluation
     return _bars(its.relit_flip_constant, its.relit_flip, its.relit_flip_oracle, its.relit_flip_truth)
 

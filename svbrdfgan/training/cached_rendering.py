@@ -25,7 +25,7 @@ from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.demodulation import Demodulator
 from svbrdfgan.training.perturb import Perturbation
-from svbrdfgan.training.scenes import (
+from svbrdfgan.training.scene_batch import (
     Coverage,
     Images,
     Layers,

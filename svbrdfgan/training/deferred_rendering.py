@@ -22,7 +22,7 @@ from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.reference_pictures import ReferencePictures
-from svbrdfgan.training.scenes import (
+from svbrdfgan.training.scene_batch import (
     Coverage,
     Images,
     Layers,

@@ -17,7 +17,7 @@ from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.reference_pictures import ReferencePictures
-from svbrdfgan.training.scenes import Coverage, Images, Layers, prepared_surface, seen_in_gradient, with_progress
+from svbrdfgan.training.scene_batch import Coverage, Images, Layers, prepared_surface, seen_in_gradient, with_progress
 from svbrdfgan.types import Rendering
 
 

@@ -18,7 +18,7 @@ from svbrdfgan.training.cached_rendering import demodulator_of
 from svbrdfgan.training.config import LossConfig, TrainConfig
 from svbrdfgan.training.demodulation import reproject
 from svbrdfgan.training.discriminator_batch import DiscriminatorBatch, ImageBatch, Pictures, composite_pair
-from svbrdfgan.training.scenes import Coverage, Images, Layers, SceneBatch
+from svbrdfgan.training.scene_batch import Coverage, Images, Layers, SceneBatch
 from svbrdfgan.training.state import State
 from svbrdfgan.utils.copy_async import copy_async
 

@@ -16,7 +16,7 @@ from lightning_fabric import Fabric
 
 from svbrdfgan.data.gather import INDEX
 from svbrdfgan.errors import ConfigError, TrainingError
-from svbrdfgan.metrics.constant import constant_layers
+from svbrdfgan.metrics.constant_layer import constant_layers
 from svbrdfgan.metrics.recovered import Scorer, mean_over_maps
 from svbrdfgan.networks import Draw
 from svbrdfgan.networks.saved import save_generator

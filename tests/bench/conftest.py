@@ -2,8 +2,8 @@
 
 import pytest
 
-from svbrdfgan.bench.scene import BenchScene
-from svbrdfgan.bench.scenes import standard_scene
+from svbrdfgan.bench.bench_scene import BenchScene
+from svbrdfgan.bench.standard_scenes import standard_scene
 
 
 @pytest.fixture(scope="session")

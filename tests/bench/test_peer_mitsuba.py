@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import torch
 
+from svbrdfgan.bench.bench_scene import BenchScene
 from svbrdfgan.bench.cases import Case
 from svbrdfgan.bench.programs import Program
-from svbrdfgan.bench.scene import BenchScene
-from svbrdfgan.bench.scenes import glossy_scene, standard_scene
+from svbrdfgan.bench.standard_scenes import glossy_scene, standard_scene
 from svbrdfgan.plugins import load_renderer
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="Mitsuba is not installed")

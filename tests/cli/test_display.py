@@ -244,7 +244,7 @@ LONG_WORK = [
     ("experiment --list", "svbrdfgan.experiments.definition.experiment_names", "reading the experiments"),
     ("render {scene} -o {out}/a.png", "svbrdfgan.scene.description.Scene.load", "loading"),
     ("bench", "svbrdfgan.bench.run.working_backends", "trying the renderers"),
-    ("bench --backend numpy", "svbrdfgan.bench.scenes.standard_scene", "programs"),
+    ("bench --backend numpy", "svbrdfgan.bench.standard_scenes.standard_scene", "programs"),
 ]
 
 

@@ -5,9 +5,9 @@ from importlib.util import find_spec
 import pytest
 
 from svbrdfgan.testing.pairs import show
+from svbrdfgan.testing.pairs.pair_scene import SCENES
 from svbrdfgan.testing.pairs.references import load_reference
 from svbrdfgan.testing.pairs.sampling import CI, SLOW, Profile
-from svbrdfgan.testing.pairs.scenes import SCENES
 from svbrdfgan.testing.pairs.table import Maker, Table, installed_renderers, maker
 
 FAST = Profile("fast", of_sum=0.03, of_block=0.2, runs=24, limit=2**24)

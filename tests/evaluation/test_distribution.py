@@ -22,7 +22,7 @@ from svbrdfgan.evaluation.distribution import Comparison, compare_draws
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.inference.apply import choose_draw
-from svbrdfgan.metrics.constant import constant_layers
+from svbrdfgan.metrics.constant_layer import constant_layers
 from svbrdfgan.metrics.recovered import Scorer
 from svbrdfgan.networks import Conditions
 from svbrdfgan.training.run import load_model

@@ -10,7 +10,7 @@ from lightning_fabric import Fabric
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation.oracle import Oracle, OracleConfig, _weights, train_oracle
-from svbrdfgan.metrics.constant import best_constants
+from svbrdfgan.metrics.constant_layer import best_constants
 from svbrdfgan.metrics.recovered import Scorer, Target, make_targets, mean_error, mean_errors
 from svbrdfgan.networks import Generator, GeneratorConfig
 from svbrdfgan.training.config import TrainConfig

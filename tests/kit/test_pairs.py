@@ -18,7 +18,8 @@ from svbrdfgan.protocols import RendererCapabilities
 from svbrdfgan.testing.pairs import show
 from svbrdfgan.testing.pairs.compare import FALSE_ALARMS, Cells, Runs, cells_of, compare
 from svbrdfgan.testing.pairs.make_reference import Work
-from svbrdfgan.testing.pairs.measure import (
+from svbrdfgan.testing.pairs.pair_scene import SCENES, TEXTURE, PairScene, SceneUnavailableError, make_scene, same_scene
+from svbrdfgan.testing.pairs.quantity import (
     QUANTITIES,
     RenderedScene,
     block_index,
@@ -28,7 +29,6 @@ from svbrdfgan.testing.pairs.measure import (
 )
 from svbrdfgan.testing.pairs.references import RUNS, Reference, Stored, load_reference
 from svbrdfgan.testing.pairs.sampling import CI, SLOW, Aim, sample
-from svbrdfgan.testing.pairs.scenes import SCENES, TEXTURE, PairScene, SceneUnavailableError, make_scene, same_scene
 from svbrdfgan.testing.pairs.table import Row, Table, comparisons, prepared
 from svbrdfgan.testing.scenes import lambertian
 from svbrdfgan.types import Gradients, Materials, Rendering, Surface, View

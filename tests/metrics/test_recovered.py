@@ -11,7 +11,7 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError
-from svbrdfgan.metrics.constant import best_constants
+from svbrdfgan.metrics.constant_layer import best_constants
 from svbrdfgan.metrics.recovered import Scorer, Target, make_targets, mean_error, mean_errors, near_poles
 from svbrdfgan.rendering.compositing import composite
 

@@ -19,7 +19,7 @@ from svbrdfgan.inference.apply import paint
 from svbrdfgan.inference.export import write_picture, write_weathered
 from svbrdfgan.io import load_environment, load_mesh
 from svbrdfgan.plugins.select import resolve_renderer
-from svbrdfgan.report.hero import FurtherColumn, write_hero
+from svbrdfgan.report.overview import FurtherColumn, write_overview
 from svbrdfgan.report.page import write_report
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.run import CONFIG, load_model
@@ -68,5 +68,5 @@ def run_demo(out: Path, display: Display) -> DemoResult:
     write_picture(vehicle.with_suffix(".png"), subject, layer, renderer, sky, PAINT, spp=_SPP)
     picture = out / "overview.png"
     column = FurtherColumn("on glossy paint", partial(glossy_picture, evaluated, renderer))
-    write_hero(run, evaluated, picture, further=column)
+    write_overview(run, evaluated, picture, further=column)
     return DemoResult(evaluated.evaluation, vehicle, write_report(run, evaluated), picture)

@@ -14,13 +14,11 @@ from svbrdfgan.rendering.transport.light_transport import LightTransport
 from svbrdfgan.rendering.transport.merge import Entries, Runs, segment_sums
 from svbrdfgan.types import Materials, TransportSamples, View
 from svbrdfgan.utils.copy_async import copy_async
-from svbrdfgan.utils.deprecation import renamed_keyword
 
 _MERGE_AT = 16_000_000
 """New entries, of 24 bytes each, that are collected before they are merged with all others."""
 
 
-@renamed_keyword("guide", "gbuffer")
 def build_transport(
     samples: Iterable[TransportSamples],
     *,

@@ -12,13 +12,10 @@ from torch import Tensor
 
 from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.utils.copy_async import copy_async
-from svbrdfgan.utils.deprecation import renamed_attribute
 
-_FORMAT = "svbrdfgan light transport 1"
+_FORMAT = "svbrdfgan light transport 2"
 _HALF_LIMIT = 32768.0
 """The greatest weight in half precision: about half of the greatest finite number, so that nothing overflows."""
-_STORED_NAMES = {"gbuffer": "guide"}
-"""Tensors whose name in the file is not that of the attribute: files of earlier versions stay readable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +48,6 @@ class LightTransport:
     gbuffer: Float[Tensor, "height width 6"]
     parts: tuple[int, ...]
     texture_shape: tuple[int, int]
-
-    guide = renamed_attribute("guide", "gbuffer")
 
     @property
     def texels(self) -> int:
@@ -100,8 +95,7 @@ class LightTransport:
     def save(self, path: Path) -> None:
         """Writes one safetensors file, atomically."""
         words = {"parts": self.parts, "texture_shape": self.texture_shape}
-        tensors = {_STORED_NAMES.get(name, name): tensor for name, tensor in self.tensors().items()}
-        save_tensors(path, _FORMAT, tensors, {name: ",".join(map(str, of)) for name, of in words.items()})
+        save_tensors(path, _FORMAT, self.tensors(), {name: ",".join(map(str, of)) for name, of in words.items()})
 
     @classmethod
     def load(cls, path: Path) -> LightTransport:
@@ -113,8 +107,7 @@ class LightTransport:
         with stored_tensors(path, _FORMAT, "delete it to have it traced again") as (tensors, words):
             rows, cols = (int(n) for n in words["texture_shape"].split(","))
             parts = tuple(int(n) for n in words["parts"].split(",") if n)
-            named = {name: tensors.pop(stored) for name, stored in _STORED_NAMES.items()}
-            transport = cls(**tensors, **named, parts=parts, texture_shape=(rows, cols))
+            transport = cls(**tensors, parts=parts, texture_shape=(rows, cols))
             transport._require_consistent()
         return transport
 

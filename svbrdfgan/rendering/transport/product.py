@@ -18,7 +18,6 @@ from torch.autograd.function import once_differentiable
 from svbrdfgan.rendering.transport.csr import CsrProduct
 from svbrdfgan.rendering.transport.light_transport import LightTransport
 from svbrdfgan.utils.copy_async import copy_async
-from svbrdfgan.utils.deprecation import renamed_attribute
 from svbrdfgan.utils.triton_works import triton_works
 
 
@@ -48,8 +47,6 @@ class TransportBatch:
 
     transports: tuple[LightTransport, ...]
     product: Product
-
-    guide = renamed_attribute("guide", "gbuffer")
 
     @classmethod
     def stack(cls, transports: Sequence[LightTransport]) -> TransportBatch:

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from svbrdfgan.testing.pairs.measure import Quantity
-from svbrdfgan.testing.pairs.scenes import PairScene
+from svbrdfgan.testing.pairs.pair_scene import PairScene
+from svbrdfgan.testing.pairs.quantity import Quantity
 from svbrdfgan.testing.statistics import Estimate, difference, estimate, least_bias, margin
 
 FALSE_ALARMS = 0.01

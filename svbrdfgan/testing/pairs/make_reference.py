@@ -22,10 +22,10 @@ from numpy import ndarray
 
 from svbrdfgan import __version__
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.testing.pairs.measure import QUANTITIES, RenderedScene, offered
+from svbrdfgan.testing.pairs.pair_scene import SCENES, SceneUnavailableError, make_scene
+from svbrdfgan.testing.pairs.quantity import QUANTITIES, RenderedScene, offered
 from svbrdfgan.testing.pairs.references import RUNS, SHIPPED, Reference, Stored, load_reference
 from svbrdfgan.testing.pairs.sampling import SLOW, Aim
-from svbrdfgan.testing.pairs.scenes import SCENES, SceneUnavailableError, make_scene
 from svbrdfgan.testing.pairs.table import comparisons, maker, prepared
 
 SPP = 8

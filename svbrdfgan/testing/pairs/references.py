@@ -17,8 +17,8 @@ from torch import Tensor
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.testing.pairs.compare import Runs
-from svbrdfgan.testing.pairs.measure import QUANTITIES
-from svbrdfgan.testing.pairs.scenes import PairScene, same_scene
+from svbrdfgan.testing.pairs.pair_scene import PairScene, same_scene
+from svbrdfgan.testing.pairs.quantity import QUANTITIES
 
 RUNS = 32
 """Independent runs stored apart, for the standard error; each round adds to all of them."""

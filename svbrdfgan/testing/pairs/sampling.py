@@ -14,8 +14,8 @@ from types import MappingProxyType
 import numpy as np
 
 from svbrdfgan.testing.pairs.compare import Runs, cells_of, limits
-from svbrdfgan.testing.pairs.measure import Quantity, RenderedScene
-from svbrdfgan.testing.pairs.scenes import PairScene
+from svbrdfgan.testing.pairs.pair_scene import PairScene
+from svbrdfgan.testing.pairs.quantity import Quantity, RenderedScene
 from svbrdfgan.testing.statistics import Estimate
 
 _PILOT = 16  # runs, of one sample per pixel

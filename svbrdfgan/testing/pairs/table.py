@@ -15,10 +15,10 @@ from svbrdfgan.plugins import RENDERERS, list_plugins, load_renderer
 from svbrdfgan.plugins.probe import probe_all
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.testing.pairs.compare import Comparison, Runs, compare
-from svbrdfgan.testing.pairs.measure import QUANTITIES, RenderedScene, offered
+from svbrdfgan.testing.pairs.pair_scene import SCENES, PairScene, SceneUnavailableError, make_scene
+from svbrdfgan.testing.pairs.quantity import QUANTITIES, RenderedScene, offered
 from svbrdfgan.testing.pairs.references import NOT_STORED, Reference
 from svbrdfgan.testing.pairs.sampling import Aim, Profile, sample
-from svbrdfgan.testing.pairs.scenes import SCENES, PairScene, SceneUnavailableError, make_scene
 
 Verdict = Literal["agree", "differ", "underpowered", "stale", "skipped"]
 

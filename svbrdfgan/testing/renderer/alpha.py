@@ -6,7 +6,7 @@ import numpy as np
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check, declared
-from svbrdfgan.testing.renderer.measure import Inputs, MeasuredKit, expected
+from svbrdfgan.testing.renderer.brightness import Inputs, MeasuredKit, expected
 from svbrdfgan.testing.statistics import numbers
 from svbrdfgan.types import Camera, Materials, Surface, View
 

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check, declared
-from svbrdfgan.testing.renderer.measure import Inputs, MeasuredKit, expected
+from svbrdfgan.testing.renderer.brightness import Inputs, MeasuredKit, expected
 from svbrdfgan.types import Environment, Materials, View
 
 GREY = scenes.lambertian((0.1, 0.1, 0.1))

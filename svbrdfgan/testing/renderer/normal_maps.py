@@ -11,7 +11,7 @@ from torch import Tensor
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import declared
-from svbrdfgan.testing.renderer.measure import Inputs, MeasuredKit, check_zero, expected
+from svbrdfgan.testing.renderer.brightness import Inputs, MeasuredKit, check_zero, expected
 from svbrdfgan.types import Material, Materials, Surface, View
 
 FRONT, BACK, ORIGIN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.0, 0.0, 0.0)

@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check
-from svbrdfgan.testing.renderer.measure import Inputs, MeasuredKit, expected
+from svbrdfgan.testing.renderer.brightness import Inputs, MeasuredKit, expected
 from svbrdfgan.testing.statistics import numbers
 from svbrdfgan.types import Camera, Environment, Rendering, View
 

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check, declared
-from svbrdfgan.testing.renderer.measure import Brightnesses, Inputs, MeasuredKit, check_zero, expected
+from svbrdfgan.testing.renderer.brightness import Brightnesses, Inputs, MeasuredKit, check_zero, expected
 from svbrdfgan.testing.statistics import numbers
 from svbrdfgan.types import Camera, Environment, Materials, Surface, View
 

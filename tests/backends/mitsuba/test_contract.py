@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 import torch
-from svbrdfgan_mitsuba import MitsubaRenderer, scene, variant
+from svbrdfgan_mitsuba import MitsubaRenderer, prepared_scene, variant
 from svbrdfgan_mitsuba.interop import dr, floats, tensor
-from svbrdfgan_mitsuba.scene import PreparedSurface
+from svbrdfgan_mitsuba.prepared_scene import PreparedSurface
 
 from svbrdfgan.errors import AssetError, ConfigError, PluginError, UnsupportedError
 from svbrdfgan.plugins import load_renderer
@@ -140,7 +140,7 @@ def test_the_size_of_a_chunk_changes_nothing(renderer: MitsubaRenderer, monkeypa
     view, wrt = scenes.corner_view(scenes.random_light()), BASE | {"environment"}
     results = []
     for size in (2**20, 77):
-        monkeypatch.setitem(scene.VERTICES, "cpu", size)
+        monkeypatch.setitem(prepared_scene.VERTICES, "cpu", size)
         rendering = renderer.render(prepared, materials, view, spp=5, seed=1)
         grad = renderer.render_vjp(prepared, materials, view, torch.ones(12, 12, 3), wrt=wrt, spp=5, seed=1)
         results.append((rendering, grad))

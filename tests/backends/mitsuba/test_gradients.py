@@ -4,9 +4,9 @@ import math
 
 import pytest
 import torch
-from svbrdfgan_mitsuba import MitsubaRenderer, render_pass, scene
+from svbrdfgan_mitsuba import MitsubaRenderer, prepared_scene, render_pass
 from svbrdfgan_mitsuba.integrator import PathIntegrator
-from svbrdfgan_mitsuba.scene import FilmChunk
+from svbrdfgan_mitsuba.prepared_scene import FilmChunk
 from torch import Tensor
 
 from svbrdfgan.testing import scenes
@@ -71,7 +71,7 @@ def test_what_is_kept_is_not_traced_again(
         traced.append(chunk)
         return trace(integrator, chunk)
 
-    monkeypatch.setitem(scene.VERTICES, "cpu", 8 * WIDTH)
+    monkeypatch.setitem(prepared_scene.VERTICES, "cpu", 8 * WIDTH)
     monkeypatch.setitem(render_pass.KEPT, "cpu", kept)
     monkeypatch.setattr(PathIntegrator, "trace_direct", counted)
     prepared = renderer.prepare(scenes.corner_box())

@@ -2,8 +2,8 @@
 
 import pytest
 import torch
-from svbrdfgan_mitsuba import MitsubaRenderer, scene
-from svbrdfgan_mitsuba.scene import PreparedSurface
+from svbrdfgan_mitsuba import MitsubaRenderer, prepared_scene
+from svbrdfgan_mitsuba.prepared_scene import PreparedSurface
 
 from svbrdfgan.errors import UnsupportedError
 from svbrdfgan.rendering.texture_filter import sample_texture
@@ -17,7 +17,7 @@ MATERIALS = scenes.lambertian(scenes.random_texture(5, 9), scenes.random_texture
 
 @pytest.fixture(params=[2**20, 100], ids=["in one chunk", "in many chunks"])
 def chunk_size(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(scene.VERTICES, "cpu", request.param)
+    monkeypatch.setitem(prepared_scene.VERTICES, "cpu", request.param)
 
 
 def shifted(surface: Surface, repeat: tuple[bool, bool]) -> Surface:

@@ -6,7 +6,7 @@ import pytest
 import torch
 import warp as wp
 from svbrdfgan_warp import WarpRenderer
-from svbrdfgan_warp.scene import PreparedSurface
+from svbrdfgan_warp.prepared_scene import PreparedSurface
 
 from svbrdfgan.errors import AssetError, ConfigError, UnsupportedError
 from svbrdfgan.protocols import Renderer, TransportRenderer

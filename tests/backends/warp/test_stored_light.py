@@ -9,7 +9,7 @@ import pytest
 import torch
 from svbrdfgan_warp import WarpRenderer
 from svbrdfgan_warp.deferred_kernels import REDRAWS
-from svbrdfgan_warp.scene import film_chunks
+from svbrdfgan_warp.prepared_scene import film_chunks
 from svbrdfgan_warp.stored_light import _kept
 
 from svbrdfgan.testing import scenes

@@ -3,7 +3,7 @@
 import pytest
 import torch
 from svbrdfgan_warp import WarpRenderer
-from svbrdfgan_warp.scene import PreparedSurface, film_chunks
+from svbrdfgan_warp.prepared_scene import PreparedSurface, film_chunks
 
 from svbrdfgan.rendering.texture_filter import bilinear_taps, sample_texture
 from svbrdfgan.testing import scenes

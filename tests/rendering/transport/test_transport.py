@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 import torch
-from safetensors import safe_open
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.rendering.texture_filter import Repeat, sample_texture
@@ -167,29 +166,6 @@ def test_file_returns_what_was_saved(tmp_path: Path) -> None:
     assert (loaded.parts, loaded.texture_shape) == (transport.parts, transport.texture_shape)
     for name in ("start", "texel", "weight", "scale", "background", "coverage", "gbuffer"):
         assert torch.equal(getattr(loaded, name), getattr(transport, name))
-
-
-def test_files_call_the_gbuffer_guide_as_those_of_earlier_versions_do(tmp_path: Path) -> None:
-    transport = built([random_samples(100, 3)])
-    transport.save(tmp_path / "view.safetensors")
-    with safe_open(tmp_path / "view.safetensors", framework="pt") as file:
-        assert torch.equal(file.get_tensor("guide"), transport.gbuffer)
-        assert "gbuffer" not in file.keys()  # noqa: SIM118
-
-
-def test_the_former_name_of_the_gbuffer_works_and_warns() -> None:
-    given = {"materials": three_parts(), "learnable": [0, 2], "view": a_view(), "spp": SPP}
-    gbuffer = torch.rand(ROWS, COLS, 6)
-    with pytest.warns(DeprecationWarning, match=r"build_transport\(guide=...\) is now gbuffer=...") as caught:
-        transport = build_transport([random_samples(100, 3)], guide=gbuffer, **given)  # type: ignore[call-arg]
-    assert caught[0].filename == __file__
-    assert torch.equal(transport.gbuffer, build_transport([random_samples(100, 3)], gbuffer=gbuffer, **given).gbuffer)
-    with pytest.warns(DeprecationWarning, match=r"LightTransport\.guide is now gbuffer"):
-        assert transport.guide is transport.gbuffer
-    with pytest.warns(DeprecationWarning, match=r"TransportBatch\.guide is now gbuffer"):
-        assert TransportBatch.stack([transport]).guide.shape == (1, *transport.gbuffer.shape)
-    with pytest.raises(TypeError, match="guide"):
-        build_transport([], gbuffer=gbuffer, guide=gbuffer, **given)  # type: ignore[call-arg]
 
 
 @pytest.mark.parametrize("content", [b"", b"\x08\x00\x00\x00\x00\x00\x00\x00{broken}", b"x" * 5000])

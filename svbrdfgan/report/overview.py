@@ -37,7 +37,7 @@ class FurtherColumn:
     picture: Callable[[int], Picture]
 
 
-def write_hero(
+def write_overview(
     run: Path, evaluated: Evaluated, path: Path, *, rows: int = 4, further: FurtherColumn | None = None
 ) -> None:
     """Writes a PNG of 1200 pixels width and under 400 kB: for each of a few vehicles, a row from geometry to layer.

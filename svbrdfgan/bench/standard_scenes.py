@@ -17,8 +17,8 @@ import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from svbrdfgan.bench.bench_scene import BenchScene
 from svbrdfgan.bench.cases import PIXELS, TEXELS, VERTICES
-from svbrdfgan.bench.scene import BenchScene
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.data.sampler import fit_distance
 from svbrdfgan.geometry.normals import corner_normals

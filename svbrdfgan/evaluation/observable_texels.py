@@ -17,7 +17,7 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.io.image import luminance
 from svbrdfgan.metrics.map_errors import tilted
 from svbrdfgan.protocols import Renderer
-from svbrdfgan.training.scenes import seen_in_gradient
+from svbrdfgan.training.scene_batch import seen_in_gradient
 from svbrdfgan.types import Material, Materials
 
 CHANGE, DEGREES, VISIBLE = 0.1, 10.0, 0.02

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.metrics.constant import best_constants, constant_layers
+from svbrdfgan.metrics.constant_layer import best_constants, constant_layers
 from svbrdfgan.metrics.recovered import Target, make_targets
 from svbrdfgan.rendering.compositing import composite
 

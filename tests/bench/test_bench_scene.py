@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from svbrdfgan.bench.scene import BenchScene
-from svbrdfgan.bench.scenes import standard_scene, vehicle_scene
+from svbrdfgan.bench.bench_scene import BenchScene
+from svbrdfgan.bench.standard_scenes import standard_scene, vehicle_scene
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io import save_environment, save_mesh_glb
 from svbrdfgan.plugins import load_embedding, load_renderer

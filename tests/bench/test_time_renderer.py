@@ -7,14 +7,13 @@ from typing import Any
 import pytest
 import torch
 
-from svbrdfgan.bench import BenchError
-from svbrdfgan.bench import measure as measuring
+from svbrdfgan.bench import BenchError, time_renderer
 from svbrdfgan.bench.backend import figures
-from svbrdfgan.bench.measure import measure
+from svbrdfgan.bench.bench_scene import BenchScene
 from svbrdfgan.bench.meter import Meter, median_seconds
 from svbrdfgan.bench.programs import STEPS
-from svbrdfgan.bench.scene import BenchScene
-from svbrdfgan.bench.scenes import glossy_scene
+from svbrdfgan.bench.standard_scenes import glossy_scene
+from svbrdfgan.bench.time_renderer import measure
 from svbrdfgan.plugins import load_renderer
 
 CPU = torch.device("cpu")
@@ -50,20 +49,20 @@ def test_a_whole_material_is_shaded_from_stored_light(tiny: BenchScene) -> None:
 
 
 def test_wrong_stored_light_is_found(tiny: BenchScene, monkeypatch: pytest.MonkeyPatch) -> None:
-    right = measuring.shade
-    monkeypatch.setattr(measuring, "shade", lambda *given, **named: 1.1 * right(*given, **named))
+    right = time_renderer.shade
+    monkeypatch.setattr(time_renderer, "shade", lambda *given, **named: 1.1 * right(*given, **named))
     with pytest.raises(BenchError, match="mean of the picture from stored light differs"):
         measure(load_renderer("warp", {"device": "cpu"}), glossy_scene(tiny), 64, 1, 1)
 
 
 def test_a_wrong_transport_is_found(tiny: BenchScene, monkeypatch: pytest.MonkeyPatch) -> None:
-    right = measuring.build_transport
+    right = time_renderer.build_transport
 
     def brighter(*arguments: Any, **options: Any) -> Any:
         made = right(*arguments, **options)
         return dataclasses.replace(made, background=made.background + 0.01)
 
-    monkeypatch.setattr(measuring, "build_transport", brighter)
+    monkeypatch.setattr(time_renderer, "build_transport", brighter)
     with pytest.raises(BenchError, match="differs from the renderer's by"):
         measure(load_renderer("numpy"), tiny, 1, 1, 1)
 

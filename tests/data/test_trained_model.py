@@ -18,7 +18,7 @@ from svbrdfgan.data.estimate import estimate, preview
 from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.data.generate import exemplar_paths, generate
 from svbrdfgan.data.index import Dataset
-from svbrdfgan.data.model import with_model
+from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.true_draws import Vehicle, paint

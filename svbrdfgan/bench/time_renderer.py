@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 
 from svbrdfgan.bench import BenchError
+from svbrdfgan.bench.bench_scene import BenchScene
 from svbrdfgan.bench.meter import Meter
-from svbrdfgan.bench.scene import BenchScene
 from svbrdfgan.protocols import DeferredRenderer, Renderer, StoredLight
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.rendering.shade_layer import shade

@@ -17,9 +17,9 @@ from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import CameraDistribution
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
-from svbrdfgan.experiments import measures
+from svbrdfgan.experiments import run_metrics
 from svbrdfgan.experiments.contact_strip import write_contact_strip
-from svbrdfgan.experiments.measures import gradient_noise, measure, recovered_where, seen_by_training
+from svbrdfgan.experiments.run_metrics import gradient_noise, measure, recovered_where, seen_by_training
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.training.batches import make_batch_source
 from svbrdfgan.training.config import train_config
@@ -91,7 +91,7 @@ def test_the_noise_of_a_gradient_is_its_relative_variance(spread: float, tiny_ex
 def test_gradients_of_fresh_renders_are_noisy(
     tiny_dataset: Path, training_data: Data, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(measures, "_DRAWS", 2)
+    monkeypatch.setattr(run_metrics, "_DRAWS", 2)
     fresh = {"rendering": "fresh", "discriminator": {"guide": False}, "spp": 1, "spp_grad": 1}
     config = train_config(training_data(**fresh), "here")
     renderer, _ = resolve_renderer(config.renderer)

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from svbrdfgan.protocols import Renderer, TransportRenderer
 from svbrdfgan.rendering.texture_filter import bilinear_taps
-from svbrdfgan.testing.pairs.scenes import TEXTURE, PairScene
+from svbrdfgan.testing.pairs.pair_scene import TEXTURE, PairScene
 from svbrdfgan.testing.statistics import numbers
 from svbrdfgan.types import TransportSamples
 

@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation import observed
-from svbrdfgan.evaluation.observed import Observation
+from svbrdfgan.evaluation import observable_texels
+from svbrdfgan.evaluation.observable_texels import Observation
 from svbrdfgan.plugins import load_renderer
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.render_layer import RenderLayer
@@ -77,7 +77,7 @@ def test_maps_are_observed_on_what_pictures_show(
 ) -> None:
     """With the samples of the masks, all that they hold is seen."""
     perturbation = Perturbation(ScenesConfig(), None)  # type: ignore[arg-type]  # it draws nothing
-    spp = observed._SAMPLES * glossy_exemplars.scenes[0].spp
+    spp = observable_texels._SAMPLES * glossy_exemplars.scenes[0].spp
     online = OnlineRendering(glossy_exemplars, perturbation, RenderLayer(renderer, spp))
     seen = torch.stack([online.seen(view) > 0 for view in glossy_exemplars.views_of(0)]).any(dim=0)
     assert masks.keys() == MAPS
@@ -98,8 +98,8 @@ def test_the_same_truth_gives_the_same_masks(
 def test_no_change_is_no_observation(
     glossy_exemplars: Exemplars, renderer: Renderer[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(observed, "CHANGE", 0.0)
-    monkeypatch.setattr(observed, "DEGREES", 0.0)
+    monkeypatch.setattr(observable_texels, "CHANGE", 0.0)
+    monkeypatch.setattr(observable_texels, "DEGREES", 0.0)
     assert not any(mask.any() for mask in Observation(glossy_exemplars, renderer, nothing)(0).values())
 
 
@@ -121,10 +121,12 @@ def test_a_map_that_no_picture_shows_is_observed_nowhere(
 def test_changes_go_inside_and_leave_other_parts_alone() -> None:
     rough, normal = torch.tensor([0.0, 0.45, 0.5, 1.0]).reshape(2, 2, 1), torch.tensor([0.0, 0.0, 1.0])
     part = Material({"base_color": torch.ones(3), "roughness": rough, "normal": normal})
-    (one,) = observed._changes(Materials((part, part)), "roughness", (1,))
+    (one,) = observable_texels._changes(Materials((part, part)), "roughness", (1,))
     torch.testing.assert_close(one[1].maps["roughness"].flatten(), torch.tensor([0.1, 0.55, 0.4, 0.9]))
     assert one[0] is part
-    tilts = [changed[1].maps["normal"] for changed in observed._changes(Materials((part, part)), "normal", (1,))]
+    tilts = [
+        changed[1].maps["normal"] for changed in observable_texels._changes(Materials((part, part)), "normal", (1,))
+    ]
     assert len(tilts) == 2
     assert float(tilts[0] @ normal) == pytest.approx(float(tilts[1] @ normal)) == pytest.approx(0.98481, abs=1e-4)
 

@@ -7,13 +7,13 @@ import pytest
 import torch
 from PIL import Image
 
-from svbrdfgan.report.hero import FurtherColumn, write_hero
+from svbrdfgan.report.overview import FurtherColumn, write_overview
 
 
 @pytest.mark.parametrize(("names", "rows"), [(("a",), 1), (("a", "b", "c"), 3), (tuple("abcdefg"), 4)])
 def test_a_row_for_each_of_up_to_four_vehicles(tmp_path: Path, makers, names: tuple[str, ...], rows: int) -> None:
-    path = tmp_path / "new" / "hero.png"
-    write_hero(tmp_path, makers.make_evaluated(names), path)
+    path = tmp_path / "new" / "overview.png"
+    write_overview(tmp_path, makers.make_evaluated(names), path)
     with Image.open(path) as image:
         assert image.format == "PNG"
         assert image.size == (1200, 40 + rows * 246 - 12)
@@ -21,8 +21,8 @@ def test_a_row_for_each_of_up_to_four_vehicles(tmp_path: Path, makers, names: tu
 
 
 def test_truth_and_what_was_learned_differ(tmp_path: Path, evaluated) -> None:
-    write_hero(tmp_path, evaluated, tmp_path / "hero.png", rows=1)
-    with Image.open(tmp_path / "hero.png") as image:
+    write_overview(tmp_path, evaluated, tmp_path / "overview.png", rows=1)
+    with Image.open(tmp_path / "overview.png") as image:
         pixels = np.asarray(image.convert("RGB")).astype(float)
     truth, learned = pixels[40:, 244:594], pixels[40:, 606:956]
     assert (truth[0] == learned[0]).all()  # the background
@@ -31,13 +31,13 @@ def test_truth_and_what_was_learned_differ(tmp_path: Path, evaluated) -> None:
 
 def test_a_further_column_is_the_last(tmp_path: Path, makers) -> None:
     red = torch.tensor([1.0, 0.0, 0.0]).expand(16, 24, 3)
-    write_hero(
+    write_overview(
         tmp_path,
         makers.make_evaluated(("a", "b")),
-        tmp_path / "hero.png",
+        tmp_path / "overview.png",
         further=FurtherColumn("red", lambda index: red),
     )
-    with Image.open(tmp_path / "hero.png") as image:
+    with Image.open(tmp_path / "overview.png") as image:
         assert image.size == (1200, 40 + 2 * 192 - 12)
         pixels = np.asarray(image.convert("RGB")).astype(int)
     for middle in (130, 322):
