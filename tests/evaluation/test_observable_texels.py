@@ -59,8 +59,8 @@ class Blind:
 
 
 @pytest.fixture(scope="module")
-def renderer() -> Renderer[Any]:
-    return load_renderer("numpy")
+def renderer(cpu_renderer: Renderer[Any]) -> Renderer[Any]:
+    return cpu_renderer
 
 
 def nothing(done: int) -> None:

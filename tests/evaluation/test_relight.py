@@ -22,8 +22,8 @@ from svbrdfgan.protocols import Renderer
 
 
 @pytest.fixture(scope="module")
-def renderer() -> Renderer[Any]:
-    return load_renderer("numpy")
+def renderer(cpu_renderer: Renderer[Any]) -> Renderer[Any]:
+    return cpu_renderer
 
 
 @pytest.fixture(scope="module")
