@@ -8,16 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from pydantic import BaseModel
 
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.config.distributions import Choice, Fixed, Normal, Uniform
 from svbrdfgan.config.models import validate
 from svbrdfgan.config.yaml_files import apply_overrides
-from svbrdfgan.data.conditions import declared_conditions
 from svbrdfgan.data.config import DatasetConfig
-from svbrdfgan.networks import Conditions
 from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.weathering import RECIPES
 
@@ -113,24 +110,6 @@ def test_the_required_keys_are_required(tables: tuple[dict[str, str], dict[str, 
         *("splits", "splits.train.meshes", "splits.train.meshes.procedural.count"),
         *("environments.procedural.count", "dataset"),
     }
-
-
-def test_the_files_shown_are_valid(repository: Path) -> None:
-    text = (repository / "docs" / "quickstart.md").read_text(encoding="utf-8")
-    blocks = [yaml.safe_load(block) for block in re.findall(r"^```yaml\n(.*?)^```", text, re.M | re.S)]
-    dataset, train, varied, train_varied, materials, train_materials, painted = blocks
-    assert set(validate(DatasetConfig, dataset, "dataset.yaml").splits) == {"train", "validation", "test"}
-    assert train_config(train, "train.yaml").dataset == "data/cars"
-    known = declared_conditions(validate(DatasetConfig, {**dataset, **varied}, "dataset.yaml").weathering)
-    assert known == Conditions((0.1, 1.0), ("rust", "road-dirt"))
-    assert train_config(train_varied, "train.yaml").generator.conditional
-    whole = validate(DatasetConfig, {**dataset, **materials}, "dataset.yaml")
-    assert set(whole.maps) == {"roughness", "metallic", "normal"}
-    fakes = train_config(train_materials, "train.yaml")
-    assert fakes.hits >= fakes.spp == whole.spp  # else their noise would tell them from exemplars
-    labelled = validate(DatasetConfig, {**dataset, **painted}, "dataset.yaml")
-    assert labelled.weathering is not None
-    assert (labelled.weathering.model, len(labelled.labels)) == ("runs/cars", 4)
 
 
 def _below(data: dict[str, Any], key: str) -> Any:
