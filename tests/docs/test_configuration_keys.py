@@ -1,6 +1,5 @@
 """The tables of docs/quickstart.md list exactly the keys of the two configuration files, with their defaults."""
 
-import dataclasses
 import re
 import typing
 from collections.abc import Iterator
@@ -16,10 +15,8 @@ from svbrdfgan.config.models import validate
 from svbrdfgan.config.yaml_files import apply_overrides
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.training.config import TrainConfig, train_config
-from svbrdfgan.weathering import RECIPES
 
 ROW = re.compile(r"^\| `([^`]+)` \| (.+?) \| .+ \|$", re.MULTILINE)
-OPTION = re.compile(r"^\| ([a-z-]* ?)\| `(\w+)` \| `([\d.]+)` \| ([\d.]+) to ([\d.]+) \|", re.MULTILINE)
 DISTRIBUTIONS = (Fixed, Choice, Uniform, Normal)
 
 # The smallest data that have every mapping which contains a documented key.
@@ -87,21 +84,6 @@ def test_defaults_are_those_of_the_code(tables: tuple[dict[str, str], dict[str, 
     for table, data, dataset in ((tables[0], DATASET, True), (tables[1], TRAIN, False)):
         wrong = [k for k, default in table.items() if default.startswith("`") and not same(k, default, data, dataset)]
         assert wrong == []
-
-
-def test_every_option_of_every_recipe_is_explained(repository: Path) -> None:
-    text = (repository / "docs" / "quickstart.md").read_text(encoding="utf-8")
-    told, recipe = {}, ""
-    for name, option, *numbers in re.findall(OPTION, text):
-        recipe = name.strip() or recipe
-        for each in RECIPES if recipe == "all" else [recipe]:
-            told[each, option] = tuple(map(float, numbers))
-    assert told == {
-        (name, spec.name): (spec.default, spec.metadata["least"], spec.metadata["greatest"])
-        for name, recipe_type in RECIPES.items()
-        for spec in dataclasses.fields(recipe_type)
-        if spec.name not in ("amount", "seed")  # keys of their own
-    }
 
 
 def test_the_required_keys_are_required(tables: tuple[dict[str, str], dict[str, str]]) -> None:

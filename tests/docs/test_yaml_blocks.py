@@ -1,6 +1,9 @@
-"""The YAML files that docs/quickstart.md and docs/commands.md show are valid, and fit together."""
+"""The YAML files that docs/quickstart.md and docs/commands.md show are valid; the table of recipes is complete."""
 
+import dataclasses
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,7 +14,9 @@ from svbrdfgan.data.conditions import declared_conditions
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.networks import Conditions
 from svbrdfgan.training.config import train_config
+from svbrdfgan.weathering import RECIPES
 
+OPTION = re.compile(r"^\| ([a-z-]* ?)\| `(\w+)` \| `([\d.]+)` \| ([\d.]+) to ([\d.]+) \|", re.MULTILINE)
 Blocks = list[dict[str, Any]]
 
 
@@ -54,3 +59,18 @@ def test_pictures_of_a_model_have_labels(quickstart: Blocks, commands: Blocks) -
     labelled = dataset_of(quickstart, **painted)
     assert labelled.weathering is not None
     assert (labelled.weathering.model, len(labelled.labels)) == ("runs/cars", 4)
+
+
+def test_every_option_of_every_recipe_is_explained(repository: Path) -> None:
+    text = (repository / "docs" / "commands.md").read_text(encoding="utf-8")
+    told, recipe = {}, ""
+    for name, option, *numbers in re.findall(OPTION, text):
+        recipe = name.strip() or recipe
+        for each in RECIPES if recipe == "all" else [recipe]:
+            told[each, option] = tuple(map(float, numbers))
+    assert told == {
+        (name, spec.name): (spec.default, spec.metadata["least"], spec.metadata["greatest"])
+        for name, recipe_type in RECIPES.items()
+        for spec in dataclasses.fields(recipe_type)
+        if spec.name not in ("amount", "seed")  # keys of their own
+    }
