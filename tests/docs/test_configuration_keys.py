@@ -1,5 +1,6 @@
 """The tables of docs/quickstart.md list exactly the keys of the two configuration files, with their defaults."""
 
+import dataclasses
 import re
 import typing
 from collections.abc import Iterator
@@ -7,16 +8,21 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from pydantic import BaseModel
 
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.config.distributions import Choice, Fixed, Normal, Uniform
 from svbrdfgan.config.models import validate
 from svbrdfgan.config.yaml_files import apply_overrides
+from svbrdfgan.data.conditions import declared_conditions
 from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.networks import Conditions
 from svbrdfgan.training.config import TrainConfig, train_config
+from svbrdfgan.weathering import RECIPES
 
 ROW = re.compile(r"^\| `([^`]+)` \| (.+?) \| .+ \|$", re.MULTILINE)
+OPTION = re.compile(r"^\| ([a-z-]* ?)\| `(\w+)` \| `([\d.]+)` \| ([\d.]+) to ([\d.]+) \|", re.MULTILINE)
 DISTRIBUTIONS = (Fixed, Choice, Uniform, Normal)
 
 # The smallest data that have every mapping which contains a documented key.
@@ -86,12 +92,45 @@ def test_defaults_are_those_of_the_code(tables: tuple[dict[str, str], dict[str, 
         assert wrong == []
 
 
+def test_every_option_of_every_recipe_is_explained(repository: Path) -> None:
+    text = (repository / "docs" / "quickstart.md").read_text(encoding="utf-8")
+    told, recipe = {}, ""
+    for name, option, *numbers in re.findall(OPTION, text):
+        recipe = name.strip() or recipe
+        for each in RECIPES if recipe == "all" else [recipe]:
+            told[each, option] = tuple(map(float, numbers))
+    assert told == {
+        (name, spec.name): (spec.default, spec.metadata["least"], spec.metadata["greatest"])
+        for name, recipe_type in RECIPES.items()
+        for spec in dataclasses.fields(recipe_type)
+        if spec.name not in ("amount", "seed")  # keys of their own
+    }
+
+
 def test_the_required_keys_are_required(tables: tuple[dict[str, str], dict[str, str]]) -> None:
     required = {key for key, default in {**tables[0], **tables[1]}.items() if default == "required"}
     assert required == {
         *("splits", "splits.train.meshes", "splits.train.meshes.procedural.count"),
         *("environments.procedural.count", "dataset"),
     }
+
+
+def test_the_files_shown_are_valid(repository: Path) -> None:
+    text = (repository / "docs" / "quickstart.md").read_text(encoding="utf-8")
+    blocks = [yaml.safe_load(block) for block in re.findall(r"^```yaml\n(.*?)^```", text, re.M | re.S)]
+    dataset, train, varied, train_varied, materials, train_materials, painted = blocks
+    assert set(validate(DatasetConfig, dataset, "dataset.yaml").splits) == {"train", "validation", "test"}
+    assert train_config(train, "train.yaml").dataset == "data/cars"
+    known = declared_conditions(validate(DatasetConfig, {**dataset, **varied}, "dataset.yaml").weathering)
+    assert known == Conditions((0.1, 1.0), ("rust", "road-dirt"))
+    assert train_config(train_varied, "train.yaml").generator.conditional
+    whole = validate(DatasetConfig, {**dataset, **materials}, "dataset.yaml")
+    assert set(whole.maps) == {"roughness", "metallic", "normal"}
+    fakes = train_config(train_materials, "train.yaml")
+    assert fakes.hits >= fakes.spp == whole.spp  # else their noise would tell them from exemplars
+    labelled = validate(DatasetConfig, {**dataset, **painted}, "dataset.yaml")
+    assert labelled.weathering is not None
+    assert (labelled.weathering.model, len(labelled.labels)) == ("runs/cars", 4)
 
 
 def _below(data: dict[str, Any], key: str) -> Any:
