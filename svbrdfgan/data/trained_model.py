@@ -43,13 +43,13 @@ class TrainedModel:
         folder: of the run, or its copy.
         trained_on: the run's data set.
         conditions: what the generator is told of each layer.
-        chance: whether its layers depend on a seed.
+        stochastic: whether its layers depend on a seed.
     """
 
     folder: Path
     trained_on: DatasetConfig
     conditions: Conditions
-    chance: bool
+    stochastic: bool
 
     @classmethod
     def open(cls, folder: Path) -> TrainedModel:
@@ -69,7 +69,7 @@ class TrainedModel:
         trained_on = validate(DatasetConfig, dataset, str(path))
         config = validate(GeneratorConfig, generator, str(path))
         load_generator(folder / _MODEL)  # its faults are found before anything is written
-        return cls(folder, trained_on, conditions_of(config, trained_on), config.chance > 0)
+        return cls(folder, trained_on, conditions_of(config, trained_on), config.random_fields > 0)
 
     def fill(self, config: DatasetConfig) -> DatasetConfig:
         """The configuration with what it leaves out: what the generator was trained with.
@@ -108,7 +108,7 @@ class TrainedModel:
         return {
             "recipe": learned.recipe if learned is not None and known.recipes else Fixed[str](fixed=_UNKNOWN),
             "amount": amount if known.amount is not None else Fixed[float](fixed=min(max(mean(amount), 0.0), 1.0)),
-            "seed": UniformInteger(uniform=(0, _MOST)) if self.chance else Fixed[int](fixed=0),
+            "seed": UniformInteger(uniform=(0, _MOST)) if self.stochastic else Fixed[int](fixed=0),
         }
 
     def _require(self, key: str, given: object, wanted: object) -> None:
@@ -130,10 +130,10 @@ class TrainedModel:
             log.warning("weathering.amount is beyond what the model was trained on: %g to %g", *known)
 
     def _require_seeds(self, low: float, high: float) -> None:
-        if not self.chance:
+        if not self.stochastic:
             raise ConfigError(
-                "weathering.seed: the model has no chance, and so paints one layer on a mesh: leave out the seed, or "
-                "train with generator.chance on exemplars of different seeds."
+                "weathering.seed: the model has no random fields, and so paints one layer on a mesh: leave out the "
+                "seed, or train with generator.random_fields on exemplars of different seeds."
             )
         if not 0 <= low <= high < MOST_SEEDS:
             given = low if low < 0 else high

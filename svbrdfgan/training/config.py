@@ -14,21 +14,30 @@ from svbrdfgan.networks import GeneratorConfig, Norm
 
 
 class DiscriminatorConfig(StrictModel):
-    """See `svbrdfgan.networks.Discriminator`. `guide` shows it a G-buffer: the position and normal of each pixel.
+    """The PatchGAN of thesis 4.3.1, which compares pictures (`svbrdfgan.networks.Discriminator`)."""
 
-    `light` shows it a light buffer: how each picture's scene lights a matt and two metallic reference materials (see
-    `svbrdfgan.training.reference_pictures`). It is for pictures that cannot be divided by their light.
-
-    `sees: reflectance` removes light, camera and noise from the comparison (see `svbrdfgan.training.step.make_pair`);
-    `auto` decides between the two (see `resolved`).
-    """
-
-    width: int = Field(default=64, ge=4)
-    layers: int = Field(default=3, ge=1, le=5)
-    norm: Norm = "none"
-    guide: bool = True
-    light: bool = False
-    sees: Literal["auto", "radiance", "reflectance"] = "auto"
+    width: int = Field(default=64, ge=4, description="channels after its first convolution")
+    layers: int = Field(
+        default=3, ge=1, le=5, description="strided convolutions: patches have 70 pixels with 3, 34 with 2, 16 with 1"
+    )
+    norm: Norm = Field(default="none", description="a gradient penalty needs `group` or `none`")
+    gbuffer: bool = Field(
+        default=True,
+        description="shows it a G-buffer, the position and normal at each pixel; `false` by default with `rendering: "
+        "online`, where each fake in another camera costs three more pictures",
+    )
+    light_buffer: bool = Field(
+        default=False,
+        description="shows it a light buffer, for pictures that cannot be divided by their light (data sets with "
+        "`maps`, or `rendering: online`): how each picture's scene lights one matt and two metallic white materials; "
+        "with `online`, in scenes that are not matched, each fake costs three more pictures",
+    )
+    compares: Literal["auto", "radiance", "reflectance"] = Field(
+        default="auto",
+        description="`radiance`: the plain pictures; `reflectance`: pictures divided by their light and reprojected "
+        "into the exemplar's camera, without noise; `auto`: `radiance` if every fake has its exemplar's own scene and "
+        "`spp`, with `rendering: online`, or if the data set has `maps`; else `reflectance`",
+    )
 
 
 class LossConfig(StrictModel):
@@ -77,15 +86,15 @@ RECIPES: dict[str, dict[str, Any]] = {
     "thesis": {
         "batch_size": 1,
         "loss": {"name": "wgan", "r1": 0.0, "gradient_penalty": 10.0, "penalty_every": 1, "critic_steps": 5},
-        "discriminator": {"guide": False, "norm": "none", "sees": "radiance"},
+        "discriminator": {"gbuffer": False, "norm": "none", "compares": "radiance"},
         "generator": {"norm": "instance", "upsampling": "strided"},
         "optimizer": {"beta1": 0.5, "beta2": 0.999, "ema_images": 0.0},
     },
 }
 """Defaults of each recipe, for keys that the configuration leaves out."""
 
-_FRESH: dict[str, Any] = {"discriminator": {"guide": False}}
-"""Defaults of `rendering: fresh`, where a G-buffer costs three more pictures of each fake in another camera."""
+_ONLINE: dict[str, Any] = {"discriminator": {"gbuffer": False}}
+"""Defaults of `rendering: online`, where a G-buffer costs three more pictures of each fake in another camera."""
 
 
 class TrainConfig(StrictModel):
@@ -103,10 +112,10 @@ class TrainConfig(StrictModel):
     optimizer: OptimizerConfig = OptimizerConfig()
     scenes: ScenesConfig = ScenesConfig()
     renderer: PluginField = PluginChoice(name="auto")
-    rendering: Literal["transport", "fresh"] = "transport"
+    rendering: Literal["stored", "online"] = "stored"
     spp: int = Field(default=64, ge=1, description="samples per pixel of the pictures trained through")
     hits: int = Field(default=64, ge=1, description="the most of them that are stored, for layers of whole materials")
-    spp_grad: int | None = Field(default=None, ge=1, description="of their gradients; fresh rendering only")
+    spp_grad: int | None = Field(default=None, ge=1, description="of their gradients; online rendering only")
     device: Literal["auto", "cpu", "cuda"] = "auto"
     devices: int = Field(default=1, ge=1)
     precision: Literal["auto", "32-true", "bf16-mixed"] = "auto"
@@ -115,7 +124,7 @@ class TrainConfig(StrictModel):
 
     @model_validator(mode="after")
     def _filled(self) -> TrainConfig:
-        for defaults in (_FRESH if self.rendering == "fresh" else {}, RECIPES[self.recipe]):
+        for defaults in (_ONLINE if self.rendering == "online" else {}, RECIPES[self.recipe]):
             for name, default in defaults.items():
                 value = getattr(self, name)
                 if isinstance(value, StrictModel):
@@ -127,11 +136,11 @@ class TrainConfig(StrictModel):
 
     @model_validator(mode="after")
     def _possible(self) -> TrainConfig:
-        if self.rendering != "transport" and self.discriminator.sees == "reflectance":
-            raise ValueError("discriminator.sees: reflectance needs rendering: transport, which knows the light")
-        if self.spp_grad is not None and self.rendering == "transport":
+        if self.rendering != "stored" and self.discriminator.compares == "reflectance":
+            raise ValueError("discriminator.compares: reflectance needs rendering: stored, which knows the light")
+        if self.spp_grad is not None and self.rendering == "stored":
             raise ValueError(
-                "spp_grad needs rendering: fresh; stored light has a gradient on the picture's own samples"
+                "spp_grad needs rendering: online; stored light has a gradient on the picture's own samples"
             )
         if self.batch_size % self.devices:
             raise ValueError(f"batch_size {self.batch_size} cannot be shared out among {self.devices} devices evenly")
@@ -155,10 +164,10 @@ def train_config(data: dict[str, Any], source: str) -> TrainConfig:
 
 
 def resolved(config: TrainConfig, spp: int, maps: Collection[str] = ()) -> TrainConfig:
-    """The configuration with `discriminator.sees` decided.
+    """The configuration with `discriminator.compares` decided.
 
     `auto` means radiance where fakes have their exemplars' scenes and samples per pixel, since then only texture
-    tells them apart, and where pictures cannot be divided by their light: with `rendering: fresh`, or if layers paint
+    tells them apart, and where pictures cannot be divided by their light: with `rendering: online`, or if layers paint
     further maps. Elsewhere it means reflectance.
 
     Args:
@@ -166,9 +175,9 @@ def resolved(config: TrainConfig, spp: int, maps: Collection[str] = ()) -> Train
         maps: maps that layers paint beside base_color.
     """
     discriminator = config.discriminator
-    if discriminator.sees != "auto":
+    if discriminator.compares != "auto":
         return config
-    indivisible = bool(maps) or config.rendering != "transport"
+    indivisible = bool(maps) or config.rendering != "stored"
     plain = indivisible or (config.scenes.matched and config.spp == spp)
-    sees = "radiance" if plain else "reflectance"
-    return config.model_copy(update={"discriminator": discriminator.model_copy(update={"sees": sees})})
+    compares = "radiance" if plain else "reflectance"
+    return config.model_copy(update={"discriminator": discriminator.model_copy(update={"compares": compares})})
