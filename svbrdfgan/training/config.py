@@ -43,33 +43,49 @@ class DiscriminatorConfig(StrictModel):
 class LossConfig(StrictModel):
     """The GAN loss and its penalties (thesis 4.3.2, 5.3)."""
 
-    name: Literal["vanilla", "lsgan", "wgan", "relativistic"] = "vanilla"
-    r1: float = Field(default=0.1, ge=0, description="weight of half |gradient|^2 per logit on real pictures")
-    r2: float = Field(default=0.0, ge=0, description="likewise on fakes")
+    name: Literal["vanilla", "lsgan", "wgan", "relativistic"] = Field(
+        default="vanilla", description="`vanilla` is non-saturating"
+    )
+    r1: float = Field(default=0.1, ge=0, description="weight of half the squared gradient per logit on real pictures")
+    r2: float = Field(default=0.0, ge=0, description="the same on fakes")
     gradient_penalty: float = Field(default=0.0, ge=0, description="WGAN-GP's lambda")
-    penalty_every: int = Field(default=8, ge=1, description="steps; the weight grows likewise")
-    critic_steps: int = Field(default=1, ge=1, description="discriminator updates for each of the generator")
+    penalty_every: int = Field(
+        default=8, ge=1, description="steps between penalties; the weight of each is multiplied by this number"
+    )
+    critic_steps: int = Field(
+        default=1, ge=1, description="updates of the discriminator for each update of the generator"
+    )
 
 
 class OptimizerConfig(StrictModel):
     """Adam for both networks, and the generator's average."""
 
-    generator_rate: float = Field(default=2e-4, gt=0)
-    discriminator_rate: float = Field(default=2e-4, gt=0)
-    beta1: float = Field(default=0.5, ge=0, lt=1)
-    beta2: float = Field(default=0.99, ge=0, lt=1)
+    generator_rate: float = Field(default=2e-4, gt=0, description="learning rate")
+    discriminator_rate: float = Field(default=2e-4, gt=0, description="learning rate")
+    beta1: float = Field(default=0.5, ge=0, lt=1, description="decay of the mean of gradients")
+    beta2: float = Field(default=0.99, ge=0, lt=1, description="decay of the mean of their squares")
     ema_images: float = Field(
-        default=4000.0, ge=0, description="half-life of the averaged generator, in images; 0: none"
+        default=4000.0,
+        ge=0,
+        description="half-life, in images, of the averaged generator that is scored and kept; 0: no average",
     )
 
 
 class ScenesConfig(StrictModel):
     """The scenes that fakes are rendered in: those of the exemplars, perturbed (thesis 5.1, 5.2)."""
 
-    camera_noise_degrees: float = Field(default=0.0, ge=0, description="uniform, on azimuth and elevation, either way")
-    camera: CameraDistribution | None = Field(default=None, description="draws each camera, instead of the exemplar's")
-    environment: Literal["same", "redrawn"] | EnvironmentSource = "same"
-    pool: int = Field(default=1, ge=0, description="perturbed scenes stored per exemplar; 0: a new one at every visit")
+    camera_noise_degrees: float = Field(
+        default=0.0, ge=0, description="greatest error of azimuth and elevation, uniformly distributed, either way"
+    )
+    camera: CameraDistribution | None = Field(
+        default=None, description="each camera is drawn from this, instead of the exemplar's"
+    )
+    environment: Literal["same", "redrawn"] | EnvironmentSource = Field(
+        default="same", description="`redrawn`: from the data set's own light; or from another source"
+    )
+    pool: int = Field(
+        default=1, ge=0, description="perturbed scenes stored for each exemplar; 0: a new one at every visit"
+    )
 
     @property
     def same_camera(self) -> bool:
@@ -100,27 +116,50 @@ _ONLINE: dict[str, Any] = {"discriminator": {"gbuffer": False}}
 class TrainConfig(StrictModel):
     """A whole training run. Keys that are left out have the defaults of the recipe and the rendering (`RECIPES`)."""
 
-    dataset: str
-    recipe: Literal["default", "thesis"] = "default"
-    seed: int = Field(default=0, ge=0, lt=2**63)
-    steps: int = Field(default=20000, ge=1)
-    minutes: float | None = Field(default=None, gt=0, description="stop earlier, after so much training time")
-    batch_size: int = Field(default=16, ge=1)
-    generator: GeneratorConfig = GeneratorConfig()
-    discriminator: DiscriminatorConfig = DiscriminatorConfig()
-    loss: LossConfig = LossConfig()
-    optimizer: OptimizerConfig = OptimizerConfig()
-    scenes: ScenesConfig = ScenesConfig()
-    renderer: PluginField = PluginChoice(name="auto")
-    rendering: Literal["stored", "online"] = "stored"
-    spp: int = Field(default=64, ge=1, description="samples per pixel of the pictures trained through")
-    hits: int = Field(default=64, ge=1, description="the most of them that are stored, for layers of whole materials")
-    spp_grad: int | None = Field(default=None, ge=1, description="of their gradients; online rendering only")
-    device: Literal["auto", "cpu", "cuda"] = "auto"
-    devices: int = Field(default=1, ge=1)
-    precision: Literal["auto", "32-true", "bf16-mixed"] = "auto"
-    score_every: int = Field(default=500, ge=1)
-    save_every: int = Field(default=1000, ge=1)
+    dataset: str = Field(description="the data set's folder, relative to this file")
+    recipe: Literal["default", "thesis"] = Field(
+        default="default",
+        description="the defaults of all other keys: `default` is this page's, `thesis` is WGAN-GP with batch 1 and "
+        "the thesis's networks",
+    )
+    seed: int = Field(default=0, ge=0, lt=2**63, description="seed of weights, batches and perturbations")
+    steps: int = Field(default=20000, ge=1, description="updates of the generator")
+    minutes: float | None = Field(default=None, gt=0, description="stops earlier, after this training time")
+    batch_size: int = Field(default=16, ge=1, description="exemplars in a step, over all devices")
+    generator: GeneratorConfig = Field(default=GeneratorConfig(), description="the network that paints layers")
+    discriminator: DiscriminatorConfig = Field(
+        default=DiscriminatorConfig(), description="the network that compares pictures"
+    )
+    loss: LossConfig = Field(default=LossConfig(), description="what both minimise")
+    optimizer: OptimizerConfig = Field(default=OptimizerConfig(), description="Adam, for both")
+    scenes: ScenesConfig = Field(default=ScenesConfig(), description="the scenes that fakes are rendered in")
+    renderer: PluginField = Field(default=PluginChoice(name="auto"), description="as in `dataset.yaml`")
+    rendering: Literal["stored", "online"] = Field(
+        default="stored",
+        description="`stored`: what does not depend on the layer is traced once and stored, which is fast: light "
+        "transport of base colour, and light of whole materials if the data set has `maps` "
+        "([more](quickstart.md#whole-materials)); `online`: online rendering at every step, with any renderer",
+    )
+    spp: int = Field(default=64, ge=1, description="samples per pixel of the fakes; best equal to the data set's")
+    hits: int = Field(
+        default=64,
+        ge=1,
+        description="only where light of whole materials is stored: the most samples kept in each pixel, 20 bytes "
+        "each; fakes have the exemplars' noise if it is at least `spp`",
+    )
+    spp_grad: int | None = Field(
+        default=None,
+        ge=1,
+        description="samples per pixel of the gradient, only with `rendering: online`; `null`: the picture's own "
+        "samples",
+    )
+    device: Literal["auto", "cpu", "cuda"] = Field(default="auto", description="`auto`: a GPU if there is one")
+    devices: int = Field(default=1, ge=1, description="processes, one for each GPU")
+    precision: Literal["auto", "32-true", "bf16-mixed"] = Field(
+        default="auto", description="`auto` is `bf16-mixed` on a GPU"
+    )
+    score_every: int = Field(default=500, ge=1, description="steps between scores on `validation`")
+    save_every: int = Field(default=1000, ge=1, description="steps between checkpoints; the latest two are kept")
 
     @model_validator(mode="after")
     def _filled(self) -> TrainConfig:
