@@ -68,7 +68,7 @@ class PartSelection(StrictModel):
     )
 
     def selects(self, part: Part) -> bool:
-        """Whether the part is learnable. Hidden ones never are."""
+        """Whether the part is learnable. Hidden parts never are."""
         name = part.name.lower()
         wanted = any(fnmatchcase(name, pattern.lower()) for pattern in self.include)
         return wanted and not part.hidden and not any(fnmatchcase(name, p.lower()) for p in self.exclude)

@@ -30,7 +30,7 @@ _WANTED = {
     "too_short": "at least {min_length} values",
     "tuple_type": "a list",
 }
-"""What is wanted, in the user's words, by pydantic's type of error. pydantic's own words serve for other types."""
+"""Words for what is wanted, by pydantic's type of error. pydantic's own words serve for other types."""
 
 RENAMED = {
     "chance": "random_fields",
@@ -40,13 +40,13 @@ RENAMED = {
     "sees": "compares",
     "transport": "stored",
 }
-"""Earlier names of keys and values. Each counts only where it is not allowed and its new name is."""
+"""Earlier names of keys and values, and the new ones. A name counts only where the new one is allowed instead."""
 
 Location = Sequence[int | str]
 
 
 def explain(error: ValidationError, model: type, data: object) -> list[tuple[str, str]]:
-    """For each error, the path of its key and a sentence. The errors of a union's members become one."""
+    """The path of the key and a sentence, for each error. The errors of a union's members become one."""
     messages: list[tuple[str, str]] = []
     wanted: dict[tuple[str, str], list[str]] = {}
     for detail in error.errors(include_url=False):

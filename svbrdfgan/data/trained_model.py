@@ -1,7 +1,7 @@
-"""A trained run as what paints a data set's layers: what it decides of the configuration, and its copy in the folder.
+"""A trained run that paints a data set's layers: what it decides of the configuration, and its copy in the folder.
 
-It reads a run's files itself: rooms below training may not import it, and painting needs no more than the generator and
-what its data set was.
+This module reads a run's files itself: rooms below training may not import it, and painting needs no more than the
+generator and what its data set was.
 """
 
 from __future__ import annotations
@@ -24,8 +24,10 @@ from svbrdfgan.networks.random_fields import MOST_SEEDS
 from svbrdfgan.networks.saved import load_generator
 from svbrdfgan.scene.description import SceneModel
 
-_CONFIG, _MODEL = "config.json", "model.safetensors"
-"""The files of a run: `CONFIG` and `MODEL` of `svbrdfgan.training.run`, which this room may not import."""
+_CONFIG = "config.json"
+"""`svbrdfgan.training.run.CONFIG`, which this room may not import."""
+_MODEL = "model.safetensors"
+"""`svbrdfgan.training.run.MODEL`, likewise."""
 _COPY = Path("assets", "model")
 _UNKNOWN = "unknown"
 """The recipe of layers whose model learned from pictures of unknown weathering, or is not told recipes apart."""
@@ -37,7 +39,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class TrainedModel:
-    """What a data set must know of a run.
+    """A run, as far as a data set must know it.
 
     Attributes:
         folder: of the run, or its copy.
@@ -102,7 +104,7 @@ class TrainedModel:
         return filled
 
     def _weathering(self) -> dict[str, Any]:
-        """What is drawn if the data set does not say: amounts and recipes as in training, and any seed."""
+        """The distributions for what the data set does not say: amounts and recipes as in training, and any seed."""
         learned, known = self.trained_on.weathering, self.conditions
         amount: Any = WeatheringDistribution().amount if learned is None else learned.amount
         return {

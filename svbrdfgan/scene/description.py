@@ -16,7 +16,7 @@ from svbrdfgan.networks import Conditions
 from svbrdfgan.types import Camera
 
 MapValues = FurtherMaps[Annotated[float, Field(ge=0, le=1)]]
-"""By name, the value under the layer of each map that the layer paints beside base_color; 0 is a flat `normal`."""
+"""The value under the layer of each map that the layer paints beside base_color, by name; 0 is a flat `normal`."""
 
 
 class AssetRef(StrictModel):
