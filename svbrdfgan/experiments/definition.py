@@ -92,7 +92,8 @@ class ExperimentProfile(StrictModel):
 
 def experiment_names() -> list[str]:
     """Names of the shipped experiments, sorted."""
-    return sorted(_stem(file) for file in (_shipped() / "definitions").iterdir() if file.name.endswith(".yaml"))
+    files = (file.name for file in (_shipped() / "definitions").iterdir())
+    return sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml"))
 
 
 def load_experiment(name: str) -> Experiment:
@@ -122,7 +123,3 @@ def _read(model: type[Record], folder: str, name: str) -> Record:
 
 def _shipped() -> Traversable:
     return resources.files("svbrdfgan.experiments")
-
-
-def _stem(file: Traversable) -> str:
-    return file.name.removesuffix(".yaml")
