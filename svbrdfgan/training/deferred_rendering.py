@@ -154,8 +154,8 @@ class DeferredRendering:
     def __post_init__(self) -> None:
         if not isinstance(self.renderer, DeferredRenderer) or not self.renderer.capabilities.deferred:
             raise ConfigError(
-                "rendering: transport of whole materials needs a renderer that stores light; "
-                f"{type(self.renderer).__name__} does not: set rendering: fresh or choose another renderer."
+                "rendering: stored of whole materials needs a renderer that stores light; "
+                f"{type(self.renderer).__name__} does not: set rendering: online or choose another renderer."
             )
 
     @property

@@ -22,7 +22,10 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.io import load_environment, luminance
 from svbrdfgan.types import Rendering
 
-_ROWS, _DRAWS = 32, 512
+_ROWS = 32
+"""Rows of the mean light."""
+_DRAWS = 512
+"""Lights that the mean is taken over."""
 _FULL = 0.99
 """Coverage from which a pixel counts as filled."""
 
