@@ -76,7 +76,7 @@ def unbent(frame: Frame, mapped: wp.vec3):
 
 @wp.func
 def bend(frame: Frame, n: wp.vec3):
-    """How far the tilted normal is bent towards the viewer, k; and its derivatives by a = n . N and c = n . w_o."""
+    """The length k of the bend towards the viewer, in n + k w_o; and its derivatives by a = n . N and c = n . w_o."""
     a = wp.dot(n, frame.normal)
     b = wp.dot(frame.outgoing, frame.normal)
     c = wp.dot(n, frame.outgoing)

@@ -73,7 +73,8 @@ def minimise(
 ) -> Float[ndarray, "vertices 2"]:
     """The map after at most `rounds` Newton steps.
 
-    It stops earlier if the slope along a step is less than `tolerance` of the value, or no step lowers the value.
+    The descent stops earlier if the slope along a step is less than `tolerance` of the value, or no step lowers the
+    value.
     `uv` must be a map with a finite value. No step flips a triangle, leaves the container, or makes the border cross
     itself.
     """

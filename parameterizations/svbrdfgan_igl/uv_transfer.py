@@ -16,9 +16,9 @@ from svbrdfgan_igl.chart import Chart
 from svbrdfgan_igl.relax import Planes, bounded, misfits, relaxed
 
 _LEAN = 0.3
-"""Before the closest point is sought, a place moves this far along its normal per unit of depth below the wrap.
+"""Distance that a place moves along its normal, per unit of depth below the wrap, before its closest point is sought.
 
-With it, walls that stand upright on the wrap start with an area in UV; `relax` enlarges it.
+With this move, walls that stand upright on the wrap start with an area in UV; `relax` enlarges it.
 """
 _AIM = 0.5  # texels: error of interpolation along an edge above which it is cut
 _SMALL = 2.5  # texels: edges shorter than this are not cut
