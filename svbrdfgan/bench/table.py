@@ -45,7 +45,7 @@ class TextTable:
 
 
 def case_table(result: Result) -> TextTable:
-    """A table with a row for each step of each program: milliseconds, peak memory, and ratios of the others' times to it.
+    """A table with a row for each step of each program: milliseconds, peak memory, and the others' times over it.
 
     The others are the peers, or where there are none the first of ours.
     """
