@@ -29,7 +29,8 @@ log = logging.getLogger(__name__)
 
 EIGHT_BIT = (".png", ".jpg", ".jpeg")
 FLOAT = (".exr", ".hdr")
-LUMINANCE, COLOR = ("Y",), ("R", "G", "B", "A")
+LUMINANCE = ("Y",)  # EXR's names of channels
+COLOR = ("R", "G", "B", "A")
 
 
 def linear_from_srgb(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
@@ -85,7 +86,7 @@ def save_image(path: str | os.PathLike[str], image: Float[Tensor, "height width 
 
 
 def save_codes(path: str | os.PathLike[str], codes: Int[Tensor, "height width"], bits: Literal[8, 16]) -> None:
-    """Writes whole numbers, which fit into so many bits, as they are into a grey PNG; row 0 on top.
+    """Writes whole numbers, which fit into this number of bits, as they are into a grey PNG; row 0 on top.
 
     Raises:
         AssetError: the file cannot be written.

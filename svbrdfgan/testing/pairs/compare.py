@@ -147,7 +147,7 @@ def compare(
 
 
 def limits(found: Estimate, family: int) -> tuple[Float[ndarray, " cells"], Float[ndarray, " cells"]]:
-    """How far chance may take a difference, and how much further a bias lies to be found; in standard errors."""
+    """The limit of a difference by chance, and how much further a bias lies to be found; both in standard errors."""
     confidence = 1.0 - FALSE_ALARMS * found.mean.size / family
     unit = Estimate(found.mean, np.ones_like(found.error), found.freedom)
     chance = margin(unit, confidence)
