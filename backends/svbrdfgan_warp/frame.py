@@ -83,11 +83,11 @@ def bend(frame: Frame, n: wp.vec3):
     excess = b - 2.0 * a * c
     if excess <= 0.0:
         return 0.0, 0.0, 0.0
-    s = wp.max(wp.sqrt(a * a + b * excess), 1.0e-12)
+    s = wp.max(wp.sqrt(a * a + b * excess), 1.0e-12)  # not 0: the slopes are divided by it
     s_a = (a - b * c) / s
     s_c = -a * b / s
     if a < 0.0:  # the same, as a + s would cancel
-        b = wp.max(b, 1.0e-12)
+        b = wp.max(b, 1.0e-12)  # finite for a viewer on the horizon
         return (s - a) / b, (s_a - 1.0) / b, s_c / b
     below = 1.0 / (a + s)
     k = excess * below

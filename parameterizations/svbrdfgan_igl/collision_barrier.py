@@ -85,4 +85,4 @@ def _distances(
     along = np.clip(along, 0.0, 1.0)
     away = p - a - along[:, None] * edge
     distance = np.linalg.norm(away, axis=1)
-    return distance, away / np.maximum(distance, 1e-300)[:, None], along
+    return distance, away / np.maximum(distance, 1e-300)[:, None], along  # a vertex may lie on an edge

@@ -194,7 +194,7 @@ def _vertex_normals(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray,
     for k in range(3):
         np.add.at(total, faces[:, k], weighted)
         np.add.at(weight, faces[:, k], np.linalg.norm(weighted, axis=1))
-    return np.asarray(total / np.maximum(weight, 1e-300)[:, None])
+    return np.asarray(total / np.maximum(weight, 1e-300)[:, None])  # faces may have no area
 
 
 def _in_metres(pieces: Pieces, mesh: Mesh) -> Pieces:

@@ -127,7 +127,7 @@ def train_oracle(
 
 
 def _weights(constant_errors: Mapping[str, float], device: torch.device) -> Float[Tensor, " maps"]:
-    """The weight of each map: 1 for base_color; bounded for a map whose truth is constant, so that nothing errs there."""
+    """The weight of each map, 1 for base_color; bounded, as the constant layer errs in no map that is constant."""
     unit = constant_errors["base_color"]
     errors = {name: max(error, LEAST_ERRORS.get(name, 0.0)) for name, error in constant_errors.items()}
     relative = [1.0 if name == "base_color" else unit / error for name, error in errors.items()]

@@ -90,7 +90,7 @@ def gradient_noise(source: BatchSource, layers: Float[Tensor, "subjects rows col
         variance = float(draws.var(dim=0).sum())
         noise += variance
         signal += float(draws.mean(dim=0).square().sum()) - variance / _DRAWS  # less the mean's own noise
-    return noise / max(signal, 1e-30)
+    return noise / max(signal, 1e-30)  # few draws may leave no signal, or less
 
 
 def _gradient(source: BatchSource, index: int, layer: Tensor, difference: Tensor, draw: int) -> Tensor:

@@ -40,6 +40,7 @@ def linear_from_srgb(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]
 
 def srgb_from_linear(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
     """Encodes linear values as sRGB: the inverse of `linear_from_srgb`."""
+    # Clamped, since the slope at 0 is infinite, of which `where` would make a gradient of NaN.
     curve = 1.055 * values.clamp(min=0.0031308) ** (1 / 2.4) - 0.055
     return torch.where(values <= 0.0031308, values * 12.92, curve)
 

@@ -130,7 +130,7 @@ def _bars(constant: float | None, learned: float | None, oracle: float | None, t
         "truth itself (noise alone)": truth,
     }
     known = {name: value for name, value in values.items() if value is not None}
-    longest = max([*known.values(), 1e-9])
+    longest = max([*known.values(), 1e-9])  # all may be 0
     return [Bar(name, f"{value:.3f}", 100 * (value / longest)) for name, value in known.items()]
 
 

@@ -101,7 +101,7 @@ class Scale:
         fake = torch.cat([pair.fake_logits.flatten() for pair in judged])
         middle = {"vanilla": 0.0, "lsgan": 0.5}.get(loss, float(real.mean() + fake.mean()) / 2)
         reach = float(torch.quantile((torch.cat([real, fake]) - middle).abs(), 0.98))
-        return cls(loss, middle, max(reach, 1e-6))
+        return cls(loss, middle, max(reach, 1e-6))  # all logits may be equal
 
     @property
     def legend(self) -> str:

@@ -50,7 +50,7 @@ def ambient_visibility(
     occluders = ((scatter(surface, 0.6 * cell * radius)[0] - centre) / radius).astype(np.float32)
     # a bias of more than a cell along the normal: without it the surface would occlude itself
     lifted = ((points - centre) / radius + 1.5 * cell * normals).astype(np.float32)
-    free, total = np.zeros(len(points)), np.full(len(points), 1e-12)
+    free, total = np.zeros(len(points)), np.full(len(points), 1e-12)  # a normal of zero faces no direction
     for frame in upper_frames(np.arange(_AXES)).astype(np.float32):
         cosine = np.einsum("pi,i->p", normals, frame[2])
         clearance = _clearance(_turn(occluders, frame), _turn(lifted, frame), cosine < 0.0)
