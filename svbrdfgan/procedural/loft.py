@@ -9,10 +9,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from svbrdfgan.procedural.outline import Outline
 
-SIDE_ROWS = 11
-"""Rows of a half cross-section from the sill to the roof's edge."""
-TOP_ROWS = 6
-"""Rows of a half cross-section from the roof's edge to the centre line."""
+SIDE_ROWS, TOP_ROWS = 11, 6
+"""Number of rows of a half cross-section: from the sill to the roof's edge, and from there to the centre line."""
 
 _UNDER_ROWS = 3
 _CAP_SCALES = (0.75, 0.45, 0.0)

@@ -33,17 +33,13 @@ _SHARPNESS = 14.0
 GLOSS = 0.02
 """The reflectance that gloss adds under smooth light."""
 
-_RIDGE = 0.03  # keeps the light near its prior
-_ROUNDS = 8  # of reweighting
-_SMALL = 0.05
-"""The residual, relative to the clean image, below which squares count."""
-_DARK = 0.3
-"""Added to the clean image for that, relative to its median; else the darkest pixels would dominate."""
+_RIDGE, _ROUNDS = 0.03, 8
+_SMALL, _DARK = 0.05, 0.3
+"""`_SMALL`: the residual, relative to the clean image, below which squares count. `_DARK` is added to the clean image
+for that, relative to its median; else the darkest pixels would dominate."""
 
-_FULL = 0.9
-"""Coverage from which a pixel counts as filled."""
-_LEAST = 20
-"""The number of filled pixels that are needed."""
+_FULL, _LEAST = 0.9, 20
+"""Coverage from which a pixel counts as filled, and how many filled pixels are needed."""
 
 Light = Float[Tensor, "rows cols 3"]
 Render = Callable[[Materials, Light], Rendering]

@@ -23,18 +23,8 @@ if TYPE_CHECKING:
 
 NO_PART = -1
 _SIDE = 640
-
-# Colours of outlines.
-_MESH = (255, 220, 0)
-_PARTS = (255, 120, 0)
-_MASK = (0, 220, 255)
-
-# The contact sheet; sizes in pixels.
-_CELL = (240, 180)
-_CAPTION = 16
-_COLUMNS = 5
-_PAPER = (255, 255, 255)
-_INK = (40, 40, 40)
+_MESH, _PARTS, _MASK = (255, 220, 0), (255, 120, 0), (0, 220, 255)
+_CELL, _CAPTION, _COLUMNS, _PAPER, _INK = (240, 180), 16, 5, (255, 255, 255), (40, 40, 40)
 
 
 def visible_parts(mesh: Mesh, camera: Camera, width: int, height: int) -> Int[ndarray, "height width"]:
