@@ -11,7 +11,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation.relight import RelitScene, render_under
+from svbrdfgan.evaluation.record import Painter
+from svbrdfgan.evaluation.relight import PaintedScene, render_under
 from svbrdfgan.geometry.camera_hits import camera_hits
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.scene.description import SceneWeathering
@@ -25,24 +26,24 @@ _ZOOM = 4.0
 def close_ups(
     exemplars: Exemplars,
     renderer: Renderer[Any],
-    layers_of: Callable[[int], Mapping[str, Float[Tensor, "rows cols channels"]]],
-) -> tuple[RelitScene, ...]:
+    layers_of: Callable[[int], Mapping[Painter, Float[Tensor, "rows cols channels"]]],
+) -> tuple[PaintedScene, ...]:
     """Of up to three vehicles, evenly spread, the middle of the exemplar with the greatest amount, four times nearer.
 
     They are chosen regardless of what was learned.
 
     Args:
-        layers_of: an exemplar's layers, by what painted them.
+        layers_of: an exemplar's layers, the true one among them.
     """
     weathered = [list(filter(exemplars.weathered, exemplars.views_of(n))) for n in range(len(exemplars.subjects))]
     chosen = [max(views, key=lambda view: _amount(exemplars, view)) for views in weathered if views]
     spread = sorted({round(n) for n in np.linspace(0, len(chosen) - 1, min(_COUNT, len(chosen)))})
     found = []
     for exemplar in (chosen[n] for n in spread):
-        scene, subject, truth = exemplars.scenes[exemplar], exemplars.subject(exemplar), exemplars.layers[exemplar]
-        assert truth is not None
+        scene, subject = exemplars.scenes[exemplar], exemplars.subject(exemplar)
         view = _nearer(subject, exemplars.loader.view(scene))
-        layers = {name: layer for name, layer in layers_of(exemplar).items() if name != "constant"} | {"truth": truth}
+        layers = dict(layers_of(exemplar))
+        layers.pop("constant", None)
         found.append(render_under(scene, view, subject, renderer, renderer.prepare(subject.surface), layers))
     return tuple(found)
 
