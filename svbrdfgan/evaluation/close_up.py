@@ -42,8 +42,7 @@ def close_ups(
     for exemplar in (chosen[n] for n in spread):
         scene, subject = exemplars.scenes[exemplar], exemplars.subject(exemplar)
         view = _nearer(subject, exemplars.loader.view(scene))
-        layers = dict(layers_of(exemplar))
-        layers.pop("constant", None)
+        layers: dict[Painter, Tensor] = {by: layer for by, layer in layers_of(exemplar).items() if by != "constant"}
         found.append(render_under(scene, view, subject, renderer, renderer.prepare(subject.surface), layers))
     return tuple(found)
 

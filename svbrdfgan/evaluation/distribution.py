@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import torch
 from jaxtyping import Float
@@ -38,8 +38,8 @@ class Comparison:
         figures: likewise, and of the truth, for which other true draws stand: what can be reached with so few draws.
     """
 
-    resemblance: dict[Painter, Resemblance]
-    figures: dict[Painter, DrawFigures]
+    resemblance: Mapping[Painter, Resemblance] = field(default_factory=dict)
+    figures: Mapping[Painter, DrawFigures] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -130,8 +130,8 @@ def evaluate(
     constants = constant_layers(*load("train"), fabric.device)
     observed = _observed(source, renderer, config, shown)
     scorer = Scorer.make(source.exemplars, source.seen, constants, fabric.device, observed)
-    layers: dict[Painter, Tensor] = {}
-    layers["generated"] = _layers(fabric, scorer, model.generator, config.conditions.typical())
+    learned = _layers(fabric, scorer, model.generator, config.conditions.typical())
+    layers: dict[Painter, Tensor] = {"generated": learned, "constant": constants[0].expand_as(learned)}
     drawing: dict[Painter, Generator] = {"generated": model.generator}
     found = None
     if oracle:
@@ -140,10 +140,9 @@ def evaluate(
         layers["oracle"] = _layers(fabric, scorer, found.generator, labels)
         if found.adversarial:
             drawing["oracle"] = found.generator
-    layers["constant"] = constants[0].expand_as(layers["generated"])
     layers_of = _with_own_conditions(by_subject(source.exemplars, layers), drawing, config, fabric, source)
     shown.begin("comparing pictures", len(source))
-    flips, draws = _flips(source, layers_of, shown), Comparison({}, {})
+    flips, draws = _flips(source, layers_of, shown), Comparison()
     if model.generator.varies or seeds_vary(config.dataset):
         draws = _draws(drawing, config, fabric, source, scorer, constants, workers, shown)
     shown.begin("comparing relit pictures")
@@ -172,7 +171,7 @@ def _draws(
         )
     except AssetError as error:
         log.warning("resemblance has no score: %s", error)
-        return Comparison({}, {})
+        return Comparison()
 
 
 def _observed(source: BatchSource, renderer: Renderer[Any], config: RunConfig, shown: Display) -> Observed | None:

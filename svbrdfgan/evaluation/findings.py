@@ -51,7 +51,11 @@ class Findings:
             exemplars=len(self.scorer.targets),
             areas=self.scorer.shares,
             generated=self._learned("generated"),
-            oracle=None if oracle is None else self._oracle(oracle),
+            oracle=None
+            if oracle is None
+            else OracleScores(
+                **dict(self._learned("oracle")), steps=oracle.steps, plateau=oracle.plateau, validation=oracle.score
+            ),
             constant=self._constant(),
             truth=self._pictured("truth"),
         )
@@ -74,10 +78,6 @@ class Findings:
             maps=self._maps(layers) if len(self.scorer.constant_errors) > 1 else {},
             draws=self.draws.resemblance.get(painter),
         )
-
-    def _oracle(self, oracle: Oracle) -> OracleScores:
-        mine = dict(self._learned("oracle"))
-        return OracleScores(**mine, steps=oracle.steps, plateau=oracle.plateau, validation=oracle.score)
 
     def _maps(self, layers: Float[Tensor, "subjects rows cols channels"]) -> dict[str, MapScore]:
         recovered, errors = self.scorer.each_recovered_by(layers), self.scorer.errors_by(layers)

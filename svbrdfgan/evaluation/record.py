@@ -180,11 +180,12 @@ class Evaluation(StrictModel):
         if self.fraction is not None:
             lines.append(f"fraction:  {self.fraction:.3f} of the oracle")
         if mine.recovered_at_poles is not None:
-            ceiling = None if best is None else best.recovered_at_poles
-            told = "" if ceiling is None else f" (oracle {ceiling:.3f})"
-            lines.append(f"at poles:  {mine.recovered_at_poles:.3f}{told}")
-        worst, noise = self.constant.flip, self.truth.flip
-        lines.append(f"FLIP:      {mine.flip:.3f} (constant layer {worst:.3f}, noise alone {noise:.3f})")
+            lines.append(f"at poles:  {mine.recovered_at_poles:.3f}")
+            if best is not None and best.recovered_at_poles is not None:
+                lines[-1] += f" (oracle {best.recovered_at_poles:.3f})"
+        lines.append(
+            f"FLIP:      {mine.flip:.3f} (constant layer {self.constant.flip:.3f}, noise alone {self.truth.flip:.3f})"
+        )
         return lines + self._relit_lines() + self._draw_lines() + self._map_lines()
 
     def map_table(self) -> dict[str, dict[str, str]]:

@@ -169,8 +169,9 @@ def render_under(
 
     reference, _ = show(layers["truth"], scene.seed)
     shown = {painter: show(layer, (scene.seed + 1) % 2**31) for painter, layer in layers.items()}
-    pictures = {painter: picture for painter, (picture, _) in shown.items()}
-    return PaintedScene(scene, shown["truth"][1], reference, pictures)
+    return PaintedScene(
+        scene, shown["truth"][1], reference, {painter: picture for painter, (picture, _) in shown.items()}
+    )
 
 
 def _lights(files: Sequence[str], index: DatasetIndex, folder: Path) -> tuple[EnvironmentAsset, ...]:

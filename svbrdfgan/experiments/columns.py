@@ -50,24 +50,26 @@ class Column:
 
 def _of_part(name: str) -> Column:
     """A part of resemblance."""
-
-    def value(outcome: RunOutcome) -> float | None:
-        draws = outcome.evaluation.generated.draws
-        return None if draws is None else draws.parts[name]
-
-    return Column(f"resemblance_{name}", name, f"the part `{name}` of resemblance", value, ".2f")
+    return Column(
+        f"resemblance_{name}",
+        name,
+        f"the part `{name}` of resemblance",
+        lambda outcome: None if (draws := outcome.evaluation.generated.draws) is None else draws.parts[name],
+        ".2f",
+    )
 
 
 def _of_draws(
     key: str, heading: str, meaning: str, value: Callable[[DrawFigures], float | None], form: str = ".2f"
 ) -> Column:
     """A figure of a run's own draws."""
-
-    def of(outcome: RunOutcome) -> float | None:
-        figures = outcome.evaluation.generated.figures
-        return None if figures is None else value(figures)
-
-    return Column(key, heading, meaning, of, form)
+    return Column(
+        key,
+        heading,
+        meaning,
+        lambda outcome: None if (found := outcome.evaluation.generated.figures) is None else value(found),
+        form,
+    )
 
 
 _VERDICTS = (

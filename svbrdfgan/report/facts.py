@@ -59,8 +59,13 @@ def verdict(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> lis
     if best is not None:
         found.append(KeyFigure("oracle", f"{best.recovered:.3f}", _oracle_meaning(best)))
     if evaluation.fraction is not None:
-        meaning = "Recovered as a share of the oracle: what learning from pictures costs."
-        found.append(KeyFigure("of the oracle", f"{evaluation.fraction:.0%}", meaning))
+        found.append(
+            KeyFigure(
+                "of the oracle",
+                f"{evaluation.fraction:.0%}",
+                "Recovered as a share of the oracle: what learning from pictures costs.",
+            )
+        )
     found.append(
         KeyFigure(
             "FLIP",
@@ -85,33 +90,36 @@ def _resemblances(evaluation: Evaluation) -> Iterator[KeyFigure]:
     """What draws of the generator reached, what those of the oracle did, and the run's share of it."""
     mine, best = evaluation.generated.draws, None if evaluation.oracle is None else evaluation.oracle.draws
     if mine is not None:
-        meaning = (
+        yield KeyFigure(
+            "resemblance",
+            f"{mine.resemblance:.3f}",
             "How alike draws of the generator are to draws of the true layers: 1 is as alike as true draws are to each "
             f"other, 0 one colour everywhere. Least alike: {mine.least}, {mine.parts[mine.least]:.2f}. Recovered is "
-            "that of one draw, and says little."
+            "that of one draw, and says little.",
         )
-        yield KeyFigure("resemblance", f"{mine.resemblance:.3f}", meaning)
     if best is not None:
-        meaning = (
+        yield KeyFigure(
+            "resemblance of the oracle",
+            f"{best.resemblance:.3f}",
             "The same network trained adversarially on true layers instead of pictures, for as many steps. Least "
-            f"alike: {best.least}, {best.parts[best.least]:.2f}."
+            f"alike: {best.least}, {best.parts[best.least]:.2f}.",
         )
-        yield KeyFigure("resemblance of the oracle", f"{best.resemblance:.3f}", meaning)
     if evaluation.resemblance_fraction is not None:
-        meaning = "Resemblance as a share of the oracle's: what learning from pictures costs."
-        yield KeyFigure("resemblance, of the oracle", f"{evaluation.resemblance_fraction:.0%}", meaning)
+        yield KeyFigure(
+            "resemblance, of the oracle",
+            f"{evaluation.resemblance_fraction:.0%}",
+            "Resemblance as a share of the oracle's: what learning from pictures costs.",
+        )
 
 
 def half_way(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> KeyFigure | None:
     """Images and time until the validation score passed half the oracle's; None if it never did or is unknown."""
     for line in log:
         if line.get("recovered", -1.0) >= evaluation.half_way > 0:
-            images = line["step"] * config.images_per_step
-            took = duration(line["seconds"])
             return KeyFigure(
                 "images to half",
-                f"{images:,.0f}",
-                f"Seen until the validation score passed half the oracle's, in {took}.",
+                f"{line['step'] * config.images_per_step:,.0f}",
+                f"Seen until the validation score passed half the oracle's, in {duration(line['seconds'])}.",
             )
     return None
 

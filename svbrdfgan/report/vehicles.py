@@ -17,6 +17,7 @@ from svbrdfgan.evaluation.evaluate import Evaluated, pictures
 from svbrdfgan.evaluation.record import Painter
 from svbrdfgan.evaluation.relight import PaintedScene
 from svbrdfgan.metrics.flip import display, flip
+from svbrdfgan.metrics.recovered import shown_texels
 from svbrdfgan.rendering.compositing import composite
 from svbrdfgan.report.pictures import Picture, framed, heat, over_checker, signed_as_color, upright
 from svbrdfgan.scene.description import Scene, SceneWeathering
@@ -142,7 +143,7 @@ def _error(evaluated: Evaluated, index: int) -> tuple[Tensor, Tensor]:
     assert truth is not None
     base = subject.base_albedo(exemplars.scenes[index].materials)
     made = evaluated.learned(index)
-    seen = torch.stack([evaluated.source.seen(view).cpu() > 0 for view in exemplars.views_of(number)]).any(dim=0)
+    seen = shown_texels(exemplars, evaluated.source.seen, number)
     scored = seen & subject.learnable_texels & (subject.buffer.area > 0)
     return scored, (composite(base, made) - composite(base, truth)).abs().mean(dim=-1)
 
