@@ -1,4 +1,4 @@
-"""Evaluates a run: what its generator recovered on subjects that it never saw, beside a supervised oracle."""
+"""Evaluates a run: what its generator recovered on subjects that it never saw, compared with an oracle."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import torch
@@ -36,7 +36,7 @@ from svbrdfgan.metrics.flip import flip
 from svbrdfgan.metrics.recovered import Observed, Scorer
 from svbrdfgan.networks import Draw, Generator
 from svbrdfgan.plugins.select import resolve_renderer
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, seeds_vary
 from svbrdfgan.training.run import RunConfig, load_model
@@ -45,7 +45,7 @@ from svbrdfgan.utils.display import Display, SilentDisplay
 log = logging.getLogger(__name__)
 
 LayersOf = Callable[[int], dict[Painter, Float[Tensor, "rows cols channels"]]]
-"""The layers of a weathered exemplar, by painter. Those of generators have the exemplar's own amount and recipe."""
+"""The layers of a weathered exemplar, by painter; a generator's layer has the exemplar's own amount and recipe."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +55,9 @@ class Evaluated:
     Attributes:
         config: the run's.
         source: the scored split.
-        layers: the layers of each subject, of all painters but the truth. A generator that is told conditions paints
-            the middle amount of the first recipe.
-        layers_of: the layers of an exemplar; for pictures beside it.
+        layers: the layers of each subject, of all painters but the truth. A generator with conditions paints the middle
+            amount of the first recipe.
+        layers_of: the layers of an exemplar; for pictures next to it.
         relit: a few of the scenes that the run was relit in, with their pictures.
         close_ups: small parts of a few vehicles, if the generator varies.
         generator: the run's, on the device of the layers; for draws of it.
@@ -90,7 +90,7 @@ def evaluate(
     workers: int = 1,
     display: Display | None = None,
 ) -> Evaluated:
-    """Scores a run on a split and writes `evaluation.json`. It trains the oracle first if the run has none yet.
+    """Scores a run on a split and writes `evaluation.json`; trains the oracle first if the run has none yet.
 
     Args:
         dataset: the folder of the run's data set, if it was moved.
@@ -113,7 +113,7 @@ def evaluate(
     relighter = Relighter.make(relight or Relight(), opened.index)  # its mistakes are found before anything slow
     resolved = ResolvedRun(config.train, opened).unperturbed()
     if resolved.deferred:  # pictures are compared with exemplars, and have all of their samples
-        resolved = resolved.with_config(rendering="fresh")
+        resolved = resolved.with_config(rendering="online")
     renderer, _ = resolve_renderer(config.train.renderer, fabric.device, config.maps, differentiable=True)
 
     shown.begin(f"light transport of the {split} scenes")
@@ -163,7 +163,7 @@ def _draws(
     workers: int,
     shown: Display,
 ) -> Comparison:
-    """The scores of draws; none if the true ones cannot be compared."""
+    """The scores of draws; none if the true draws cannot be compared."""
     shown.begin("comparing draws of layers", len(scorer.geometry))
     try:
         return compare_draws(
@@ -174,8 +174,8 @@ def _draws(
         return Comparison()
 
 
-def _observed(source: BatchSource, renderer: Renderer[Any], config: RunConfig, shown: Display) -> Observed | None:
-    """Where the split's further maps can be observed; None if layers paint base_color alone."""
+def _observed(source: BatchSource, renderer: CheckedRenderer, config: RunConfig, shown: Display) -> Observed | None:
+    """The texels where the split's further maps can be observed; None if layers paint base_color alone."""
     if not config.maps:
         return None
     shown.begin("where each map can be observed", len(source))
@@ -195,7 +195,7 @@ def _open_dataset(config: RunConfig, moved_to: Path | None) -> Dataset:
 def _layers(
     fabric: Fabric, scorer: Scorer, generator: Generator, labels: Sequence[float] = ()
 ) -> Float[Tensor, "subjects rows cols channels"]:
-    """One layer of each subject; of a generator with chance, that of seed 0."""
+    """One layer of each subject; of a generator with random fields, that of seed 0."""
     with fabric.autocast():
         return scorer.layers(Draw(generator.to(fabric.device), labels=labels))
 
@@ -214,7 +214,7 @@ def by_subject(exemplars: Exemplars, layers: Mapping[Painter, Tensor]) -> Layers
 def _with_own_conditions(
     layers_of: LayersOf, generators: Mapping[Painter, Generator], config: RunConfig, fabric: Fabric, source: BatchSource
 ) -> LayersOf:
-    """The same, but what generators paint that are told conditions: seed 0, with the exemplar's amount and recipe."""
+    """The same layers, but those of generators with conditions by seed 0 and the exemplar's own amount and recipe."""
     if not config.conditions.size:
         return layers_of
 

@@ -87,6 +87,7 @@ class LearnedScores(PainterScores):
 
     @property
     def resemblance(self) -> float | None:
+        """The resemblance of `draws`."""
         return None if self.draws is None else self.draws.resemblance
 
     def of_map(self, name: str) -> MapScore:

@@ -87,7 +87,7 @@ def verdict(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> lis
 
 
 def _resemblances(evaluation: Evaluation) -> Iterator[KeyFigure]:
-    """What draws of the generator reached, what those of the oracle did, and the run's share of it."""
+    """The resemblance that the generator and the oracle of a distribution reached, and the run's share of it."""
     mine, best = evaluation.generated.draws, None if evaluation.oracle is None else evaluation.oracle.draws
     if mine is not None:
         yield KeyFigure(
@@ -136,13 +136,13 @@ def relit_bars(evaluation: Evaluation) -> list[Bar]:
 
 
 def _bars(values: Mapping[Painter, float]) -> list[Bar]:
-    longest = max([*values.values(), 1e-9])
+    longest = max([*values.values(), 1e-9])  # all may be 0
     known = [(label, values[painter]) for painter, label in _PAINTED.items() if painter in values]
     return [Bar(label, f"{value:.3f}", 100 * (value / longest)) for label, value in known]
 
 
 def title(config: RunConfig, plan: DatasetIndex | None) -> str:
-    """What was learned from what. The plan is None if the data set is gone."""
+    """The report's title: what was learned from what. The plan is None if the data set is gone."""
     what = _recipe(config).replace("-", " ").capitalize()
     if plan is None:
         return f"{what}, learned from pictures"
@@ -176,7 +176,7 @@ def _recipe(config: RunConfig) -> str:
 
 
 def duration(seconds: float) -> str:
-    """In seconds, minutes or hours, whichever suits."""
+    """The duration in seconds, minutes or hours, whichever suits."""
     if seconds < 120:
         return f"{seconds:.0f} s"
     minutes = seconds / 60

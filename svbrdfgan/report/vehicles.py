@@ -70,7 +70,7 @@ def subject_name(scene: Scene) -> str:
 
 
 def rendered(evaluated: Evaluated, index: int) -> Vehicle:
-    """An exemplar beside renders of its scene under each layer, with the FLIP of each render."""
+    """An exemplar and renders of its scene under each layer, with the FLIP of each render."""
     exemplars, layers = evaluated.source.exemplars, evaluated.layers_of(index)
     coverage = exemplars.coverage[index]
     truth = display(exemplars.images[index].float(), coverage=coverage.float())

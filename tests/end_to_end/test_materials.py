@@ -60,9 +60,9 @@ def folder(dataset_data: Data, vehicles: Path, tmp_path_factory: pytest.TempPath
 @pytest.fixture(scope="module")
 def run(training_data: Data, folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("materials") / "run"
-    fresh = {"rendering": "fresh", "discriminator": {"guide": False}, "spp": 2, "batch_size": 1}
+    online = {"rendering": "online", "discriminator": {"gbuffer": False}, "spp": 2, "batch_size": 1}
     length = {"steps": 2, "score_every": 2, "save_every": 2}
-    train(train_config(training_data(dataset=str(folder), **fresh, **length), "here"), made)
+    train(train_config(training_data(dataset=str(folder), **online, **length), "here"), made)
     return made
 
 
@@ -99,7 +99,7 @@ def test_the_model_paints_every_map_and_its_glb_says_so(run: Path, vehicles: Pat
 @pytest.mark.full
 def test_every_map_is_scored(run: Path) -> None:
     evaluated = evaluate(run, split="validation", device="cpu", schedule=OracleConfig(every=2, steps=2))
-    scores = evaluated.evaluation.maps
+    scores = evaluated.evaluation.generated.maps
     assert list(scores) == ["base_color", "roughness", "metallic", "normal"]
     for name, score in scores.items():
         flat = name in ("metallic", "normal")  # this thin road dirt is neither of metal nor tilted by 0.1 degrees
