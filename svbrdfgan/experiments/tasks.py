@@ -18,16 +18,21 @@ from svbrdfgan.data.index import INDEX, DatasetIndex
 from svbrdfgan.evaluation.adversarial_oracle import Budget
 from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
+from svbrdfgan.evaluation.record import OracleScores
 from svbrdfgan.experiments.contact_strip import CONTACT_STRIP, write_contact_strip
-from svbrdfgan.experiments.outcome import CEILING, OUTCOME, Ceiling, RunOutcome, ScorePoint
+from svbrdfgan.experiments.outcome import OUTCOME, RunOutcome, ScorePoint
 from svbrdfgan.experiments.run_matrix import OracleSpec, RunSpec
 from svbrdfgan.experiments.run_metrics import measure
+from svbrdfgan.io.records import load_record, save_record
 from svbrdfgan.report.page import write_report
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.run import CONFIG, ORACLE, ORACLE_NOTES
 from svbrdfgan.training.state import State
 from svbrdfgan.training.trainer import train
 from svbrdfgan.utils.processes import cores
+
+CEILING = "ceiling.json"
+"""The scores of an oracle, for evaluating runs if its weights are missing."""
 
 
 class _Task(StrictModel):
@@ -88,7 +93,8 @@ class OracleTask(_Task):
         schedule = OracleConfig(batch=self.spec.train.batch_size, steps=self.spec.steps)
         budget = Budget(self.spec.steps, self.spec.minutes)
         evaluated = evaluate(self.path, split="test", schedule=schedule, budget=budget)
-        Ceiling(evaluation=evaluated.evaluation).save(self.path)
+        assert evaluated.evaluation.oracle is not None
+        save_record(self.path / CEILING, evaluated.evaluation.oracle)
         _forget_checkpoints(self.path)
 
 
@@ -110,7 +116,7 @@ class RunTask(_Task):
 
     def work(self) -> None:
         state = _train(self, self.spec.train, self.dataset)
-        ceiling = Ceiling.load(Path(self.root) / self.oracle)
+        ceiling = load_record(OracleScores, Path(self.root) / self.oracle / CEILING)
         evaluated = self._evaluate(ceiling)
         write_report(self.path, evaluated)
         write_contact_strip(self.path / CONTACT_STRIP, evaluated)
@@ -124,7 +130,7 @@ class RunTask(_Task):
         ).save(self.path)
         _forget_checkpoints(self.path)
 
-    def _evaluate(self, ceiling: Ceiling) -> Evaluated:
+    def _evaluate(self, ceiling: OracleScores) -> Evaluated:
         """Evaluates with the oracle if its weights exist; else with its scores, which may have been copied alone."""
         oracle, workers = Path(self.root) / self.oracle, max(1, cores() // self.jobs)
         if (oracle / ORACLE).is_file() and (oracle / ORACLE_NOTES).is_file():
@@ -132,7 +138,7 @@ class RunTask(_Task):
                 shutil.copyfile(oracle / name, self.path / name)
             return evaluate(self.path, split="test", workers=workers)
         evaluated = evaluate(self.path, split="test", oracle=False, workers=workers)
-        evaluation = ceiling.over(evaluated.evaluation)
+        evaluation = evaluated.evaluation.model_copy(update={"oracle": ceiling})
         evaluation.save(self.path)
         return replace(evaluated, evaluation=evaluation)
 

@@ -219,9 +219,9 @@ def test_what_failed_before_it_began_can_be_corrected(training_data: Data, tmp_p
 def test_evaluate(run: Path, tmp_path: Path) -> None:
     output = succeeded(invoke("evaluate", run, "--split", "validation", "--no-oracle", "--device", "cpu"))
     verdict = json.loads((run / "evaluation.validation.json").read_text())
-    assert f"recovered: {verdict['recovered']:.3f}" in output
+    assert f"recovered: {verdict['generated']['recovered']:.3f}" in output
     assert verdict["oracle"] is None
-    assert verdict["flip_truth"] < verdict["flip"]
+    assert verdict["truth"]["flip"] < verdict["generated"]["flip"]
     report = Path(output.splitlines()[-1])
     assert report.suffix == ".html"
     assert report.is_file()

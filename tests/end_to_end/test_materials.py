@@ -99,7 +99,7 @@ def test_the_model_paints_every_map_and_its_glb_says_so(run: Path, vehicles: Pat
 @pytest.mark.full
 def test_every_map_is_scored(run: Path) -> None:
     evaluated = evaluate(run, split="validation", device="cpu", schedule=OracleConfig(every=2, steps=2))
-    scores = evaluated.evaluation.maps
+    scores = evaluated.evaluation.generated.maps
     assert list(scores) == ["base_color", "roughness", "metallic", "normal"]
     for name, score in scores.items():
         flat = name in ("metallic", "normal")  # this thin road dirt is neither of metal nor tilted by 0.1 degrees

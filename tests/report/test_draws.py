@@ -39,7 +39,7 @@ def test_the_report_has_the_sheets(varied: Evaluated, varied_run: Path) -> None:
 
 def test_close_ups_show_the_truth_and_the_same_place_as_learned(varied: Evaluated) -> None:
     (found,) = varied.close_ups
-    assert set(found.pictures) == {"reference", "truth", "generated"}
+    assert set(found.pictures) == {"truth", "generated"}
     assert found.coverage.mean() > 0.5, "it is near"
     assert found.flips()["truth"] < found.flips()["generated"]
 

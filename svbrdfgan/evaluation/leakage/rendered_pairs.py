@@ -33,7 +33,7 @@ _CHUNK = 8
 Confounders = frozenset[Confounder]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class RenderedPairs:
     """Renders both sides' clean pictures, with any of the configuration's confounders present or removed.
 
@@ -46,6 +46,8 @@ class RenderedPairs:
         renderer: the training's renderer.
         exemplar_renderer: the data set's renderer.
         progress: called with the number of pictures rendered since the last call.
+        _rendered: a cache of the exemplars' images and coverage, by which of noise and renderer is present.
+        _buffers: a cache of the exemplars' G-buffers and light buffers; empty until they are rendered.
     """
 
     run: ResolvedRun
