@@ -20,12 +20,18 @@ if TYPE_CHECKING:
     from svbrdfgan.evaluation.leakage import probe_shortcuts
     from svbrdfgan.inference.apply import paint
     from svbrdfgan.inference.export import write_picture, write_weathered
-    from svbrdfgan.io import load_environment, load_mesh, save_image
-    from svbrdfgan.plugins import load_embedding, load_renderer
-    from svbrdfgan.procedural import build_sky, build_vehicle, sample_sky, sample_vehicle
+    from svbrdfgan.io.environment import load_environment
+    from svbrdfgan.io.image import save_image
+    from svbrdfgan.io.mesh import load_mesh
+    from svbrdfgan.plugins.registry import load_embedding, load_renderer
+    from svbrdfgan.procedural.kinds import sample_vehicle
+    from svbrdfgan.procedural.sky import build_sky, sample_sky
+    from svbrdfgan.procedural.vehicle import build_vehicle
     from svbrdfgan.rendering.compositing import composite, over
     from svbrdfgan.rendering.render_layer import RenderLayer
-    from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
+    from svbrdfgan.rendering.transport.build import build_transport
+    from svbrdfgan.rendering.transport.light_transport import LightTransport
+    from svbrdfgan.rendering.transport.product import TransportBatch
     from svbrdfgan.report.page import write_report
     from svbrdfgan.scene.description import Scene
     from svbrdfgan.scene.subject import Subject, make_subject
@@ -33,7 +39,8 @@ if TYPE_CHECKING:
     from svbrdfgan.training.run import load_model
     from svbrdfgan.training.trainer import train
     from svbrdfgan.types import Camera, Environment, Material, Materials, Mesh, Part, Surface, View
-    from svbrdfgan.weathering import Dust, RoadDirt, Rust, weather
+    from svbrdfgan.weathering.layer import weather
+    from svbrdfgan.weathering.recipes import Dust, RoadDirt, Rust
 
 __all__ = [
     "Camera",

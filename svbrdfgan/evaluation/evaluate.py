@@ -5,13 +5,11 @@ from __future__ import annotations
 import logging
 import math
 from collections import defaultdict
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from lightning_fabric import Fabric
@@ -19,22 +17,22 @@ from torch import Tensor
 
 from svbrdfgan.data.conditions import labels_of_scenes
 from svbrdfgan.data.config import Split
-from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.data.gather import INDEX
-from svbrdfgan.data.index import Dataset
+from svbrdfgan.data.index import INDEX, Dataset
 from svbrdfgan.errors import AssetError
 from svbrdfgan.evaluation.adversarial_oracle import Budget
 from svbrdfgan.evaluation.close_up import close_ups
 from svbrdfgan.evaluation.distribution import compare_draws
+from svbrdfgan.evaluation.evaluated import Evaluated, LayersOf, by_subject, pictures
 from svbrdfgan.evaluation.observable_texels import Observation
 from svbrdfgan.evaluation.oracle import LoadedSplit, OracleConfig, TrainedOracle, oracle_of
 from svbrdfgan.evaluation.record import Evaluation, MapScore, share
-from svbrdfgan.evaluation.relight import Relight, Relighter, RelitScene
+from svbrdfgan.evaluation.relight import Relight, Relighter
 from svbrdfgan.metrics.constant_layer import constant_layers
 from svbrdfgan.metrics.flip import display as as_displayed
 from svbrdfgan.metrics.flip import flip
 from svbrdfgan.metrics.recovered import Observed, Scorer
-from svbrdfgan.networks import Draw, Generator
+from svbrdfgan.networks.draw import Draw
+from svbrdfgan.networks.generator import Generator
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import RGBA
@@ -51,35 +49,6 @@ _RELIT = {
     "constant": "relit_flip_constant",
     "truth": "relit_flip_truth",
 }
-
-
-LayersOf = Callable[[int], dict[str, Float[Tensor, "rows cols channels"]]]
-"""The layers of an exemplar, by what painted them. Those of generators have the exemplar's own amount and recipe."""
-
-
-@dataclass(frozen=True, eq=False)
-class Evaluated:
-    """The score of a run, and what pictures of it need.
-
-    Attributes:
-        config: the run's.
-        source: the scored split.
-        layers: the layers of each subject, by what painted them: "generated", "oracle" or "constant". A generator that
-            is told conditions paints the middle amount of the first recipe.
-        layers_of: the layers of an exemplar; for pictures beside it.
-        relit: a few of the scenes that the run was relit in, with their pictures.
-        close_ups: small parts of a few vehicles, if the generator varies.
-        generator: the run's, on the device of the layers; for draws of it.
-    """
-
-    evaluation: Evaluation
-    config: RunConfig
-    source: BatchSource
-    layers: dict[str, Float[Tensor, "subjects rows cols channels"]]
-    layers_of: LayersOf
-    relit: tuple[RelitScene, ...] = ()
-    close_ups: tuple[RelitScene, ...] = ()
-    generator: Generator | None = None
 
 
 def evaluate(
@@ -268,11 +237,6 @@ def _layers(
         return scorer.layers(Draw(generator.to(fabric.device), labels=labels))
 
 
-def by_subject(exemplars: Exemplars, layers: dict[str, Tensor]) -> LayersOf:
-    """The layers of each exemplar's subject."""
-    return lambda index: {name: painted[int(exemplars.subject_of[index])] for name, painted in layers.items()}
-
-
 def _with_own_conditions(
     layers_of: LayersOf, generators: dict[str, Generator], config: RunConfig, fabric: Fabric, source: BatchSource
 ) -> LayersOf:
@@ -301,17 +265,3 @@ def _flips(source: BatchSource, layers_of: LayersOf, shown: Display) -> dict[str
             totals[name] += flip(truth, picture)
         shown.advance(1)
     return {name: total / max(len(weathered), 1) for name, total in totals.items()}
-
-
-def pictures(
-    source: BatchSource, index: int, layers: dict[str, Float[Tensor, "rows cols channels"]]
-) -> dict[str, Float[Tensor, "height width 3"]]:
-    """Display-referred pictures of an exemplar's scene, one under each layer and one under G0's own ("truth")."""
-    scenes = source.scenes([index], np.random.default_rng(0))
-    shown = {}
-    for name, layer in {**layers, "truth": source.exemplars.layers[index]}.items():
-        if layer is not None:
-            with torch.no_grad():
-                image, coverage = scenes.render(layer.unsqueeze(0).to(source.buffers.device))
-            shown[name] = as_displayed(image[0].cpu(), coverage=coverage[0].cpu().float())
-    return shown

@@ -19,7 +19,7 @@ from svbrdfgan.data.gather import gather_environments, match_files
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.io import load_environment
+from svbrdfgan.io.environment import load_environment
 from svbrdfgan.metrics.flip import display, flip
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.scene.description import Scene

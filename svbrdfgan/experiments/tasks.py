@@ -16,7 +16,8 @@ from svbrdfgan.data.config import DatasetConfig, EnvironmentSource
 from svbrdfgan.data.generate import generate, missing
 from svbrdfgan.data.index import INDEX, DatasetIndex
 from svbrdfgan.evaluation.adversarial_oracle import Budget
-from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
+from svbrdfgan.evaluation.evaluate import evaluate
+from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.experiments.contact_strip import CONTACT_STRIP, write_contact_strip
 from svbrdfgan.experiments.outcome import CEILING, OUTCOME, Ceiling, RunOutcome, ScorePoint

@@ -6,16 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.geometry.split import surface_over
 from svbrdfgan.geometry.tangents import Tangents, corner_tangents
-from svbrdfgan.rendering.texture_filter import sample_texture
+from svbrdfgan.geometry.texels import nearest_texels, sample_texture
 from svbrdfgan.types import FileMap, Mesh
 
 _UP = np.array([0.0, 0.0, 1.0])
@@ -47,12 +46,6 @@ def bake_file_maps(mesh: Mesh, fragments: Fragments) -> tuple[dict[str, Float[Te
             maps["normal"] = frames[normal.uv_set].turned(_looked_up(normal, mesh, texels), texels)
         baked.append(maps)
     return tuple(baked)
-
-
-def nearest_texels(mask: Bool[ndarray, "rows cols"]) -> tuple[Int[ndarray, "rows cols"], Int[ndarray, "rows cols"]]:
-    """For every texel, the row and the column of the nearest texel inside the mask."""
-    row, col = distance_transform_edt(~mask, return_distances=False, return_indices=True)
-    return row, col
 
 
 @dataclass(eq=False)

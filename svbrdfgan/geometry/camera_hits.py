@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.rasterize import rasterize_triangles
-from svbrdfgan.rendering.texture_filter import sample_texture
+from svbrdfgan.geometry.texels import sample_texture
 from svbrdfgan.types import Camera, Part, Surface
 
 _NEAR = 1e-6

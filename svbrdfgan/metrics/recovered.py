@@ -19,7 +19,7 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io import srgb_from_linear
+from svbrdfgan.io.image import srgb_from_linear
 from svbrdfgan.metrics.map_errors import LEAST_ERRORS, map_error
 from svbrdfgan.rendering.compositing import bare_maps, composite
 from svbrdfgan.types.material import CHANNELS

@@ -23,7 +23,7 @@ from typing import IO, Any, Literal
 
 from svbrdfgan.config.models import default_options
 from svbrdfgan.errors import SvbrdfganError
-from svbrdfgan.plugins import RENDERERS, MissingDependencyError, Plugin, find_plugin, import_factory, make
+from svbrdfgan.plugins.registry import RENDERERS, MissingDependencyError, Plugin, find_plugin, import_factory, make
 from svbrdfgan.utils.processes import import_path
 
 TIMEOUT_SECONDS = 120.0

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.errors import ConfigError, PluginError
-from svbrdfgan.plugins import RENDERERS, Plugin, list_plugins, load_renderer
 from svbrdfgan.plugins.probe import Probe, probe
+from svbrdfgan.plugins.registry import RENDERERS, Plugin, list_plugins, load_renderer
 
 if TYPE_CHECKING:
     import torch

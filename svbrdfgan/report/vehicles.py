@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation.evaluate import Evaluated, pictures
+from svbrdfgan.evaluation.evaluated import Evaluated, pictures
 from svbrdfgan.evaluation.relight import RelitScene
 from svbrdfgan.metrics.flip import display, flip
 from svbrdfgan.rendering.compositing import composite

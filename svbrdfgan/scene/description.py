@@ -12,7 +12,7 @@ from svbrdfgan.config.choices import FurtherMaps, PartSelection, PluginChoice, P
 from svbrdfgan.config.distributions import Color
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.io.records import load_record, save_record
-from svbrdfgan.networks import Conditions
+from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.types import Camera
 
 MapValues = FurtherMaps[Annotated[float, Field(ge=0, le=1)]]

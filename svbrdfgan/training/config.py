@@ -10,7 +10,8 @@ from pydantic import Field, model_validator
 from svbrdfgan.config.choices import PluginChoice, PluginField
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.data.config import CameraDistribution, EnvironmentSource
-from svbrdfgan.networks import GeneratorConfig, Norm
+from svbrdfgan.networks.layers import Norm
+from svbrdfgan.networks.saved import GeneratorConfig
 
 
 class DiscriminatorConfig(StrictModel):

@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.data.generate import BRIGHTEST
+from svbrdfgan.data.exemplar_files import BRIGHTEST
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.utils.copy_async import copy_async
 

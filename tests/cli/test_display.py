@@ -22,8 +22,8 @@ from rich.table import Table
 from svbrdfgan.bench.programs import STEPS, Figures, Program
 from svbrdfgan.cli import COMMANDS, display, main, probe
 from svbrdfgan.errors import SvbrdfganError
-from svbrdfgan.plugins import Plugin
 from svbrdfgan.plugins.probe import Probe
+from svbrdfgan.plugins.registry import Plugin
 from svbrdfgan.testing import Outcome
 
 LONG = "backward-samples-of-a-row-that-is-much-wider-than-any-terminal-on-which-it-was-ever-looked-at"

@@ -17,9 +17,9 @@ from svbrdfgan.config.models import validate
 from svbrdfgan.config.yaml_files import apply_overrides
 from svbrdfgan.data.conditions import declared_conditions
 from svbrdfgan.data.config import DatasetConfig
-from svbrdfgan.networks import Conditions
+from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.training.config import TrainConfig, train_config
-from svbrdfgan.weathering import RECIPES
+from svbrdfgan.weathering.recipes import RECIPES
 
 ROW = re.compile(r"^\| `([^`]+)` \| (.+?) \| .+ \|$", re.MULTILINE)
 OPTION = re.compile(r"^\| ([a-z-]* ?)\| `(\w+)` \| `([\d.]+)` \| ([\d.]+) to ([\d.]+) \|", re.MULTILINE)

@@ -12,7 +12,8 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation.oracle import Oracle, OracleConfig, _weights, train_oracle
 from svbrdfgan.metrics.constant_layer import best_constants
 from svbrdfgan.metrics.recovered import Scorer, Target, make_targets, mean_error, mean_errors
-from svbrdfgan.networks import Generator, GeneratorConfig
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.training.config import TrainConfig
 
 CONFIG = TrainConfig(dataset="none", batch_size=2, generator=GeneratorConfig(width=4, blocks=1, norm="group"))

@@ -10,12 +10,14 @@ import torch
 import trimesh
 from svbrdfgan_hemispherical import HemisphericalEmbedding
 
-from svbrdfgan.geometry.bake import GeometryBuffer, bake, write_bake
+from svbrdfgan.geometry.bake import GeometryBuffer, bake
 from svbrdfgan.geometry.bake_materials import bake_base_color
 from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.geometry.normals import face_areas
 from svbrdfgan.geometry.rasterize import Fragments
-from svbrdfgan.io import load_exr, load_mesh
+from svbrdfgan.io.exr import load_exr
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.report.baked_files import write_bake
 from svbrdfgan.types import Mesh, Part, Surface
 
 

@@ -13,7 +13,9 @@ import pytest
 
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.errors import ConfigError, PluginError
-from svbrdfgan.plugins import (
+from svbrdfgan.plugins import select
+from svbrdfgan.plugins.probe import probe, probe_all
+from svbrdfgan.plugins.registry import (
     EMBEDDINGS,
     RENDERERS,
     Plugin,
@@ -21,9 +23,7 @@ from svbrdfgan.plugins import (
     list_plugins,
     load_embedding,
     load_renderer,
-    select,
 )
-from svbrdfgan.plugins.probe import probe, probe_all
 from svbrdfgan.protocols import Renderer, UVCapabilities, UVEmbedding
 
 EMBEDDING = """

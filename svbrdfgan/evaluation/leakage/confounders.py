@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args
 
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.training.config import ScenesConfig
+from svbrdfgan.training.resolve import ResolvedRun
 
 Confounder = Literal["pose", "light", "noise", "renderer"]
 CONFOUNDERS: tuple[Confounder, ...] = get_args(Confounder)

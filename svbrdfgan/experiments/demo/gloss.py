@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.evaluation.evaluate import Evaluated
+from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.metrics.flip import display
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import bare_maps

@@ -11,8 +11,8 @@ from typing import Any, Literal
 import numpy as np
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.plugins import RENDERERS, list_plugins, load_renderer
 from svbrdfgan.plugins.probe import probe_all
+from svbrdfgan.plugins.registry import RENDERERS, list_plugins, load_renderer
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.testing.pairs.compare import Comparison, Runs, compare
 from svbrdfgan.testing.pairs.pair_scene import SCENES, PairScene, SceneUnavailableError, make_scene

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.errors import PluginError, UnsupportedError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import DeferredRenderer, Pullback, Renderer, RendererCapabilities, StoredLight
 from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
 
