@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from svbrdfgan.data.generate import generate
     from svbrdfgan.errors import SvbrdfganError
     from svbrdfgan.evaluation.evaluate import evaluate
-    from svbrdfgan.evaluation.leakage import probe_shortcuts
+    from svbrdfgan.evaluation.leakage.probe import probe_shortcuts
     from svbrdfgan.inference.apply import paint
     from svbrdfgan.inference.export import write_picture, write_weathered
     from svbrdfgan.io.environment import load_environment
@@ -94,19 +94,26 @@ __all__ = [
 
 _MODULES = {
     "types": ("Camera", "Environment", "Material", "Materials", "Mesh", "Part", "Surface", "View"),
-    "io": ("load_environment", "load_mesh", "save_image"),
-    "procedural": ("build_sky", "build_vehicle", "sample_sky", "sample_vehicle"),
-    "plugins": ("load_embedding", "load_renderer"),
+    "io.environment": ("load_environment",),
+    "io.image": ("save_image",),
+    "io.mesh": ("load_mesh",),
+    "procedural.kinds": ("sample_vehicle",),
+    "procedural.sky": ("build_sky", "sample_sky"),
+    "procedural.vehicle": ("build_vehicle",),
+    "plugins.registry": ("load_embedding", "load_renderer"),
     "scene.subject": ("Subject", "make_subject"),
-    "weathering": ("Dust", "RoadDirt", "Rust", "weather"),
+    "weathering.layer": ("weather",),
+    "weathering.recipes": ("Dust", "RoadDirt", "Rust"),
     "rendering.compositing": ("composite", "over"),
     "rendering.render_layer": ("RenderLayer",),
-    "rendering.transport": ("LightTransport", "TransportBatch", "build_transport"),
+    "rendering.transport.build": ("build_transport",),
+    "rendering.transport.light_transport": ("LightTransport",),
+    "rendering.transport.product": ("TransportBatch",),
     "config.choices": ("PartSelection",),
     "data.config": ("DatasetConfig", "dataset_config"),
     "scene.description": ("Scene",),
     "data.generate": ("generate",),
-    "evaluation.leakage": ("probe_shortcuts",),
+    "evaluation.leakage.probe": ("probe_shortcuts",),
     "training.config": ("TrainConfig", "train_config"),
     "training.trainer": ("train",),
     "training.run": ("load_model",),

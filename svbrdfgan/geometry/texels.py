@@ -1,4 +1,4 @@
-"""The texture filter: bilinear between texel centres at (i + 0.5) / n, clamped or repeating along each axis."""
+"""Texels of the UV square, with centres at (i + 0.5) / n: the bilinear texture filter, and the nearest of a mask."""
 
 from __future__ import annotations
 

@@ -12,17 +12,20 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
+from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.image import srgb_from_linear
 from svbrdfgan.metrics.map_errors import LEAST_ERRORS, map_error
 from svbrdfgan.rendering.compositing import bare_maps, composite
 from svbrdfgan.types.material import CHANNELS
+
+if TYPE_CHECKING:
+    from svbrdfgan.data.exemplars import Exemplars
 
 SeenTexels = Callable[[int], Float[Tensor, "rows cols"]]
 """Maps an exemplar's index to a texture that is positive where its picture shows the outermost learnable surface."""

@@ -13,9 +13,9 @@ import yaml
 
 from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.experiments.outcome import Ceiling, RunOutcome, ScorePoint
-from svbrdfgan.experiments.processes import Schedule
+from svbrdfgan.experiments.processes import Schedule, Task
 from svbrdfgan.experiments.run_matrix import RunMatrix
-from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask, Task
+from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask
 from svbrdfgan.utils.display import Display
 
 EXPERIMENT: dict[str, Any] = {
