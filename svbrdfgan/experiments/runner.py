@@ -98,9 +98,9 @@ def _work(cells: Sequence[Cell], root: Path, runs: RunStore[RunSpec], assets: Pa
 
 def _missing(work: Iterable[_Work], jobs: int) -> list[Task]:
     """The tasks that are not done, each once, in the order of the runs. Data sets made at once share the cores."""
-    wanted: Iterable[DatasetTask | OracleTask | RunTask]
-    wanted = (task for each in work for task in (each.dataset, each.oracle, each.run))
-    tasks = {task.folder: task for task in wanted}
+    tasks: dict[str, DatasetTask | OracleTask | RunTask] = {
+        task.folder: task for each in work for task in (each.dataset, each.oracle, each.run)
+    }
     missing = [task for task in tasks.values() if not task.done()]
     datasets = sum(isinstance(task, DatasetTask) for task in missing)
     workers = max(1, cores() // max(1, min(jobs, datasets)))

@@ -21,7 +21,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 def bake_base_color(mesh: Mesh, fragments: Fragments) -> tuple[Float[Tensor, ...], ...]:
-    """Each part's linear base colour: a constant (3,), or its texture resampled to the new UVs, (rows, cols, 3).
+    """The linear base colour of each part: a constant (3,), or its texture resampled to the new UVs, (rows, cols, 3).
 
     Texels that a part does not cover get the colour of the nearest texel that it covers.
     """
@@ -32,7 +32,7 @@ def bake_base_color(mesh: Mesh, fragments: Fragments) -> tuple[Float[Tensor, ...
 
 
 def bake_file_maps(mesh: Mesh, fragments: Fragments) -> tuple[dict[str, Float[Tensor, ...]], ...]:
-    """Each part's `file_maps`, likewise: constants (channels,), or textures (rows, cols, channels) over the new UVs.
+    """The `file_maps` of each part: constants (channels,), or textures (rows, cols, channels) over the new UVs.
 
     Normals are turned from the tangent frames of the mesh's own UVs, those of the normal texture, into the frames of
     the surface's UVs, at unit length.
@@ -130,5 +130,5 @@ class _Frames:
 def _perpendicular(
     vectors: Float[ndarray, "rows cols 3"], normals: Float[ndarray, "rows cols 3"]
 ) -> Float[ndarray, "rows cols 3"]:
-    """What is perpendicular to the normals, of unit length."""
+    """The components of the vectors perpendicular to the normals, scaled to unit length."""
     return unit(vectors - (vectors * normals).sum(axis=-1, keepdims=True) * normals)

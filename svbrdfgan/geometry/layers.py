@@ -58,7 +58,7 @@ def hide_and_rasterize(surface: Surface, resolution: int) -> Fragments:
 
 
 def layer_counts(fragments: Fragments) -> tuple[Int[ndarray, " faces"], Int[ndarray, " faces"]]:
-    """For each face, the number of texels that it covers, and at how many of them it is (nearly) the outermost.
+    """The number of texels that each face covers, and the number of those where the face is (nearly) the outermost.
 
     A face that covers no texel's centre counts as covering one texel: that of its centroid.
     """

@@ -35,7 +35,7 @@ def sample_texture(
 
 
 def nearest_texels(mask: Bool[ndarray, "rows cols"]) -> tuple[Int[ndarray, "rows cols"], Int[ndarray, "rows cols"]]:
-    """For every texel, the row and the column of the nearest texel inside the mask."""
+    """Row and column of the nearest texel inside the mask, for every texel."""
     row, col = distance_transform_edt(~mask, return_distances=False, return_indices=True)
     return row, col
 

@@ -60,12 +60,8 @@ class Target:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All maps that the layer paints, in the order of `CHANNELS`."""
+        """The maps that the layer paints, in the order of `CHANNELS`."""
         return ("base_color", *self.maps)
-
-    def error(self, layer: Float[Tensor, "*#size channels"]) -> Float[Tensor, ""]:
-        """E of a layer in base_color."""
-        return self.errors(layer)[0]
 
     def errors(self, layer: Float[Tensor, "*#size channels"]) -> Float[Tensor, " maps"]:
         """E of a layer in each map; NaN in one that is observed nowhere."""
@@ -219,10 +215,6 @@ class Scorer:
         learned, truth = layers[chosen], torch.stack([first[subject] for subject in chosen])
         rows = [composite(torch.full_like(x[..., :3], 0.2), x).flip(1) for x in (learned, truth)]
         return srgb_from_linear(torch.cat([torch.cat(list(row), dim=1) for row in rows]).cpu())
-
-    def recovered(self, generator: Callable[[Tensor], Tensor]) -> float:
-        """1 - E(generator) / E(constant) in base_color."""
-        return self.recovered_by(self.layers(generator))
 
     def recovered_by(self, layers: Float[Tensor, "subjects rows cols channels"]) -> float:
         """1 - E(layers) / E(constant) in base_color."""

@@ -101,7 +101,7 @@ def select_renderer(
 
 
 def _lack(outcome: Probe, maps: Collection[str], differentiable: bool, deferred: bool) -> str | None:
-    """What the renderer lacks of what is asked; None if it lacks nothing."""
+    """A sentence on what the renderer lacks of what is asked; None if it lacks nothing."""
     able = outcome.capabilities or {}
     for ability, needed in (("maps", True), ("differentiable", differentiable)):
         lacking = sorted(set(maps) - set(able[ability])) if needed else []

@@ -11,7 +11,6 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from svbrdfgan.errors import AssetError
 from svbrdfgan.geometry.bake import GeometryBuffer, exposed_faces
 from svbrdfgan.geometry.bake_materials import bake_base_color
 from svbrdfgan.geometry.normals import face_areas
@@ -32,10 +31,6 @@ def write_bake(
         AssetError: the folder or a file cannot be written.
     """
     folder = Path(directory)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise AssetError(f"{folder} cannot be made a folder ({error.strerror}); choose another.") from error
     save_exr(folder / "geometry_buffer.exr", _channels(buffer), uv_map=True)
     low, high = buffer.bounds
     save_texture(

@@ -241,7 +241,7 @@ class TestLoading:
     def test_a_backend_without_its_package_names_its_extra(self) -> None:
         code = (
             "import sys; sys.modules['warp'] = None\n"
-            "from svbrdfgan.plugins import load_renderer\n"
+            "from svbrdfgan.plugins.registry import load_renderer\n"
             "try: load_renderer('warp')\n"
             "except Exception as error: print(type(error).__name__, error)\n"
             "print(load_renderer('numpy').capabilities.max_bounces)"
