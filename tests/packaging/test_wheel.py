@@ -64,7 +64,10 @@ def test_entry_points_are_found(site: Path) -> None:
 
 @pytest.mark.full
 def test_the_chosen_plugin_comes_from_the_wheel(site: Path) -> None:
-    code = "from svbrdfgan.plugins.registry import *; print(__import__('inspect').getfile(type(load_embedding('hemispherical'))))"
+    code = (
+        "import inspect; from svbrdfgan.plugins.registry import load_embedding; "
+        "print(inspect.getfile(type(load_embedding('hemispherical'))))"
+    )
     assert Path(run(site, code)[0]).is_relative_to(site)
 
 
