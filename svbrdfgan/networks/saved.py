@@ -18,7 +18,7 @@ _FORMAT = "svbrdfgan generator 2"
 
 
 class GeneratorConfig(StrictModel):
-    """See `svbrdfgan.networks.Generator`.
+    """See `svbrdfgan.networks.generator.Generator`.
 
     `mesh_maps` lets it read ambient visibility and curvature beside position and normal: rust starts in recesses and on
     edges. `chance` is the number of random fields that it reads beside the geometry, one for each octave from 2 waves a

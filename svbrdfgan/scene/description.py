@@ -54,7 +54,7 @@ class SceneEnvironment(StrictModel):
 
 
 class SceneModel(StrictModel):
-    """A trained generator that paints layers, and the conditions that it knows (`svbrdfgan.networks.Conditions`)."""
+    """A trained generator that paints layers, and the conditions that it knows (`Conditions`)."""
 
     asset: AssetRef
     amounts: tuple[float, float] | None = None

@@ -15,8 +15,9 @@ from svbrdfgan.networks.saved import GeneratorConfig
 
 
 class DiscriminatorConfig(StrictModel):
-    """See `svbrdfgan.networks.Discriminator`. `guide` shows it a G-buffer: the position and normal of each pixel.
+    """See `svbrdfgan.networks.discriminator.Discriminator`.
 
+    `guide` shows it a G-buffer: the position and normal of each pixel.
     `light` shows it a light buffer: how each picture's scene lights a matt and two metallic reference materials (see
     `svbrdfgan.training.reference_pictures`). It is for pictures that cannot be divided by their light.
 
