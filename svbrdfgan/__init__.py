@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from svbrdfgan.config.yaml_files import load_yaml
     from svbrdfgan.data.config import DatasetConfig, dataset_config
     from svbrdfgan.data.generate import generate
-    from svbrdfgan.errors import SvbrdfganError
+    from svbrdfgan.errors import ConfigError, SvbrdfganError
     from svbrdfgan.evaluation.evaluate import evaluate
     from svbrdfgan.evaluation.leakage.probe import probe_shortcuts
     from svbrdfgan.inference.apply import paint
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from svbrdfgan.procedural.kinds import sample_vehicle
     from svbrdfgan.procedural.sky import build_sky, sample_sky
     from svbrdfgan.procedural.vehicle import build_vehicle
+    from svbrdfgan.protocols import Renderer, RendererCapabilities, UVEmbedding
+    from svbrdfgan.rendering.checked_renderer import CheckedRenderer
     from svbrdfgan.rendering.compositing import composite, over
     from svbrdfgan.rendering.render_layer import RenderLayer
     from svbrdfgan.rendering.transport.build import build_transport
@@ -38,15 +40,30 @@ if TYPE_CHECKING:
     from svbrdfgan.training.config import TrainConfig, train_config
     from svbrdfgan.training.run import load_model
     from svbrdfgan.training.trainer import train
-    from svbrdfgan.types import Camera, Environment, Material, Materials, Mesh, Part, Surface, View
+    from svbrdfgan.types import (
+        Camera,
+        Environment,
+        Gradients,
+        Material,
+        Materials,
+        Mesh,
+        Part,
+        Rendering,
+        Surface,
+        View,
+    )
     from svbrdfgan.weathering.layer import weather
-    from svbrdfgan.weathering.recipes import Dust, RoadDirt, Rust
+    from svbrdfgan.weathering.recipes import ChippedPaint, Dust, RoadDirt, Rust
 
 __all__ = [
     "Camera",
+    "CheckedRenderer",
+    "ChippedPaint",
+    "ConfigError",
     "DatasetConfig",
     "Dust",
     "Environment",
+    "Gradients",
     "LightTransport",
     "Material",
     "Materials",
@@ -54,6 +71,9 @@ __all__ = [
     "Part",
     "PartSelection",
     "RenderLayer",
+    "Renderer",
+    "RendererCapabilities",
+    "Rendering",
     "RoadDirt",
     "Rust",
     "Scene",
@@ -62,6 +82,7 @@ __all__ = [
     "SvbrdfganError",
     "TrainConfig",
     "TransportBatch",
+    "UVEmbedding",
     "View",
     "__version__",
     "build_sky",
@@ -93,7 +114,21 @@ __all__ = [
 ]
 
 _MODULES = {
-    "types": ("Camera", "Environment", "Material", "Materials", "Mesh", "Part", "Surface", "View"),
+    "types": (
+        *(
+            "Camera",
+            "Environment",
+            "Gradients",
+            "Material",
+            "Materials",
+            "Mesh",
+            "Part",
+            "Rendering",
+            "Surface",
+            "View",
+        ),
+    ),
+    "protocols": ("Renderer", "RendererCapabilities", "UVEmbedding"),
     "io.environment": ("load_environment",),
     "io.image": ("save_image",),
     "io.mesh": ("load_mesh",),
@@ -103,8 +138,9 @@ _MODULES = {
     "plugins.registry": ("load_embedding", "load_renderer"),
     "scene.subject": ("Subject", "make_subject"),
     "weathering.layer": ("weather",),
-    "weathering.recipes": ("Dust", "RoadDirt", "Rust"),
+    "weathering.recipes": ("ChippedPaint", "Dust", "RoadDirt", "Rust"),
     "rendering.compositing": ("composite", "over"),
+    "rendering.checked_renderer": ("CheckedRenderer",),
     "rendering.render_layer": ("RenderLayer",),
     "rendering.transport.build": ("build_transport",),
     "rendering.transport.light_transport": ("LightTransport",),
@@ -122,7 +158,7 @@ _MODULES = {
     "inference.apply": ("paint",),
     "inference.export": ("write_picture", "write_weathered"),
     "config.yaml_files": ("load_yaml",),
-    "errors": ("SvbrdfganError",),
+    "errors": ("ConfigError", "SvbrdfganError"),
 }
 _MODULE_OF = {name: f"svbrdfgan.{module}" for module, names in _MODULES.items() for name in names}
 

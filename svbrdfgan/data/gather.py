@@ -28,7 +28,7 @@ from svbrdfgan.scene.description import AssetRef
 from svbrdfgan.types import Mesh
 
 _SEED_STRIDE = 100_003
-"""Between the first seeds of two sources: a prime above any count, so that sources share no procedural asset."""
+"""Distance between the first seeds of two sources: a prime above any count, so that sources share no asset."""
 
 
 def match_files(patterns: Sequence[str], base: Path) -> list[Path]:

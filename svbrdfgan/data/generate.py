@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import torch
 from lightning_fabric import Fabric
@@ -24,7 +23,7 @@ from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.plugins.select import resolve_renderer
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.types import Rendering
@@ -78,7 +77,9 @@ def missing(index: DatasetIndex, folder: Path) -> Iterator[tuple[Split, int]]:
                 yield split, number
 
 
-def render_scene(loader: SceneLoader, renderer: Renderer[Any], scene: Scene, prepared: Any | None = None) -> Rendering:
+def render_scene(
+    loader: SceneLoader, renderer: CheckedRenderer, scene: Scene, prepared: PreparedSurface | None = None
+) -> Rendering:
     """The picture of a scene with its weathering."""
     subject = loader.subject(scene)
     surface = renderer.prepare(subject.surface) if prepared is None else prepared
@@ -86,7 +87,7 @@ def render_scene(loader: SceneLoader, renderer: Renderer[Any], scene: Scene, pre
     return renderer.render(surface, materials, loader.view(scene), spp=scene.spp, seed=scene.seed)
 
 
-def resolve_plugins(config: DatasetConfig, device: torch.device | None = None) -> tuple[Renderer[Any], PluginChoice]:
+def resolve_plugins(config: DatasetConfig, device: torch.device | None = None) -> tuple[CheckedRenderer, PluginChoice]:
     """The renderer of a data set, and the choice that its scenes record; checks its embedding and its recipe, too.
 
     It is called before anything is written, so that a mistake leaves nothing to delete.
@@ -105,7 +106,7 @@ def resolve_plugins(config: DatasetConfig, device: torch.device | None = None) -
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """What all processes of `generate` share.
+    """The work that all processes of `generate` share.
 
     Attributes:
         missing: exemplars to be rendered, by mesh; found once, so that all processes share out the same list.
@@ -132,7 +133,7 @@ def _render_on_device(fabric: Fabric, job: _Job) -> None:
     _render_share(fabric, job, renderer, SilentDisplay())
 
 
-def _render_share(fabric: Fabric, job: _Job, renderer: Renderer[Any], display: Display) -> None:
+def _render_share(fabric: Fabric, job: _Job, renderer: CheckedRenderer, display: Display) -> None:
     folder, config = job.dataset.folder, job.dataset.config
     loader = SceneLoader(folder)
     display.begin("exemplars", sum(map(len, job.missing)))

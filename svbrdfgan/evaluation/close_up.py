@@ -1,10 +1,9 @@
-"""Close-ups: a small part of a vehicle under the true layer and the learned ones, where texels can be told apart."""
+"""Close-ups: a small part of a vehicle under the true layer and the learned ones, near enough to see texels."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -13,23 +12,23 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation.relight import RelitScene, render_under
 from svbrdfgan.geometry.camera_hits import camera_hits
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import SceneWeathering
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Camera, View
 
-_COUNT = 3
-_ZOOM = 4.0
+_COUNT = 3  # vehicles, at most
+_ZOOM = 4.0  # the field of view is divided by it
 
 
 def close_ups(
     exemplars: Exemplars,
-    renderer: Renderer[Any],
+    renderer: CheckedRenderer,
     layers_of: Callable[[int], Mapping[str, Float[Tensor, "rows cols channels"]]],
 ) -> tuple[RelitScene, ...]:
-    """Of up to three vehicles, evenly spread, the middle of the exemplar with the greatest amount, four times nearer.
+    """Close-ups of up to three vehicles: the middle of the exemplar with the greatest amount, four times nearer.
 
-    They are chosen regardless of what was learned.
+    The vehicles are evenly spread over the split, and chosen regardless of what was learned.
 
     Args:
         layers_of: an exemplar's layers, by what painted them.

@@ -1,4 +1,4 @@
-"""Evaluates a run: what its generator recovered on subjects that it never saw, beside a supervised oracle."""
+"""Evaluates a run: what its generator recovered on subjects that it never saw, compared with an oracle."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from svbrdfgan.metrics.recovered import Observed, Scorer
 from svbrdfgan.networks.draw import Draw
 from svbrdfgan.networks.generator import Generator
 from svbrdfgan.plugins.select import resolve_renderer
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, seeds_vary
@@ -64,7 +64,7 @@ def evaluate(
     workers: int = 1,
     display: Display | None = None,
 ) -> Evaluated:
-    """Scores a run on a split and writes `evaluation.json`. It trains the oracle first if the run has none yet.
+    """Scores a run on a split and writes `evaluation.json`; trains the oracle first if the run has none yet.
 
     Args:
         dataset: the folder of the run's data set, if it was moved.
@@ -87,7 +87,7 @@ def evaluate(
     relighter = Relighter.make(relight or Relight(), opened.index)  # its mistakes are found before anything slow
     resolved = ResolvedRun(config.train, opened).unperturbed()
     if resolved.deferred:  # pictures are compared with exemplars, and have all of their samples
-        resolved = resolved.with_config(rendering="fresh")
+        resolved = resolved.with_config(rendering="online")
     renderer, _ = resolve_renderer(config.train.renderer, fabric.device, config.maps, differentiable=True)
 
     shown.begin(f"light transport of the {split} scenes")
@@ -138,7 +138,7 @@ def _of_draws(
     workers: int,
     shown: Display,
 ) -> dict[str, Any]:
-    """What the record says of draws; nothing if the true ones cannot be compared."""
+    """The record's entries on draws; none if the true draws cannot be compared."""
     shown.begin("comparing draws of layers", len(scorer.geometry))
     try:
         found = compare_draws(
@@ -155,8 +155,8 @@ def _of_draws(
     return told | oracle | {"resemblance_fraction": share(made.resemblance, best.resemblance)}
 
 
-def _observed(source: BatchSource, renderer: Renderer[Any], config: RunConfig, shown: Display) -> Observed | None:
-    """Where the split's further maps can be observed; None if layers paint base_color alone."""
+def _observed(source: BatchSource, renderer: CheckedRenderer, config: RunConfig, shown: Display) -> Observed | None:
+    """The texels where the split's further maps can be observed; None if layers paint base_color alone."""
     if not config.maps:
         return None
     shown.begin("where each map can be observed", len(source))
@@ -232,7 +232,7 @@ def _known(error: float) -> float | None:
 def _layers(
     fabric: Fabric, scorer: Scorer, generator: Generator, labels: Sequence[float] = ()
 ) -> Float[Tensor, "subjects rows cols channels"]:
-    """One layer of each subject; of a generator with chance, that of seed 0."""
+    """One layer of each subject; of a generator with random fields, that of seed 0."""
     with fabric.autocast():
         return scorer.layers(Draw(generator.to(fabric.device), labels=labels))
 
@@ -240,7 +240,7 @@ def _layers(
 def _with_own_conditions(
     layers_of: LayersOf, generators: dict[str, Generator], config: RunConfig, fabric: Fabric, source: BatchSource
 ) -> LayersOf:
-    """The same, but what generators paint that are told conditions: seed 0, with the exemplar's amount and recipe."""
+    """The same layers, but those of generators with conditions by seed 0 and the exemplar's own amount and recipe."""
     if not config.conditions.size:
         return layers_of
 

@@ -19,7 +19,7 @@ from svbrdfgan.training.batches import BatchSource
 from svbrdfgan.training.run import RunConfig
 
 LayersOf = Callable[[int], dict[str, Float[Tensor, "rows cols channels"]]]
-"""The layers of an exemplar, by what painted them. Those of generators have the exemplar's own amount and recipe."""
+"""The layers of an exemplar, by what painted them; a generator's layer has the exemplar's own amount and recipe."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +29,9 @@ class Evaluated:
     Attributes:
         config: the run's.
         source: the scored split.
-        layers: the layers of each subject, by what painted them: "generated", "oracle" or "constant". A generator that
-            is told conditions paints the middle amount of the first recipe.
-        layers_of: the layers of an exemplar; for pictures beside it.
+        layers: the layers of each subject, by what painted them: "generated", "oracle" or "constant". A generator with
+            conditions paints the middle amount of the first recipe.
+        layers_of: the layers of an exemplar; for pictures next to it.
         relit: a few of the scenes that the run was relit in, with their pictures.
         close_ups: small parts of a few vehicles, if the generator varies.
         generator: the run's, on the device of the layers; for draws of it.

@@ -1,6 +1,6 @@
 """The oracle: the same network on the same data, taught by the true layers; a ceiling for the GAN.
 
-It is supervised. Where layers are a distribution, it is trained adversarially (`adversarial_oracle`).
+The oracle is supervised. Where layers are a distribution, it is trained adversarially (`adversarial_oracle`).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ LoadedSplit = tuple[Exemplars, SeenTexels]
 Watch = Callable[[int, float], None]
 """Called with the step and the validation score at every scoring."""
 
-_TARGETS = 2048
+_TARGETS = 2048  # the most that it trains on
 _NOTES = ("plateau", "steps", "run_steps")
 
 log = logging.getLogger(__name__)
@@ -47,7 +47,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class OracleConfig:
-    """How the oracle is trained: to its best, independent of the run's batch size and learning rates.
+    """The schedule of the oracle's training: to its best, independent of the run's batch size and learning rates.
 
     Attributes:
         batch: targets in a step.
@@ -93,9 +93,9 @@ def train_oracle(
     """Minimises E of every map on the training targets until the score of `scorer` stops rising.
 
     The error of a map counts relative to its constant layer's, as in `recovered`, in units of base_color's. The oracle
-    has no chance and is told nothing: where the truth varies it learns one layer between the true ones.
+    has neither random fields nor conditions: where the truth varies it learns one layer between the true ones.
     """
-    generator = make_generator(config.generator.without_chance, targets[0].truth.shape[-1])
+    generator = make_generator(config.generator.without_random_fields, targets[0].truth.shape[-1])
     initialise(generator, torch.Generator().manual_seed(config.seed))
     generator.to(geometry.device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
     adam = torch.optim.Adam(generator.parameters(), schedule.rate, betas=(0.9, 0.99), fused=True)
@@ -128,7 +128,7 @@ def train_oracle(
 
 
 def _weights(constant_errors: Mapping[str, float], device: torch.device) -> Float[Tensor, " maps"]:
-    """One for base_color. A map whose truth is constant counts as if its constant layer erred by the least error."""
+    """The weight of each map, 1 for base_color; bounded, as the constant layer errs in no map that is constant."""
     unit = constant_errors["base_color"]
     errors = {name: max(error, LEAST_ERRORS.get(name, 0.0)) for name, error in constant_errors.items()}
     relative = [1.0 if name == "base_color" else unit / error for name, error in errors.items()]
@@ -153,8 +153,8 @@ class TrainedOracle:
 
     @property
     def adversarial(self) -> bool:
-        """Whether it draws, and so is compared by `resemblance`."""
-        return self.generator.chance > 0
+        """Whether the oracle draws, and so is compared by `resemblance`."""
+        return self.generator.random_fields > 0
 
 
 def oracle_of(
@@ -169,8 +169,8 @@ def oracle_of(
 ) -> TrainedOracle:
     """The run's oracle, trained now if there is none.
 
-    It is adversarial if the run learns a distribution, and otherwise supervised. One that was trained as long as the
-    run is trained anew once the run was continued.
+    The oracle is adversarial if the run learns a distribution, and otherwise supervised. One that was trained as long
+    as the run is trained again once the run was continued.
 
     Args:
         load: loads a split.
@@ -190,7 +190,7 @@ def oracle_of(
         oracle = replace(oracle, run_steps=None if budget else as_run.steps)
     else:
         oracle = _supervised(fabric, config, load, constants, schedule, shown)
-    generator = config.train.generator if drawing else config.train.generator.without_chance
+    generator = config.train.generator if drawing else config.train.generator.without_random_fields
     save_generator(run / ORACLE, oracle.generator, generator, oracle.score)
     with atomic_path(run / ORACLE_NOTES) as temporary:
         notes = {name: getattr(oracle, name) for name in _NOTES}
@@ -231,7 +231,7 @@ def _supervised(
     schedule: OracleConfig,
     shown: Display,
 ) -> TrainedOracle:
-    """The validation split decides when it stops."""
+    """A supervised oracle, whose training stops by the score on the validation split."""
     trained, seen = load("train")
     targets, _ = make_targets(trained, seen, fabric.device, _TARGETS)
     held_out = load("validation") if "validation" in config.dataset.splits else (trained, seen)

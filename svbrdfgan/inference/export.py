@@ -19,7 +19,7 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.io.gltf import save_glb
 from svbrdfgan.io.image import linear_from_srgb, save_image, save_texture
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import RGBA, over
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Camera, Environment, Materials, Rendering, View
@@ -29,8 +29,10 @@ _FOV = math.radians(22.0)
 _FROM = ((35.0, 12.0), (215.0, 12.0))
 """Azimuth and elevation in degrees: the nose and one side, then the tail and the other."""
 _MARGIN = 1.08
-_BRIGHTNESS, _GREY = 0.8, 0.35
-_QUANTILE, _BRIGHTEST = 0.98, 0.9
+_BRIGHTNESS = 0.8  # mean radiance of the light
+_GREY = 0.35  # linear, of the background
+_QUANTILE = 0.98
+_BRIGHTEST = 0.9
 """Exposure puts the 98th percentile at 0.9 at most, so that pale paint does not become white."""
 
 
@@ -40,7 +42,7 @@ def write_weathered(
     layer: Float[Tensor, "rows cols channels"],
     maps: Mapping[str, float | None] | None = None,
 ) -> Path:
-    """Writes the surface as GLB, with the layer composited over its learnable parts, and the layer as PNG beside it.
+    """Writes the surface as GLB, with the layer composited over its learnable parts, and the layer as PNG next to it.
 
     The maps are in the GLB too, with tangents where there are normals; other parts keep those of the mesh's file, and
     its alpha. Each map also becomes a PNG, such as `NAME.roughness.png`, whose numbers are the map's own and not sRGB:
@@ -86,7 +88,7 @@ class Studio:
     """
 
     subject: Subject
-    renderer: Renderer[Any]
+    renderer: CheckedRenderer
     environment: Float[Tensor, "rows cols 3"]
     maps: Mapping[str, float | None] | None = None
 
@@ -131,7 +133,7 @@ def write_picture(
     path: Path,
     subject: Subject,
     layer: Float[Tensor, "rows cols channels"],
-    renderer: Renderer[Any],
+    renderer: CheckedRenderer,
     environment: Float[Tensor, "rows cols 3"],
     maps: Mapping[str, float | None] | None = None,
     *,
@@ -182,6 +184,6 @@ def _further_maps(subject: Subject, materials: Materials) -> dict[int, dict[str,
 
 
 def _equal(one: Mapping[str, Tensor], other: Mapping[str, Tensor]) -> bool:
-    """Whether both materials have the same maps beside base_color."""
+    """Whether both materials have the same maps apart from base_color."""
     names = one.keys() - {"base_color"}
     return names == other.keys() - {"base_color"} and all(torch.equal(one[name], other[name]) for name in names)

@@ -18,8 +18,8 @@ COLUMNS = 6
 def sheets(evaluated: Evaluated, indices: Sequence[int]) -> list[Vehicle]:
     """A sheet for the subject of each of these weathered exemplars; none if the generator paints one layer on each.
 
-    It has rows of draws beside the exemplar's true layer, of amounts from the least to the greatest that the model
-    knows, and a picture for each recipe.
+    A sheet has the exemplar's true layer, draws of seeds, amounts from the least to the greatest that the model knows,
+    and a picture for each recipe.
     """
     if evaluated.generator is None or not evaluated.generator.varies:
         return []
@@ -37,7 +37,7 @@ def _sheet(evaluated: Evaluated, index: int) -> Vehicle:
     def add(title: str, seed: int = 0, amount: float = amount, recipe: str = recipe) -> None:
         shown.append(Titled(title, _drawn(evaluated, index, seed, known.labels(amount, recipe))))
 
-    if evaluated.generator is not None and evaluated.generator.chance:
+    if evaluated.generator is not None and evaluated.generator.random_fields:
         for seed in range(COLUMNS - 1):
             add(f"Seed {seed}", seed)
     if known.amount is not None:

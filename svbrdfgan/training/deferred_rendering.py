@@ -14,7 +14,7 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.protocols import DeferredRenderer, Renderer, StoredLight
+from svbrdfgan.rendering.checked_renderer import CheckedLight, CheckedRenderer
 from svbrdfgan.rendering.compositing import composite
 from svbrdfgan.rendering.shade_layer import shade
 from svbrdfgan.rendering.transport.cache import MemoryCache
@@ -52,7 +52,7 @@ class DeferredScene:
         base: the maps under the layer, for each learnable part.
     """
 
-    light: StoredLight
+    light: CheckedLight
     background: Float[Tensor, "height width 3"]
     coverage: Float[Tensor, "height width"]
     gbuffer: Float[Tensor, "height width 6"]
@@ -79,7 +79,7 @@ class DeferredSceneBatch:
         matched: whether they are the exemplars' scenes.
     """
 
-    renderer: DeferredRenderer[Any]
+    renderer: CheckedRenderer
     scenes: tuple[DeferredScene, ...]
     maps: tuple[str, ...]
     visit: int
@@ -141,7 +141,7 @@ class DeferredRendering:
 
     exemplars: Exemplars
     perturbation: Perturbation
-    renderer: Renderer[Any]
+    renderer: CheckedRenderer
     spp: int
     hits: int
     pool: int
@@ -152,10 +152,10 @@ class DeferredRendering:
     _prepared: dict[int, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.renderer, DeferredRenderer) or not self.renderer.capabilities.deferred:
+        if not self.renderer.capabilities.deferred:
             raise ConfigError(
-                "rendering: transport of whole materials needs a renderer that stores light; "
-                f"{type(self.renderer).__name__} does not: set rendering: fresh or choose another renderer."
+                "rendering: stored of whole materials needs a renderer that stores light; "
+                f"{self.renderer.name} does not: set rendering: online or choose another renderer."
             )
 
     @property
@@ -178,7 +178,6 @@ class DeferredRendering:
                 self._trace(index, self.perturbation.scene(self.exemplars.scenes[index], index, rng))
                 for index in indices
             ]
-        assert isinstance(self.renderer, DeferredRenderer)
         matched, seed = self.perturbation.config.matched, int(rng.integers(2**31))
         return DeferredSceneBatch(self.renderer, tuple(scenes), self.maps, visit, seed, matched)
 
@@ -215,7 +214,6 @@ class DeferredRendering:
 
     def _trace(self, index: int, scene: Scene) -> DeferredScene:
         renderer, subject, view = self.renderer, self.exemplars.subject(index), self.exemplars.loader.view(scene)
-        assert isinstance(renderer, DeferredRenderer)
         prepared = prepared_surface(self.exemplars, index, renderer, self._prepared)
         bare = subject.materials(scene.materials, None, scene.maps)
         others = _blackened(bare, subject.learnable)

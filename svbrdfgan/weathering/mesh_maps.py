@@ -20,7 +20,7 @@ _RADIUS = 0.03
 
 @dataclass(frozen=True, eq=False)
 class MeshMaps:
-    """What artists bake of a mesh beside position and normal; float64, in which recipes compute.
+    """Maps that artists bake of a mesh, as they do position and normal; float64, in which recipes compute.
 
     Attributes:
         visibility: ambient-occlusion visibility: 1 is unoccluded, 0 is enclosed.
@@ -63,12 +63,12 @@ class TexelGeometry(Protocol):
 
     @property
     def barycentric(self) -> Float[ndarray | Tensor, "rows cols 3"]:
-        """Of the texel's centre in its face; only normal maps need it."""
+        """Coordinates of the texel's centre in its face; only normal maps need them."""
         ...
 
 
 def bake_mesh_maps(surface: Surface, buffer: TexelGeometry) -> MeshMaps:
-    """The mesh maps of a surface at the texels of its geometry buffer. It takes about a second for 65,000 texels."""
+    """The mesh maps of a surface at the texels of its geometry buffer; takes about a second for 65,000 texels."""
     rows, cols, _ = buffer.position.shape
     points, normals = (np.asarray(v, np.float64).reshape(-1, 3) for v in (buffer.position, buffer.normal))
     found = survey_maps(surface, points, normals)

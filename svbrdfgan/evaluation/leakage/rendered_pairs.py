@@ -1,10 +1,9 @@
-"""Rendered pairs: clean pictures of both sides. They show no weathering, so what tells them apart is a confounder."""
+"""Rendered pairs: pictures of both sides without weathering, so that only confounders tell the sides apart."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import torch
@@ -15,7 +14,7 @@ from svbrdfgan.data.exemplar_files import BRIGHTEST
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.generate import render_scene
 from svbrdfgan.evaluation.leakage.confounders import Confounder, scenes_with
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import layer_channels
 from svbrdfgan.training.batches import (
     BatchSource,
@@ -53,8 +52,8 @@ class RenderedPairs:
     run: ResolvedRun
     exemplars: Exemplars
     chosen: Sequence[int]
-    renderer: Renderer[Any]
-    exemplar_renderer: Renderer[Any]
+    renderer: CheckedRenderer
+    exemplar_renderer: CheckedRenderer
     device: torch.device
     progress: Callable[[int], None]
     _rendered: dict[Confounders, tuple[Tensor, Tensor]] = field(default_factory=dict)
@@ -88,7 +87,7 @@ class RenderedPairs:
 
     @property
     def _demodulated(self) -> bool:
-        return self.run.config.discriminator.sees == "reflectance"
+        return self.run.config.discriminator.compares == "reflectance"
 
     def _scenes(self, scenes: ScenesConfig, spp: int) -> SceneRendering:
         if scenes.matched:  # training stores these too, whatever its pool
@@ -111,7 +110,7 @@ class RenderedPairs:
         return self._rendered[present]
 
     def _traced(self, present: Confounders) -> Iterator[tuple[Tensor, Tensor]]:
-        """Rendered and rounded as exemplars are stored, with their own seeds."""
+        """Yields images and coverage, rendered and rounded as exemplars are stored, with their own seeds."""
         renderer = self.exemplar_renderer if "renderer" in present else self.renderer
         prepared, last = None, -1
         for index in self.chosen:
@@ -125,7 +124,7 @@ class RenderedPairs:
             self.progress(1)
 
     def _exact(self, own_scenes: SceneRendering) -> Iterator[tuple[Tensor, Tensor]]:
-        """By the light transport of the exemplars' own scenes."""
+        """Yields images and coverage by the light transport of the exemplars' own scenes."""
         for index in self.chosen:
             image, coverage = own_scenes.scenes([index], np.random.default_rng(0)).render(self._nothing(1))
             yield image[0], coverage[0]

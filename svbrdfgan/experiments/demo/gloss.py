@@ -1,11 +1,10 @@
-"""What the demo learned, on glossy paint: the dirt's colour and place are learned, all gloss is declared here."""
+"""Pictures of the demo's layer on glossy paint: the dirt's colour and place are learned, all gloss is declared here."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -13,7 +12,7 @@ from torch import Tensor
 
 from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.metrics.flip import display
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import bare_maps
 from svbrdfgan.report.pictures import Picture, framed
 from svbrdfgan.scene.subject import Subject
@@ -31,8 +30,8 @@ _POLISHED: Mapping[str, Mapping[str, float]] = MappingProxyType(
     }
 )
 """Parts of procedural vehicles that carry no layer; the others stay Lambertian."""
-_SCALE, _SPP = 3, 48
-"""Pictures are larger than the exemplars, and need more samples, since highlights are small and bright."""
+_SCALE = 3  # pictures are larger than the exemplars
+_SPP = 48  # and need more samples, since highlights are small and bright
 
 
 def polished(subject: Subject) -> Subject:
@@ -46,7 +45,7 @@ def matt_dirt(layer: Float[Tensor, "rows cols 4"]) -> Float[Tensor, "rows cols 6
     return torch.cat([layer, layer.new_tensor(_DIRT).expand(*layer.shape[:2], -1)], dim=-1)
 
 
-def glossy_picture(evaluated: Evaluated, renderer: Renderer[Any], index: int) -> Picture:
+def glossy_picture(evaluated: Evaluated, renderer: CheckedRenderer, index: int) -> Picture:
     """An exemplar's scene under the learned layer, its paint glossy."""
     exemplars = evaluated.source.exemplars
     scene, subject = exemplars.scenes[index], polished(exemplars.subject(index))
