@@ -18,7 +18,8 @@ from svbrdfgan.metrics.draw_figures import DrawFigures, amount_figures, draw_fig
 from svbrdfgan.metrics.draw_statistics import Draws, ScoredSurface
 from svbrdfgan.metrics.recovered import Scorer
 from svbrdfgan.metrics.resemblance import Resemblance, Resembler
-from svbrdfgan.networks import Draw, Generator
+from svbrdfgan.networks.draw import Draw
+from svbrdfgan.networks.generator import Generator
 from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.batches import Progress
 from svbrdfgan.training.run import RunConfig

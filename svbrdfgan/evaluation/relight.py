@@ -20,7 +20,7 @@ from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.record import Painter
-from svbrdfgan.io import load_environment
+from svbrdfgan.io.environment import load_environment
 from svbrdfgan.metrics.flip import display, flip
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene

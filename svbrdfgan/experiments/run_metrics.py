@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.evaluation.evaluate import Evaluated
+from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.experiments.definition import Measure
 from svbrdfgan.metrics.recovered import SeenTexels, make_targets, mean_error, shown_texels
 from svbrdfgan.report.vehicles import choose_views

@@ -15,10 +15,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.errors import SvbrdfganError
-from svbrdfgan.evaluation.evaluate import Evaluated
-from svbrdfgan.io import luminance
+from svbrdfgan.evaluation.evaluated import Evaluated
+from svbrdfgan.io.image import luminance
 from svbrdfgan.metrics.flip import display
-from svbrdfgan.networks import Discriminator
+from svbrdfgan.networks.discriminator import Discriminator
 from svbrdfgan.report.pictures import Picture
 from svbrdfgan.report.vehicles import Titled, Vehicle, subject_name
 from svbrdfgan.training.state import checkpoints, load_discriminator

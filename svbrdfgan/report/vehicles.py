@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation.evaluate import Evaluated, pictures
+from svbrdfgan.evaluation.evaluated import Evaluated, pictures
 from svbrdfgan.evaluation.record import Painter
 from svbrdfgan.evaluation.relight import PaintedScene
 from svbrdfgan.metrics.flip import display, flip

@@ -17,8 +17,10 @@ from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.inference.apply import paint
 from svbrdfgan.inference.export import write_weathered
-from svbrdfgan.io import load_mesh, save_mesh_glb
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.run import load_model
 from svbrdfgan.training.trainer import train

@@ -16,7 +16,7 @@ from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.inference.apply import choose_draw, paint
-from svbrdfgan.io import load_mesh
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.run import load_model
 from svbrdfgan.training.trainer import train

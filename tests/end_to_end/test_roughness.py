@@ -18,7 +18,8 @@ from svbrdfgan_numpy import NumpyRenderer
 
 from svbrdfgan.cli import main
 from svbrdfgan.data.config import dataset_config
-from svbrdfgan.data.exemplars import load_exemplars, load_picture
+from svbrdfgan.data.exemplar_files import load_picture
+from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
@@ -26,8 +27,9 @@ from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.inference.apply import paint
 from svbrdfgan.inference.export import write_weathered
-from svbrdfgan.io import load_image, load_mesh, load_texture, srgb_from_linear
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.io.image import load_image, load_texture, srgb_from_linear
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import RendererCapabilities
 from svbrdfgan.training.batches import make_batch_source
 from svbrdfgan.training.config import TrainConfig, train_config

@@ -23,8 +23,8 @@ from svbrdfgan.evaluation.adversarial_oracle import Budget, TrueLayers, train_ad
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.evaluation.record import Evaluation, share
-from svbrdfgan.networks import Generator, make_generator
-from svbrdfgan.networks.saved import load_generator, save_generator
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.saved import load_generator, make_generator, save_generator
 from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.training.metrics_log import read_metrics

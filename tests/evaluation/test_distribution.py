@@ -24,9 +24,10 @@ from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.inference.apply import choose_draw
 from svbrdfgan.metrics.constant_layer import constant_layers
 from svbrdfgan.metrics.recovered import Scorer
-from svbrdfgan.networks import Conditions
+from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.training.run import load_model
-from svbrdfgan.weathering import find_site, recipe_from_options, weather
+from svbrdfgan.weathering.layer import recipe_from_options, weather
+from svbrdfgan.weathering.survey import find_site
 
 CPU = torch.device("cpu")
 AMOUNTS = Conditions((0.4, 1.0), ("rust",))

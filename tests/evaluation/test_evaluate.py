@@ -12,7 +12,8 @@ import pytest
 import torch
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.evaluation.evaluate import Evaluated, evaluate, pictures
+from svbrdfgan.evaluation.evaluate import evaluate
+from svbrdfgan.evaluation.evaluated import Evaluated, pictures
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.evaluation.record import ConstantScores, Evaluation, LearnedScores, OracleScores, PainterScores
 from svbrdfgan.training.config import train_config

@@ -14,10 +14,10 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.evaluation.evaluate import by_subject
+from svbrdfgan.evaluation.evaluated import by_subject
 from svbrdfgan.evaluation.relight import Relight, Relighter, Relit
-from svbrdfgan.io import save_environment
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.io.environment import save_environment
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import Renderer
 
 

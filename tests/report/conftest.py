@@ -11,11 +11,11 @@ import torch.nn.functional as F
 
 from svbrdfgan.data.config import DatasetConfig, MeshSource, SplitConfig
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation.evaluate import Evaluated, by_subject
+from svbrdfgan.evaluation.evaluated import Evaluated, by_subject
 from svbrdfgan.evaluation.record import ConstantScores, Evaluation, LearnedScores, OracleScores, PainterScores
 from svbrdfgan.geometry.bake import bake
 from svbrdfgan.geometry.rasterize import Fragments
-from svbrdfgan.networks import GeneratorConfig
+from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.scene.description import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.batches import BatchSource

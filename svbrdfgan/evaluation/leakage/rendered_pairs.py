@@ -10,8 +10,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from svbrdfgan.data.exemplar_files import BRIGHTEST
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.data.generate import BRIGHTEST, render_scene
+from svbrdfgan.data.generate import render_scene
 from svbrdfgan.evaluation.leakage.confounders import Confounder, scenes_with
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import layer_channels

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.evaluation.evaluate import Evaluated
+from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.metrics.flip import display
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import bare_maps
