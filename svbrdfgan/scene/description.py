@@ -60,7 +60,7 @@ class SceneEnvironment(StrictModel):
 
 
 class SceneModel(StrictModel):
-    """A trained generator that paints layers, and the conditions that it knows (`Conditions`)."""
+    """A trained generator that paints layers, and the `Conditions` that it knows."""
 
     asset: AssetRef = Field(description="the generator's file")
     amounts: tuple[float, float] | None = Field(default=None, description="least and greatest amount that it knows")
