@@ -20,8 +20,11 @@ from svbrdfgan.networks.saved import load_generator
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.resolve import ResolvedRun
 
-CONFIG, MODEL, LOG = "config.json", "model.safetensors", "log.jsonl"
-ORACLE, ORACLE_NOTES = "oracle.safetensors", "oracle.json"
+CONFIG = "config.json"
+MODEL = "model.safetensors"
+LOG = "log.jsonl"
+ORACLE = "oracle.safetensors"
+ORACLE_NOTES = "oracle.json"
 _LENGTH = ("steps", "minutes", "score_every", "save_every", "device", "devices", "dataset")
 _STABILITY = {"optimizer": {"generator_rate", "discriminator_rate"}, "loss": {"r1"}}
 _FREE: dict[str, Any] = {

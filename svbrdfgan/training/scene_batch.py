@@ -13,6 +13,7 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import RGBA
+from svbrdfgan.training.demodulation import Demodulator
 
 Layers = Float[Tensor, "batch rows cols channels"]
 Images = Float[Tensor, "batch height width 3"]
@@ -33,10 +34,15 @@ class SceneBatch(Protocol):
 
     @property
     def light_buffer(self) -> Float[Tensor, "batch height width 9"] | None:
-        """How these scenes light reference materials, without gradients; None where they are the exemplars' scenes.
+        """Pictures of reference materials in these scenes, without gradients; None where they are as in the exemplars'.
 
         See `svbrdfgan.training.reference_pictures`. It has as many samples as `render`'s pictures, and other ones.
         """
+        ...
+
+    @property
+    def demodulator(self) -> Demodulator | None:
+        """Divides the light of these scenes out of their pictures; None if it is not known what pixels show."""
         ...
 
     def render(self, layers: Layers) -> tuple[Images, Coverage]:
@@ -53,16 +59,29 @@ def with_progress(indices: Iterable[int], progress: Callable[[int], None] | None
 
 
 def chosen_scenes(indices: Sequence[int], rng: np.random.Generator, pool: int) -> list[SceneKey]:
-    """One of the `pool` stored scenes for each exemplar."""
+    """The keys of one of the `pool` stored scenes for each exemplar."""
     return [(index, int(rng.integers(pool))) for index in indices]
 
 
-def prepared_surface(exemplars: Exemplars, index: int, renderer: Renderer[Any], prepared: dict[int, Any]) -> Any:
-    """An exemplar's surface as its renderer prepared it; `prepared` keeps it, by subject, for the next call."""
-    number = int(exemplars.subject_of[index])
-    if number not in prepared:
-        prepared[number] = renderer.prepare(exemplars.subjects[number].surface)
-    return prepared[number]
+class PreparedSurfaces:
+    """Surfaces of the exemplars' subjects as a renderer prepared them, each when it is first asked for.
+
+    Args:
+        single: keeps only the surface that was prepared last.
+    """
+
+    def __init__(self, exemplars: Exemplars, renderer: Renderer[Any], *, single: bool = False) -> None:
+        self._exemplars, self._renderer, self._single = exemplars, renderer, single
+        self._held: dict[int, Any] = {}
+
+    def of(self, index: int) -> Any:
+        """The prepared surface of an exemplar's subject."""
+        number = int(self._exemplars.subject_of[index])
+        if number not in self._held:
+            if self._single:
+                self._held.clear()  # first, so that memory never holds two
+            self._held[number] = self._renderer.prepare(self._exemplars.subjects[number].surface)
+        return self._held[number]
 
 
 def seen_in_gradient(
@@ -98,7 +117,7 @@ def seen_in_gradient(
 def of_outermost_parts(
     exemplars: Exemplars, index: int, values: Float[Tensor, "parts rows cols"]
 ) -> Float[Tensor, "rows cols"]:
-    """From values for each learnable part, at each texel the value of the part that is outermost there; 0 elsewhere."""
+    """The values, at each texel, of the learnable part that is outermost there; 0 elsewhere."""
     subject = exemplars.subject(index)
     picked = torch.zeros_like(values[0])
     for slot, part in enumerate(subject.learnable):
