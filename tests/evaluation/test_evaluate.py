@@ -90,7 +90,7 @@ def test_layers_are_painted_on_every_subject(evaluated: Evaluated) -> None:
 def test_pictures_show_the_same_scene_under_each_layer(evaluated: Evaluated) -> None:
     shown = pictures(evaluated.source, 1, evaluated.layers_of(1))
     assert set(shown) == {"generated", "oracle", "constant", "truth"}
-    bare = evaluated.source.fake_scenes._stored((1, 0)).coverage == 0  # type: ignore[union-attr]
+    bare = evaluated.source.fake_scenes._stored((1, 0)).coverage == 0  # type: ignore[attr-defined]
     for picture in shown.values():
         assert picture.shape == (32, 32, 3)
         assert torch.equal(picture[bare], shown["truth"][bare])
