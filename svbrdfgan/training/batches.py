@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -16,7 +16,7 @@ from svbrdfgan.data.config import EnvironmentSource, Split
 from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.gather import gather_environments, match_files
 from svbrdfgan.metrics.recovered import SeenTexels
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.protocols import DeferredRenderer, Renderer, TransportRenderer
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.training.cached_rendering import CachedRendering
 from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
@@ -38,8 +38,8 @@ class BatchSource:
     Attributes:
         exemplars: the split in main memory.
         fake_scenes: renders fakes, in perturbed scenes.
-        own_scenes: the exemplars' own scenes, which say what the exemplars show. They are `fake_scenes` itself where
-            those are not perturbed and have enough samples, or are rendered online.
+        own_scenes: the exemplars' own scenes, which say what the exemplars show; `fake_scenes` itself where those are
+            not perturbed and have enough samples, or are rendered online.
         buffers: the generator's input for each subject.
         real: the exemplars on the device, with the buffers of their own scenes that the discriminator is shown, and
             with the labels of their layers.
@@ -171,10 +171,10 @@ def make_scenes(
         return OnlineRendering(exemplars, perturbation, RenderLayer(renderer, config.spp, config.spp_grad))
     pool, spp, seed = config.scenes.pool, config.spp, config.seed
     if run.deferred:
-        hits, light = config.hits, config.discriminator.light
-        return DeferredRendering(exemplars, perturbation, renderer, spp, hits, pool, device, seed, light, cache_bytes)
-    options = config.renderer.options
-    return CachedRendering(exemplars, perturbation, renderer, spp, pool, device, seed, options, cache_bytes)
+        hits, light, storing = config.hits, config.discriminator.light, cast(DeferredRenderer[Any], renderer)
+        return DeferredRendering(exemplars, perturbation, storing, spp, hits, pool, device, seed, light, cache_bytes)
+    tracing, options = cast(TransportRenderer[Any], renderer), config.renderer.options
+    return CachedRendering(exemplars, perturbation, tracing, spp, pool, device, seed, options, cache_bytes)
 
 
 def exemplar_spp(config: TrainConfig, exemplars: Exemplars) -> int:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
@@ -18,7 +18,7 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.metrics.recovered import SeenTexels
-from svbrdfgan.protocols import Renderer, TransportRenderer
+from svbrdfgan.protocols import TransportRenderer
 from svbrdfgan.rendering.compositing import composite
 from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
 from svbrdfgan.rendering.transport.cache import TransportStore
@@ -90,7 +90,7 @@ class CachedRendering:
 
     exemplars: Exemplars
     perturbation: Perturbation
-    renderer: Renderer[Any]
+    renderer: TransportRenderer[Any]
     spp: int
     pool: int
     device: torch.device
@@ -145,9 +145,8 @@ class CachedRendering:
 
     def own_scenes(self, spp: int, *, keep: bool) -> CachedRendering:
         """The exemplars' own scenes, one for each; in main memory, one at a time, if they are not to be kept."""
-        if keep:
-            return self._in_scenes(ScenesConfig(), spp, self.device, self.cache_bytes)
-        return self._in_scenes(ScenesConfig(), spp, torch.device("cpu"), 0)
+        device, cache_bytes = (self.device, self.cache_bytes) if keep else (torch.device("cpu"), 0)
+        return self._in_scenes(ScenesConfig(), spp, device, cache_bytes)
 
     def seen_in(self, config: ScenesConfig) -> SeenTexels:
         """`seen` of otherwise perturbed scenes, one for each exemplar, held in main memory."""
@@ -159,8 +158,8 @@ class CachedRendering:
     def _in_scenes(
         self, config: ScenesConfig, spp: int, device: torch.device, cache_bytes: int | None
     ) -> CachedRendering:
-        perturbation = Perturbation(config, self.perturbation.sampler)
-        return replace(self, perturbation=perturbation, spp=spp, pool=1, device=device, cache_bytes=cache_bytes)
+        other = Perturbation(config, self.perturbation.sampler)
+        return replace(self, perturbation=other, spp=spp, pool=1, device=device, cache_bytes=cache_bytes)
 
     def _scene(self, index: int, rng: np.random.Generator) -> Scene:
         return self.perturbation.scene(self.exemplars.scenes[index], index, rng)
@@ -187,9 +186,8 @@ class CachedRendering:
 
     def _trace(self, index: int, scene: Scene) -> LightTransport:
         subject, view = self.exemplars.subject(index), self.exemplars.loader.view(scene)
-        renderer = cast(TransportRenderer[Any], self.renderer)
         return build_transport(
-            renderer.transport(self._surfaces.of(index), view, spp=self.spp, seed=scene.seed),
+            self.renderer.transport(self._surfaces.of(index), view, spp=self.spp, seed=scene.seed),
             materials=subject.materials(scene.materials, None),
             learnable=subject.learnable,
             gbuffer=subject.geometry.permute(1, 2, 0),

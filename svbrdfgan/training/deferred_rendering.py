@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,7 +14,7 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.protocols import DeferredRenderer, Renderer, StoredLight
+from svbrdfgan.protocols import DeferredRenderer, StoredLight
 from svbrdfgan.rendering.compositing import composite
 from svbrdfgan.rendering.shade_layer import shade
 from svbrdfgan.rendering.transport.cache import MemoryCache
@@ -146,7 +146,7 @@ class DeferredRendering:
 
     exemplars: Exemplars
     perturbation: Perturbation
-    renderer: Renderer[Any]
+    renderer: DeferredRenderer[Any]
     spp: int
     hits: int
     pool: int
@@ -186,11 +186,13 @@ class DeferredRendering:
                 self._trace(index, self.perturbation.scene(self.exemplars.scenes[index], index, rng))
                 for index in indices
             ]
-        return self._batch(scenes, visit, int(rng.integers(2**31)), self.perturbation.config.matched)
+        matched, seed = self.perturbation.config.matched, int(rng.integers(2**31))
+        return DeferredSceneBatch(self.renderer, tuple(scenes), self.maps, visit, seed, matched)
 
     def first_scenes(self, indices: Sequence[int]) -> DeferredSceneBatch:
         """The first stored scene of each of these exemplars."""
-        return self._batch([self._stored((index, 0)) for index in indices])
+        scenes = tuple(self._stored((index, 0)) for index in indices)
+        return DeferredSceneBatch(self.renderer, scenes, self.maps, visit=0, seed=0, matched=False)
 
     def prefetch(self, indices: Sequence[int], rng: np.random.Generator) -> None:
         """Does nothing: what is stored is in memory."""
@@ -201,8 +203,11 @@ class DeferredRendering:
 
     def own_scenes(self, spp: int, *, keep: bool) -> DeferredRendering:
         """The exemplars' own scenes, one for each; on the device one at a time, if they are not to be kept."""
-        perturbation = Perturbation(ScenesConfig(), self.perturbation.sampler)
-        own = replace(self, perturbation=perturbation, spp=spp, pool=1, cache_bytes=self.cache_bytes if keep else 0)
+        unperturbed, cache_bytes = (
+            Perturbation(ScenesConfig(), self.perturbation.sampler),
+            self.cache_bytes if keep else 0,
+        )
+        own = replace(self, perturbation=unperturbed, spp=spp, pool=1, cache_bytes=cache_bytes)
         own._surfaces = self._surfaces  # the same in all scenes, and costly to prepare
         return own
 
@@ -211,12 +216,6 @@ class DeferredRendering:
 
     def resampled(self, spp: int) -> None:
         """None: pictures are of stored samples."""
-
-    def _batch(
-        self, scenes: Sequence[DeferredScene], visit: int = 0, seed: int = 0, matched: bool = False
-    ) -> DeferredSceneBatch:
-        renderer = cast(DeferredRenderer[Any], self.renderer)
-        return DeferredSceneBatch(renderer, tuple(scenes), self.maps, visit, seed, matched)
 
     def _stored(self, key: SceneKey) -> DeferredScene:
         found = self._cache.get(key)
@@ -229,7 +228,7 @@ class DeferredRendering:
 
     def _trace(self, index: int, scene: Scene) -> DeferredScene:
         subject, view = self.exemplars.subject(index), self.exemplars.loader.view(scene)
-        renderer, prepared = cast(DeferredRenderer[Any], self.renderer), self._surfaces.of(index)
+        renderer, prepared = self.renderer, self._surfaces.of(index)
         bare = subject.materials(scene.materials, None, scene.maps)
         others = _blackened(bare, subject.learnable)
         beside = renderer.render(prepared, others, view, spp=self.spp, seed=scene.seed)

@@ -104,7 +104,7 @@ class OnlineRendering:
         return seen_in_gradient(self.exemplars, index, self.layer.renderer, self._surfaces.of(index), self.layer.spp)
 
     def own_scenes(self, spp: int, *, keep: bool) -> OnlineRendering:
-        """These scenes themselves: nothing of the exemplars' own is stored."""
+        """The same scenes: nothing of the exemplars' own is stored."""
         return self
 
     def seen_in(self, config: ScenesConfig) -> None:

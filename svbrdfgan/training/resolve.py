@@ -19,7 +19,7 @@ from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
 
 @dataclass(frozen=True, eq=False)
 class ResolvedRun:
-    """What a run will do. Code below reads it, and opens and decides nothing again.
+    """A run with all that it will do decided. Code below reads it, and opens and decides nothing again.
 
     Attributes:
         config: the configuration, with `discriminator.sees` and `discriminator.light` decided.
@@ -38,7 +38,7 @@ class ResolvedRun:
 
     @property
     def conditions(self) -> Conditions:
-        """What generator and discriminator are told of each layer."""
+        """The facts of each layer that generator and discriminator are told."""
         return conditions_of(self.config.generator, self.dataset.config)
 
     @property

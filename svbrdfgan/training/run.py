@@ -56,7 +56,7 @@ class RunConfig(StrictModel):
 
     @property
     def conditions(self) -> Conditions:
-        """What the generator is told of each layer."""
+        """The facts of each layer that the generator is told."""
         return conditions_of(self.train.generator, self.dataset)
 
     def moved(self, dataset: Dataset) -> RunConfig:

@@ -36,7 +36,7 @@ class SceneBatch(Protocol):
     def light_buffer(self) -> Float[Tensor, "batch height width 9"] | None:
         """Pictures of reference materials in these scenes, without gradients; None where they are as in the exemplars'.
 
-        See `svbrdfgan.training.reference_pictures`. It has as many samples as `render`'s pictures, and other ones.
+        See `svbrdfgan.training.reference_pictures`. The samples are as many as in `render`'s pictures, and others.
         """
         ...
 

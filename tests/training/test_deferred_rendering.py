@@ -165,6 +165,8 @@ def test_scenes_that_do_not_match_carry_their_own_buffers(rendering: DeferredRen
         assert its is not None
         assert torch.equal(mine[0], its)
     matched, own = buffers(rendering, 0)[0], moved.own_scenes(16, keep=False)
+    own.build(range(6))
+    assert own._cache == {}  # each is looked at once
     assert float((buffers(moved, 0)[0] - matched).abs().mean()) > 0.01
     assert float((buffers(own, 0)[0] - matched).abs().mean()) < 0.03
     image, coverage = batch.render(layers(2))
