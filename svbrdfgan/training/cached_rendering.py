@@ -158,8 +158,14 @@ class CachedRendering:
     def _in_scenes(
         self, config: ScenesConfig, spp: int, device: torch.device, cache_bytes: int | None
     ) -> CachedRendering:
-        other = Perturbation(config, self.perturbation.sampler)
-        return replace(self, perturbation=other, spp=spp, pool=1, device=device, cache_bytes=cache_bytes)
+        return replace(
+            self,
+            perturbation=Perturbation(config, self.perturbation.sampler),
+            spp=spp,
+            pool=1,
+            device=device,
+            cache_bytes=cache_bytes,
+        )
 
     def _scene(self, index: int, rng: np.random.Generator) -> Scene:
         return self.perturbation.scene(self.exemplars.scenes[index], index, rng)

@@ -203,11 +203,8 @@ class DeferredRendering:
 
     def own_scenes(self, spp: int, *, keep: bool) -> DeferredRendering:
         """The exemplars' own scenes, one for each; on the device one at a time, if they are not to be kept."""
-        unperturbed, cache_bytes = (
-            Perturbation(ScenesConfig(), self.perturbation.sampler),
-            self.cache_bytes if keep else 0,
-        )
-        own = replace(self, perturbation=unperturbed, spp=spp, pool=1, cache_bytes=cache_bytes)
+        unperturbed, budget = Perturbation(ScenesConfig(), self.perturbation.sampler), self.cache_bytes if keep else 0
+        own = replace(self, perturbation=unperturbed, spp=spp, pool=1, cache_bytes=budget)
         own._surfaces = self._surfaces  # the same in all scenes, and costly to prepare
         return own
 

@@ -77,8 +77,8 @@ def make_pair(
     if not source.demodulated:
         return real, _with_buffers(image, coverage, real, scenes)
     own, others = source.own_scenes.first_scenes(indices).demodulator, scenes.demodulator
-    assert own is not None  # `TrainConfig` refuses to divide by light that is not stored
-    assert others is not None
+    if own is None or others is None:
+        raise TypeError(f"{type(scenes).__name__} has no light to divide by; `TrainConfig` refuses this earlier")
     real_image, real_clear = reproject(own.reflectance(real.image), own.clear, own, others, own)
     fake_image, fake_clear = reproject(others.reflectance(image), others.clear, others, own, own)
     clear = real_clear & fake_clear
