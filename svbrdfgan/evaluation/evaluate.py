@@ -36,7 +36,7 @@ from svbrdfgan.metrics.flip import flip
 from svbrdfgan.metrics.recovered import Observed, Scorer
 from svbrdfgan.networks import Draw, Generator
 from svbrdfgan.plugins.select import resolve_renderer
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, seeds_vary
@@ -118,7 +118,7 @@ def evaluate(
     relighter = Relighter.make(relight or Relight(), opened.index)  # its mistakes are found before anything slow
     resolved = ResolvedRun(config.train, opened).unperturbed()
     if resolved.deferred:  # pictures are compared with exemplars, and have all of their samples
-        resolved = resolved.with_config(rendering="fresh")
+        resolved = resolved.with_config(rendering="online")
     renderer, _ = resolve_renderer(config.train.renderer, fabric.device, config.maps, differentiable=True)
 
     shown.begin(f"light transport of the {split} scenes")
@@ -186,7 +186,7 @@ def _of_draws(
     return told | oracle | {"resemblance_fraction": share(made.resemblance, best.resemblance)}
 
 
-def _observed(source: BatchSource, renderer: Renderer[Any], config: RunConfig, shown: Display) -> Observed | None:
+def _observed(source: BatchSource, renderer: CheckedRenderer, config: RunConfig, shown: Display) -> Observed | None:
     """Where the split's further maps can be observed; None if layers paint base_color alone."""
     if not config.maps:
         return None
@@ -263,7 +263,7 @@ def _known(error: float) -> float | None:
 def _layers(
     fabric: Fabric, scorer: Scorer, generator: Generator, labels: Sequence[float] = ()
 ) -> Float[Tensor, "subjects rows cols channels"]:
-    """One layer of each subject; of a generator with chance, that of seed 0."""
+    """One layer of each subject; of a generator with random fields, that of seed 0."""
     with fabric.autocast():
         return scorer.layers(Draw(generator.to(fabric.device), labels=labels))
 

@@ -19,7 +19,9 @@ from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Part, Surface
 from svbrdfgan.weathering.mesh_maps import MeshMaps
 
-_SUBJECT, _LAYER, _MAPS = "svbrdfgan subject 1", "svbrdfgan layer 1", "svbrdfgan mesh maps 1"
+_SUBJECT = "svbrdfgan subject 1"
+_LAYER = "svbrdfgan layer 1"
+_MAPS = "svbrdfgan mesh maps 1"
 _REMEDY = "delete it, and it is made again"
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
 
 import numpy as np
 import torch
@@ -16,7 +15,7 @@ from svbrdfgan.data.config import EnvironmentSource, Split
 from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.gather import gather_environments, match_files
 from svbrdfgan.metrics.recovered import SeenTexels
-from svbrdfgan.protocols import DeferredRenderer, Renderer, TransportRenderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.training.cached_rendering import CachedRendering
 from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
@@ -81,26 +80,26 @@ class BatchSource:
 
 
 def make_batch_source(
-    run: ResolvedRun, split: Split, renderer: Renderer[Any], device: torch.device, progress: Progress | None = None
+    run: ResolvedRun, split: Split, renderer: CheckedRenderer, device: torch.device, progress: Progress | None = None
 ) -> BatchSource:
     """Loads a split and traces its scenes. Only the training split's scenes are perturbed.
 
     Raises:
         AssetError: the data set is not finished, or a file of it is damaged.
-        ConfigError: `rendering` is `transport`, and the renderer does not store what that needs; or it cannot render
+        ConfigError: `rendering` is `stored`, and the renderer does not store what that needs; or it cannot render
             the reference materials of a light buffer.
     """
     run = run if split == "train" else run.unperturbed()
     discriminator = run.config.discriminator
-    if discriminator.light:
+    if discriminator.light_buffer:
         require_reference_materials(renderer)
     exemplars = load_exemplars(run.dataset, split, mesh_maps=run.config.generator.mesh_maps)
     fake_scenes = make_scenes(run, exemplars, split, renderer, device)
     own_scenes = _own_scenes(run.config, fake_scenes, exemplar_spp(run.config, exemplars))
     order = _by_subject(exemplars)
-    demodulated = discriminator.sees == "reflectance"
+    demodulated = discriminator.compares == "reflectance"
     fake_scenes.build(order, progress)
-    if own_scenes is not fake_scenes and (demodulated or discriminator.guide):
+    if own_scenes is not fake_scenes and (demodulated or discriminator.gbuffer):
         own_scenes.build(order, progress)
     buffers = own_buffers(discriminator, own_scenes, range(len(exemplars)))
     known = (*buffers, labels_of_scenes(run.conditions, exemplars.scenes))
@@ -110,7 +109,7 @@ def make_batch_source(
 
 
 def load_seen_texels(
-    run: ResolvedRun, split: Split, renderer: Renderer[Any], progress: Progress | None = None
+    run: ResolvedRun, split: Split, renderer: CheckedRenderer, progress: Progress | None = None
 ) -> tuple[Exemplars, SeenTexels]:
     """A split, and a function that says which texels a picture of it shows: all that scores need.
 
@@ -118,7 +117,7 @@ def load_seen_texels(
 
     Raises:
         AssetError: the data set is not finished, or a file of it is damaged.
-        ConfigError: `rendering` is `transport`, and the renderer does not store what that needs.
+        ConfigError: `rendering` is `stored`, and the renderer does not store what that needs.
     """
     exemplars = load_exemplars(run.dataset, split, mesh_maps=run.config.generator.mesh_maps)
     own = run.unperturbed().with_config(spp=exemplar_spp(run.config, exemplars))
@@ -137,8 +136,8 @@ def own_buffers(
     config: DiscriminatorConfig, own_scenes: SceneRendering, indices: Sequence[int]
 ) -> tuple[Float[Tensor, "exemplars height width 6"] | None, Float[Tensor, "exemplars height width 9"] | None]:
     """G-buffers and light buffers of these exemplars' own scenes, in half precision; None if they are not shown."""
-    gbuffers = (own_scenes.first_scenes([index]).gbuffer for index in indices if config.guide)
-    lights = (own_scenes.first_scenes([index]).light_buffer for index in indices if config.light)
+    gbuffers = (own_scenes.first_scenes([index]).gbuffer for index in indices if config.gbuffer)
+    lights = (own_scenes.first_scenes([index]).light_buffer for index in indices if config.light_buffer)
     return _halves(gbuffers), _halves(lights)
 
 
@@ -151,7 +150,7 @@ def make_scenes(
     run: ResolvedRun,
     exemplars: Exemplars,
     split: Split,
-    renderer: Renderer[Any],
+    renderer: CheckedRenderer,
     device: torch.device,
     cache_bytes: int | None = None,
 ) -> SceneRendering:
@@ -167,19 +166,19 @@ def make_scenes(
         rows = dataset.config.environment_rows
         environments = gather_environments(config.scenes.environment, files, rows, dataset.folder)
     perturbation = Perturbation(config.scenes, dataset.index.sampler(split), environments)
-    if config.rendering == "fresh":
+    if config.rendering == "online":
         return OnlineRendering(exemplars, perturbation, RenderLayer(renderer, config.spp, config.spp_grad))
     pool, spp, seed = config.scenes.pool, config.spp, config.seed
     if run.deferred:
-        hits, light, storing = config.hits, config.discriminator.light, cast(DeferredRenderer[Any], renderer)
-        return DeferredRendering(exemplars, perturbation, storing, spp, hits, pool, device, seed, light, cache_bytes)
-    tracing, options = cast(TransportRenderer[Any], renderer), config.renderer.options
-    return CachedRendering(exemplars, perturbation, tracing, spp, pool, device, seed, options, cache_bytes)
+        hits, light = config.hits, config.discriminator.light_buffer
+        return DeferredRendering(exemplars, perturbation, renderer, spp, hits, pool, device, seed, light, cache_bytes)
+    options = config.renderer.options
+    return CachedRendering(exemplars, perturbation, renderer, spp, pool, device, seed, options, cache_bytes)
 
 
 def exemplar_spp(config: TrainConfig, exemplars: Exemplars) -> int:
     """Samples per pixel of the exemplars' own scenes: at least the exemplars', where their light is divided out."""
-    demodulated = config.discriminator.sees == "reflectance"
+    demodulated = config.discriminator.compares == "reflectance"
     return max([config.spp] + [scene.spp for scene in exemplars.scenes if demodulated])
 
 
@@ -187,7 +186,7 @@ def _own_scenes(config: TrainConfig, fake_scenes: SceneRendering, spp: int) -> S
     """The exemplars' own scenes; not kept in memory where training looks at each of them once."""
     if config.scenes.matched and config.scenes.pool and spp == config.spp:
         return fake_scenes
-    return fake_scenes.own_scenes(spp, keep=config.discriminator.sees == "reflectance")
+    return fake_scenes.own_scenes(spp, keep=config.discriminator.compares == "reflectance")
 
 
 def _by_subject(exemplars: Exemplars) -> list[int]:

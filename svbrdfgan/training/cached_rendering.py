@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -18,7 +17,7 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.metrics.recovered import SeenTexels
-from svbrdfgan.protocols import TransportRenderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import composite
 from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
 from svbrdfgan.rendering.transport.cache import TransportStore
@@ -90,7 +89,7 @@ class CachedRendering:
 
     exemplars: Exemplars
     perturbation: Perturbation
-    renderer: TransportRenderer[Any]
+    renderer: CheckedRenderer
     spp: int
     pool: int
     device: torch.device
@@ -101,8 +100,8 @@ class CachedRendering:
     def __post_init__(self) -> None:
         if not self.renderer.capabilities.transport:
             raise ConfigError(
-                f"rendering: transport needs a renderer that declares it; {type(self.renderer).__name__} does not: "
-                "set rendering: fresh or choose another renderer."
+                f"rendering: stored needs a renderer that declares it; {self.renderer.name} does not: "
+                "set rendering: online or choose another renderer."
             )
         self._transports: TransportStore[SceneKey] = TransportStore(self.device, self.cache_bytes)
         # with a pool, `build` traces the scenes of a subject in a row, and each once
@@ -184,7 +183,7 @@ class CachedRendering:
 
     def _key(self, scene: Scene) -> str:
         """A hash of everything that the transport depends on."""
-        kind = type(self.renderer)
+        kind = type(self.renderer.plugin)
         options = json.dumps({name: value for name, value in self.options.items() if name != "device"}, sort_keys=True)
         renderer = f"{kind.__module__}.{kind.__qualname__}{options}"
         described = scene.model_dump_json(exclude={"weathering", "renderer", "spp", "maps"})

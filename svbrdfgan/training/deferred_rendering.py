@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import torch
@@ -14,7 +13,7 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.protocols import DeferredRenderer, StoredLight
+from svbrdfgan.rendering.checked_renderer import CheckedLight, CheckedRenderer
 from svbrdfgan.rendering.compositing import composite
 from svbrdfgan.rendering.shade_layer import shade
 from svbrdfgan.rendering.transport.cache import MemoryCache
@@ -53,7 +52,7 @@ class DeferredScene:
         base: the maps under the layer, for each learnable part.
     """
 
-    light: StoredLight
+    light: CheckedLight
     background: Float[Tensor, "height width 3"]
     coverage: Float[Tensor, "height width"]
     gbuffer: Float[Tensor, "height width 6"]
@@ -80,7 +79,7 @@ class DeferredSceneBatch:
         matched: whether they are the exemplars' scenes.
     """
 
-    renderer: DeferredRenderer[Any]
+    renderer: CheckedRenderer
     scenes: tuple[DeferredScene, ...]
     maps: tuple[str, ...]
     visit: int
@@ -146,7 +145,7 @@ class DeferredRendering:
 
     exemplars: Exemplars
     perturbation: Perturbation
-    renderer: DeferredRenderer[Any]
+    renderer: CheckedRenderer
     spp: int
     hits: int
     pool: int
@@ -158,8 +157,8 @@ class DeferredRendering:
     def __post_init__(self) -> None:
         if not self.renderer.capabilities.deferred:
             raise ConfigError(
-                "rendering: transport of whole materials needs a renderer that stores light; "
-                f"{type(self.renderer).__name__} does not: set rendering: fresh or choose another renderer."
+                "rendering: stored of whole materials needs a renderer that stores light; "
+                f"{self.renderer.name} does not: set rendering: online or choose another renderer."
             )
         self._cache: MemoryCache[SceneKey, DeferredScene] = MemoryCache(self.cache_bytes, share=0.5)
         self._surfaces = PreparedSurfaces(self.exemplars, self.renderer)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import torch
@@ -13,6 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.rendering.checked_renderer import PreparedSurface
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.config import ScenesConfig
@@ -31,11 +31,11 @@ class OnlineSceneBatch:
         own_camera, own_light: whether these are those of the exemplars' scenes.
     """
 
-    layer: RenderLayer[Any]
+    layer: RenderLayer
     scenes: tuple[Scene, ...]
     exemplars: Exemplars
     indices: tuple[int, ...]
-    prepared: tuple[Any, ...]
+    prepared: tuple[PreparedSurface, ...]
     own_camera: bool = False
     own_light: bool = False
     demodulator: None = None
@@ -76,7 +76,7 @@ class OnlineRendering:
 
     exemplars: Exemplars
     perturbation: Perturbation
-    layer: RenderLayer[Any]
+    layer: RenderLayer
 
     def __post_init__(self) -> None:
         self._surfaces = PreparedSurfaces(self.exemplars, self.layer.renderer)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
 from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.demodulation import Demodulator
 
@@ -70,11 +70,11 @@ class PreparedSurfaces:
         single: keeps only the surface that was prepared last.
     """
 
-    def __init__(self, exemplars: Exemplars, renderer: Renderer[Any], *, single: bool = False) -> None:
+    def __init__(self, exemplars: Exemplars, renderer: CheckedRenderer, *, single: bool = False) -> None:
         self._exemplars, self._renderer, self._single = exemplars, renderer, single
-        self._held: dict[int, Any] = {}
+        self._held: dict[int, PreparedSurface] = {}
 
-    def of(self, index: int) -> Any:
+    def of(self, index: int) -> PreparedSurface:
         """The prepared surface of an exemplar's subject."""
         number = int(self._exemplars.subject_of[index])
         if number not in self._held:
@@ -87,8 +87,8 @@ class PreparedSurfaces:
 def seen_in_gradient(
     exemplars: Exemplars,
     index: int,
-    renderer: Renderer[Any],
-    prepared: Any,
+    renderer: CheckedRenderer,
+    prepared: PreparedSurface,
     spp: int,
     pixels: Bool[Tensor, "height width"] | None = None,
 ) -> Float[Tensor, "rows cols"]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import torch
@@ -14,7 +13,7 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.generate import BRIGHTEST, render_scene
 from svbrdfgan.evaluation.leakage.confounders import Confounder, scenes_with
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import layer_channels
 from svbrdfgan.training.batches import BatchSource, exemplar_spp, make_scenes, own_buffers, stack_inputs
 from svbrdfgan.training.config import ScenesConfig
@@ -46,8 +45,8 @@ class RenderedPairs:
     run: ResolvedRun
     exemplars: Exemplars
     chosen: Sequence[int]
-    renderer: Renderer[Any]
-    exemplar_renderer: Renderer[Any]
+    renderer: CheckedRenderer
+    exemplar_renderer: CheckedRenderer
     device: torch.device
     progress: Callable[[int], None]
     _rendered: dict[Confounders, tuple[Tensor, Tensor]] = field(default_factory=dict)
@@ -81,7 +80,7 @@ class RenderedPairs:
 
     @property
     def _demodulated(self) -> bool:
-        return self.run.config.discriminator.sees == "reflectance"
+        return self.run.config.discriminator.compares == "reflectance"
 
     def _scenes(self, scenes: ScenesConfig, spp: int) -> SceneRendering:
         if scenes.matched:  # training stores these too, whatever its pool

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -13,7 +12,7 @@ from torch import Tensor
 
 from svbrdfgan.evaluation.evaluate import Evaluated
 from svbrdfgan.metrics.flip import display
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import bare_maps
 from svbrdfgan.report.pictures import Picture, framed
 from svbrdfgan.scene.subject import Subject
@@ -46,7 +45,7 @@ def matt_dirt(layer: Float[Tensor, "rows cols 4"]) -> Float[Tensor, "rows cols 6
     return torch.cat([layer, layer.new_tensor(_DIRT).expand(*layer.shape[:2], -1)], dim=-1)
 
 
-def glossy_picture(evaluated: Evaluated, renderer: Renderer[Any], index: int) -> Picture:
+def glossy_picture(evaluated: Evaluated, renderer: CheckedRenderer, index: int) -> Picture:
     """An exemplar's scene under the learned layer, its paint glossy."""
     exemplars = evaluated.source.exemplars
     scene, subject = exemplars.scenes[index], polished(exemplars.subject(index))
