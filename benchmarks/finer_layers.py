@@ -1,4 +1,4 @@
-"""Layers finer than a model was trained: `Generator.forward(factor=...)` beside other ways, on procedural vehicles.
+"""Layers finer than a model was trained: `Generator.forward(factor=...)` and other ways, on procedural vehicles.
 
     python benchmarks/finer_layers.py runs/cars --factor 4                 # a power of two
     python benchmarks/finer_layers.py runs/cars --factor 4 --recipe rust   # for a model of several recipes
@@ -119,7 +119,7 @@ def octave_power(subject: Subject, layer: Tensor) -> Tensor:
 
 
 def grid(values: Tensor, factor: int) -> Tensor:
-    """Along rows, under a Hann window."""
+    """The column `grid` of these values, along rows, under a Hann window."""
     power = torch.fft.rfft(values * torch.hann_window(len(values)), dim=1).abs().square().mean(dim=0)
     frequency = torch.arange(len(power)) / len(values) * factor
     beside, at, beyond = (

@@ -7,7 +7,7 @@ Each case is one place in the generator (`svbrdfgan/networks/generator.py`), cha
 autocast. Four implementations of the same operation are compared:
 
 - `reference`: `norm_act_pad_reference`, by eager torch.
-- `compiled`: the reference under `torch.compile`, for fixed shapes. It returns the reference's memory layout, which
+- `compiled`: the reference under `torch.compile`, for fixed shapes. The result has the reference's memory layout, which
   torch's instance norm makes rows-first, so that the next convolution has to copy.
 - `compiled formula`: `torch.compile` of the norm written as a formula, which stays channels-last.
 - `kernels`: `norm_act_pad_triton`, which need CUDA and Triton.
@@ -81,7 +81,7 @@ CASES = (
 
 @dataclass(frozen=True)
 class Setting:
-    """What all measurements share."""
+    """The conditions that all measurements share."""
 
     device: torch.device
     dtype: torch.dtype

@@ -22,7 +22,7 @@ from svbrdfgan.types import Material, Materials, View
 TOLERANCE = 1e-3
 """Largest allowed difference between the transport's picture and the renderer's, relative to the brightest value."""
 MEAN_TOLERANCE = 0.02
-"""Likewise between the means of pictures of whole materials, whose samples differ."""
+"""Largest allowed relative difference between the means of pictures of whole materials, whose samples differ."""
 _COMPARED_SAMPLES = 2**19
 """Camera samples in each of those means, at least."""
 

@@ -95,7 +95,7 @@ def command(
 def _makers(
     mesh: Path | None, environment: Path | None, embedding: str, material: str, texels: int
 ) -> dict[str, Maker]:
-    """How each scene is made, by its name; a mesh's is its file's."""
+    """Functions that make the scenes, by their names; that of a mesh is the name of its file."""
     from svbrdfgan.bench.cases import GLOSSY, STANDARD, VERTICES
     from svbrdfgan.bench.standard_scenes import glossy_scene, standard_scene, vehicle_scene
     from svbrdfgan.plugins import load_embedding

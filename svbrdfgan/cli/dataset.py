@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class _Dataset(click.Command):
-    """This command, or `dataset import` if the first word is `import`.
+    """The command `dataset`, or `dataset import` if the first word is `import`.
 
     A group would take CONFIG for the name of a command. A CONFIG of that name is given as `./import`.
     """

@@ -1,4 +1,4 @@
-"""What several commands share: options, checks of paths, and the files that `weather` and `texture` write."""
+"""Parts that several commands share: options, checks of paths, and the files that `weather` and `texture` write."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     Layer = Float[Tensor, "rows cols channels"]
 
 Command = TypeVar("Command", bound=Callable[..., None])
-_SKY_SEED = 7
+_SKY_SEED = 7  # of the cloudy sky that lights pictures by default
 
 learnable_option = click.option(
     "--learnable",

@@ -68,7 +68,7 @@ def _save(path: Path, rendering: Rendering) -> None:
         save_image(path, rendering.image.cpu())
     else:
         coverage = rendering.coverage.cpu().unsqueeze(-1)
-        straight = rendering.image.cpu() / coverage.clamp(min=1e-6)
+        straight = rendering.image.cpu() / coverage.clamp(min=1e-6)  # black where nothing is covered
         save_image(path, torch.cat([straight, coverage], dim=-1))
 
 

@@ -60,7 +60,7 @@ def command(
     environment: Path | None,
     renderer: str,
 ) -> None:
-    """Weather MESH with the generator of a run; write it as GLB, and the layer alone as PNG beside it."""
+    """Weather MESH with the generator of a run; write it as GLB, and the layer alone as PNG next to it."""
     if count is not None and picture is not None:
         raise click.UsageError("--picture is of one layer; leave out --count.")
     first = seed or 0

@@ -57,7 +57,7 @@ def command(
     environment: Path | None,
     renderer: str,
 ) -> None:
-    """Weather MESH by a recipe; write it as GLB, and the layer and each map as PNG beside it."""
+    """Weather MESH by a recipe; write it as GLB, and the layer and each map as PNG next to it."""
     require_apart(mesh, out)
     if maps and base_color_only:
         raise click.UsageError("--map and --base-color-only exclude each other.")

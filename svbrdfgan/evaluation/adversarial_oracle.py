@@ -1,8 +1,9 @@
 """The oracle of a distribution: the same generator, trained adversarially on true layers instead of pictures.
 
-Regression to the true layers cannot be the ceiling of a generator with random fields: where the truth varies, it paints
-the mean. This oracle has the run's networks, loss, penalties and optimizers, and as many true layers as the run has
-exemplars. Its discriminator sees textures. So what the run lacks beside it is what pictures hide.
+Regression to the true layers cannot be the ceiling of a generator with random fields: where the truth varies, it
+paints the mean. The oracle of this module has the run's networks, loss, penalties and optimizers, and as many true
+layers as the run has exemplars. The discriminator sees textures. So what the run lacks, compared with the oracle, is
+what pictures hide.
 """
 
 from __future__ import annotations
@@ -41,9 +42,9 @@ _CHECK_EVERY = 50
 
 @dataclass(frozen=True)
 class Budget:
-    """How long the oracle trains: as many steps as the run it is compared with, and not longer than that.
+    """The length of the oracle's training: as many steps as the run it is compared with, and no more time.
 
-    It is not stopped by a score: to compare many draws costs as much as many steps.
+    No score stops the training: to compare many draws costs as much as many steps.
     """
 
     steps: int
@@ -60,7 +61,7 @@ class TrueLayers:
             nothing of them.
         layers: one for each exemplar, in main memory and half precision, as exemplars' pictures.
         subject_of: index of each exemplar's subject.
-        labels: of each exemplar's layer; None if networks are told nothing.
+        labels: of each exemplar's layer; None if networks have no conditions.
         gbuffer: whether the discriminator is shown the geometry.
     """
 
@@ -73,7 +74,7 @@ class TrueLayers:
 
     @classmethod
     def of(cls, exemplars: Exemplars, seen: SeenTexels, config: RunConfig, device: torch.device) -> TrueLayers:
-        """Those of a training split.
+        """The true layers of a training split.
 
         Args:
             seen: says which texels a picture shows.
@@ -110,7 +111,7 @@ class TrueLayers:
     def batch(
         self, fabric: Fabric, generator: Generator, indices: Sequence[int], rng: np.random.Generator
     ) -> DiscriminatorBatch:
-        """These exemplars' true layers, and as many of the generator's with the same geometry and labels."""
+        """The true layers of some exemplars, and as many of the generator's with the same geometry and labels."""
         device, chosen = self.geometry.device, torch.as_tensor(list(indices))
         subjects, picked = (copy_async(values, device) for values in (self.subject_of[chosen], chosen))
         labels = None if self.labels is None else self.labels[picked]
@@ -125,8 +126,8 @@ class TrueLayers:
     ) -> Pictures:
         """Layers as the discriminator sees them, in [-1, 1], with geometry and labels; zero where nothing is shown.
 
-        It sees alpha, and the maps times alpha, as `resemblance` does: sets that agree in these agree over every paint,
-        so no paint need be drawn. Colours have the tone curve of pictures.
+        The discriminator sees alpha, and the maps times alpha, as `resemblance` does: sets that agree in these agree
+        over every paint, so no paint need be drawn. Colours have the tone curve of pictures.
         """
         alpha, color, further = premultiplied(layers).split([1, 3, self.judged - 4], dim=1)
         channels = [2 * alpha - 1, tone_curve(color), further]
@@ -142,7 +143,8 @@ def train_adversarial_oracle(
 ) -> tuple[Generator, int]:
     """The averaged generator, and the steps that it was trained for.
 
-    Random numbers depend on the configuration's seed and the step alone; but `budget.minutes` may end it at any step.
+    Random numbers depend on the configuration's seed and the step alone; but `budget.minutes` may end training at any
+    step.
 
     Raises:
         TrainingError: a loss or weight is not finite.
@@ -166,7 +168,7 @@ def train_adversarial_oracle(
 
 
 def _fresh_state(config: TrainConfig, truth: TrueLayers) -> State:
-    """That of a run which judges layers. Textures have no light buffer."""
+    """The initial state of a run which judges layers: textures have no light buffer."""
     discriminator = config.discriminator.model_copy(update={"light": False})
     labels = 0 if truth.labels is None else truth.labels.shape[1]
     return State.fresh(

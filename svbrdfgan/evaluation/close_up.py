@@ -1,4 +1,4 @@
-"""Close-ups: a small part of a vehicle under the true layer and the learned ones, where texels can be told apart."""
+"""Close-ups: a small part of a vehicle under the true layer and the learned ones, near enough to see texels."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from svbrdfgan.scene.description import SceneWeathering
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Camera, View
 
-_COUNT = 3
-_ZOOM = 4.0
+_COUNT = 3  # vehicles, at most
+_ZOOM = 4.0  # the field of view is divided by it
 
 
 def close_ups(
@@ -26,9 +26,9 @@ def close_ups(
     renderer: CheckedRenderer,
     layers_of: Callable[[int], Mapping[str, Float[Tensor, "rows cols channels"]]],
 ) -> tuple[RelitScene, ...]:
-    """Of up to three vehicles, evenly spread, the middle of the exemplar with the greatest amount, four times nearer.
+    """Close-ups of up to three vehicles: the middle of the exemplar with the greatest amount, four times nearer.
 
-    They are chosen regardless of what was learned.
+    The vehicles are evenly spread over the split, and chosen regardless of what was learned.
 
     Args:
         layers_of: an exemplar's layers, by what painted them.

@@ -1,4 +1,4 @@
-"""How generators resemble the distribution of the true layers: draws of both, on the scored vehicles."""
+"""The resemblance of generators to the distribution of the true layers: draws of both, on the scored vehicles."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from svbrdfgan.training.run import RunConfig
 DRAWS = 16
 """Layers of each vehicle, in each of three sets: true ones, other true ones, and a generator's."""
 TRUTH = "truth"
-"""The name of the other true draws, beside the names of generators."""
-_AMOUNTS = 8
+"""The name of the other true draws, among the names of generators."""
+_AMOUNTS = 8  # in a sweep from the least to the greatest
 _BATCH = 4  # draws at once, where nothing but their mean alpha is kept: as many as train at 1,024 texels
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Draws of several generators beside the same true ones.
+    """Draws of several generators, compared with the same true ones.
 
     Attributes:
         resemblance: by the generator's name.
@@ -45,7 +45,7 @@ class Comparison:
 
 @dataclass(frozen=True, eq=False)
 class _Asked:
-    """What generators are asked for: draws of a vehicle.
+    """The input of generators for draws of a vehicle.
 
     Attributes:
         geometry: their input.
@@ -74,7 +74,7 @@ def compare_draws(
     alone. Painting the true ones takes most of the time: some tenths of a second for each layer of 256 x 256.
 
     Args:
-        generators: by name, on the scorer's device; all are told the conditions of the run.
+        generators: by name, on the scorer's device; all have the conditions of the run.
         config: the run's.
         scorer: of the split; says which texels are scored.
         constants: constant layers to compare with.
@@ -124,7 +124,7 @@ def _vehicle(
 
 
 def _generated(generator: Generator, config: RunConfig, fabric: Fabric, asked: _Asked) -> Draws:
-    """What the generator paints with the amounts and recipes of the vehicle's scenes, and seeds from 0 on."""
+    """Draws of the generator with the amounts and recipes of the vehicle's scenes, and seeds from 0 on."""
     layers = []
     for seed, scene in enumerate(asked.vehicle.scenes):
         wanted = weathering_of(scene)

@@ -1,4 +1,4 @@
-"""Evaluates a run: what its generator recovered on subjects that it never saw, beside a supervised oracle."""
+"""Evaluates a run: what its generator recovered on subjects that it never saw, compared with an oracle."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ _RELIT = {
 
 
 LayersOf = Callable[[int], dict[str, Float[Tensor, "rows cols channels"]]]
-"""The layers of an exemplar, by what painted them. Those of generators have the exemplar's own amount and recipe."""
+"""The layers of an exemplar, by what painted them; a generator's layer has the exemplar's own amount and recipe."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +64,9 @@ class Evaluated:
     Attributes:
         config: the run's.
         source: the scored split.
-        layers: the layers of each subject, by what painted them: "generated", "oracle" or "constant". A generator that
-            is told conditions paints the middle amount of the first recipe.
-        layers_of: the layers of an exemplar; for pictures beside it.
+        layers: the layers of each subject, by what painted them: "generated", "oracle" or "constant". A generator with
+            conditions paints the middle amount of the first recipe.
+        layers_of: the layers of an exemplar; for pictures next to it.
         relit: a few of the scenes that the run was relit in, with their pictures.
         close_ups: small parts of a few vehicles, if the generator varies.
         generator: the run's, on the device of the layers; for draws of it.
@@ -95,7 +95,7 @@ def evaluate(
     workers: int = 1,
     display: Display | None = None,
 ) -> Evaluated:
-    """Scores a run on a split and writes `evaluation.json`. It trains the oracle first if the run has none yet.
+    """Scores a run on a split and writes `evaluation.json`; trains the oracle first if the run has none yet.
 
     Args:
         dataset: the folder of the run's data set, if it was moved.
@@ -169,7 +169,7 @@ def _of_draws(
     workers: int,
     shown: Display,
 ) -> dict[str, Any]:
-    """What the record says of draws; nothing if the true ones cannot be compared."""
+    """The record's entries on draws; none if the true draws cannot be compared."""
     shown.begin("comparing draws of layers", len(scorer.geometry))
     try:
         found = compare_draws(
@@ -187,7 +187,7 @@ def _of_draws(
 
 
 def _observed(source: BatchSource, renderer: CheckedRenderer, config: RunConfig, shown: Display) -> Observed | None:
-    """Where the split's further maps can be observed; None if layers paint base_color alone."""
+    """The texels where the split's further maps can be observed; None if layers paint base_color alone."""
     if not config.maps:
         return None
     shown.begin("where each map can be observed", len(source))
@@ -276,7 +276,7 @@ def by_subject(exemplars: Exemplars, layers: dict[str, Tensor]) -> LayersOf:
 def _with_own_conditions(
     layers_of: LayersOf, generators: dict[str, Generator], config: RunConfig, fabric: Fabric, source: BatchSource
 ) -> LayersOf:
-    """The same, but what generators paint that are told conditions: seed 0, with the exemplar's amount and recipe."""
+    """The same layers, but those of generators with conditions by seed 0 and the exemplar's own amount and recipe."""
     if not config.conditions.size:
         return layers_of
 

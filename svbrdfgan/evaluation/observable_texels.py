@@ -1,4 +1,4 @@
-"""Where each further map of a split can be observed: the texels whose true values matter to its pictures.
+"""The texels where each further map of a split can be observed: their true values matter to its pictures.
 
 The masks come from the truth, the split's scenes and the renderer alone, so that they are the same for every generator.
 """
@@ -20,8 +20,12 @@ from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.training.scene_batch import seen_in_gradient
 from svbrdfgan.types import Material, Materials
 
-CHANGE, DEGREES, VISIBLE = 0.1, 10.0, 0.02
-"""How far a map is changed, how far a normal is tilted, and the share of its luminance by which a pixel must change."""
+CHANGE = 0.1
+"""The change of a map whose values are in [0, 1]."""
+DEGREES = 10.0
+"""The tilt of a normal."""
+VISIBLE = 0.02
+"""The share of its luminance by which a pixel must change."""
 
 _SAMPLES = 4
 """Samples per pixel, in those of the exemplars: of 64, noise alone passes for a change in pixels of small lights."""
@@ -41,7 +45,7 @@ class Observation:
     progress: Callable[[int], None]
 
     def __call__(self, subject: int) -> dict[str, Bool[Tensor, "rows cols"]]:
-        """For each further map, the texels where it can be observed in pictures of that subject."""
+        """The texels where each further map can be observed in pictures of that subject."""
         views = list(filter(self.exemplars.weathered, self.exemplars.views_of(subject)))
         prepared = self.renderer.prepare(self.exemplars.subjects[subject].surface)
         found: dict[str, Tensor] = {}

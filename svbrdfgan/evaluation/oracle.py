@@ -1,6 +1,6 @@
 """The oracle: the same network on the same data, taught by the true layers; a ceiling for the GAN.
 
-It is supervised. Where layers are a distribution, it is trained adversarially (`adversarial_oracle`).
+The oracle is supervised. Where layers are a distribution, it is trained adversarially (`adversarial_oracle`).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ LoadedSplit = tuple[Exemplars, SeenTexels]
 Watch = Callable[[int, float], None]
 """Called with the step and the validation score at every scoring."""
 
-_TARGETS = 2048
+_TARGETS = 2048  # the most that it trains on
 _NOTES = ("plateau", "steps", "run_steps")
 
 log = logging.getLogger(__name__)
@@ -46,7 +46,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class OracleConfig:
-    """How the oracle is trained: to its best, independent of the run's batch size and learning rates.
+    """The schedule of the oracle's training: to its best, independent of the run's batch size and learning rates.
 
     Attributes:
         batch: targets in a step.
@@ -92,7 +92,7 @@ def train_oracle(
     """Minimises E of every map on the training targets until the score of `scorer` stops rising.
 
     The error of a map counts relative to its constant layer's, as in `recovered`, in units of base_color's. The oracle
-    has no random fields and is told nothing: where the truth varies it learns one layer between the true ones.
+    has neither random fields nor conditions: where the truth varies it learns one layer between the true ones.
     """
     generator = make_generator(config.generator.without_random_fields, targets[0].truth.shape[-1])
     initialise(generator, torch.Generator().manual_seed(config.seed))
@@ -127,7 +127,7 @@ def train_oracle(
 
 
 def _weights(constant_errors: Mapping[str, float], device: torch.device) -> Float[Tensor, " maps"]:
-    """One for base_color. A map whose truth is constant counts as if its constant layer erred by the least error."""
+    """The weight of each map, 1 for base_color; bounded, as the constant layer errs in no map that is constant."""
     unit = constant_errors["base_color"]
     errors = {name: max(error, LEAST_ERRORS.get(name, 0.0)) for name, error in constant_errors.items()}
     relative = [1.0 if name == "base_color" else unit / error for name, error in errors.items()]
@@ -152,7 +152,7 @@ class TrainedOracle:
 
     @property
     def adversarial(self) -> bool:
-        """Whether it draws, and so is compared by `resemblance`."""
+        """Whether the oracle draws, and so is compared by `resemblance`."""
         return self.generator.random_fields > 0
 
 
@@ -168,8 +168,8 @@ def oracle_of(
 ) -> TrainedOracle:
     """The run's oracle, trained now if there is none.
 
-    It is adversarial if the run learns a distribution, and otherwise supervised. One that was trained as long as the
-    run is trained anew once the run was continued.
+    The oracle is adversarial if the run learns a distribution, and otherwise supervised. One that was trained as long
+    as the run is trained again once the run was continued.
 
     Args:
         load: loads a split.
@@ -230,7 +230,7 @@ def _supervised(
     schedule: OracleConfig,
     shown: Display,
 ) -> TrainedOracle:
-    """The validation split decides when it stops."""
+    """A supervised oracle, whose training stops by the score on the validation split."""
     trained, seen = load("train")
     targets, _ = make_targets(trained, seen, fabric.device, _TARGETS)
     held_out = load("validation") if "validation" in config.dataset.splits else (trained, seen)

@@ -41,7 +41,7 @@ class MapScore(StrictModel):
     area: float | None = None
 
     def beside(self, oracle: float | None) -> MapScore:
-        """The same score beside what an oracle recovered."""
+        """The same score, with what an oracle recovered."""
         return self.model_copy(update={"oracle": oracle, "fraction": share(self.recovered, oracle)})
 
 
@@ -71,8 +71,8 @@ class Evaluation(StrictModel):
         resemblance_oracle, draws_oracle: the same of the oracle of a run that learns a distribution, which is trained
             adversarially on true layers. Then `oracle` is that of one draw of it, and there is no `fraction`.
         resemblance_fraction: resemblance / resemblance_oracle.
-        figures: what draws are in alpha beside true ones, by what painted them: "generated", "oracle", or "truth",
-            which are other true draws.
+        figures: what draws are in alpha, compared with true ones, by what painted them: "generated", "oracle", or
+            "truth", which are other true draws.
     """
 
     split: Split

@@ -28,14 +28,14 @@ from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import View
 
 _SEED = 7919
-"""Of the scenes, and of the procedural lights: far from the seeds that data sets use."""
-_LIGHTS = 4
-_KEPT = 4
+"""Seed of the scenes and of the procedural lights: far from the seeds that data sets use."""
+_LIGHTS = 4  # skies, and as many rooms
+_KEPT = 4  # scenes whose pictures are kept, at most
 
 
 @dataclass(frozen=True)
 class Relight:
-    """Which scenes a run is relit in.
+    """The choice of scenes that a run is relit in.
 
     Attributes:
         files: shell patterns of environment maps that training never used; none stands for procedural skies and rooms.
@@ -130,7 +130,7 @@ class Relighter:
         return Relit(dict(totals), tuple(kept))
 
     def _scenes(self, exemplars: Exemplars, sampler: ConfigSampler) -> Iterator[tuple[int, Scene]]:
-        """For each weathered subject, exemplars and each one's scene with another camera, light and seed."""
+        """Yields exemplars of each weathered subject, and each one's scene with another camera, light and seed."""
         for subject in range(len(exemplars.subjects)):
             weathered = list(filter(exemplars.weathered, exemplars.views_of(subject)))
             for number in range(self.count if weathered else 0):

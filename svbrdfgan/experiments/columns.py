@@ -223,7 +223,7 @@ def verdicts(measures: Sequence[Measure], outcomes: Sequence[RunOutcome] = ()) -
 
 
 def _of_map(name: str) -> tuple[Column, ...]:
-    """What was recovered of a further map, and of how much of the oracle's."""
+    """Columns for what was recovered of a further map, and for its share of the oracle's."""
 
     def score(outcome: RunOutcome) -> MapScore:
         return outcome.evaluation.maps.get(name, MapScore())

@@ -1,4 +1,4 @@
-"""Contact strips, one for each run: held-out vehicles and their layers beside the truth. Sheets stack the strips."""
+"""Contact strips, one for each run: held-out vehicles and their layers next to the truth. Sheets stack the strips."""
 
 from __future__ import annotations
 
@@ -17,7 +17,11 @@ if TYPE_CHECKING:
 
 CONTACT_STRIP = "strip.png"
 _WIDTHS = {"truth": 240, "learned": 240, "true layer": 160, "learned layer": 160}
-_HEIGHT, _GAP, _LABEL, _HEAD, _VEHICLES = 160, 8, 280, 32, 2
+_HEIGHT = 160  # of a picture, as all sizes in pixels
+_GAP = 8  # between pictures
+_LABEL = 280  # width of the strips' names on a sheet
+_HEAD = 32  # height of the pictures' titles on a sheet
+_VEHICLES = 2  # in a strip
 _STRIP = _VEHICLES * (sum(_WIDTHS.values()) + len(_WIDTHS) * _GAP) - _GAP
 
 

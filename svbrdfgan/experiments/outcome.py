@@ -12,7 +12,8 @@ from svbrdfgan.evaluation.record import Evaluation, share
 from svbrdfgan.experiments.definition import Measure
 from svbrdfgan.io.records import load_record, save_record
 
-OUTCOME, CEILING = "outcome.json", "ceiling.json"
+OUTCOME = "outcome.json"  # of a run
+CEILING = "ceiling.json"  # of an oracle
 
 
 class Ceiling(StrictModel):

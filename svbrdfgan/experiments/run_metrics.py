@@ -20,7 +20,8 @@ from svbrdfgan.report.vehicles import choose_views
 from svbrdfgan.training.batches import BatchSource
 from svbrdfgan.training.config import ScenesConfig
 
-_VIEWS, _DRAWS = 4, 16
+_VIEWS = 4  # scenes over which gradient noise is summed
+_DRAWS = 16  # gradients of each scene
 
 
 def measure(evaluated: Evaluated) -> dict[Measure, float]:
@@ -54,7 +55,7 @@ def recovered_where(evaluated: Evaluated, seen: SeenTexels, chosen: Callable[[Bo
     """`recovered` on the texels that `chosen` picks, given which texels any picture of the subject shows.
 
     Raises:
-        AssetError: it picks no texel.
+        AssetError: `chosen` picks no texel.
     """
     source, layers = evaluated.source, evaluated.layers
     exemplars = source.exemplars
@@ -83,7 +84,7 @@ def gradient_noise(source: BatchSource, layers: Float[Tensor, "subjects rows col
         variance = float(draws.var(dim=0).sum())
         noise += variance
         signal += float(draws.mean(dim=0).square().sum()) - variance / _DRAWS  # less the mean's own noise
-    return noise / max(signal, 1e-30)
+    return noise / max(signal, 1e-30)  # few draws may leave no signal, or less
 
 
 def _gradient(source: BatchSource, index: int, layer: Tensor, difference: Tensor, draw: int) -> Tensor:

@@ -12,7 +12,10 @@ from svbrdfgan.experiments.contact_strip import CONTACT_STRIP, write_contact_she
 from svbrdfgan.experiments.results import Results, TableLine
 from svbrdfgan.io.atomic import atomic_path
 
-TABLE, RESULTS, SHEET, PICTURES = "table.md", "results.json", "pictures.png", "pictures"
+TABLE = "table.md"
+RESULTS = "results.json"
+SHEET = "pictures.png"  # all strips, which the table shows
+PICTURES = "pictures"  # the folder of the strips
 
 
 def write_results(folder: Path, results: Results) -> None:

@@ -64,7 +64,7 @@ def paint(
         learnable: the parts that carry the layer; by default those that the training's selection matches.
         seed: of a model with random fields: which of its layers; by default 0.
         amount: of a model that knows amounts, in [0, 1]; by default the middle of those that it was trained on.
-        recipe: of a model of several recipes, which it must be told.
+        recipe: of a model of several recipes, which needs it.
         resolution: texels along a side of the layer and of the subject's textures, a multiple of those that the model
             was trained at, and at most `FINEST`; by default those. Patterns keep their scale (`Generator.forward`).
 
@@ -125,7 +125,7 @@ def prepare(mesh: Mesh, model: Model, learnable: PartSelection | None = None, re
 
 
 def finer_factor(model: Model, resolution: int | None) -> int:
-    """How many times finer than it was trained the model paints at a resolution; 1 for None.
+    """The factor by which a resolution is finer than that of the training; 1 for None.
 
     Raises:
         ConfigError: the resolution is not a multiple of the trained one, or greater than `FINEST`.
@@ -146,7 +146,7 @@ def explain_memory(resolution: int | None) -> Iterator[None]:
     """Says what to do if memory runs out at a resolution that was asked for.
 
     Raises:
-        ConfigError: it did. (Linux may also end the process without a word.)
+        ConfigError: memory ran out. (Linux may also end the process without a word.)
     """
     try:
         yield

@@ -28,8 +28,10 @@ _FOV = math.radians(22.0)
 _FROM = ((35.0, 12.0), (215.0, 12.0))
 """Azimuth and elevation in degrees: the nose and one side, then the tail and the other."""
 _MARGIN = 1.08
-_BRIGHTNESS, _GREY = 0.8, 0.35
-_QUANTILE, _BRIGHTEST = 0.98, 0.9
+_BRIGHTNESS = 0.8  # mean radiance of the light
+_GREY = 0.35  # linear, of the background
+_QUANTILE = 0.98
+_BRIGHTEST = 0.9
 """Exposure puts the 98th percentile at 0.9 at most, so that pale paint does not become white."""
 
 
@@ -39,7 +41,7 @@ def write_weathered(
     layer: Float[Tensor, "rows cols channels"],
     maps: Mapping[str, float | None] | None = None,
 ) -> Path:
-    """Writes the surface as GLB, with the layer composited over its learnable parts, and the layer as PNG beside it.
+    """Writes the surface as GLB, with the layer composited over its learnable parts, and the layer as PNG next to it.
 
     The maps are in the GLB too, with tangents where there are normals; other parts keep those of the mesh's file, and
     its alpha. Each map also becomes a PNG, such as `NAME.roughness.png`, whose numbers are the map's own and not sRGB:
@@ -181,6 +183,6 @@ def _further_maps(subject: Subject, materials: Materials) -> dict[int, dict[str,
 
 
 def _equal(one: Mapping[str, Tensor], other: Mapping[str, Tensor]) -> bool:
-    """Whether both materials have the same maps beside base_color."""
+    """Whether both materials have the same maps apart from base_color."""
     names = one.keys() - {"base_color"}
     return names == other.keys() - {"base_color"} and all(torch.equal(one[name], other[name]) for name in names)

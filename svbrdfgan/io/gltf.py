@@ -1,6 +1,6 @@
 """Write GLB files: surfaces with their generated textures, and unchanged meshes.
 
-This module writes GLB itself instead of using a mesh library: colour factors keep their precision, parts share images,
+The module writes GLB itself instead of using a mesh library: colour factors keep their precision, parts share images,
 and textures clamp or repeat as the surface requires.
 """
 
@@ -32,11 +32,16 @@ from svbrdfgan.types.geometry import FILE_CHANNELS
 Texture = Float[Tensor, "rows cols channels"]
 
 # Constants of the glTF 2.0 specification (OpenGL enumerants).
-FLOAT, UINT = 5126, 5125
-VERTICES, INDICES = 34962, 34963
-LINEAR, CLAMP, REPEAT = 9729, 33071, 10497
+FLOAT = 5126  # component types of accessors
+UINT = 5125
+VERTICES = 34962  # targets of buffer views
+INDICES = 34963
+LINEAR = 9729  # filter of samplers
+CLAMP = 33071  # wrapping of samplers
+REPEAT = 10497
+
 ROUGHNESS = 0.9
-"""How viewers show parts without gloss, which glTF does not know."""
+"""The roughness with which viewers show parts without gloss, which glTF does not know."""
 
 
 @dataclass
@@ -278,7 +283,7 @@ def _encoded_color(*textures: Texture) -> Texture:
 
 
 def _encoded_gloss(rough: Texture, metallic: Texture) -> Texture:
-    """glTF: green is roughness, blue is metallic, both linear. This undoes the sRGB encoding by `texture_png`."""
+    """The picture of glTF: green is roughness, blue is metallic, both linear, which undoes `texture_png`'s encoding."""
     numbers = torch.cat([torch.zeros_like(rough), rough, metallic], dim=-1)
     return linear_from_srgb(numbers.clamp(0, 1))
 

@@ -29,7 +29,8 @@ log = logging.getLogger(__name__)
 
 EIGHT_BIT = (".png", ".jpg", ".jpeg")
 FLOAT = (".exr", ".hdr")
-LUMINANCE, COLOR = ("Y",), ("R", "G", "B", "A")
+LUMINANCE = ("Y",)  # EXR's names of channels
+COLOR = ("R", "G", "B", "A")
 
 
 def linear_from_srgb(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
@@ -39,6 +40,7 @@ def linear_from_srgb(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]
 
 def srgb_from_linear(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
     """Encodes linear values as sRGB: the inverse of `linear_from_srgb`."""
+    # Clamped, since the slope at 0 is infinite, of which `where` would make a gradient of NaN.
     curve = 1.055 * values.clamp(min=0.0031308) ** (1 / 2.4) - 0.055
     return torch.where(values <= 0.0031308, values * 12.92, curve)
 
@@ -85,7 +87,7 @@ def save_image(path: str | os.PathLike[str], image: Float[Tensor, "height width 
 
 
 def save_codes(path: str | os.PathLike[str], codes: Int[Tensor, "height width"], bits: Literal[8, 16]) -> None:
-    """Writes whole numbers, which fit into so many bits, as they are into a grey PNG; row 0 on top.
+    """Writes whole numbers, which fit into this number of bits, as they are into a grey PNG; row 0 on top.
 
     Raises:
         AssetError: the file cannot be written.

@@ -24,7 +24,7 @@ _STAND_INS = {
 
 INK, LINE, *SERIES = _STAND_INS
 _FEW = 12
-"""Below this number of values, they are drawn as points."""
+"""The number of values below which they are drawn as points."""
 _IMAGES = "images seen"
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",

@@ -18,8 +18,8 @@ COLUMNS = 6
 def sheets(evaluated: Evaluated, indices: Sequence[int]) -> list[Vehicle]:
     """A sheet for the subject of each of these weathered exemplars; none if the generator paints one layer on each.
 
-    It has rows of draws beside the exemplar's true layer, of amounts from the least to the greatest that the model
-    knows, and a picture for each recipe.
+    A sheet has the exemplar's true layer, draws of seeds, amounts from the least to the greatest that the model knows,
+    and a picture for each recipe.
     """
     if evaluated.generator is None or not evaluated.generator.varies:
         return []

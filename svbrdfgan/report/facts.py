@@ -80,7 +80,7 @@ def verdict(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> lis
 
 
 def _resemblance_of_the_oracle(evaluation: Evaluation) -> list[KeyFigure]:
-    """What the oracle of a distribution reached, and the run's share of it."""
+    """The resemblance that the oracle of a distribution reached, and the run's share of it."""
     best, part = evaluation.draws_oracle, evaluation.resemblance_fraction
     assert best is not None
     meaning = (
@@ -130,12 +130,12 @@ def _bars(constant: float | None, learned: float | None, oracle: float | None, t
         "truth itself (noise alone)": truth,
     }
     known = {name: value for name, value in values.items() if value is not None}
-    longest = max([*known.values(), 1e-9])
+    longest = max([*known.values(), 1e-9])  # all may be 0
     return [Bar(name, f"{value:.3f}", 100 * (value / longest)) for name, value in known.items()]
 
 
 def title(config: RunConfig, plan: DatasetIndex | None) -> str:
-    """What was learned from what. The plan is None if the data set is gone."""
+    """The report's title: what was learned from what. The plan is None if the data set is gone."""
     what = _recipe(config).replace("-", " ").capitalize()
     if plan is None:
         return f"{what}, learned from pictures"
@@ -169,7 +169,7 @@ def _recipe(config: RunConfig) -> str:
 
 
 def duration(seconds: float) -> str:
-    """In seconds, minutes or hours, whichever suits."""
+    """The duration in seconds, minutes or hours, whichever suits."""
     if seconds < 120:
         return f"{seconds:.0f} s"
     minutes = seconds / 60

@@ -18,16 +18,19 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 WIDTH = 1200
-_GAP, _HEAD, _BYTES = 12, 40, 400_000
+_GAP = 12  # between pictures, pixels
+_HEAD = 40  # height of the titles, pixels
+_BYTES = 400_000  # of the file, at most
 _TITLES = ("geometry", "truth", "learned from pictures", "layer painted")
-_WIDTHS, _HEIGHT = (232, 350, 350, 232), 234
-_WIDTHS_OF_FIVE, _HEIGHT_OF_FIVE = (180, 270, 270, 180, 252), 180
-"""Of columns and rows, in pixels; the further column comes last."""
+_WIDTHS = (232, 350, 350, 232)  # of the columns, pixels
+_HEIGHT = 234  # of a row, pixels
+_WIDTHS_OF_FIVE = (180, 270, 270, 180, 252)  # with a further column, which comes last
+_HEIGHT_OF_FIVE = 180
 
 
 @dataclass(frozen=True, eq=False)
 class FurtherColumn:
-    """A column of pictures beside those that every run has.
+    """A column of pictures in addition to those that every run has.
 
     Attributes:
         picture: of an exemplar of the evaluated split, by its index.
@@ -46,7 +49,7 @@ def write_overview(
         further: one more column.
 
     Raises:
-        AssetError: it cannot be written.
+        AssetError: the file cannot be written.
     """
     sheet_rows = []
     for index in choose_views(evaluated.source.exemplars, rows):

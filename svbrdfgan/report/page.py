@@ -20,7 +20,9 @@ from svbrdfgan.report.vehicles import choose_views, close_up, error_scale, relit
 from svbrdfgan.training.metrics_log import read_metrics
 
 REPORT = "report.html"
-_VEHICLES, _TEXTURES, _JUDGED = 6, 3, 3
+_VEHICLES = 6  # of which renders are shown
+_TEXTURES = 3  # the first of them, of which layers are shown too
+_JUDGED = 3  # and patch maps
 
 
 def write_report(run: Path, evaluated: Evaluated) -> Path:

@@ -1,4 +1,4 @@
-"""How real each patch looks to the discriminator (thesis figure 3-2: yellow is real, cyan is fake)."""
+"""Maps of how real each patch looks to the discriminator (thesis figure 3-2: yellow is real, cyan is fake)."""
 
 from __future__ import annotations
 
@@ -24,8 +24,10 @@ from svbrdfgan.report.vehicles import Titled, Vehicle, subject_name
 from svbrdfgan.training.state import checkpoints, load_discriminator
 from svbrdfgan.training.step import make_pair
 
-CYAN, YELLOW = (0.0, 0.78, 0.86), (1.0, 0.82, 0.05)
-_GREY, _TINT = 0.5, 0.85
+CYAN = (0.0, 0.78, 0.86)  # fake; sRGB
+YELLOW = (1.0, 0.82, 0.05)  # real
+_GREY = 0.5  # linear, of the background
+_TINT = 0.85  # share of the colour where the discriminator is sure
 
 log = logging.getLogger(__name__)
 
@@ -81,10 +83,10 @@ def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> Pat
 
 @dataclass(frozen=True)
 class Scale:
-    """From logits to colours.
+    """The scale by which logits become colours.
 
     Attributes:
-        middle: the logit between real and fake. A critic's logits have no such value, so it is their mean.
+        middle: the logit between real and fake. A critic's logits have no such value: then their mean.
         reach: distance from the middle at which colours are full; nearly the largest of all patches.
     """
 
@@ -99,7 +101,7 @@ class Scale:
         fake = torch.cat([pair.fake_logits.flatten() for pair in judged])
         middle = {"vanilla": 0.0, "lsgan": 0.5}.get(loss, float(real.mean() + fake.mean()) / 2)
         reach = float(torch.quantile((torch.cat([real, fake]) - middle).abs(), 0.98))
-        return cls(loss, middle, max(reach, 1e-6))
+        return cls(loss, middle, max(reach, 1e-6))  # all logits may be equal
 
     @property
     def legend(self) -> str:
@@ -113,7 +115,7 @@ class Scale:
         return f"Under the {self.loss} loss logits have no zero of their own: grey is the mean, {far}."
 
     def leaning(self, logits: Tensor) -> Tensor:
-        """From -1 (fake) to 1 (real)."""
+        """The logits on a scale from -1 (fake) to 1 (real)."""
         return ((logits - self.middle) / self.reach).clamp(-1, 1)
 
     def note(self, logits: Tensor) -> str:

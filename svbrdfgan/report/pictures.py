@@ -19,9 +19,15 @@ if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont
 
 Picture = Float[Tensor, "height width channels"]
-PAPER, WELL, INK = (255, 255, 255), (238, 238, 240), (60, 60, 66)
-"""Colours of sheets of pictures: background, background of a cell, text."""
-_CHECKS, _DARK, _LIGHT = 16, 0.20, 0.32
+# Colours of sheets of pictures.
+PAPER = (255, 255, 255)
+WELL = (238, 238, 240)  # behind a picture in its cell
+INK = (60, 60, 66)
+
+# The checker behind layers.
+_CHECKS = 16  # along a side
+_DARK = 0.20  # linear grey
+_LIGHT = 0.32
 
 
 def to_pillow(picture: Picture, least: int = 256) -> Image:
@@ -51,7 +57,7 @@ def upright(texture: Float[Tensor, "rows cols 3"], shown: Bool[Tensor, "rows col
 def framed(picture: Picture, coverage: Float[Tensor, "height width"], aspect: float = 1.5) -> Picture:
     """The part of a picture that shows the surface, with a margin, as wide as `aspect` times its height.
 
-    Beyond the picture it has the colour of the picture's upper left corner.
+    Beyond the picture, that part has the colour of the picture's upper left corner.
     """
     used = coverage.cpu() > 0.05
     if not used.any():

@@ -18,7 +18,10 @@ from svbrdfgan.report.pictures import INK, PAPER, cell, font
 from svbrdfgan.training.run import Model
 
 COLUMNS = 6
-_CELL, _GAP, _LABEL, _HEAD = (320, 200), 8, 28, 44
+_CELL = (320, 200)  # width and height of a picture; pixels, as all sizes
+_GAP = 8  # between pictures
+_LABEL = 28  # height of the text below a picture
+_HEAD = 44  # height of a row's title
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +39,7 @@ class Row:
 def sheet_rows(
     model: Model, *, seed: int | None = None, amount: float | None = None, recipe: str | None = None
 ) -> list[Row]:
-    """Rows of seeds, amounts and recipes: what the model varies with. Else they have the words that are given.
+    """Rows of seeds, amounts and recipes: what the model varies with. Other conditions are those given.
 
     Args:
         seed, amount, recipe: as for `paint`. Seeds begin with this one.

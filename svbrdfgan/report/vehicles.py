@@ -63,7 +63,7 @@ def subject_name(scene: Scene) -> str:
 
 
 def rendered(evaluated: Evaluated, index: int) -> Vehicle:
-    """An exemplar beside renders of its scene under each layer, with the FLIP of each render."""
+    """An exemplar and renders of its scene under each layer, with the FLIP of each render."""
     exemplars = evaluated.source.exemplars
     truth = display(exemplars.images[index].float(), coverage=exemplars.coverage[index].float())
     layers = evaluated.layers_of(index)
@@ -79,7 +79,7 @@ def rendered(evaluated: Evaluated, index: int) -> Vehicle:
 
 
 def relit(found: RelitScene) -> Vehicle:
-    """A vehicle in a light and from a view that training never had: the truth beside each layer, with its FLIP."""
+    """A vehicle in a light and from a view that training never had: the truth and each layer, with its FLIP."""
     titles = {"generated": "Learned", "oracle": "Oracle", "constant": "Best constant"}
     flips, made = found.flips(), found.pictures
     columns = [Titled("Truth", framed(made["reference"], found.coverage), f"noise alone {flips['truth']:.3f}")]

@@ -47,7 +47,7 @@ class TexelGeometry(Protocol):
 
     @property
     def barycentric(self) -> Float[ndarray | Tensor, "rows cols 3"]:
-        """Of the texel's centre in its face; only normal maps need it."""
+        """Coordinates of the texel's centre in its face; only normal maps need them."""
         ...
 
 
@@ -58,7 +58,7 @@ def weather(
 
     All values are in [0, 1], but those of `normal`, which are unit vectors in tangent space. The layer is deterministic
     and does not depend on the model's size. Texels outside the mask continue it as smoothly as the buffer's filled
-    values do. It takes about two seconds at 256 x 256, mostly for visibility and curvature.
+    values do. A layer takes about two seconds at 256 x 256, mostly for visibility and curvature.
 
     Args:
         maps: names of further material maps to paint, such as "roughness"; channels follow the order of `CHANNELS`.

@@ -20,7 +20,7 @@ _RADIUS = 0.03
 
 @dataclass(frozen=True, eq=False)
 class MeshMaps:
-    """What artists bake of a mesh beside position and normal; float64, in which recipes compute.
+    """Maps that artists bake of a mesh, as they do position and normal; float64, in which recipes compute.
 
     Attributes:
         visibility: ambient-occlusion visibility: 1 is unoccluded, 0 is enclosed.
@@ -41,7 +41,7 @@ class MeshMaps:
 
 
 def bake_mesh_maps(surface: Surface, buffer: GeometryBuffer) -> MeshMaps:
-    """The mesh maps of a surface at the texels of its geometry buffer. It takes about a second for 65,000 texels."""
+    """The mesh maps of a surface at the texels of its geometry buffer; takes about a second for 65,000 texels."""
     rows, cols, _ = buffer.position.shape
     points, normals = (values.reshape(-1, 3).double().numpy() for values in (buffer.position, buffer.normal))
     found = survey_maps(surface, points, normals)

@@ -33,7 +33,7 @@ _SHOWN = 8
 
 @dataclass(frozen=True, eq=False)
 class ProbeResult:
-    """What the probe found, and a picture of it.
+    """The findings of a probe, and a picture of them.
 
     Attributes:
         pairs: the judged pairs with the largest margins, linear: clean exemplars above, fakes below.
@@ -53,9 +53,9 @@ def probe_shortcuts(
 ) -> ProbeResult:
     """Finds what a discriminator could tell real from fake by if there were no texture to look at.
 
-    It trains classifiers on clean, unweathered renders of the exemplars' own scenes and of the scenes that training
-    would render fakes in; then again for each confounder that differs, with the others removed. It renders at most 1024
-    exemplars, evenly chosen, and stores the light transports that training will need.
+    The probe trains classifiers on clean, unweathered renders of the exemplars' own scenes and of the scenes that
+    training would render fakes in; then again for each confounder that differs, with the others removed. The probe
+    renders at most 1024 exemplars, evenly chosen, and stores the light transports that training will need.
 
     Args:
         base: the folder that paths of the configuration are relative to.

@@ -1,4 +1,4 @@
-"""Rendered pairs: clean pictures of both sides. They show no weathering, so what tells them apart is a confounder."""
+"""Rendered pairs: pictures of both sides without weathering, so that only confounders tell the sides apart."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class RenderedPairs:
         return self._rendered[present]
 
     def _traced(self, present: Confounders) -> Iterator[tuple[Tensor, Tensor]]:
-        """Rendered and rounded as exemplars are stored, with their own seeds."""
+        """Yields images and coverage, rendered and rounded as exemplars are stored, with their own seeds."""
         renderer = self.exemplar_renderer if "renderer" in present else self.renderer
         prepared, last = None, -1
         for index in self.chosen:
@@ -117,7 +117,7 @@ class RenderedPairs:
             self.progress(1)
 
     def _exact(self, own_scenes: SceneRendering) -> Iterator[tuple[Tensor, Tensor]]:
-        """By the light transport of the exemplars' own scenes."""
+        """Yields images and coverage by the light transport of the exemplars' own scenes."""
         for index in self.chosen:
             image, coverage = own_scenes.scenes([index], np.random.default_rng(0)).render(self._nothing(1))
             yield image[0], coverage[0]

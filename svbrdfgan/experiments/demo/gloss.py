@@ -1,4 +1,4 @@
-"""What the demo learned, on glossy paint: the dirt's colour and place are learned, all gloss is declared here."""
+"""Pictures of the demo's layer on glossy paint: the dirt's colour and place are learned, all gloss is declared here."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ _POLISHED: Mapping[str, Mapping[str, float]] = MappingProxyType(
     }
 )
 """Parts of procedural vehicles that carry no layer; the others stay Lambertian."""
-_SCALE, _SPP = 3, 48
-"""Pictures are larger than the exemplars, and need more samples, since highlights are small and bright."""
+_SCALE = 3  # pictures are larger than the exemplars
+_SPP = 48  # and need more samples, since highlights are small and bright
 
 
 def polished(subject: Subject) -> Subject:

@@ -65,7 +65,7 @@ class SurfaceTests(EmbeddingKit):
             )
 
     def test_faces_are_cut_only_if_declared(self) -> None:
-        """Without `subdivides`, a surface has one face for each face of the mesh, with the same corners."""
+        """A surface without `subdivides` has one face for each face of the mesh, with the same corners."""
         declared(not self.capabilities.subdivides, "keeping faces whole")
         for name, mesh, surface in self.surfaces():
             good = _has_area(mesh)[surface.source_face]

@@ -171,7 +171,7 @@ def installed_renderers(device: str | None = None) -> dict[str, Maker]:
 
 
 def maker(name: str, options: Mapping[str, object]) -> Maker:
-    """A maker of the installed renderer of that name. It returns None if the renderer cannot do `max_bounces`."""
+    """A maker of the installed renderer of that name; returns None if the renderer cannot do `max_bounces`."""
 
     def make(max_bounces: int) -> CheckedRenderer | None:
         try:
