@@ -25,8 +25,7 @@ from svbrdfgan.training.online_rendering import OnlineRendering
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.reference_pictures import require_reference_materials
 from svbrdfgan.training.resolve import ResolvedRun
-from svbrdfgan.training.scene_batch import SceneBatch
-from svbrdfgan.training.scene_rendering import Progress, SceneRendering
+from svbrdfgan.training.scene_batch import Progress, SceneBatch, SceneRendering
 from svbrdfgan.utils.copy_async import copy_async
 
 

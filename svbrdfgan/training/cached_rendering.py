@@ -30,12 +30,12 @@ from svbrdfgan.training.scene_batch import (
     Images,
     Layers,
     PreparedSurfaces,
+    Progress,
     SceneKey,
     chosen_scenes,
     of_outermost_parts,
     with_progress,
 )
-from svbrdfgan.training.scene_rendering import Progress
 from svbrdfgan.utils.copy_async import copy_async
 
 

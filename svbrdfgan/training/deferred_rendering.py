@@ -26,12 +26,12 @@ from svbrdfgan.training.scene_batch import (
     Images,
     Layers,
     PreparedSurfaces,
+    Progress,
     SceneKey,
     chosen_scenes,
     seen_in_gradient,
     with_progress,
 )
-from svbrdfgan.training.scene_rendering import Progress
 from svbrdfgan.types import Material, Materials
 from svbrdfgan.types.material import CHANNELS
 from svbrdfgan.utils.copy_async import copy_async

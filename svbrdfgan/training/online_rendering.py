@@ -18,8 +18,15 @@ from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.reference_pictures import ReferencePictures
-from svbrdfgan.training.scene_batch import Coverage, Images, Layers, PreparedSurfaces, seen_in_gradient, with_progress
-from svbrdfgan.training.scene_rendering import Progress
+from svbrdfgan.training.scene_batch import (
+    Coverage,
+    Images,
+    Layers,
+    PreparedSurfaces,
+    Progress,
+    seen_in_gradient,
+    with_progress,
+)
 from svbrdfgan.types import Rendering
 
 

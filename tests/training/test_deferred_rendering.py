@@ -118,7 +118,7 @@ def test_pictures_are_differentiable_in_the_layers(rendering: DeferredRendering)
 @pytest.mark.parametrize("pool", [0, 1, 2])
 def test_a_pool_holds_so_many_scenes_of_each_exemplar(pool: int, rendering: DeferredRendering) -> None:
     pooled = replace(rendering, pool=pool)
-    seeds = {pooled.scenes([1], rng(n)).scenes[0].light.seed for n in range(12)}  # type: ignore[attr-defined]
+    seeds = {pooled.scenes([1], rng(n)).scenes[0].light.value.seed for n in range(12)}  # type: ignore[attr-defined]
     assert len(seeds) == (pool or 12)
     assert len(pooled._cache) == pool
 

@@ -15,6 +15,7 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.plugins import load_renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.cached_rendering import CachedRendering
@@ -149,7 +150,8 @@ def test_base_colours_are_made_once(
 
 def test_renderers_of_one_name_do_not_share_transports(tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
     ours = stages(tiny_exemplars, tiny_dataset, 1)
-    theirs = type("NumpyRenderer", (type(ours.renderer),), {"__module__": "elsewhere"})()
+    plugin = type("NumpyRenderer", (type(ours.renderer.plugin),), {"__module__": "elsewhere"})()
+    theirs = CheckedRenderer(plugin, "numpy")
     scene = tiny_exemplars.scenes[0]
     assert ours._key(scene) != replace(ours, renderer=theirs)._key(scene)
     assert ours._key(scene) == stages(tiny_exemplars, tiny_dataset, 1)._key(scene)

@@ -19,7 +19,7 @@ from svbrdfgan.training.batches import BatchSource, exemplar_spp, make_scenes, o
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.resolve import ResolvedRun
-from svbrdfgan.training.scene_rendering import SceneRendering
+from svbrdfgan.training.scene_batch import SceneRendering
 from svbrdfgan.training.step import make_pair
 
 _CHUNK = 8
