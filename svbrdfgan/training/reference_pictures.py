@@ -74,8 +74,8 @@ class ReferencePictures:
     def light_buffer(self) -> Float[Tensor, "height width 9"]:
         """Diffuse irradiance (divided by pi), and reflections at roughness 0.3 and 0.6, as `REFERENCES` show them.
 
-        RGB each, linear, premultiplied, in half precision as exemplars are stored. Other parts look as in the scene. It
-        depends on geometry, camera and light, and not on the material of the learnable parts.
+        RGB each, linear, premultiplied, in half precision as exemplars are stored. Other parts look as in the scene.
+        The buffer depends on geometry, camera and light, and not on the material of the learnable parts.
         """
         others = self.subject.materials(self.scene.materials, None, self.scene.maps).parts
         painted = self.subject.with_hidden_halves
@@ -119,5 +119,5 @@ class ReferencePictures:
 
 
 def _seed(seed: int) -> int:
-    """Another seed than the picture's, so that the noise of what stands beside a picture is not that of the picture."""
+    """A seed other than the picture's, so that the noise of what stands beside a picture is not that of the picture."""
     return (seed * 0x85EBCA6B + 0x5BD1E995) % 2**31

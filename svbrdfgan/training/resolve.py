@@ -20,7 +20,7 @@ from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
 
 @dataclass(frozen=True, eq=False)
 class ResolvedRun:
-    """What a run will do. Code below reads it, and opens and decides nothing again.
+    """A run with all that it will do decided. Code below reads it, and opens and decides nothing again.
 
     Attributes:
         config: the configuration, with `discriminator.compares` and `discriminator.light_buffer` decided.
@@ -39,7 +39,7 @@ class ResolvedRun:
 
     @property
     def conditions(self) -> Conditions:
-        """What generator and discriminator are told of each layer."""
+        """The facts of each layer that generator and discriminator are told."""
         return conditions_of(self.config.generator, self.dataset.config)
 
     @property

@@ -31,6 +31,7 @@ from svbrdfgan.training.reference_pictures import LIGHT_CHANNELS
 RGB = 3
 """Channels of a picture."""
 _KEEP = 2
+"""Checkpoints of a run: the one before serves if the last is damaged."""
 _GBUFFER = 6
 """Channels of position and normal."""
 
@@ -100,7 +101,7 @@ class State:
         get_ema_multi_avg_fn(keep)(means, now, None)
 
     def save(self, folder: Path) -> None:
-        """Writes a checkpoint: a folder that appears whole or not at all. It keeps the latest two."""
+        """Writes a checkpoint, a folder that appears whole or not at all, and keeps the latest two."""
         target = checkpoint_path(folder, self.step)
         temporary = target.with_name(f".{target.name}.{os.getpid()}")
         shutil.rmtree(temporary, ignore_errors=True)
@@ -181,7 +182,7 @@ def step_of(checkpoint: Path) -> int:
 
 
 def _read(checkpoint: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """Its tensors and its counters."""
+    """The tensors and the counters of a checkpoint."""
     try:
         tensors = load_file(checkpoint / "state.safetensors")
         return tensors, json.loads((checkpoint / "state.json").read_text(encoding="utf-8"))

@@ -71,7 +71,7 @@ def train(
 
 @dataclass(frozen=True, eq=False)
 class _Session:
-    """What one process holds while it trains. Only the first process has a scorer and a metrics log.
+    """The state of a process while it trains. Only the first process has a scorer and a metrics log.
 
     Attributes:
         typical: the labels of the layers that are scored, of a generator that is told any.
@@ -137,7 +137,7 @@ def _fresh_state(config: TrainConfig, record: RunConfig, device: torch.device, p
 
 
 def _train_in_process(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path) -> None:
-    """Trains in a spawned process. It returns no state, since its tensors would end with the process."""
+    """Trains in a spawned process, and returns no state, since its tensors would end with the process."""
     _train(fabric, resolved, record, run, SilentDisplay())
 
 
@@ -231,7 +231,7 @@ def _score(session: _Session, state: State) -> None:
 
     A generator that paints different layers on one geometry is always saved, so that the last becomes the model: one
     draw of it recovers no other, however alike they look, and to compare many draws would cost as much as many steps.
-    Its score is that of its layer of seed 0 and typical labels.
+    The score of such a generator is that of its layer of seed 0 and typical labels.
 
     With further maps, the score is the mean over maps, on all texels that pictures show: to find where each map can be
     observed would take renderings of the whole split.
