@@ -17,7 +17,7 @@ from torch.nn.functional import normalize
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.geometry.tangents import corner_tangents
-from svbrdfgan.io import linear_from_srgb, save_glb, save_image, save_texture
+from svbrdfgan.io import save_glb, save_image, save_texture
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import RGBA, over
 from svbrdfgan.scene.subject import Subject
@@ -65,8 +65,7 @@ def write_weathered(
     for name in maps or {}:
         values = further[subject.learnable[0]][name]
         numbers = 0.5 + 0.5 * values if name == "normal" else values
-        # save_texture encodes to sRGB; decoding first leaves the map's own numbers in the file
-        save_texture(path.with_suffix(f".{name}.png"), linear_from_srgb(numbers.clamp(0, 1)))
+        save_texture(path.with_suffix(f".{name}.png"), numbers, "raw")
     layer_path = path.with_suffix(".layer.png")
     save_texture(layer_path, layer[..., :RGBA])
     return layer_path
