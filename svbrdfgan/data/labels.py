@@ -101,5 +101,4 @@ def _alpha_seen(
 def _ids(surface: Surface, ids: Mapping[int, str]) -> Int[ndarray, " parts_and_none"]:
     """The id of each part of a surface; then 0, which index -1 finds. A hidden half has the id of its part."""
     of_name = {name: number for number, name in ids.items()}
-    names = [part.name.removesuffix(" (hidden)") if part.hidden else part.name for part in surface.parts]
-    return np.array([*(of_name[name] for name in names), 0])
+    return np.array([*(of_name[part.mesh_part] for part in surface.parts), 0])

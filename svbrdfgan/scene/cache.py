@@ -19,7 +19,8 @@ from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Part, Surface
 from svbrdfgan.weathering.mesh_maps import MeshMaps
 
-_SUBJECT, _LAYER, _MAPS = "svbrdfgan subject 1", "svbrdfgan layer 1", "svbrdfgan mesh maps 1"
+_SUBJECT, _LAYER, _MAPS = "svbrdfgan subject 2", "svbrdfgan layer 1", "svbrdfgan mesh maps 1"
+_OF_PARTS = ("name", "base_color", "hidden_half_of")
 _REMEDY = "delete it, and it is made again"
 
 
@@ -31,7 +32,7 @@ def save_subject(path: Path, subject: Subject) -> None:
     for part, maps in enumerate(subject.file_maps):
         tensors |= {f"file.{part}.{name}": values for name, values in maps.items()}
     tensors |= {f"alpha.{k}": torch.as_tensor(part.alpha) for k, part in enumerate(surface_parts) if not part.opaque}
-    parts = [{"name": p.name, "base_color": p.base_color, "hidden": p.hidden} for p in surface_parts]
+    parts = [{key: getattr(part, key) for key in _OF_PARTS} for part in surface_parts]
     header = {"learnable": subject.learnable, "parts": parts, "repeat": subject.surface.repeat}
     words = {"header": json.dumps(header | {"file_maps": bool(subject.file_maps)})}
     save_tensors(path, _SUBJECT, tensors, words)
@@ -47,7 +48,7 @@ def load_subject(path: Path) -> Subject:
         header = json.loads(words["header"])
         alphas = _under("alpha.", tensors)
         parts = tuple(
-            Part(p["name"], tuple(p["base_color"]), hidden=p["hidden"], alpha=_alpha(alphas.get(str(k))))
+            Part(**p | {"base_color": tuple(p["base_color"])}, alpha=_alpha(alphas.get(str(k))))
             for k, p in enumerate(header["parts"])
         )
         arrays = {k: v.numpy() for k, v in _under("surface.", tensors).items()}

@@ -65,9 +65,8 @@ class Subject:
     @cached_property
     def with_hidden_halves(self) -> frozenset[int]:
         """The learnable parts, and what hidden layers were cut off them."""
-        names = [self.surface.parts[part].name for part in self.learnable]
-        own = {*names, *(f"{name} (hidden)" for name in names)}
-        return frozenset(number for number, part in enumerate(self.surface.parts) if part.name in own)
+        own = {self.surface.parts[part].name for part in self.learnable}
+        return frozenset(number for number, part in enumerate(self.surface.parts) if part.mesh_part in own)
 
     def overlooked(self) -> list[str]:
         """A warning for each part that its name keeps clean, but that is larger than all learnable parts."""
@@ -85,9 +84,8 @@ class Subject:
 
     def base_colors(self, override: Mapping[str, tuple[float, float, float]]) -> tuple[Float[Tensor, ...], ...]:
         """The base colour of every part. `override` replaces those of the parts it names and of their hidden halves."""
-        replaced = {f"{name} (hidden)": color for name, color in override.items()} | dict(override)
         return tuple(
-            torch.tensor(replaced[part.name]) if part.name in replaced else base
+            torch.tensor(override[part.mesh_part]) if part.mesh_part in override else base
             for part, base in zip(self.surface.parts, self.base, strict=True)
         )
 

@@ -37,8 +37,8 @@ _SCALE, _SPP = 3, 48
 
 def polished(subject: Subject) -> Subject:
     """The subject of a procedural vehicle with gloss on glass, lights and rims, as if its file said so."""
-    names = [part.name.removesuffix(" (hidden)") for part in subject.surface.parts]
-    return replace(subject, file_maps=tuple(bare_maps(_POLISHED.get(name, {})) for name in names))
+    parts = subject.surface.parts
+    return replace(subject, file_maps=tuple(bare_maps(_POLISHED.get(part.mesh_part, {})) for part in parts))
 
 
 def matt_dirt(layer: Float[Tensor, "rows cols 4"]) -> Float[Tensor, "rows cols 6"]:
