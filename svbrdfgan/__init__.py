@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from svbrdfgan.training.config import TrainConfig, train_config
     from svbrdfgan.training.run import load_model
     from svbrdfgan.training.trainer import train
-    from svbrdfgan.types import Camera, Environment, Material, Materials, Mesh, Part, Surface, View
+    from svbrdfgan.types import Camera, Environment, Layer, Material, Materials, Mesh, Part, Surface, View
     from svbrdfgan.weathering import Dust, RoadDirt, Rust, weather
 
 __all__ = [
@@ -40,6 +40,7 @@ __all__ = [
     "DatasetConfig",
     "Dust",
     "Environment",
+    "Layer",
     "LightTransport",
     "Material",
     "Materials",
@@ -86,7 +87,7 @@ __all__ = [
 ]
 
 _MODULES = {
-    "types": ("Camera", "Environment", "Material", "Materials", "Mesh", "Part", "Surface", "View"),
+    "types": ("Camera", "Environment", "Layer", "Material", "Materials", "Mesh", "Part", "Surface", "View"),
     "io": ("load_environment", "load_mesh", "save_image"),
     "procedural": ("build_sky", "build_vehicle", "sample_sky", "sample_vehicle"),
     "plugins": ("load_embedding", "load_renderer"),

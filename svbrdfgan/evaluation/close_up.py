@@ -7,8 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
-from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation.relight import RelitScene, render_under
@@ -16,7 +14,7 @@ from svbrdfgan.geometry.camera_hits import camera_hits
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.scene.description import SceneWeathering
 from svbrdfgan.scene.subject import Subject
-from svbrdfgan.types import Camera, View
+from svbrdfgan.types import Camera, Layer, View
 
 _COUNT = 3
 _ZOOM = 4.0
@@ -25,7 +23,7 @@ _ZOOM = 4.0
 def close_ups(
     exemplars: Exemplars,
     renderer: Renderer[Any],
-    layers_of: Callable[[int], Mapping[str, Float[Tensor, "rows cols channels"]]],
+    layers_of: Callable[[int], Mapping[str, Layer]],
 ) -> tuple[RelitScene, ...]:
     """Of up to three vehicles, evenly spread, the middle of the exemplar with the greatest amount, four times nearer.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -37,10 +37,10 @@ from svbrdfgan.metrics.recovered import Observed, Scorer
 from svbrdfgan.networks import Draw, Generator
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.protocols import Renderer
-from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, seeds_vary
 from svbrdfgan.training.run import RunConfig, load_model
+from svbrdfgan.types import Layer
 from svbrdfgan.utils.display import Display, SilentDisplay
 
 log = logging.getLogger(__name__)
@@ -53,7 +53,7 @@ _RELIT = {
 }
 
 
-LayersOf = Callable[[int], dict[str, Float[Tensor, "rows cols channels"]]]
+LayersOf = Callable[[int], dict[str, Layer]]
 """The layers of an exemplar, by what painted them. Those of generators have the exemplar's own amount and recipe."""
 
 
@@ -215,7 +215,7 @@ def _judge(
     recovered = scorer.recovered_by(layers["generated"])
     best = scorer.recovered_by(layers["oracle"]) if oracle else None
     ends = scorer.at_poles(constants)
-    red, green, blue, alpha = constants[0, :RGBA].tolist()
+    red, green, blue, alpha = Layer(constants[0], scorer.targets[0].truth.maps).rgba.tolist()
     return Evaluation(
         split=split,
         recovered=recovered,
@@ -270,7 +270,12 @@ def _layers(
 
 def by_subject(exemplars: Exemplars, layers: dict[str, Tensor]) -> LayersOf:
     """The layers of each exemplar's subject."""
-    return lambda index: {name: painted[int(exemplars.subject_of[index])] for name, painted in layers.items()}
+
+    def layers_of(index: int) -> dict[str, Layer]:
+        subject, maps = int(exemplars.subject_of[index]), tuple(exemplars.scenes[index].maps)
+        return {name: Layer(painted[subject], maps) for name, painted in layers.items()}
+
+    return layers_of
 
 
 def _with_own_conditions(
@@ -280,13 +285,13 @@ def _with_own_conditions(
     if not config.conditions.size:
         return layers_of
 
-    def layers(index: int) -> dict[str, Tensor]:
+    def layers(index: int) -> dict[str, Layer]:
         labels = labels_of_scenes(config.conditions, [source.exemplars.scenes[index]])
         assert labels is not None
         found, geometry = layers_of(index), source.geometry([index])
         with torch.no_grad(), fabric.autocast():
             drawn = {name: Draw(each, 0, labels[0].tolist())(geometry)[0].float() for name, each in generators.items()}
-        return found | drawn
+        return found | {name: Layer(values, generators[name].maps) for name, values in drawn.items()}
 
     return layers
 
@@ -304,7 +309,7 @@ def _flips(source: BatchSource, layers_of: LayersOf, shown: Display) -> dict[str
 
 
 def pictures(
-    source: BatchSource, index: int, layers: dict[str, Float[Tensor, "rows cols channels"]]
+    source: BatchSource, index: int, layers: Mapping[str, Layer]
 ) -> dict[str, Float[Tensor, "height width 3"]]:
     """Display-referred pictures of an exemplar's scene, one under each layer and one under G0's own ("truth")."""
     scenes = source.scenes([index], np.random.default_rng(0))
@@ -312,6 +317,6 @@ def pictures(
     for name, layer in {**layers, "truth": source.exemplars.layers[index]}.items():
         if layer is not None:
             with torch.no_grad():
-                image, coverage = scenes.render(layer.unsqueeze(0).to(source.buffers.device))
+                image, coverage = scenes.render(layer.values.unsqueeze(0).to(source.buffers.device))
             shown[name] = as_displayed(image[0].cpu(), coverage=coverage[0].cpu().float())
     return shown

@@ -25,7 +25,7 @@ from svbrdfgan.protocols import Renderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.scene.subject import Subject
-from svbrdfgan.types import View
+from svbrdfgan.types import Layer, View
 
 _SEED = 7919
 """Of the scenes, and of the procedural lights: far from the seeds that data sets use."""
@@ -100,7 +100,7 @@ class Relighter:
         exemplars: Exemplars,
         sampler: ConfigSampler,
         renderer: Renderer[Any],
-        layers_of: Callable[[int], Mapping[str, Float[Tensor, "rows cols channels"]]],
+        layers_of: Callable[[int], Mapping[str, Layer]],
         progress: Callable[[int], None],
     ) -> Relit:
         """Renders the layers of all weathered subjects in new scenes, and compares them with G0's.
@@ -149,7 +149,7 @@ def render_under(
     subject: Subject,
     renderer: Renderer[Any],
     prepared: Any,
-    layers: Mapping[str, Float[Tensor, "rows cols channels"]],
+    layers: Mapping[str, Layer],
 ) -> RelitScene:
     """The scene from a view, under each layer and the true one, which is named "truth".
 
@@ -157,7 +157,7 @@ def render_under(
     """
     pictures = {}
     for name, layer in {"reference": layers["truth"], **layers}.items():
-        materials = subject.materials(scene.materials, layer.float(), scene.maps)
+        materials = subject.materials(layer, scene.maps, base_colors=scene.materials)
         seed = scene.seed if name == "reference" else (scene.seed + 1) % 2**31
         rendering = renderer.render(prepared, materials, view, spp=scene.spp, seed=seed)
         pictures[name] = display(rendering.image.cpu(), coverage=rendering.coverage.cpu())

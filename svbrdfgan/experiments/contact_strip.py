@@ -69,7 +69,7 @@ def _pictures(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
         framed(display(exemplars.images[index].float(), coverage=coverage), coverage),
         framed(made, coverage),
         upright(over_checker(truth), subject.learnable_texels),
-        upright(over_checker(layer.cpu().float()), subject.learnable_texels),
+        upright(over_checker(layer.to("cpu")), subject.learnable_texels),
     )
 
 

@@ -68,7 +68,7 @@ def _row(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
         normal,
         framed(truth, coverage),
         framed(learned, coverage),
-        upright(over_checker(layer.cpu().float()), subject.learnable_texels),
+        upright(over_checker(layer.to("cpu")), subject.learnable_texels),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
@@ -67,7 +67,8 @@ def rendered(evaluated: Evaluated, index: int) -> Vehicle:
     exemplars = evaluated.source.exemplars
     truth = display(exemplars.images[index].float(), coverage=exemplars.coverage[index].float())
     layers = evaluated.layers_of(index)
-    made = pictures(evaluated.source, index, {**layers, "bare": torch.zeros_like(layers["generated"])})
+    bare = replace(layers["generated"], values=torch.zeros_like(layers["generated"].values))
+    made = pictures(evaluated.source, index, {**layers, "bare": bare})
     floor = f"noise alone {flip(truth, made['truth']):.3f}" if "truth" in made else ""
     titles = {"generated": "Learned", "oracle": "Oracle", "constant": "Best constant", "bare": "Unweathered"}
     coverage = exemplars.coverage[index]
@@ -101,7 +102,7 @@ def textured(evaluated: Evaluated, index: int, top: float) -> Vehicle:
     exemplars, number = evaluated.source.exemplars, int(evaluated.source.exemplars.subject_of[index])
     subject, truth = exemplars.subjects[number], exemplars.layers[index]
     assert truth is not None
-    made = evaluated.layers_of(index)["generated"].cpu().float()
+    made = evaluated.layers_of(index)["generated"].to("cpu")
     surface, learnable = subject.buffer.mask, subject.learnable_texels
     scored, error = _error(evaluated, index)
     geometry = subject.geometry.cpu().float()
@@ -115,9 +116,9 @@ def textured(evaluated: Evaluated, index: int, top: float) -> Vehicle:
             Titled("Learned: layer of the generator", upright(over_checker(made), learnable)),
             Titled("Error of albedo", upright(heat(error, top), scored), f"mean {mean:.3f}"),
             Titled("Normal", upright(signed_as_color(geometry[3:6]), surface)),
-            Titled("Truth: alpha", upright(_grey(truth[..., 3]), learnable)),
-            Titled("Learned: alpha", upright(_grey(made[..., 3]), learnable)),
-            Titled("Error of alpha", upright(heat((made[..., 3] - truth[..., 3]).abs(), 1.0), scored)),
+            Titled("Truth: alpha", upright(_grey(truth.alpha), learnable)),
+            Titled("Learned: alpha", upright(_grey(made.alpha), learnable)),
+            Titled("Error of alpha", upright(heat((made.alpha - truth.alpha).abs(), 1.0), scored)),
         ),
     )
 
@@ -136,7 +137,7 @@ def _error(evaluated: Evaluated, index: int) -> tuple[Tensor, Tensor]:
     subject, truth = exemplars.subjects[number], exemplars.layers[index]
     assert truth is not None
     base = subject.base_albedo(exemplars.scenes[index].materials)
-    made = evaluated.layers_of(index)["generated"].cpu().float()
+    made = evaluated.layers_of(index)["generated"].to("cpu")
     seen = torch.stack([evaluated.source.seen(view).cpu() > 0 for view in exemplars.views_of(number)]).any(dim=0)
     scored = seen & subject.learnable_texels & (subject.buffer.area > 0)
     return scored, (composite(base, made) - composite(base, truth)).abs().mean(dim=-1)

@@ -16,10 +16,10 @@ from torch import Tensor
 from svbrdfgan.geometry.bake import GeometryBuffer
 from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.scene.subject import Subject
-from svbrdfgan.types import Part, Surface
+from svbrdfgan.types import Layer, Part, Surface
 from svbrdfgan.weathering.mesh_maps import MeshMaps
 
-_SUBJECT, _LAYER, _MAPS = "svbrdfgan subject 2", "svbrdfgan layer 1", "svbrdfgan mesh maps 1"
+_SUBJECT, _LAYER, _MAPS = "svbrdfgan subject 2", "svbrdfgan layer 2", "svbrdfgan mesh maps 1"
 _OF_PARTS = ("name", "base_color", "hidden_half_of")
 _REMEDY = "delete it, and it is made again"
 
@@ -60,19 +60,19 @@ def load_subject(path: Path) -> Subject:
     return subject
 
 
-def save_layer(path: Path, layer: Float[Tensor, "rows cols channels"]) -> None:
+def save_layer(path: Path, layer: Layer) -> None:
     """Writes a layer in single precision."""
-    save_tensors(path, _LAYER, {"layer": layer.float()}, {})
+    save_tensors(path, _LAYER, {"layer": layer.values.float()}, {"maps": json.dumps(layer.maps)})
 
 
-def load_layer(path: Path) -> Float[Tensor, "rows cols channels"]:
+def load_layer(path: Path) -> Layer:
     """Reads what `save_layer` wrote.
 
     Raises:
         AssetError: missing, damaged, or of another version.
     """
-    with stored_tensors(path, _LAYER, _REMEDY) as (tensors, _):
-        layer = tensors["layer"]
+    with stored_tensors(path, _LAYER, _REMEDY) as (tensors, words):
+        layer = Layer(tensors["layer"], tuple(json.loads(words["maps"])))
     return layer
 
 

@@ -17,7 +17,8 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.geometry.bake_materials import nearest_texels
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.tangents import corner_tangents
-from svbrdfgan.types import Surface
+from svbrdfgan.types import Layer, Surface
+from svbrdfgan.types.layer import FURTHER_MAPS
 from svbrdfgan.types.material import CHANNELS
 from svbrdfgan.weathering.mesh_maps import MeshMaps
 from svbrdfgan.weathering.recipes import RECIPES, Recipe
@@ -53,15 +54,15 @@ class TexelGeometry(Protocol):
 
 def weather(
     surface: Surface, buffer: TexelGeometry, recipe: Recipe, maps: Collection[str] = (), *, site: Site | None = None
-) -> Float[Tensor, "rows cols channels"]:
-    """The weathering layer at a buffer's texels: linear RGB, straight alpha, then `maps`; float32.
+) -> Layer:
+    """The weathering layer at a buffer's texels, with `maps` beside base colour; float32.
 
     All values are in [0, 1], but those of `normal`, which are unit vectors in tangent space. The layer is deterministic
     and does not depend on the model's size. Texels outside the mask continue it as smoothly as the buffer's filled
     values do. It takes about two seconds at 256 x 256, mostly for visibility and curvature.
 
     Args:
-        maps: names of further material maps to paint, such as "roughness"; channels follow the order of `CHANNELS`.
+        maps: names of further material maps to paint, such as "roughness", in any order.
         site: result of `find_site` for the same surface and buffer; saves time if several layers are painted.
 
     Raises:
@@ -70,16 +71,15 @@ def weather(
     _require_maps(maps)
     rows, cols, _ = buffer.position.shape
     site = site or find_site(surface, buffer)
-    coat = recipe.paint(site)
+    coat, names = recipe.paint(site), tuple(name for name in FURTHER_MAPS if name in maps)
     channels = [coat.rgba]
-    if "roughness" in maps:
-        channels.append(coat.roughness[:, None])
-    if "metallic" in maps:
-        channels.append(coat.metallic[:, None])
-    if "normal" in maps:
-        channels.append(_relief(recipe, site, coat.height, *_tangents(surface, buffer)))
+    for name in names:
+        if name == "normal":
+            channels.append(_relief(recipe, site, coat.height, *_tangents(surface, buffer)))
+        else:
+            channels.append({"roughness": coat.roughness, "metallic": coat.metallic}[name][:, None])
     painted = np.concatenate(channels, axis=1)
-    return torch.from_numpy(painted.reshape(rows, cols, -1).astype(np.float32))
+    return Layer(torch.from_numpy(painted.reshape(rows, cols, -1).astype(np.float32)), names)
 
 
 def find_site(surface: Surface, buffer: TexelGeometry, maps: MeshMaps | None = None) -> Site:

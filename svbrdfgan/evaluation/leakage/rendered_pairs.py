@@ -15,7 +15,6 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.generate import BRIGHTEST, render_scene
 from svbrdfgan.evaluation.leakage.confounders import Confounder, scenes_with
 from svbrdfgan.protocols import Renderer
-from svbrdfgan.rendering.compositing import layer_channels
 from svbrdfgan.training.batches import (
     BatchSource,
     SceneRendering,
@@ -28,6 +27,7 @@ from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.resolve import ResolvedRun
 from svbrdfgan.training.step import make_pair
+from svbrdfgan.types.layer import layer_channels
 
 _CHUNK = 8
 
