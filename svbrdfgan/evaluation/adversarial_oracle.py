@@ -89,12 +89,12 @@ class TrueLayers:
         views = [v for number, texels in enumerate(shown) if texels.any() for v in exemplars.views_of(number)]
         if not views:
             raise AssetError("the oracle has nothing to learn from: no picture shows a learnable part.")
-        layers = [exemplars.layers[view] for view in views]
+        layers = torch.stack([layer.values.half() for view in views if (layer := exemplars.layers[view]) is not None])
         labels = labels_of_scenes(config.conditions, [exemplars.scenes[view] for view in views])
         return cls(
             stack_inputs(exemplars, device),
             torch.stack(shown).to(device),
-            Layer(torch.stack([layer.values.half() for layer in layers if layer is not None]), tuple(config.maps)),
+            Layer(layers, tuple(config.dataset.maps)),
             exemplars.subject_of[views],
             None if labels is None else labels.to(device),
             config.train.discriminator.guide,

@@ -97,9 +97,8 @@ def compare_draws(
         weight = weights[vehicle.number]
         parts = exemplars.subjects[vehicle.number].buffer.part
         surfaces.append(ScoredSurface(weight, parts.to(weight.device)))
-        first, again = (
-            Layer(half, tuple(config.maps)) for half in torch.from_numpy(drawn.layers).to(weight.device).chunk(2)
-        )
+        halves, maps = torch.from_numpy(drawn.layers).to(weight.device).chunk(2), tuple(config.dataset.maps)
+        first, again = (Layer(half, maps) for half in halves)
         truth.append(first)
         sets[TRUTH].append(again)
         painted[TRUTH] += [torch.from_numpy(row) for row in drawn.amounts]
