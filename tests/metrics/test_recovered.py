@@ -227,7 +227,7 @@ def test_a_texel_that_any_view_shows_counts(tiny_exemplars: Exemplars) -> None:
 
 def test_bases_wear_each_exemplars_paint(tiny_exemplars: Exemplars, targets: list[Target]) -> None:
     for scene, target in zip(tiny_exemplars.scenes, targets, strict=True):
-        painted = target.base[target.weight > 0]
+        painted = target.base["base_color"][target.weight > 0]
         torch.testing.assert_close(painted, torch.tensor(scene.materials["body"]).expand_as(painted))
 
 
@@ -246,8 +246,9 @@ def test_of_subjects_that_are_not_chosen_nothing_is_asked(tiny_exemplars: Exempl
     (target,), share = make_targets(tiny_exemplars, seen, CPU, limit=1)
     assert asked == tiny_exemplars.views_of(0)
     (first, *_), _ = make_targets(tiny_exemplars, left_half, CPU)
-    for name in ("truth", "base", "weight"):
-        assert torch.equal(getattr(target, name), getattr(first, name))
+    assert torch.equal(target.truth.values, first.truth.values)
+    assert torch.equal(target.base["base_color"], first.base["base_color"])
+    assert torch.equal(target.weight, first.weight)
     assert share["base_color"] == pytest.approx(float(target.weight.sum() / everywhere_weight(tiny_exemplars)))
 
 
