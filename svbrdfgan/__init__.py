@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from svbrdfgan.config.yaml_files import load_yaml
     from svbrdfgan.data.config import DatasetConfig, dataset_config
     from svbrdfgan.data.generate import generate
-    from svbrdfgan.errors import SvbrdfganError
+    from svbrdfgan.errors import ConfigError, SvbrdfganError
     from svbrdfgan.evaluation.evaluate import evaluate
     from svbrdfgan.evaluation.leakage import probe_shortcuts
     from svbrdfgan.inference.apply import paint
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from svbrdfgan.io import load_environment, load_mesh, save_image
     from svbrdfgan.plugins import load_embedding, load_renderer
     from svbrdfgan.procedural import build_sky, build_vehicle, sample_sky, sample_vehicle
+    from svbrdfgan.protocols import Renderer, RendererCapabilities, UVEmbedding
+    from svbrdfgan.rendering.checked_renderer import CheckedRenderer
     from svbrdfgan.rendering.compositing import composite, over
     from svbrdfgan.rendering.render_layer import RenderLayer
     from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
@@ -32,14 +34,30 @@ if TYPE_CHECKING:
     from svbrdfgan.training.config import TrainConfig, train_config
     from svbrdfgan.training.run import load_model
     from svbrdfgan.training.trainer import train
-    from svbrdfgan.types import Camera, Environment, Layer, Material, Materials, Mesh, Part, Surface, View
-    from svbrdfgan.weathering import Dust, RoadDirt, Rust, weather
+    from svbrdfgan.types import (
+        Camera,
+        Environment,
+        Gradients,
+        Layer,
+        Material,
+        Materials,
+        Mesh,
+        Part,
+        Rendering,
+        Surface,
+        View,
+    )
+    from svbrdfgan.weathering import ChippedPaint, Dust, RoadDirt, Rust, weather
 
 __all__ = [
     "Camera",
+    "CheckedRenderer",
+    "ChippedPaint",
+    "ConfigError",
     "DatasetConfig",
     "Dust",
     "Environment",
+    "Gradients",
     "Layer",
     "LightTransport",
     "Material",
@@ -48,6 +66,9 @@ __all__ = [
     "Part",
     "PartSelection",
     "RenderLayer",
+    "Renderer",
+    "RendererCapabilities",
+    "Rendering",
     "RoadDirt",
     "Rust",
     "Scene",
@@ -56,6 +77,7 @@ __all__ = [
     "SvbrdfganError",
     "TrainConfig",
     "TransportBatch",
+    "UVEmbedding",
     "View",
     "__version__",
     "build_sky",
@@ -87,13 +109,29 @@ __all__ = [
 ]
 
 _MODULES = {
-    "types": ("Camera", "Environment", "Layer", "Material", "Materials", "Mesh", "Part", "Surface", "View"),
+    "types": (
+        *(
+            "Camera",
+            "Environment",
+            "Gradients",
+            "Layer",
+            "Material",
+            "Materials",
+            "Mesh",
+            "Part",
+            "Rendering",
+            "Surface",
+            "View",
+        ),
+    ),
+    "protocols": ("Renderer", "RendererCapabilities", "UVEmbedding"),
     "io": ("load_environment", "load_mesh", "save_image"),
     "procedural": ("build_sky", "build_vehicle", "sample_sky", "sample_vehicle"),
     "plugins": ("load_embedding", "load_renderer"),
     "scene.subject": ("Subject", "make_subject"),
-    "weathering": ("Dust", "RoadDirt", "Rust", "weather"),
+    "weathering": ("ChippedPaint", "Dust", "RoadDirt", "Rust", "weather"),
     "rendering.compositing": ("composite", "over"),
+    "rendering.checked_renderer": ("CheckedRenderer",),
     "rendering.render_layer": ("RenderLayer",),
     "rendering.transport": ("LightTransport", "TransportBatch", "build_transport"),
     "config.choices": ("PartSelection",),
@@ -109,7 +147,7 @@ _MODULES = {
     "inference.apply": ("paint",),
     "inference.export": ("write_picture", "write_weathered"),
     "config.yaml_files": ("load_yaml",),
-    "errors": ("SvbrdfganError",),
+    "errors": ("ConfigError", "SvbrdfganError"),
 }
 _MODULE_OF = {name: f"svbrdfgan.{module}" for module, names in _MODULES.items() for name in names}
 

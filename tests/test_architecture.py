@@ -15,8 +15,8 @@ PLUGINS = sorted(
 PLUGIN_NAMES = {folder.name for folder in PLUGINS}
 
 CONTRACT = ("svbrdfgan.types", "svbrdfgan.protocols", "svbrdfgan.errors")
-FOR_BACKENDS = (*CONTRACT, "svbrdfgan.geometry.tangents", "svbrdfgan.rendering.validation")
-FOR_EMBEDDINGS = (*CONTRACT, "svbrdfgan.geometry")
+FOR_BACKENDS = (*CONTRACT, "svbrdfgan.geometry.tangents", "svbrdfgan.rendering.autograd_vjp")
+FOR_EMBEDDINGS = (*CONTRACT, *(f"svbrdfgan.geometry.{name}" for name in ("cells", "normals", "split", "subdivide")))
 
 ROOMS = (
     *("errors", "types", "protocols", "utils", "config", "io", "rendering", "geometry", "plugins", "procedural"),

@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from svbrdfgan.rendering.validation import check_radiance
 from svbrdfgan.types import Environment
 from svbrdfgan_numpy.textures import Taps, bilinear_taps
 
@@ -67,12 +66,7 @@ def pixels_of(environment: Environment) -> Float[ndarray, "pixels 3"]:
 
 
 def prepare_emitter(environment: Environment) -> EnvironmentEmitter:
-    """The emitter, which draws directions by the mean of the channels times the solid angle.
-
-    Raises:
-        AssetError: radiance that is negative or not finite.
-    """
-    check_radiance(environment.radiance)
+    """The emitter, which draws directions by the mean of the channels times the solid angle."""
     pixels, (rows, cols, _) = pixels_of(environment), environment.radiance.shape
     area = np.repeat(np.sin(np.pi * (np.arange(rows) + 0.5) / rows), cols)
     power = pixels.mean(axis=-1) * area

@@ -14,7 +14,6 @@ import warp as wp
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from svbrdfgan.rendering.validation import check_radiance
 from svbrdfgan.types import Environment
 from svbrdfgan_warp.emitter import EnvironmentEmitter
 
@@ -44,11 +43,7 @@ class EmitterCache:
     entries: list[_Entry] = field(default_factory=list)
 
     def emitter(self, environment: Environment) -> EnvironmentEmitter:
-        """The environment as kernels read it.
-
-        Raises:
-            AssetError: radiance that is negative or not finite.
-        """
+        """The environment as kernels read it."""
         given, before = environment.radiance, tuple(self.entries)
         radiance = given.detach().to(self.device, torch.float32)
         # The same tensor's entry comes first. It is compared like the others: torch does not see every write into it.
@@ -76,7 +71,6 @@ def _rotated(emitter: EnvironmentEmitter, rotation: float) -> EnvironmentEmitter
 
 def _tables(radiance: Float[Tensor, "rows cols 3"]) -> EnvironmentEmitter:
     """The emitter, without its rotation."""
-    check_radiance(radiance)
     rows, cols, _ = radiance.shape
     importance = _importance(radiance)
     row_share, row_first = _table(importance.sum(dim=1, keepdim=True).T)

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import torch
 from lightning_fabric import Fabric
@@ -23,7 +22,7 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.exr import save_exr
 from svbrdfgan.plugins import load_embedding
 from svbrdfgan.plugins.select import resolve_renderer
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.types import Rendering
@@ -86,7 +85,9 @@ def missing(index: DatasetIndex, folder: Path) -> Iterator[tuple[Split, int]]:
                 yield split, number
 
 
-def render_scene(loader: SceneLoader, renderer: Renderer[Any], scene: Scene, prepared: Any | None = None) -> Rendering:
+def render_scene(
+    loader: SceneLoader, renderer: CheckedRenderer, scene: Scene, prepared: PreparedSurface | None = None
+) -> Rendering:
     """The picture of a scene with its weathering."""
     subject = loader.subject(scene)
     surface = renderer.prepare(subject.surface) if prepared is None else prepared
@@ -100,7 +101,7 @@ def save_exemplar(path: Path, rendering: Rendering) -> None:
     save_exr(path, {"R": red, "G": green, "B": blue, "A": rendering.coverage}, half=True)
 
 
-def resolve_plugins(config: DatasetConfig, device: torch.device | None = None) -> tuple[Renderer[Any], PluginChoice]:
+def resolve_plugins(config: DatasetConfig, device: torch.device | None = None) -> tuple[CheckedRenderer, PluginChoice]:
     """The renderer of a data set, and the choice that its scenes record; checks its embedding and its recipe, too.
 
     It is called before anything is written, so that a mistake leaves nothing to delete.
@@ -146,7 +147,7 @@ def _render_on_device(fabric: Fabric, job: _Job) -> None:
     _render_share(fabric, job, renderer, SilentDisplay())
 
 
-def _render_share(fabric: Fabric, job: _Job, renderer: Renderer[Any], display: Display) -> None:
+def _render_share(fabric: Fabric, job: _Job, renderer: CheckedRenderer, display: Display) -> None:
     folder, config = job.dataset.folder, job.dataset.config
     loader = SceneLoader(folder)
     display.begin("exemplars", sum(map(len, job.missing)))

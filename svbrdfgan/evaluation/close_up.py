@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation.relight import RelitScene, render_under
 from svbrdfgan.geometry.camera_hits import camera_hits
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import SceneWeathering
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Camera, Layer, View
@@ -22,7 +21,7 @@ _ZOOM = 4.0
 
 def close_ups(
     exemplars: Exemplars,
-    renderer: Renderer[Any],
+    renderer: CheckedRenderer,
     layers_of: Callable[[int], Mapping[str, Layer]],
 ) -> tuple[RelitScene, ...]:
     """Of up to three vehicles, evenly spread, the middle of the exemplar with the greatest amount, four times nearer.

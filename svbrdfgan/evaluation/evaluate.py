@@ -36,7 +36,7 @@ from svbrdfgan.metrics.flip import flip
 from svbrdfgan.metrics.recovered import Observed, Scorer
 from svbrdfgan.networks import Draw, Generator
 from svbrdfgan.plugins.select import resolve_renderer
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, seeds_vary
 from svbrdfgan.training.run import RunConfig, load_model
@@ -186,7 +186,7 @@ def _of_draws(
     return told | oracle | {"resemblance_fraction": share(made.resemblance, best.resemblance)}
 
 
-def _observed(source: BatchSource, renderer: Renderer[Any], config: RunConfig, shown: Display) -> Observed | None:
+def _observed(source: BatchSource, renderer: CheckedRenderer, config: RunConfig, shown: Display) -> Observed | None:
     """Where the split's further maps can be observed; None if layers paint base_color alone."""
     if not config.maps:
         return None

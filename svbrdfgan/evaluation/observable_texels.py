@@ -16,7 +16,7 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.io.image import luminance
 from svbrdfgan.metrics.map_errors import tilted
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.training.scene_batch import seen_in_gradient
 from svbrdfgan.types import Material, Materials
 
@@ -37,7 +37,7 @@ class Observation:
     """
 
     exemplars: Exemplars
-    renderer: Renderer[Any]
+    renderer: CheckedRenderer
     progress: Callable[[int], None]
 
     def __call__(self, subject: int) -> dict[str, Bool[Tensor, "rows cols"]]:

@@ -21,7 +21,7 @@ from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io import load_environment
 from svbrdfgan.metrics.flip import display, flip
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.scene.subject import Subject
@@ -99,7 +99,7 @@ class Relighter:
         self,
         exemplars: Exemplars,
         sampler: ConfigSampler,
-        renderer: Renderer[Any],
+        renderer: CheckedRenderer,
         layers_of: Callable[[int], Mapping[str, Layer]],
         progress: Callable[[int], None],
     ) -> Relit:
@@ -147,7 +147,7 @@ def render_under(
     scene: Scene,
     view: View,
     subject: Subject,
-    renderer: Renderer[Any],
+    renderer: CheckedRenderer,
     prepared: Any,
     layers: Mapping[str, Layer],
 ) -> RelitScene:

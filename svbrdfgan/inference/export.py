@@ -18,7 +18,7 @@ from torch.nn.functional import normalize
 from svbrdfgan.errors import AssetError
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.io import save_glb, save_image, save_texture
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Camera, Environment, Layer, Materials, Rendering, View
@@ -84,7 +84,7 @@ class Studio:
     """
 
     subject: Subject
-    renderer: Renderer[Any]
+    renderer: CheckedRenderer
     environment: Float[Tensor, "rows cols 3"]
     maps: Mapping[str, float | None] | None = None
 
@@ -129,7 +129,7 @@ def write_picture(
     path: Path,
     subject: Subject,
     layer: Layer,
-    renderer: Renderer[Any],
+    renderer: CheckedRenderer,
     environment: Float[Tensor, "rows cols 3"],
     maps: Mapping[str, float | None] | None = None,
     *,

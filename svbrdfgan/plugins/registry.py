@@ -27,6 +27,7 @@ from svbrdfgan.errors import PluginError, SvbrdfganError
 
 if TYPE_CHECKING:
     from svbrdfgan.protocols import Renderer, UVEmbedding
+    from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 
 RENDERERS = "svbrdfgan.renderers"
 EMBEDDINGS = "svbrdfgan.uv_embeddings"
@@ -86,8 +87,8 @@ def find_plugin(group: str, name: str) -> Plugin:
     return found
 
 
-def load_renderer(name: str, options: Mapping[str, object] = _NO_OPTIONS, path: str | None = None) -> Renderer[Any]:
-    """The renderer of that name, made with the options, and with its defaults for the others.
+def load_renderer(name: str, options: Mapping[str, object] = _NO_OPTIONS, path: str | None = None) -> CheckedRenderer:
+    """The renderer of that name, made with the options and with its defaults for the others, behind the core's checks.
 
     Messages name options by `path`, such as "train.yaml: renderer.options"; by default it is the plugin's name.
 
@@ -95,7 +96,9 @@ def load_renderer(name: str, options: Mapping[str, object] = _NO_OPTIONS, path: 
         PluginError: it is unknown, claimed twice, broken, or lacks a dependency.
         ConfigError: an option is unknown, of the wrong type, or impossible.
     """
-    return cast("Renderer[Any]", make(find_plugin(RENDERERS, name), options, path))
+    from svbrdfgan.rendering.checked_renderer import CheckedRenderer  # imports torch, which listing plugins can spare
+
+    return CheckedRenderer(cast("Renderer[Any]", make(find_plugin(RENDERERS, name), options, path)), name)
 
 
 def load_embedding(name: str, options: Mapping[str, object] = _NO_OPTIONS, path: str | None = None) -> UVEmbedding:

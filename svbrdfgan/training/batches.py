@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import torch
@@ -16,7 +15,7 @@ from svbrdfgan.data.config import EnvironmentSource, Split
 from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.gather import gather_environments, match_files
 from svbrdfgan.metrics.recovered import SeenTexels
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.rendering.transport.cache import MemoryCache
 from svbrdfgan.training.cached_rendering import CachedRendering
@@ -96,7 +95,7 @@ class BatchSource:
 
 
 def make_batch_source(
-    run: ResolvedRun, split: Split, renderer: Renderer[Any], device: torch.device, progress: Progress | None = None
+    run: ResolvedRun, split: Split, renderer: CheckedRenderer, device: torch.device, progress: Progress | None = None
 ) -> BatchSource:
     """Loads a split and traces its scenes. Only the training split's scenes are perturbed.
 
@@ -128,7 +127,7 @@ def make_batch_source(
 
 
 def load_seen_texels(
-    run: ResolvedRun, split: Split, renderer: Renderer[Any], progress: Progress | None = None
+    run: ResolvedRun, split: Split, renderer: CheckedRenderer, progress: Progress | None = None
 ) -> tuple[Exemplars, SeenTexels]:
     """A split, and a function that says which texels a picture of it shows: all that scores need.
 
@@ -167,7 +166,7 @@ def stack_inputs(exemplars: Exemplars, device: torch.device) -> Float[Tensor, "s
 
 
 def make_scenes(
-    run: ResolvedRun, exemplars: Exemplars, split: Split, renderer: Renderer[Any], device: torch.device
+    run: ResolvedRun, exemplars: Exemplars, split: Split, renderer: CheckedRenderer, device: torch.device
 ) -> SceneRendering:
     """Renders fakes in the scenes of these exemplars, perturbed as the configuration says."""
     config, dataset = run.config, run.dataset

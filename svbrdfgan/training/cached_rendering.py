@@ -17,7 +17,7 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.protocols import Renderer, TransportRenderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import composite
 from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
 from svbrdfgan.rendering.transport.cache import MemoryCache, PendingTransport, TransportReader
@@ -99,7 +99,7 @@ class CachedRendering:
 
     exemplars: Exemplars
     perturbation: Perturbation
-    renderer: Renderer[Any]
+    renderer: CheckedRenderer
     spp: int
     pool: int
     device: torch.device
@@ -112,9 +112,9 @@ class CachedRendering:
     _bases: dict[int, list[Tensor]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.renderer, TransportRenderer) or not self.renderer.capabilities.transport:
+        if not self.renderer.capabilities.transport:
             raise ConfigError(
-                f"rendering: transport needs a renderer that declares it; {type(self.renderer).__name__} does not: "
+                f"rendering: transport needs a renderer that declares it; {self.renderer.name} does not: "
                 "set rendering: fresh or choose another renderer."
             )
 
@@ -197,7 +197,7 @@ class CachedRendering:
 
     def _key(self, scene: Scene) -> str:
         """A hash of everything that the transport depends on."""
-        kind = type(self.renderer)
+        kind = type(self.renderer.plugin)
         options = json.dumps({name: value for name, value in self.options.items() if name != "device"}, sort_keys=True)
         renderer = f"{kind.__module__}.{kind.__qualname__}{options}"
         described = scene.model_dump_json(exclude={"weathering", "renderer", "spp", "maps"})
@@ -209,7 +209,6 @@ class CachedRendering:
             self._prepared.clear()  # `build` traces the scenes of a subject in a row, and each once
         view = self.exemplars.loader.view(scene)
         prepared = prepared_surface(self.exemplars, index, self.renderer, self._prepared)
-        assert isinstance(self.renderer, TransportRenderer)
         return build_transport(
             self.renderer.transport(prepared, view, spp=self.spp, seed=scene.seed),
             materials=subject.materials(base_colors=scene.materials),

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.protocols import DeferredRenderer, Renderer, StoredLight
+from svbrdfgan.rendering.checked_renderer import CheckedLight, CheckedRenderer
 from svbrdfgan.rendering.compositing import composite_values
 from svbrdfgan.rendering.shade_layer import shade
 from svbrdfgan.rendering.transport.cache import MemoryCache
@@ -52,7 +52,7 @@ class DeferredScene:
         base: the maps under the layer, for each learnable part.
     """
 
-    light: StoredLight
+    light: CheckedLight
     background: Float[Tensor, "height width 3"]
     coverage: Float[Tensor, "height width"]
     gbuffer: Float[Tensor, "height width 6"]
@@ -79,7 +79,7 @@ class DeferredSceneBatch:
         matched: whether they are the exemplars' scenes.
     """
 
-    renderer: DeferredRenderer[Any]
+    renderer: CheckedRenderer
     scenes: tuple[DeferredScene, ...]
     maps: tuple[str, ...]
     visit: int
@@ -142,7 +142,7 @@ class DeferredRendering:
 
     exemplars: Exemplars
     perturbation: Perturbation
-    renderer: Renderer[Any]
+    renderer: CheckedRenderer
     spp: int
     hits: int
     pool: int
@@ -156,7 +156,7 @@ class DeferredRendering:
         if not isinstance(self.renderer, DeferredRenderer) or not self.renderer.capabilities.deferred:
             raise ConfigError(
                 "rendering: transport of whole materials needs a renderer that stores light; "
-                f"{type(self.renderer).__name__} does not: set rendering: fresh or choose another renderer."
+                f"{self.renderer.name} does not: set rendering: fresh or choose another renderer."
             )
 
     @property

@@ -29,7 +29,7 @@ class OnlineSceneBatch:
         own_camera, own_light: whether these are those of the exemplars' scenes.
     """
 
-    layer: RenderLayer[Any]
+    layer: RenderLayer
     scenes: tuple[Scene, ...]
     exemplars: Exemplars
     indices: tuple[int, ...]
@@ -71,7 +71,7 @@ class OnlineRendering:
 
     exemplars: Exemplars
     perturbation: Perturbation
-    layer: RenderLayer[Any]
+    layer: RenderLayer
     _prepared: dict[int, Any] = field(default_factory=dict)
 
     def build(self, indices: Iterable[int], progress: Callable[[int], None] | None = None) -> None:
@@ -116,9 +116,7 @@ class OnlineRendering:
         return prepared_surface(self.exemplars, index, self.layer.renderer, self._prepared)
 
 
-def references(
-    exemplars: Exemplars, index: int, scene: Scene, layer: RenderLayer[Any], prepared: Any
-) -> ReferencePictures:
+def references(exemplars: Exemplars, index: int, scene: Scene, layer: RenderLayer, prepared: Any) -> ReferencePictures:
     """The reference pictures of a scene of an exemplar's subject, by the renderer and with the samples of its fakes."""
     view = exemplars.loader.view(scene)
     return ReferencePictures(layer.renderer, prepared, exemplars.subject(index), scene, view, layer.spp)

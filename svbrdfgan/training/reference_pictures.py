@@ -12,7 +12,7 @@ from torch import Tensor
 
 from svbrdfgan.data.generate import BRIGHTEST
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Environment, Material, Materials, Rendering, View
@@ -39,7 +39,7 @@ _DARK = 1e-3
 """Scales base colours that stand for numbers, so that light which is scattered twice hardly counts."""
 
 
-def require_reference_materials(renderer: Renderer[Any]) -> None:
+def require_reference_materials(renderer: CheckedRenderer) -> None:
     """Checks that a renderer can make light buffers.
 
     Raises:
@@ -48,7 +48,7 @@ def require_reference_materials(renderer: Renderer[Any]) -> None:
     needed = {name for material in REFERENCES.values() for name in material.maps}
     if lacking := sorted(needed - renderer.capabilities.maps):
         raise ConfigError(
-            f"discriminator.light shows light by white metal, and {type(renderer).__name__} cannot render "
+            f"discriminator.light shows light by white metal, and {renderer.name} cannot render "
             f"{', '.join(lacking)}: set discriminator.light: false, or choose a renderer that can."
         )
 
@@ -64,7 +64,7 @@ class ReferencePictures:
         spp: samples per pixel.
     """
 
-    renderer: Renderer[Any]
+    renderer: CheckedRenderer
     prepared: Any
     subject: Subject
     scene: Scene

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.types import Layer
 from svbrdfgan.types.layer import RGBA
 
@@ -58,7 +58,7 @@ def chosen_scenes(indices: Sequence[int], rng: np.random.Generator, pool: int) -
     return [(index, int(rng.integers(pool))) for index in indices]
 
 
-def prepared_surface(exemplars: Exemplars, index: int, renderer: Renderer[Any], prepared: dict[int, Any]) -> Any:
+def prepared_surface(exemplars: Exemplars, index: int, renderer: CheckedRenderer, prepared: dict[int, Any]) -> Any:
     """An exemplar's surface as its renderer prepared it; `prepared` keeps it, by subject, for the next call."""
     number = int(exemplars.subject_of[index])
     if number not in prepared:
@@ -69,7 +69,7 @@ def prepared_surface(exemplars: Exemplars, index: int, renderer: Renderer[Any], 
 def seen_in_gradient(
     exemplars: Exemplars,
     index: int,
-    renderer: Renderer[Any],
+    renderer: CheckedRenderer,
     prepared: Any,
     spp: int,
     pixels: Bool[Tensor, "height width"] | None = None,

@@ -150,17 +150,17 @@ def test_light_that_is_scattered_twice_does_not_blur_the_gbuffer(
 
 
 def test_a_renderer_without_gloss_makes_a_gbuffer_and_is_told_what_a_light_buffer_needs(setting: Setting) -> None:
-    plain: Any = SimpleNamespace(capabilities=RendererCapabilities())
+    plain: Any = SimpleNamespace(name="plain", capabilities=RendererCapabilities())
     with pytest.raises(ConfigError, match=r"cannot render metallic, roughness: set discriminator\.light: false"):
         require_reference_materials(plain)
     require_reference_materials(setting.renderer)
     seen: list[set[str]] = []
 
-    class Watched(type(setting.renderer)):  # type: ignore[misc]
+    class Watched(type(setting.renderer.plugin)):  # type: ignore[misc]
         def render(self, prepared: Any, materials: Any, *given: Any, **more: Any) -> Any:
             seen.extend({*material.maps} for material in materials.parts)
             return super().render(prepared, materials, *given, **more)
 
-    replace(setting, renderer=Watched()).pictures().gbuffer()
+    replace(setting, renderer=replace(setting.renderer, plugin=Watched())).pictures().gbuffer()
     assert seen
     assert all(names == {"base_color"} for names in seen)

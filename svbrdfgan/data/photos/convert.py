@@ -25,7 +25,7 @@ from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.sampler import EnvironmentAsset, MeshAsset
 from svbrdfgan.io import load_environment
 from svbrdfgan.plugins.select import resolve_renderer
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene, SceneEnvironment
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.types import Environment, Materials, Mesh, Rendering, View
@@ -98,7 +98,7 @@ class _Converter:
 
     manifest: Manifest
     loader: SceneLoader
-    renderer: Renderer[Any]
+    renderer: CheckedRenderer
     chosen: PluginChoice
     meshes: dict[str, MeshAsset]
     lights: dict[str | None, SceneEnvironment]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Literal, get_args
 
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.training.config import ScenesConfig
 
 Confounder = Literal["pose", "light", "noise", "renderer"]
@@ -29,7 +29,7 @@ REMEDIES: Mapping[Confounder, str] = MappingProxyType(
 
 
 def find_confounders(
-    run: ResolvedRun, exemplar_renderer: Renderer[Any], renderer: Renderer[Any]
+    run: ResolvedRun, exemplar_renderer: CheckedRenderer, renderer: CheckedRenderer
 ) -> dict[Confounder, str]:
     """The confounders of this run's configuration, and how the two sides differ in each, in words.
 
@@ -43,7 +43,7 @@ def find_confounders(
         found["noise"] = f"{exemplar_spp} samples per pixel in exemplars, no noise in fakes"
     elif exemplar_spp != run.fake_spp:
         found["noise"] = f"{exemplar_spp} samples per pixel in exemplars, {run.fake_spp} in fakes"
-    if (type(exemplar_renderer), exemplar_renderer.capabilities) != (type(renderer), renderer.capabilities):
+    if (exemplar_renderer.name, exemplar_renderer.capabilities) != (renderer.name, renderer.capabilities):
         found["renderer"] = f"{_title(exemplar_renderer)} for exemplars, {_title(renderer)} for fakes"
     return {name: how for name, how in found.items() if how}
 
@@ -72,6 +72,6 @@ def _light(scenes: ScenesConfig) -> str:
     return "fakes are lit from another source"
 
 
-def _title(renderer: Renderer[Any]) -> str:
+def _title(renderer: CheckedRenderer) -> str:
     bounces = renderer.capabilities.max_bounces
-    return f"{type(renderer).__name__} with {bounces} bounce{'s' if bounces > 1 else ''}"
+    return f"{renderer.name} with {bounces} bounce{'s' if bounces > 1 else ''}"

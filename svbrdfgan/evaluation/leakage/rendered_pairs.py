@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import torch
@@ -14,7 +13,7 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.generate import BRIGHTEST, render_scene
 from svbrdfgan.evaluation.leakage.confounders import Confounder, scenes_with
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.training.batches import (
     BatchSource,
     SceneRendering,
@@ -52,8 +51,8 @@ class RenderedPairs:
     run: ResolvedRun
     exemplars: Exemplars
     chosen: Sequence[int]
-    renderer: Renderer[Any]
-    exemplar_renderer: Renderer[Any]
+    renderer: CheckedRenderer
+    exemplar_renderer: CheckedRenderer
     device: torch.device
     progress: Callable[[int], None]
     _rendered: dict[Confounders, tuple[Tensor, Tensor]] = field(default_factory=dict)

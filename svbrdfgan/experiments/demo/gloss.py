@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any
 
 import torch
 
 from svbrdfgan.evaluation.evaluate import Evaluated
 from svbrdfgan.metrics.flip import display
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import bare_maps
 from svbrdfgan.report.pictures import Picture, framed
 from svbrdfgan.scene.subject import Subject
@@ -46,7 +45,7 @@ def matt_dirt(layer: Layer) -> Layer:
     return Layer(torch.cat([layer.rgba, dirt], dim=-1), tuple(PAINT))
 
 
-def glossy_picture(evaluated: Evaluated, renderer: Renderer[Any], index: int) -> Picture:
+def glossy_picture(evaluated: Evaluated, renderer: CheckedRenderer, index: int) -> Picture:
     """An exemplar's scene under the learned layer, its paint glossy."""
     exemplars = evaluated.source.exemplars
     scene, subject = exemplars.scenes[index], polished(exemplars.subject(index))

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
-from svbrdfgan.protocols import Renderer, TransportRenderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.texture_filter import bilinear_taps
 from svbrdfgan.testing.pairs.pair_scene import TEXTURE, PairScene
 from svbrdfgan.testing.statistics import numbers
@@ -35,7 +35,7 @@ class RenderedScene:
     """A renderer with a scene prepared."""
 
     name: str
-    renderer: Renderer[Any]
+    renderer: CheckedRenderer
     prepared: Any
     scene: PairScene
 
@@ -88,7 +88,7 @@ class Quantity:
         return f"part {index}" if name == "part" else f"{name} {index // BLOCKS},{index % BLOCKS}"
 
 
-def offered(renderer: Renderer[Any], quantity: Quantity) -> bool:
+def offered(renderer: CheckedRenderer, quantity: Quantity) -> bool:
     """Whether the renderer can give it."""
     return not quantity.needs or quantity.needs in renderer.capabilities.differentiable
 
@@ -114,7 +114,7 @@ def _environment(rendered: RenderedScene, spp: int, seed: int) -> Float[ndarray,
 
 def _jacobian(rendered: RenderedScene, spp: int, seed: int) -> Float[ndarray, " blocks"]:
     lambertian = rendered.scene.maps == {"base_color"}  # what transport is made for
-    if lambertian and isinstance(rendered.renderer, TransportRenderer) and rendered.renderer.capabilities.transport:
+    if lambertian and rendered.renderer.capabilities.transport:
         return jacobian_of_transport(rendered, spp, seed).ravel()
     return jacobian_of_vjps(rendered, spp, seed).ravel()
 
@@ -124,7 +124,6 @@ def jacobian_of_transport(rendered: RenderedScene, spp: int, seed: int) -> Float
 
     From image block i it takes channel i % 3: no renderer mixes channels, and so three blocks fit in one cotangent.
     """
-    assert isinstance(rendered.renderer, TransportRenderer)
     scene, groups = rendered.scene, torch.tensor(rendered.scene.groups)
     shape = (_CELLS, scene.group_count, _CELLS)
     total = np.zeros(int(np.prod(shape)))
