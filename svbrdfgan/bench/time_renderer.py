@@ -13,7 +13,7 @@ from torch import Tensor
 from svbrdfgan.bench import BenchError
 from svbrdfgan.bench.bench_scene import BenchScene
 from svbrdfgan.bench.meter import Meter
-from svbrdfgan.rendering.checked_renderer import CheckedRenderer
+from svbrdfgan.rendering.checked_renderer import CheckedLight, CheckedRenderer, PreparedSurface
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.rendering.shade_layer import shade
 from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
@@ -116,7 +116,6 @@ def _copy(transport: LightTransport) -> LightTransport:
 def _light(renderer: CheckedRenderer, prepared: PreparedSurface, view: View, spp: int, seed: int) -> CheckedLight:
     """The stored light of one view, with all of its samples."""
     return renderer.store_light(prepared, view, learnable=(0,), hits=spp, spp=spp, seed=seed)
-    return light
 
 
 def _black(parts: int) -> list[Material]:

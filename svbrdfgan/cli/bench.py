@@ -66,7 +66,7 @@ def command(
 
     Every program runs in its own process. A peer's COMMAND may contain {scene}, {spp}, {batch} and {repeats}, and its
     last line of output is JSON with "peer", "spp", "forward_s" and "forward_backward_s". Peers run before and after
-    our renderers, and the faster of both times counts. `docs/performance.md` explains the figures.
+    our renderers, and the faster of both times counts. `docs/lab/performance.md` explains the figures.
     """
     if (mesh is None) != (environment is None):
         raise click.UsageError("--mesh and --environment go together.")

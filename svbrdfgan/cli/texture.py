@@ -21,7 +21,7 @@ from svbrdfgan.cli.options import (
 @click.command("texture")
 @click.argument("mesh", type=click.Path(path_type=Path))
 @click.option("--model", "run", required=True, type=click.Path(path_type=Path), help="Folder of a training run.")
-@click.option("--seed", type=int, help="Each seed gives another pattern; for models with chance.  [default: 0]")
+@click.option("--seed", type=int, help="Each seed gives another pattern; for models with random fields.  [default: 0]")
 @click.option("--amount", type=float, help="0 is clean, 1 is filthy.  [default: the middle of those trained on]")
 @click.option("--recipe", help="One of those that the model was trained on; needed if it knows several.")
 @click.option(

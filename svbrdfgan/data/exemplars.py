@@ -1,4 +1,4 @@
-"""One split of a data set in memory: its pictures, their scenes, and what they show."""
+"""A split of a data set in memory: pictures, their scenes, and what they show."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Exemplars:
         return self.subjects[int(self.subject_of[exemplar])]
 
     def weathered(self, exemplar: int) -> bool:
-        """Whether the layer that G0 painted on it is known."""
+        """Whether the exemplar's layer, which G0 painted, is known."""
         return isinstance(self.scenes[exemplar].weathering, SceneWeathering)
 
     def views_of(self, subject: int) -> list[int]:

@@ -22,7 +22,7 @@ from svbrdfgan.types import Mesh
 
 INDEX = "dataset.json"
 _SEED_STRIDE = 100_003
-"""Between the first seeds of two sources: a prime above any count, so that sources share no procedural asset."""
+"""Distance between the first seeds of two sources: a prime above any count, so that sources share no asset."""
 
 
 def match_files(patterns: Sequence[str], base: Path) -> list[Path]:

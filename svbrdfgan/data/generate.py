@@ -120,7 +120,7 @@ def resolve_plugins(config: DatasetConfig, device: torch.device | None = None) -
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """What all processes of `generate` share.
+    """The work that all processes of `generate` share.
 
     Attributes:
         missing: exemplars to be rendered, by mesh; found once, so that all processes share out the same list.

@@ -135,7 +135,7 @@ def _part_ids(meshes: Mapping[Split, tuple[MeshAsset, ...]]) -> dict[int, str]:
 
 
 def _environment_sources(config: DatasetConfig) -> dict[Split, tuple[str, EnvironmentSource]]:
-    """For each split, the source of its environments, and the key that declares it."""
+    """The source of each split's environments, and the key that declares it."""
     return {
         split: ("environments", config.environments)
         if source.environments is None
@@ -164,7 +164,7 @@ def _match_all(config: DatasetConfig, base: Path) -> dict[str, list[Path]]:
 
 
 def _require_distinct(assets: Iterable[AssetRef]) -> None:
-    """Splits may share an asset, but not a name for different ones: the last would replace the first."""
+    """Refuses different assets of one name: the last would replace the first. Splits may share an asset."""
     first: dict[str, AssetRef] = {}
     for asset in assets:
         if first.setdefault(asset.path, asset) != asset:

@@ -28,7 +28,8 @@ _POINTS = 3
 """Points along a side of a pixel at which the layer's alpha is looked up. Odd, so that one is the pixel's centre."""
 _AT_ONCE = 1 << 21
 """The most points at once: their hits take some hundred bytes each."""
-_WEATHERED, _PART = "weathered", "part.id"
+_WEATHERED = "weathered"
+_PART = "part.id"
 
 
 def make_labels(

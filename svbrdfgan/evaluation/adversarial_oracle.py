@@ -1,7 +1,7 @@
 """The oracle of a distribution: the same generator, trained adversarially on true layers instead of pictures.
 
-Regression to the true layers cannot be the ceiling of a generator with chance: where the truth varies, it paints the
-mean. This oracle has the run's networks, loss, penalties and optimizers, and as many true layers as the run has
+Regression to the true layers cannot be the ceiling of a generator with random fields: where the truth varies, it paints
+the mean. This oracle has the run's networks, loss, penalties and optimizers, and as many true layers as the run has
 exemplars. Its discriminator sees textures. So what the run lacks beside it is what pictures hide.
 """
 
@@ -97,7 +97,7 @@ class TrueLayers:
             Layer(layers, tuple(config.dataset.maps)),
             exemplars.subject_of[views],
             None if labels is None else labels.to(device),
-            config.train.discriminator.guide,
+            config.train.discriminator.gbuffer,
         )
 
     def __len__(self) -> int:
@@ -115,7 +115,7 @@ class TrueLayers:
         device, chosen = self.geometry.device, torch.as_tensor(list(indices))
         subjects, picked = (copy_async(values, device) for values in (self.subject_of[chosen], chosen))
         labels = None if self.labels is None else self.labels[picked]
-        seeds = draw_seeds(rng, len(indices), device) if generator.chance else None
+        seeds = draw_seeds(rng, len(indices), device) if generator.random_fields else None
         with fabric.autocast():
             made = generator(self.geometry[subjects], seeds, labels)
         true = copy_async(self.layers.values[chosen], device).float()

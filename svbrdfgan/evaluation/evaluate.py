@@ -118,7 +118,7 @@ def evaluate(
     relighter = Relighter.make(relight or Relight(), opened.index)  # its mistakes are found before anything slow
     resolved = ResolvedRun(config.train, opened).unperturbed()
     if resolved.deferred:  # pictures are compared with exemplars, and have all of their samples
-        resolved = resolved.with_config(rendering="fresh")
+        resolved = resolved.with_config(rendering="online")
     renderer, _ = resolve_renderer(config.train.renderer, fabric.device, config.maps, differentiable=True)
 
     shown.begin(f"light transport of the {split} scenes")
@@ -263,7 +263,7 @@ def _known(error: float) -> float | None:
 def _layers(
     fabric: Fabric, scorer: Scorer, generator: Generator, labels: Sequence[float] = ()
 ) -> Float[Tensor, "subjects rows cols channels"]:
-    """One layer of each subject; of a generator with chance, that of seed 0."""
+    """One layer of each subject; of a generator with random fields, that of seed 0."""
     with fabric.autocast():
         return scorer.layers(Draw(generator.to(fabric.device), labels=labels))
 

@@ -92,9 +92,9 @@ def train_oracle(
     """Minimises E of every map on the training targets until the score of `scorer` stops rising.
 
     The error of a map counts relative to its constant layer's, as in `recovered`, in units of base_color's. The oracle
-    has no chance and is told nothing: where the truth varies it learns one layer between the true ones.
+    has no random fields and is told nothing: where the truth varies it learns one layer between the true ones.
     """
-    generator = make_generator(config.generator.without_chance, targets[0].truth.maps)
+    generator = make_generator(config.generator.without_random_fields, targets[0].truth.maps)
     initialise(generator, torch.Generator().manual_seed(config.seed))
     generator.to(geometry.device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
     adam = torch.optim.Adam(generator.parameters(), schedule.rate, betas=(0.9, 0.99), fused=True)
@@ -153,7 +153,7 @@ class TrainedOracle:
     @property
     def adversarial(self) -> bool:
         """Whether it draws, and so is compared by `resemblance`."""
-        return self.generator.chance > 0
+        return self.generator.random_fields > 0
 
 
 def oracle_of(
@@ -189,7 +189,7 @@ def oracle_of(
         oracle = replace(oracle, run_steps=None if budget else as_run.steps)
     else:
         oracle = _supervised(fabric, config, load, constants, schedule, shown)
-    generator = config.train.generator if drawing else config.train.generator.without_chance
+    generator = config.train.generator if drawing else config.train.generator.without_random_fields
     save_generator(run / ORACLE, oracle.generator, generator, oracle.score)
     with atomic_path(run / ORACLE_NOTES) as temporary:
         notes = {name: getattr(oracle, name) for name in _NOTES}

@@ -62,15 +62,15 @@ def paint(
 
     Args:
         learnable: the parts that carry the layer; by default those that the training's selection matches.
-        seed: of a model with chance: which of its layers; by default 0.
+        seed: of a model with random fields: which of its layers; by default 0.
         amount: of a model that knows amounts, in [0, 1]; by default the middle of those that it was trained on.
         recipe: of a model of several recipes, which it must be told.
         resolution: texels along a side of the layer and of the subject's textures, a multiple of those that the model
             was trained at, and at most `FINEST`; by default those. Patterns keep their scale (`Generator.forward`).
 
     Raises:
-        ConfigError: the model has no chance, or does not know what is asked for, or cannot paint at that resolution, or
-            there is not enough memory for it.
+        ConfigError: the model has no random fields, or does not know what is asked for, or cannot paint at that
+            resolution, or there is not enough memory for it.
         EmbeddingError: the mesh cannot be embedded.
         AssetError: no part that can be seen is learnable.
     """
@@ -86,14 +86,14 @@ def choose_draw(
     """One draw of the model's distribution; see `paint`.
 
     Raises:
-        ConfigError: the model has no chance, or does not know what is asked for.
+        ConfigError: the model has no random fields, or does not know what is asked for.
     """
     if seed is not None and not 0 <= seed < MOST_SEEDS:
         raise ConfigError(f"seed {seed} is not allowed; wanted a whole number from 0 to {MOST_SEEDS - 1}.")
-    if seed is not None and not model.generator.chance:
+    if seed is not None and not model.generator.random_fields:
         raise ConfigError(
-            "the model has no chance, and so paints one layer on a mesh: ask for no seed and no count, or train with "
-            "generator.chance on exemplars of different seeds."
+            "the model has no random fields, and so paints one layer on a mesh: ask for no seed and no count, or "
+            "train with generator.random_fields on exemplars of different seeds."
         )
     known = model.config.conditions
     labels = known.choose(amount, recipe)

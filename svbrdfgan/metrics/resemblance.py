@@ -1,4 +1,4 @@
-"""The score of a generator with chance, `resemblance`: how alike its draws of layers are to draws of the true ones.
+"""The score of a generator with random fields, `resemblance`: how alike its draws are to draws of the true layers.
 
 Draws are compared as sets, by six parts that see different faults. Each part is a distance d, made a skill score by
 `1 - (d(generator, truth) - d(truth', truth)) / (d(constant, truth) - d(truth', truth))`, where truth' is another set of

@@ -42,7 +42,7 @@ class Generator(nn.Module):
     It has one 7x7 convolution, strided ones that each halve the resolution and double the channels, residual blocks, as
     many upsampling convolutions, and one 7x7.
 
-    With chance, a layer is a function of the geometry and a seed: random fields of object space are read beside the
+    With random fields, a layer is a function of the geometry and a seed: fields of object space are read beside the
     geometry, and random numbers modulate the features. Labels of the layer modulate them, too.
 
     Args:
@@ -56,7 +56,7 @@ class Generator(nn.Module):
             the layer; "nearest" doubles the features and convolves (Odena et al. 2016), which does not.
         mesh_maps: whether it reads visibility and curvature beside position and normal (`MeshMaps`).
         maps: further maps that the layer paints beside base_color, in the order of `FURTHER_MAPS`.
-        chance: random fields (`random_fields`), one for each octave; 0 leaves out all chance.
+        random_fields: how many random fields it reads, one for each octave; 0: it reads none.
         labels: numbers that say which layer is wanted, such as its amount; about -1 to 1.
     """
 
@@ -69,20 +69,20 @@ class Generator(nn.Module):
         upsampling: Upsampling = "nearest",
         maps: tuple[str, ...] = (),
         mesh_maps: bool = False,
-        chance: int = 0,
+        random_fields: int = 0,
         labels: int = 0,
     ) -> None:
         super().__init__()
-        self.mesh_maps, self.chance, self.labels = mesh_maps, chance, labels
+        self.mesh_maps, self.random_fields, self.labels = mesh_maps, random_fields, labels
         self.maps, self.channels = maps, channel_slices(maps)
-        self.first = nn.Conv2d(self.inputs + chance, width, 7, bias=_biased(norm))
+        self.first = nn.Conv2d(self.inputs + random_fields, width, 7, bias=_biased(norm))
         widths = [width << depth for depth in range(downsamplings + 1)]
         steps = list(itertools.pairwise(widths))
         self.down = nn.Sequential(*(_conv(coarse, deep, 3, norm, stride=2) for coarse, deep in steps))
         self.blocks = nn.ModuleList(ResidualBlock(widths[-1], norm) for _ in range(blocks))
         self.up = nn.ModuleList(_up(deep, coarse, norm, upsampling) for coarse, deep in reversed(steps))
         self.last = PreActConv(nn.Conv2d(width, layer_channels(maps), 7), norm, pad=3)
-        code = labels + (_NUMBERS if chance else 0)
+        code = labels + (_NUMBERS if random_fields else 0)
         inputs = widths[-1:] * (2 * blocks) + widths[::-1]  # of the blocks, `up` and `last`, in their order
         self.modulation = Modulation(code, inputs) if code else None
 
@@ -115,15 +115,15 @@ class Generator(nn.Module):
 
         Args:
             geometry: position and normal (`GeometryBuffer.network_input`), then mesh maps if it reads them.
-            seeds: of each layer's chance, at least 0; needed if there is any.
+            seeds: of each layer's random fields, at least 0; needed if there are any.
             labels: of each layer; needed if there are any.
             factor: the layer has this many times the rows and columns of the geometry, and patterns of the same scale
                 (`PreActConv.finer`). Only the last convolution runs at that resolution, so memory hardly grows.
         """
         affine = self._affine(seeds, labels)
-        if self.chance:
+        if self.random_fields:
             assert seeds is not None
-            geometry = torch.cat([geometry, random_fields(geometry[:, :3], seeds, self.chance)], dim=1)
+            geometry = torch.cat([geometry, random_fields(geometry[:, :3], seeds, self.random_fields)], dim=1)
         x: Tensor = self.down(self.first(norm_act_pad(geometry, NormActPad(pad=3)).padded))
         residual: Residual = None
         for block in self.blocks:
@@ -152,7 +152,7 @@ class Generator(nn.Module):
         if self.labels:
             assert labels is not None
             code.append(labels)
-        if self.chance:
+        if self.random_fields:
             assert seeds is not None
             code.append(random_numbers(seeds, _NUMBERS))
         return iter(self.modulation(torch.cat(code, dim=1)))

@@ -1,4 +1,4 @@
-"""Random fields and numbers of a seed: the chance that a generator draws from.
+"""Random fields and numbers of a seed: what a generator draws from.
 
 Everything is computed in whole numbers (torch int64, which wraps at 64 bits), and only the result becomes float32, by
 one multiplication. So what a seed gives is equal to the bit on any machine and device. `svbrdfgan.weathering.noise`,

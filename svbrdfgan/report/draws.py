@@ -38,7 +38,7 @@ def _sheet(evaluated: Evaluated, index: int) -> Vehicle:
     def add(title: str, seed: int = 0, amount: float = amount, recipe: str = recipe) -> None:
         shown.append(Titled(title, _drawn(evaluated, index, seed, known.labels(amount, recipe))))
 
-    if evaluated.generator is not None and evaluated.generator.chance:
+    if evaluated.generator is not None and evaluated.generator.random_fields:
         for seed in range(COLUMNS - 1):
             add(f"Seed {seed}", seed)
     if known.amount is not None:

@@ -60,8 +60,8 @@ def _rows(model: Model, seed: int | None, amount: float | None, recipe: str | No
 
     of_recipe = [] if recipe is None or not several else [recipe]
     of_amount = [] if known.amount is None else [f"amount {(draw().labels[0] + 1) / 2:.2f}"]
-    of_seed = [f"seed {seed or 0}"] if model.generator.chance else []
-    if model.generator.chance:
+    of_seed = [f"seed {seed or 0}"] if model.generator.random_fields else []
+    if model.generator.random_fields:
         seeds = range(seed or 0, (seed or 0) + COLUMNS)
         cells = tuple((f"seed {number}", draw(seed=number)) for number in seeds)
         yield Row(", ".join(["Seeds", *of_recipe, *of_amount]), cells)

@@ -19,7 +19,9 @@ from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Layer, Part, Surface
 from svbrdfgan.weathering.mesh_maps import MeshMaps
 
-_SUBJECT, _LAYER, _MAPS = "svbrdfgan subject 2", "svbrdfgan layer 2", "svbrdfgan mesh maps 1"
+_SUBJECT = "svbrdfgan subject 2"
+_LAYER = "svbrdfgan layer 2"
+_MAPS = "svbrdfgan mesh maps 1"
 _OF_PARTS = ("name", "base_color", "hidden_half_of")
 _REMEDY = "delete it, and it is made again"
 

@@ -69,7 +69,7 @@ class SceneLoader:
         return self._subjects[key]
 
     def with_mesh_maps(self, scene: Scene) -> Subject:
-        """The same, with mesh maps, for a generator that reads them."""
+        """The scene's surface with mesh maps, for a generator that reads them."""
         return replace(self.subject(scene), mesh_maps=self.mesh_maps(scene))
 
     def mesh_maps(self, scene: Scene) -> MeshMaps:
@@ -122,7 +122,7 @@ class SceneLoader:
         return Layer(painted, generator.maps)
 
     def site(self, scene: Scene) -> Site:
-        """What recipes go by on the scene's surface. The last one is kept: it is slow to find, and large."""
+        """The scene's site, which recipes go by. Only the last one is kept: sites are slow to find, and large."""
         key = subject_key(scene)
         if key not in self._sites:
             self._sites.clear()

@@ -58,7 +58,7 @@ class Subject:
         return self.geometry if self.mesh_maps is None else torch.cat([self.geometry, self.mesh_maps.network_input()])
 
     def with_mesh_maps(self) -> Subject:
-        """The same, with mesh maps."""
+        """This subject with mesh maps."""
         return replace(self, mesh_maps=bake_mesh_maps(self.surface, self.buffer))
 
     @cached_property
@@ -129,7 +129,7 @@ class Subject:
         return Materials(tuple(made))
 
     def _of_file(self, part: int, maps: Collection[str]) -> dict[str, Float[Tensor, ...]]:
-        """What the file says of a part, of the maps that are rendered."""
+        """The maps of a part that its mesh's file gives, of those that are rendered."""
         given = self.file_maps[part] if self.file_maps else {}
         return {name: values for name, values in given.items() if name in maps}
 

@@ -101,22 +101,22 @@ def make_batch_source(
 
     Raises:
         AssetError: the data set is not finished, or a file of it is damaged.
-        ConfigError: `rendering` is `transport`, and the renderer does not store what that needs; or it cannot render
+        ConfigError: `rendering` is `stored`, and the renderer does not store what that needs; or it cannot render
             the reference materials of a light buffer.
     """
     run = run if split == "train" else run.unperturbed()
     discriminator = run.config.discriminator
-    if discriminator.light:
+    if discriminator.light_buffer:
         require_reference_materials(renderer)
     exemplars = load_exemplars(run.dataset, split, mesh_maps=run.config.generator.mesh_maps)
     fake_scenes = make_scenes(run, exemplars, split, renderer, device)
     own_scenes, order = _own_scenes(run.config, fake_scenes), _by_subject(exemplars)
-    demodulated = discriminator.sees == "reflectance"
+    demodulated = discriminator.compares == "reflectance"
     fake_scenes.build(order, progress)
     if (
         isinstance(own_scenes, CachedRendering)
         and own_scenes is not fake_scenes
-        and (demodulated or discriminator.guide)
+        and (demodulated or discriminator.gbuffer)
     ):
         own_scenes.build(order, progress)  # into files; what others trace is looked at once, for the buffers below
     buffers = own_buffers(discriminator, own_scenes, range(len(exemplars)))
@@ -135,7 +135,7 @@ def load_seen_texels(
 
     Raises:
         AssetError: the data set is not finished, or a file of it is damaged.
-        ConfigError: `rendering` is `transport`, and the renderer does not store what that needs.
+        ConfigError: `rendering` is `stored`, and the renderer does not store what that needs.
     """
     exemplars = load_exemplars(run.dataset, split, mesh_maps=run.config.generator.mesh_maps)
     own = run.unperturbed().with_config(spp=exemplar_spp(run.config, exemplars))
@@ -155,8 +155,8 @@ def own_buffers(
     config: DiscriminatorConfig, own_scenes: SceneRendering, indices: Sequence[int]
 ) -> tuple[Float[Tensor, "exemplars height width 6"] | None, Float[Tensor, "exemplars height width 9"] | None]:
     """G-buffers and light buffers of these exemplars' own scenes, in half precision; None if they are not shown."""
-    gbuffers = [own_scenes.gbuffer(index) for index in indices] if config.guide else []
-    lights = [own_scenes.light_buffer(index) for index in indices] if config.light else []
+    gbuffers = [own_scenes.gbuffer(index) for index in indices] if config.gbuffer else []
+    lights = [own_scenes.light_buffer(index) for index in indices] if config.light_buffer else []
     return _halves(gbuffers), _halves(lights)
 
 
@@ -176,11 +176,11 @@ def make_scenes(
         rows = dataset.config.environment_rows
         environments = gather_environments(config.scenes.environment, files, rows, dataset.folder)
     perturbation = Perturbation(config.scenes, dataset.index.sampler(split), environments)
-    if config.rendering == "fresh":
+    if config.rendering == "online":
         return OnlineRendering(exemplars, perturbation, RenderLayer(renderer, config.spp, config.spp_grad))
     pool, options = config.scenes.pool, config.renderer.options
     if run.deferred:
-        shows_light = config.discriminator.light
+        shows_light = config.discriminator.light_buffer
         return DeferredRendering(
             exemplars, perturbation, renderer, config.spp, config.hits, pool, device, config.seed, shows_light
         )
@@ -189,7 +189,7 @@ def make_scenes(
 
 def exemplar_spp(config: TrainConfig, exemplars: Exemplars) -> int:
     """Samples per pixel of the exemplars' own scenes: at least the exemplars', where their light is divided out."""
-    demodulated = config.discriminator.sees == "reflectance"
+    demodulated = config.discriminator.compares == "reflectance"
     return max([config.spp] + [scene.spp for scene in exemplars.scenes if demodulated])
 
 
@@ -201,7 +201,7 @@ def _own_scenes(config: TrainConfig, fake_scenes: SceneRendering) -> SceneRender
     if config.scenes.matched and config.scenes.pool and spp == config.spp:
         return fake_scenes
     own = fake_scenes.in_scenes(ScenesConfig(), spp)
-    if config.discriminator.sees == "reflectance" or isinstance(own, DeferredRendering):
+    if config.discriminator.compares == "reflectance" or isinstance(own, DeferredRendering):
         return own
     return replace(own, device=torch.device("cpu"), _cache=MemoryCache(0))
 

@@ -114,8 +114,8 @@ class CachedRendering:
     def __post_init__(self) -> None:
         if not self.renderer.capabilities.transport:
             raise ConfigError(
-                f"rendering: transport needs a renderer that declares it; {self.renderer.name} does not: "
-                "set rendering: fresh or choose another renderer."
+                f"rendering: stored needs a renderer that declares it; {self.renderer.name} does not: "
+                "set rendering: online or choose another renderer."
             )
 
     def build(self, indices: Iterable[int], progress: Callable[[int], None] | None = None) -> None:

@@ -153,10 +153,10 @@ class DeferredRendering:
     _prepared: dict[int, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.renderer, DeferredRenderer) or not self.renderer.capabilities.deferred:
+        if not self.renderer.capabilities.deferred:
             raise ConfigError(
-                "rendering: transport of whole materials needs a renderer that stores light; "
-                f"{self.renderer.name} does not: set rendering: fresh or choose another renderer."
+                "rendering: stored of whole materials needs a renderer that stores light; "
+                f"{self.renderer.name} does not: set rendering: online or choose another renderer."
             )
 
     @property
@@ -179,7 +179,6 @@ class DeferredRendering:
                 self._trace(index, self.perturbation.scene(self.exemplars.scenes[index], index, rng))
                 for index in indices
             ]
-        assert isinstance(self.renderer, DeferredRenderer)
         matched, seed = self.perturbation.config.matched, int(rng.integers(2**31))
         return DeferredSceneBatch(self.renderer, tuple(scenes), self.maps, visit, seed, matched)
 
@@ -216,7 +215,6 @@ class DeferredRendering:
 
     def _trace(self, index: int, scene: Scene) -> DeferredScene:
         renderer, subject, view = self.renderer, self.exemplars.subject(index), self.exemplars.loader.view(scene)
-        assert isinstance(renderer, DeferredRenderer)
         prepared = prepared_surface(self.exemplars, index, renderer, self._prepared)
         bare = subject.materials(None, scene.maps, base_colors=scene.materials)
         others = _blackened(bare, subject.learnable)

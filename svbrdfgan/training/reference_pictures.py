@@ -48,8 +48,8 @@ def require_reference_materials(renderer: CheckedRenderer) -> None:
     needed = {name for material in REFERENCES.values() for name in material.maps}
     if lacking := sorted(needed - renderer.capabilities.maps):
         raise ConfigError(
-            f"discriminator.light shows light by white metal, and {renderer.name} cannot render "
-            f"{', '.join(lacking)}: set discriminator.light: false, or choose a renderer that can."
+            f"discriminator.light_buffer shows light by white metal, and {renderer.name} cannot render "
+            f"{', '.join(lacking)}: set discriminator.light_buffer: false, or choose a renderer that can."
         )
 
 

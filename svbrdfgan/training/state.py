@@ -158,7 +158,7 @@ def load_discriminator(checkpoint: Path, config: DiscriminatorConfig, labels: in
 
 def make_discriminator(config: DiscriminatorConfig, labels: int = 0, judged: int = RGB) -> Discriminator:
     """The network for what it judges, such as colour, for the buffers that it is shown, and one for each label."""
-    channels = judged + (_GBUFFER if config.guide else 0) + (LIGHT_CHANNELS if config.light else 0) + labels
+    channels = judged + (_GBUFFER if config.gbuffer else 0) + (LIGHT_CHANNELS if config.light_buffer else 0) + labels
     return Discriminator(channels=channels, **config.model_dump(include={"width", "layers", "norm"}))
 
 

@@ -100,7 +100,7 @@ def _make_batch(
     fabric: Fabric, state: State, source: BatchSource, indices: Sequence[int], rng: np.random.Generator, visit: int
 ) -> DiscriminatorBatch:
     geometry = source.geometry(indices)
-    seeds = draw_seeds(rng, len(indices), geometry.device) if state.generator.chance else None
+    seeds = draw_seeds(rng, len(indices), geometry.device) if state.generator.random_fields else None
     with fabric.autocast():
         layers = state.generator(geometry, seeds, source.labels(indices))
     return composite_pair(*make_pair(source, indices, source.scenes(indices, rng, visit), layers), rng)

@@ -212,7 +212,7 @@ def test_what_failed_before_it_began_can_be_corrected(training_data: Data, tmp_p
     words = ("train", tmp_path / "train.yaml", "-o", tmp_path / "run")
     refused = invoke(*words, "renderer={name: numpy, max_bounces: 2}")
     assert refused.exit_code == 1
-    assert "set rendering: fresh or choose another renderer" in refused.stderr.splitlines()[-1]
+    assert "set rendering: online or choose another renderer" in refused.stderr.splitlines()[-1]
     assert "1 steps" in succeeded(invoke(*words))
 
 

@@ -1,4 +1,4 @@
-"""`svbrdfgan texture` with chance and conditions: the files of each draw, and the sentence where there are none."""
+"""`svbrdfgan texture` with random fields and conditions: files of each draw, and the sentence where there are none."""
 
 from __future__ import annotations
 

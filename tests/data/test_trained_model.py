@@ -48,7 +48,7 @@ def declared(dataset_data: Data) -> Made:
 
 @pytest.fixture(scope="module")
 def base(tmp_path_factory: pytest.TempPathFactory, varied_run: Path, plain_run: Path) -> Path:
-    """A folder with a run that has chance and conditions, and one that has neither."""
+    """A folder with a run that has random fields and conditions, and one that has neither."""
     folder = tmp_path_factory.mktemp("runs")
     shutil.copytree(varied_run, folder / "run")
     shutil.copytree(plain_run, folder / "plain")
@@ -119,7 +119,10 @@ def test_without_a_model_nothing_changes(dataset_data: Data) -> None:
         ({"weathering": {"seed": {"uniform": [0, 2**63]}}}, r"weathering\.seed: 9\d+ is not allowed; wanted"),
         ({"weathering": {"model": "plain", "amount": 0.5}}, r"weathering\.amount: the model does not know amounts"),
         ({"weathering": {"model": "plain", "recipe": "rust"}}, r"weathering\.recipe: the model does not know"),
-        ({"weathering": {"model": "plain", "seed": {"uniform": [0, 9]}}}, r"weathering\.seed: the model has no chance"),
+        (
+            {"weathering": {"model": "plain", "seed": {"uniform": [0, 9]}}},
+            r"weathering\.seed: the model has no random fields",
+        ),
     ],
 )
 def test_contradictions_are_told_before_anything_is_written(
@@ -231,7 +234,7 @@ def test_it_can_be_previewed_and_estimated(declared: Made, base: Path) -> None:
 
 def test_a_run_can_learn_from_it_and_be_scored(folder: Path, training_data: Data, tmp_path: Path) -> None:
     """The truth is then what the model paints."""
-    train(train_config(training_data(dataset=str(folder), generator={"chance": 2}), "here"), tmp_path / "run")
+    train(train_config(training_data(dataset=str(folder), generator={"random_fields": 2}), "here"), tmp_path / "run")
     trained = json.loads((tmp_path / "run" / "config.json").read_text())
     assert trained["dataset"]["weathering"]["model"] == "run"
     found = evaluate(tmp_path / "run", split="validation", device="cpu", oracle=False).evaluation

@@ -1,4 +1,4 @@
-"""A weathered GLB keeps exactly what docs/quickstart.md says of a mesh. If it keeps more, change that list."""
+"""A weathered GLB keeps exactly what docs/commands.md says of a mesh. If it keeps more, change that list."""
 
 import json
 from pathlib import Path

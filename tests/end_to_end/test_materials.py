@@ -60,9 +60,9 @@ def folder(dataset_data: Data, vehicles: Path, tmp_path_factory: pytest.TempPath
 @pytest.fixture(scope="module")
 def run(training_data: Data, folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("materials") / "run"
-    fresh = {"rendering": "fresh", "discriminator": {"guide": False}, "spp": 2, "batch_size": 1}
+    online = {"rendering": "online", "discriminator": {"gbuffer": False}, "spp": 2, "batch_size": 1}
     length = {"steps": 2, "score_every": 2, "save_every": 2}
-    train(train_config(training_data(dataset=str(folder), **fresh, **length), "here"), made)
+    train(train_config(training_data(dataset=str(folder), **online, **length), "here"), made)
     return made
 
 

@@ -26,7 +26,7 @@ Data = Callable[..., dict[str, Any]]
 
 @pytest.fixture(scope="module")
 def run(varied_dataset: Path, training_data: Data, built_once: Any) -> Path:
-    changes = {"dataset": str(varied_dataset), "generator": {"mesh_maps": True, "chance": 2}}
+    changes = {"dataset": str(varied_dataset), "generator": {"mesh_maps": True, "random_fields": 2}}
     return (
         built_once("mesh maps", lambda f: train(train_config(training_data(**changes), "here"), f / "run") and None)
         / "run"

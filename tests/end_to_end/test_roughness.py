@@ -41,9 +41,9 @@ from svbrdfgan.types import Layer
 Data = Callable[..., dict[str, Any]]
 Settings = Callable[..., TrainConfig]
 CPU = torch.device("cpu")
-FRESH: dict[str, Any] = {
-    "rendering": "fresh",
-    "discriminator": {"guide": False},
+ONLINE: dict[str, Any] = {
+    "rendering": "online",
+    "discriminator": {"gbuffer": False},
     "spp": 2,
     "batch_size": 1,
     "score_every": 10,
@@ -67,7 +67,7 @@ def folder(declared: Data, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def settings(training_data: Data, folder: Path) -> Settings:
-    return lambda **changes: train_config(training_data(**{"dataset": str(folder), **FRESH, **changes}), "here")
+    return lambda **changes: train_config(training_data(**{"dataset": str(folder), **ONLINE, **changes}), "here")
 
 
 @pytest.fixture(scope="module")
@@ -186,8 +186,8 @@ def test_a_stored_scene_renders_again(folder: Path, tmp_path: Path) -> None:
 
 
 def test_a_renderer_that_stores_no_light_is_refused(settings: Settings, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"NumpyRenderer does not: set rendering: fresh or choose") as caught:
-        train(settings(rendering="transport"), tmp_path / "run")
+    with pytest.raises(ConfigError, match=r"NumpyRenderer does not: set rendering: online or choose") as caught:
+        train(settings(rendering="stored"), tmp_path / "run")
     assert len(str(caught.value).splitlines()) == 1
 
 

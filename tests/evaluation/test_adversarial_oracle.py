@@ -37,7 +37,7 @@ CONFIG = TrainConfig.model_validate(
     {
         "dataset": "none",
         "batch_size": 4,
-        "generator": {"width": 4, "blocks": 1, "chance": 2},
+        "generator": {"width": 4, "blocks": 1, "random_fields": 2},
         "discriminator": {"width": 8, "layers": 1},
         "optimizer": {"generator_rate": 2e-3, "discriminator_rate": 5e-3, "ema_images": 200},
     }
@@ -65,7 +65,7 @@ def even() -> TrueLayers:
 
 def generator_of(truth: TrueLayers) -> Generator:
     labels = 0 if truth.labels is None else truth.labels.shape[1]
-    return Generator(width=4, blocks=1, chance=2, labels=labels, maps=truth.layers.maps)
+    return Generator(width=4, blocks=1, random_fields=2, labels=labels, maps=truth.layers.maps)
 
 
 def test_the_discriminator_sees_the_layers_where_pictures_show_them(even: TrueLayers, fabric: Fabric) -> None:
@@ -87,7 +87,7 @@ def test_what_is_not_shown_teaches_nothing(even: TrueLayers, fabric: Fabric) -> 
     def stub(*_: Tensor) -> Tensor:
         return painted
 
-    stub.chance = 0  # type: ignore[attr-defined]
+    stub.random_fields = 0  # type: ignore[attr-defined]
     even.batch(fabric, stub, [0, 1], np.random.default_rng(0)).fake.square().sum().backward()  # type: ignore[arg-type]
     assert painted.grad is not None
     assert not painted.grad[:, : SIZE // 2].any()
@@ -157,7 +157,7 @@ def test_evaluation_trains_it_for_a_run_that_learns_a_distribution(varied_run: P
     assert any(line.startswith("its oracle:") for line in found.lines())
     assert Evaluation.model_validate_json((run / "evaluation.validation.json").read_text()) == found
     generator, score = load_generator(run / ORACLE)
-    assert generator.chance == 3
+    assert generator.random_fields == 3
     assert score is None
     written = (run / ORACLE).stat().st_mtime_ns
     again = evaluate(run, split="validation", device="cpu").evaluation
@@ -179,7 +179,7 @@ def test_a_run_that_was_continued_has_its_oracle_trained_anew(varied_run: Path, 
 
 def test_an_oracle_of_an_earlier_version_is_not_taken_for_it(varied_run: Path, tmp_path: Path) -> None:
     run = shutil.copytree(varied_run, tmp_path / "run")
-    earlier = RunConfig.load(run).train.generator.without_chance
+    earlier = RunConfig.load(run).train.generator.without_random_fields
     save_generator(run / ORACLE, make_generator(earlier), earlier, 0.1)
     (run / ORACLE_NOTES).write_text(json.dumps({"plateau": True, "steps": 300}))
     assert evaluate(run, split="validation", device="cpu").evaluation.draws_oracle is not None
@@ -189,10 +189,10 @@ def test_an_oracle_of_an_earlier_version_is_not_taken_for_it(varied_run: Path, t
 def test_where_seeds_are_fixed_the_oracle_is_supervised(
     training_data: Callable[..., dict[str, Any]], tmp_path: Path
 ) -> None:
-    train(train_config(training_data(generator={"chance": 2}, steps=1), "here"), tmp_path)
+    train(train_config(training_data(generator={"random_fields": 2}, steps=1), "here"), tmp_path)
     quick = OracleConfig(rate=1e-2, every=10, steps=10)
     found = evaluate(tmp_path, split="validation", device="cpu", schedule=quick).evaluation
     assert found.oracle_plateau is False
     assert found.fraction == share(found.recovered, found.oracle)
     assert found.draws_oracle is None
-    assert load_generator(tmp_path / ORACLE)[0].chance == 0
+    assert load_generator(tmp_path / ORACLE)[0].random_fields == 0

@@ -92,8 +92,8 @@ def test_gradients_of_fresh_renders_are_noisy(
     tiny_dataset: Path, training_data: Data, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run_metrics, "_DRAWS", 2)
-    fresh = {"rendering": "fresh", "discriminator": {"guide": False}, "spp": 1, "spp_grad": 1}
-    config = train_config(training_data(**fresh), "here")
+    online = {"rendering": "online", "discriminator": {"gbuffer": False}, "spp": 1, "spp_grad": 1}
+    config = train_config(training_data(**online), "here")
     renderer, _ = resolve_renderer(config.renderer)
     source = make_batch_source(resolve_run(config), "validation", renderer, torch.device("cpu"))
     assert gradient_noise(source, torch.full((1, 32, 32, 4), 0.5)) > 0.01

@@ -67,11 +67,11 @@ def test_what_it_cannot_paint_is_told(asked: dict[str, Any], said: str, mesh: Me
 
 def test_a_model_without_chance_has_no_seeds(mesh: Mesh, model: Model) -> None:
     train = model.config.train
-    plain = train.model_copy(update={"generator": train.generator.without_chance})
+    plain = train.model_copy(update={"generator": train.generator.without_random_fields})
     config = model.config.model_copy(update={"train": plain})
     still = replace(model, generator=Generator(width=4, blocks=1), config=config)
     assert config.conditions == Conditions()
-    for asked, said in (({"seed": 0}, "has no chance"), ({"amount": 0.5}, "does not know amounts")):
+    for asked, said in (({"seed": 0}, "has no random fields"), ({"amount": 0.5}, "does not know amounts")):
         with pytest.raises(ConfigError, match=said):
             paint(mesh, still, **asked)
     assert paint(mesh, still)[1].values.shape == (32, 32, 4)

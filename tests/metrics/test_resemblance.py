@@ -174,7 +174,7 @@ def test_a_fault_lowers_the_score(world: World, fault: str) -> None:
 
 def _require_fall(scores: list[Resemblance], target: float) -> None:
     found = [score.resemblance for score in scores]
-    print(*(line for score in scores for line in score.lines()), sep="\n")  # for the table in docs/concepts.md, by -s
+    print(*(line for score in scores for line in score.lines()), sep="\n")  # for docs/lab/results.md, by -s
     assert all(stronger <= weaker + NOISE for weaker, stronger in pairwise(found)), found
     assert found[0] > 0.9
     assert found[-1] <= target, scores[-1].lines()

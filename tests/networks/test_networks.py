@@ -71,7 +71,7 @@ def test_thesis_generator() -> None:
 @pytest.mark.parametrize(("downsamplings", "upsampling"), [(1, "nearest"), (3, "strided"), (4, "nearest")])
 def test_more_downsamplings_keep_the_blocks(downsamplings: int, upsampling: Upsampling) -> None:
     """With half the width for each, blocks have the channels and the resolution that they had for fewer texels."""
-    generator = Generator(4 << (4 - downsamplings), 1, downsamplings, upsampling=upsampling, chance=2)
+    generator = Generator(4 << (4 - downsamplings), 1, downsamplings, upsampling=upsampling, random_fields=2)
     block = generator.blocks[0]
     assert isinstance(block, ResidualBlock)
     assert block.first.convolve.in_channels == 64
@@ -130,8 +130,8 @@ def test_initial_weights_depend_on_the_seed_alone() -> None:
 
 
 def _drawing(seed: int = 0, **options: int) -> Generator:
-    """A generator with chance and one label, as it might be after some training."""
-    generator = Generator(width=8, blocks=1, **{"chance": 3, "labels": 1, **options})
+    """A generator with random fields and one label, as it might be after some training."""
+    generator = Generator(width=8, blocks=1, **{"random_fields": 3, "labels": 1, **options})
     rng = torch.Generator().manual_seed(seed)
     initialise(generator, rng)
     with torch.no_grad():
@@ -166,7 +166,7 @@ def test_a_generator_starts_as_a_function_of_geometry_and_fields() -> None:
 
 def test_without_chance_nothing_is_built_for_it() -> None:
     names = set(Generator(width=4, blocks=1).state_dict())
-    assert names < set(Generator(width=4, blocks=1, chance=2).state_dict())
+    assert names < set(Generator(width=4, blocks=1, random_fields=2).state_dict())
     assert not any(name.startswith("modulation") for name in names)
 
 

@@ -41,5 +41,5 @@ def test_a_model_of_one_layer_has_nothing_to_compare(model: Model) -> None:
 
 
 def without_conditions(config: RunConfig) -> RunConfig:
-    generator = config.train.generator.without_chance
+    generator = config.train.generator.without_random_fields
     return config.model_copy(update={"train": config.train.model_copy(update={"generator": generator})})

@@ -43,7 +43,7 @@ def test_a_held_out_split_is_never_perturbed(config: Callable[..., TrainConfig],
     assert (coverage - source.real.coverage.float()).abs().mean() < 0.03
 
 
-def test_guides_are_of_the_exemplars_own_scenes(
+def test_gbuffers_are_of_the_exemplars_own_scenes(
     config: Callable[..., TrainConfig], source: BatchSource, tiny_dataset: Path
 ) -> None:
     """However fakes are perturbed, the discriminator sees real pictures beside their own geometry."""
@@ -72,9 +72,9 @@ def traced(monkeypatch: pytest.MonkeyPatch, source: BatchSource, dataset_copy: P
 @pytest.mark.parametrize(
     ("discriminator", "own"),
     [
-        ({"guide": False, "sees": "radiance"}, 0),
-        ({"guide": True, "sees": "radiance"}, 6),
-        ({"guide": False, "sees": "reflectance"}, 6),
+        ({"gbuffer": False, "compares": "radiance"}, 0),
+        ({"gbuffer": True, "compares": "radiance"}, 6),
+        ({"gbuffer": False, "compares": "reflectance"}, 6),
     ],
 )
 def test_own_scenes_are_traced_where_something_looks_at_them(
@@ -90,7 +90,7 @@ def test_own_scenes_are_traced_where_something_looks_at_them(
     source = make_batch_source(resolve_run(chosen), "train", load_renderer("numpy"), CPU)
     assert sorted(traced) == sorted([*range(6), *range(own)])
     held = source.own_scenes._cache  # type: ignore[union-attr]
-    assert len(held) == (6 if discriminator["sees"] == "reflectance" else min(own, 1))
+    assert len(held) == (6 if discriminator["compares"] == "reflectance" else min(own, 1))
     assert source.seen(0).max() > 0
     assert len(traced) == 6 + max(own, 1)
 
@@ -99,7 +99,10 @@ def test_what_is_held_out_is_traced_once_and_when_asked_for(
     config: Callable[..., TrainConfig], dataset_copy: Path, traced: list[int]
 ) -> None:
     chosen = config(
-        dataset=str(dataset_copy), discriminator={"sees": "reflectance"}, scenes={"camera_noise_degrees": 20.0}, spp=1
+        dataset=str(dataset_copy),
+        discriminator={"compares": "reflectance"},
+        scenes={"camera_noise_degrees": 20.0},
+        spp=1,
     )
     exemplars, seen = load_seen_texels(resolve_run(chosen), "validation", load_renderer("numpy"))
     assert traced == []
@@ -113,7 +116,7 @@ def test_a_fresh_stage_renders_each_layer_once(
     config: Callable[..., TrainConfig], tiny_dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     renderer, rendered = load_renderer("numpy"), []
-    source = make_batch_source(resolve_run(config(rendering="fresh")), "train", renderer, CPU)
+    source = make_batch_source(resolve_run(config(rendering="online")), "train", renderer, CPU)
     render = type(renderer).render
     monkeypatch.setattr(
         type(renderer), "render", lambda self, *args, **how: rendered.append(1) or render(self, *args, **how)
@@ -124,7 +127,7 @@ def test_a_fresh_stage_renders_each_layer_once(
     assert coverage.max() == 1
 
 
-LIT: dict[str, Any] = {"rendering": "fresh", "discriminator": {"guide": True, "light": True}}
+LIT: dict[str, Any] = {"rendering": "online", "discriminator": {"gbuffer": True, "light_buffer": True}}
 
 
 @pytest.fixture(scope="module")
@@ -188,9 +191,9 @@ def test_pictures_of_gloss_are_not_divided_by_their_light(config: Callable[..., 
     """Whatever the rendering, in one sentence."""
     gloss = SimpleNamespace(maps={"roughness": 0.5, "metallic": 0.0})
     with pytest.raises(ConfigError, match=r"reflectance is for base_color alone.* roughness, metallic too"):
-        _require_divisible(config(discriminator={"sees": "reflectance"}), gloss)  # type: ignore[arg-type]
-    _require_divisible(config(discriminator={"sees": "radiance"}), gloss)  # type: ignore[arg-type]
-    _require_divisible(config(discriminator={"sees": "reflectance"}), SimpleNamespace(maps={}))  # type: ignore[arg-type]
+        _require_divisible(config(discriminator={"compares": "reflectance"}), gloss)  # type: ignore[arg-type]
+    _require_divisible(config(discriminator={"compares": "radiance"}), gloss)  # type: ignore[arg-type]
+    _require_divisible(config(discriminator={"compares": "reflectance"}), SimpleNamespace(maps={}))  # type: ignore[arg-type]
 
 
 def test_no_buffer_is_rendered_that_is_not_shown(
@@ -198,7 +201,7 @@ def test_no_buffer_is_rendered_that_is_not_shown(
 ) -> None:
     for name in ("gbuffer", "light_buffer"):
         monkeypatch.setattr(ReferencePictures, name, lambda self: pytest.fail("nobody looks at it"))
-    plain = config(rendering="fresh", scenes={"camera_noise_degrees": 20.0})
+    plain = config(rendering="online", scenes={"camera_noise_degrees": 20.0})
     source = make_batch_source(resolve_run(plain), "train", load_renderer("numpy"), CPU)
     real, fake = make_pair(source, [0], source.scenes([0], np.random.default_rng(0)), torch.zeros(1, 32, 32, 4))
     assert (real.gbuffer, real.light_buffer, fake.gbuffer, fake.light_buffer) == (None,) * 4

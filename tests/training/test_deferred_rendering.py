@@ -59,7 +59,7 @@ def glossy_training(training_data: Data, glossy_dataset: Path) -> Data:
 @pytest.fixture(scope="module")
 def source(glossy_training: Data) -> BatchSource:
     """Matched scenes, in which the discriminator is shown both buffers."""
-    data = glossy_training(discriminator={"guide": True, "light": True})
+    data = glossy_training(discriminator={"gbuffer": True, "light_buffer": True})
     return make_batch_source(
         resolve_run(train_config(data, "here")), "train", load_renderer("warp", {"device": "cpu"}), CPU
     )
@@ -195,7 +195,11 @@ def test_a_renderer_that_stores_no_light_is_told(rendering: DeferredRendering) -
 
 def test_training_of_all_maps_resumes_to_the_bit(glossy_training: Data, tmp_path: Path) -> None:
     whole, parts = tmp_path / "whole", tmp_path / "parts"
-    changes: dict[str, Any] = {"save_every": 1, "score_every": 4, "discriminator": {"guide": True, "light": True}}
+    changes: dict[str, Any] = {
+        "save_every": 1,
+        "score_every": 4,
+        "discriminator": {"gbuffer": True, "light_buffer": True},
+    }
     config = train_config(glossy_training(steps=4, **changes), "here")
     train(config, whole)
     train(config.model_copy(update={"steps": 2}), parts)

@@ -29,7 +29,7 @@ EVERY = range(6)
 @pytest.fixture(scope="module")
 def make(training_data: Data, tiny_dataset: Path) -> Make:
     def make(**changes: Any) -> BatchSource:
-        config = train_config(training_data(discriminator={"sees": "reflectance"}, **changes), "here")
+        config = train_config(training_data(discriminator={"compares": "reflectance"}, **changes), "here")
         return make_batch_source(resolve_run(config), "train", load_renderer("numpy"), torch.device("cpu"))
 
     return make
@@ -106,7 +106,7 @@ def detail(image: Tensor, clear: Tensor) -> float:
 
 
 @pytest.mark.parametrize("scenes", SCENES)
-def test_neither_outline_nor_guide_tells_real_from_fake(scenes: dict[str, Any], make: Make) -> None:
+def test_neither_outline_nor_gbuffer_tells_real_from_fake(scenes: dict[str, Any], make: Make) -> None:
     source = make(scenes=scenes)
     real, fake = make_pair(source, EVERY, scenes_of(source), truth(source))
     assert torch.equal(real.coverage, fake.coverage)

@@ -179,7 +179,7 @@ def test_seen_texels_are_lit_and_learnable(tiny_dataset: Path, tiny_exemplars: E
 
 
 def test_a_renderer_without_transport_is_refused(tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
-    with pytest.raises(ConfigError, match="set rendering: fresh or choose another renderer"):
+    with pytest.raises(ConfigError, match="set rendering: online or choose another renderer"):
         CachedRendering(
             tiny_exemplars,
             perturbation(tiny_dataset),

@@ -151,7 +151,7 @@ def test_light_that_is_scattered_twice_does_not_blur_the_gbuffer(
 
 def test_a_renderer_without_gloss_makes_a_gbuffer_and_is_told_what_a_light_buffer_needs(setting: Setting) -> None:
     plain: Any = SimpleNamespace(name="plain", capabilities=RendererCapabilities())
-    with pytest.raises(ConfigError, match=r"cannot render metallic, roughness: set discriminator\.light: false"):
+    with pytest.raises(ConfigError, match=r"cannot render metallic, roughness: set discriminator\.light_buffer: false"):
         require_reference_materials(plain)
     require_reference_materials(setting.renderer)
     seen: list[set[str]] = []

@@ -1,4 +1,4 @@
-"""From a manifest to the folder of a data set, which appears whole or not at all."""
+"""Makes the folder of a data set from a manifest. The folder appears whole or not at all."""
 
 from __future__ import annotations
 
@@ -28,12 +28,14 @@ from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.plugins import load_embedding
 from svbrdfgan.utils.display import Display, SilentDisplay
 
-OVERLAYS, SHEET, RECORD = "overlay", "contact-sheet.png", "imported.json"
+OVERLAYS = "overlay"
+SHEET = "contact-sheet.png"
+RECORD = "imported.json"
 
 
 @dataclass(frozen=True)
 class ImportedPicture:
-    """The record of one imported picture.
+    """The record of an imported picture.
 
     Attributes:
         file: as the manifest names it.

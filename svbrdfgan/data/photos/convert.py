@@ -33,7 +33,12 @@ from svbrdfgan.types import Environment, Materials, Mesh, Rendering, View
 Place = tuple[Split, int]
 """Where an exemplar lies in its data set."""
 
-_SPP, _SMOOTH_SPP, _LIGHT_SPP = 64, 1024, 16
+_SPP = 64
+"""Samples per pixel of the clean rendering; the noise of as many is measured."""
+_SMOOTH_SPP = 1024
+"""Samples per pixel of renderings that count as free of noise."""
+_LIGHT_SPP = 16
+"""Samples per pixel of each lobe of light: estimates are sums over many pixels."""
 _WHOLE = 0.99
 """Coverage from which a pixel counts as filled."""
 _EROSION = 1 / 64

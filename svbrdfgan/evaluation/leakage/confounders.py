@@ -8,17 +8,18 @@ from typing import Any, Literal, get_args
 
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.training.config import ScenesConfig
+from svbrdfgan.training.resolve import ResolvedRun
 
 Confounder = Literal["pose", "light", "noise", "renderer"]
 CONFOUNDERS: tuple[Confounder, ...] = get_args(Confounder)
 
 REMEDIES: Mapping[Confounder, str] = MappingProxyType(
     {
-        "pose": "Let the discriminator see reflectance (discriminator.sees), carried to the exemplar's camera, where "
-        "layers paint base_color alone; or draw the fakes' cameras from the distribution of the exemplars' own "
+        "pose": "Let the discriminator see reflectance (discriminator.compares), carried to the exemplar's camera, "
+        "where layers paint base_color alone; or draw the fakes' cameras from the distribution of the exemplars' own "
         "(scenes.camera).",
-        "light": "Let the discriminator see reflectance (discriminator.sees), where the exemplars' light is known and "
-        "layers paint base_color alone; or give the fakes lights that cover theirs (scenes.environment).",
+        "light": "Let the discriminator see reflectance (discriminator.compares), where the exemplars' light is known "
+        "and layers paint base_color alone; or give the fakes lights that cover theirs (scenes.environment).",
         "noise": "Where the discriminator sees radiance, train with the exemplars' samples per pixel (spp, hits); or "
         "let it see reflectance: there, exemplars of more samples have less noise, which hardly hinders learning.",
         "renderer": "Train through the renderer that made the exemplars, with as many bounces; where that cannot be, "
@@ -39,7 +40,7 @@ def find_confounders(
     """
     config, exemplar_spp = run.config, run.dataset.config.spp
     found: dict[Confounder, str] = {"pose": _pose(config.scenes), "light": _light(config.scenes)}
-    if config.discriminator.sees == "reflectance":
+    if config.discriminator.compares == "reflectance":
         found["noise"] = f"{exemplar_spp} samples per pixel in exemplars, no noise in fakes"
     elif exemplar_spp != run.fake_spp:
         found["noise"] = f"{exemplar_spp} samples per pixel in exemplars, {run.fake_spp} in fakes"

@@ -100,7 +100,7 @@ def _open(config: TrainConfig, base: Path, display: Display) -> tuple[RenderedPa
     recorded = exemplars.scenes[0].renderer
     exemplar_renderer = renderer if recorded == choice else resolve_renderer(recorded, device)[0]
     _require_known(exemplars)
-    if run.config.discriminator.light:
+    if run.config.discriminator.light_buffer:
         require_reference_materials(renderer)
     chosen = np.unique(np.linspace(0, len(exemplars) - 1, min(len(exemplars), _MOST)).round().astype(int)).tolist()
     pairs = RenderedPairs(run, exemplars, chosen, renderer, exemplar_renderer, device, display.advance)

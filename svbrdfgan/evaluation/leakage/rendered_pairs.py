@@ -86,7 +86,7 @@ class RenderedPairs:
 
     @property
     def _demodulated(self) -> bool:
-        return self.run.config.discriminator.sees == "reflectance"
+        return self.run.config.discriminator.compares == "reflectance"
 
     def _scenes(self, scenes: ScenesConfig, spp: int) -> SceneRendering:
         if scenes.matched:  # training stores these too, whatever its pool

@@ -65,8 +65,16 @@ def fill_with_boxes(data: dict[str, Any], base: Path) -> None:
 def training(boxes: Path) -> Callable[..., TrainConfig]:
     """How to train on the boxes with a tiny discriminator, with changes."""
 
-    def changed(sees: str = "radiance", guide: bool = True, light: bool = False, **changes: object) -> TrainConfig:
-        discriminator = {"width": 8, "layers": 2, "sees": sees, "guide": guide, "light": light}
+    def changed(
+        compares: str = "radiance", gbuffer: bool = True, light_buffer: bool = False, **changes: object
+    ) -> TrainConfig:
+        discriminator = {
+            "width": 8,
+            "layers": 2,
+            "compares": compares,
+            "gbuffer": gbuffer,
+            "light_buffer": light_buffer,
+        }
         return train_config({"dataset": str(boxes), "discriminator": discriminator, **TRAINING, **changes}, "here")
 
     return changed

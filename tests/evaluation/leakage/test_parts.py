@@ -24,9 +24,10 @@ from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.resolve import ResolvedRun
 
 
-def config(sees: str = "radiance", **changes: object) -> TrainConfig:
+def config(compares: str = "radiance", **changes: object) -> TrainConfig:
     return train_config(
-        {"dataset": "d", "discriminator": {"width": 8, "layers": 1, "guide": False, "sees": sees}, **changes}, "here"
+        {"dataset": "d", "discriminator": {"width": 8, "layers": 1, "gbuffer": False, "compares": compares}, **changes},
+        "here",
     )
 
 
@@ -98,15 +99,15 @@ def test_what_differs_is_said(dataset_data: Callable[..., dict[str, object]]) ->
     )
     one, two = load_renderer("numpy"), load_renderer("numpy", {"max_bounces": 3})
 
-    def said(sees: str = "radiance", dataset: Dataset = matt, **changes: object) -> dict[str, str]:
-        run = ResolvedRun(config(sees, **changes), dataset)
+    def said(compares: str = "radiance", dataset: Dataset = matt, **changes: object) -> dict[str, str]:
+        run = ResolvedRun(config(compares, **changes), dataset)
         return dict(find_confounders(run, two if changes.get("seed") else one, one))
 
     assert said(spp=8) == {}
     assert said(spp=9) == {"noise": "8 samples per pixel in exemplars, 9 in fakes"}
     assert said(spp=8, hits=4) == {}  # there is no stored light of which to keep less
     assert said(spp=8, hits=4, dataset=glossy) == {"noise": "8 samples per pixel in exemplars, 4 in fakes"}
-    assert said(spp=8, hits=4, dataset=glossy, rendering="fresh") == {}
+    assert said(spp=8, hits=4, dataset=glossy, rendering="online") == {}
     assert said("reflectance", spp=8) == {"noise": "8 samples per pixel in exemplars, no noise in fakes"}
     assert said(spp=8, seed=1) == {
         "renderer": "NumpyRenderer with 3 bounces for exemplars, NumpyRenderer with 1 bounce for fakes"
