@@ -12,14 +12,10 @@ from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
 from svbrdfgan.errors import ConfigError
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
-    from torch import Tensor
-
     from svbrdfgan.config.choices import PartSelection
     from svbrdfgan.inference.export import Studio
     from svbrdfgan.scene.subject import Subject
-
-    Layer = Float[Tensor, "rows cols channels"]
+    from svbrdfgan.types import Layer
 
 Command = TypeVar("Command", bound=Callable[..., None])
 _SKY_SEED = 7  # of the cloudy sky that lights pictures by default

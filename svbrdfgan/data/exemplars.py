@@ -17,6 +17,7 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader, subject_key
 from svbrdfgan.scene.subject import Subject
+from svbrdfgan.types import Layer
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,7 @@ class Exemplars:
     scenes: tuple[Scene, ...]
     subjects: tuple[Subject, ...]
     subject_of: Int[Tensor, " exemplars"]
-    layers: Sequence[Float[Tensor, "rows cols channels"] | None]
+    layers: Sequence[Layer | None]
     loader: SceneLoader
 
     def __len__(self) -> int:

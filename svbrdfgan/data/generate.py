@@ -83,7 +83,7 @@ def render_scene(
     """The picture of a scene with its weathering."""
     subject = loader.subject(scene)
     surface = renderer.prepare(subject.surface) if prepared is None else prepared
-    materials = subject.materials(scene.materials, loader.layer(scene), scene.maps)
+    materials = subject.materials(loader.layer(scene), scene.maps, base_colors=scene.materials)
     return renderer.render(surface, materials, loader.view(scene), spp=scene.spp, seed=scene.seed)
 
 

@@ -38,6 +38,7 @@ from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, seeds_vary
 from svbrdfgan.training.run import RunConfig, load_model
+from svbrdfgan.types import Layer
 from svbrdfgan.utils.display import Display, SilentDisplay
 
 log = logging.getLogger(__name__)
@@ -173,13 +174,13 @@ def _with_own_conditions(
     if not config.conditions.size:
         return layers_of
 
-    def layers(index: int) -> dict[Painter, Tensor]:
+    def layers(index: int) -> dict[Painter, Layer]:
         labels = labels_of_scenes(config.conditions, [source.exemplars.scenes[index]])
         assert labels is not None
         found, geometry = layers_of(index), source.geometry([index])
         with torch.no_grad(), fabric.autocast():
             drawn = {name: Draw(each, 0, labels[0].tolist())(geometry)[0].float() for name, each in generators.items()}
-        return found | drawn
+        return found | {name: Layer(values, generators[name].maps) for name, values in drawn.items()}
 
     return layers
 

@@ -17,8 +17,9 @@ from svbrdfgan.metrics.flip import display as as_displayed
 from svbrdfgan.networks.generator import Generator
 from svbrdfgan.training.batches import BatchSource
 from svbrdfgan.training.run import RunConfig
+from svbrdfgan.types import Layer
 
-LayersOf = Callable[[int], dict[Painter, Float[Tensor, "rows cols channels"]]]
+LayersOf = Callable[[int], dict[Painter, Layer]]
 """The layers of a weathered exemplar, by painter; a generator's layer has the exemplar's own amount and recipe."""
 
 
@@ -46,29 +47,27 @@ class Evaluated:
     close_ups: tuple[PaintedScene, ...] = ()
     generator: Generator | None = None
 
-    def learned(self, index: int) -> Float[Tensor, "rows cols channels"]:
+    def learned(self, index: int) -> Layer:
         """The generator's layer of a weathered exemplar, on the CPU."""
-        return self.layers_of(index)["generated"].cpu().float()
+        return self.layers_of(index)["generated"].to("cpu")
 
 
 def by_subject(exemplars: Exemplars, layers: Mapping[Painter, Tensor]) -> LayersOf:
     """The layers of each exemplar's subject, and the exemplar's true one."""
 
-    def layers_of(index: int) -> dict[Painter, Tensor]:
+    def layers_of(index: int) -> dict[Painter, Layer]:
         subject, truth = int(exemplars.subject_of[index]), exemplars.layers[index]
         assert truth is not None
-        return {name: painted[subject] for name, painted in layers.items()} | {"truth": truth}
+        return {name: Layer(painted[subject], truth.maps) for name, painted in layers.items()} | {"truth": truth}
 
     return layers_of
 
 
-def pictures(
-    source: BatchSource, index: int, layers: Iterable[Float[Tensor, "rows cols channels"]]
-) -> list[Float[Tensor, "height width 3"]]:
+def pictures(source: BatchSource, index: int, layers: Iterable[Layer]) -> list[Float[Tensor, "height width 3"]]:
     """Display-referred pictures of an exemplar's scene, one under each layer."""
     scenes, shown = source.scenes([index], np.random.default_rng(0)), []
     for layer in layers:
         with torch.no_grad():
-            image, coverage = scenes.render(layer.unsqueeze(0).to(source.buffers.device))
+            image, coverage = scenes.render(layer.values.unsqueeze(0).to(source.buffers.device))
         shown.append(as_displayed(image[0].cpu(), coverage=coverage[0].cpu().float()))
     return shown

@@ -103,7 +103,7 @@ def train_oracle(
     The error of a map counts relative to its constant layer's, as in `recovered`, in units of base_color's. The oracle
     has neither random fields nor conditions: where the truth varies it learns one layer between the true ones.
     """
-    generator = make_generator(config.generator.without_random_fields, targets[0].truth.shape[-1])
+    generator = make_generator(config.generator.without_random_fields, targets[0].truth.maps)
     initialise(generator, torch.Generator().manual_seed(config.seed))
     generator.to(geometry.device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
     adam = torch.optim.Adam(generator.parameters(), schedule.rate, betas=(0.9, 0.99), fused=True)

@@ -83,5 +83,6 @@ def _move_to_hidden(surface: Surface, hidden: Bool[ndarray, " faces"]) -> Surfac
         return surface
     target = np.arange(len(surface.parts))
     target[moved] = len(surface.parts) + np.arange(len(moved))
-    twins = tuple(replace(surface.parts[k], name=f"{surface.parts[k].name} (hidden)", hidden=True) for k in moved)
+    whole = [surface.parts[k] for k in moved]
+    twins = tuple(replace(part, name=f"{part.name} (hidden)", hidden_half_of=part.name) for part in whole)
     return with_parts(surface, np.where(hidden, target[part], part), surface.parts + twins)

@@ -15,15 +15,21 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.metrics.texture_pyramid import Octave, octaves, patch_areas, pooled, premultiplied
-from svbrdfgan.rendering.compositing import layer_maps
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.metrics.texture_pyramid import (
+    Octave,
+    octaves,
+    patch_areas,
+    pooled,
+    premultiplied,
+    premultiplied_values,
+)
+from svbrdfgan.types import Layer
 
 PARTS = ("patches", "mean", "deviation", "spectrum", "joint", "amount")
 """The parts of `resemblance`."""
 
-Draws = Float[Tensor, "draws rows cols channels"]
-"""Layers of one vehicle, row 0 at v = 0, as a generator paints them; two or more."""
+Draws = Layer
+"""Layers of one vehicle, (draws, rows, cols, channels), as a generator paints them; two or more."""
 
 _VISIBLE = 0.01  # deviations far below this, of values in [0, 1], do not count
 _PATCH = 5
@@ -128,7 +134,7 @@ class Measure:
             surfaces,
             patches,
             (variance + _VISIBLE**2).sqrt(),
-            _map_values(truth[0].shape[-1]),
+            _map_values(truth[0].maps),
             [_whitening(_second_moments([_details(p[n]) for p in pyramids])) for n in range(levels)],
             [_covariance([p[n].blocks() for p in pyramids]) for n in range(levels)],
             [each.to(variance) for each in directions],
@@ -194,7 +200,7 @@ class Measure:
 
 
 def _octaves(draws: Draws, surface: ScoredSurface) -> list[Octave]:
-    return octaves(premultiplied(draws), surface.weight.to(draws.device))
+    return octaves(premultiplied(draws), surface.weight.to(draws.values.device))
 
 
 def _choose_patches(surface: ScoredSurface, count: int, rng: torch.Generator) -> list[Int[Tensor, " patches"] | None]:
@@ -238,9 +244,9 @@ def _second_moments(samples: Sequence[tuple[Tensor, Tensor]]) -> Float[Tensor, "
     return torch.stack(products).mean(dim=0)
 
 
-def _map_values(channels: int) -> list[Int[Tensor, " channels"]]:
-    """The values of `premultiplied` that belong to each map of a layer of so many channels."""
-    counts = [3, *(2 if name == "normal" else CHANNELS[name] for name in layer_maps(channels))]
+def _map_values(maps: tuple[str, ...]) -> list[Int[Tensor, " channels"]]:
+    """The values of `premultiplied` that belong to each map of a layer, base_color first."""
+    counts = [premultiplied_values(name) for name in ("base_color", *maps)]
     return [*torch.arange(1, 1 + sum(counts)).split(counts)]
 
 

@@ -13,7 +13,9 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from svbrdfgan.rendering.compositing import RGBA, layer_maps
+from svbrdfgan.types import Layer
+from svbrdfgan.types.layer import channel_slices
+from svbrdfgan.types.material import CHANNELS
 
 _COARSEST = 4  # least side in texels of the coarsest means
 
@@ -45,16 +47,17 @@ class Octave:
         return F.pixel_unshuffle(self.band, 2)[:, :, whole].transpose(1, 2), weight.sum(dim=0)[whole]
 
 
-def premultiplied(layers: Float[Tensor, "draws rows cols channels"]) -> Float[Tensor, "draws values rows cols"]:
-    """Alpha, then every map times alpha: what the layer adds to any base material. Of a normal, x and y.
+def premultiplied(draws: Layer) -> Float[Tensor, "draws values rows cols"]:
+    """Alpha, then every map times alpha: what the layer adds to any base material. Of a normal, x and y."""
+    values, places = draws.values.float().permute(0, 3, 1, 2), channel_slices(draws.maps)
+    alpha = values[:, places.pop("alpha")]
+    maps = [values[:, place][:, : premultiplied_values(name)] for name, place in places.items()]
+    return torch.cat([alpha, *(alpha * each for each in maps)], dim=1)
 
-    Raises:
-        AssetError: no layer has that number of channels.
-    """
-    flat = "normal" in layer_maps(layers.shape[-1])
-    layers = layers.float().permute(0, 3, 1, 2)
-    alpha, further = layers[:, 3:RGBA], layers[:, RGBA : -1 if flat else None]
-    return torch.cat([alpha, alpha * layers[:, :3], alpha * further], dim=1)
+
+def premultiplied_values(name: str) -> int:
+    """How many values of a map `premultiplied` gives."""
+    return 2 if name == "normal" else CHANNELS[name]
 
 
 def octave_count(rows: int, cols: int) -> int:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.geometry.bake import GeometryBuffer, exposed_faces
@@ -18,7 +18,7 @@ from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.exr import save_exr
 from svbrdfgan.io.gltf import save_glb
-from svbrdfgan.io.image import linear_from_srgb, save_texture
+from svbrdfgan.io.image import save_texture
 from svbrdfgan.types import Mesh
 
 
@@ -33,10 +33,10 @@ def write_bake(
     folder = Path(directory)
     save_exr(folder / "geometry_buffer.exr", _channels(buffer), uv_map=True)
     low, high = buffer.bounds
-    save_texture(
-        folder / "position.png", _preview((buffer.position - low) / (high - low).clamp(min=1e-12), buffer.mask)
-    )
-    save_texture(folder / "normal.png", _preview(0.5 + 0.5 * buffer.normal, buffer.mask))
+    position = (buffer.position - low) / (high - low).clamp(min=1e-12)
+    for name, values in (("position", position), ("normal", 0.5 + 0.5 * buffer.normal)):
+        dark_outside = torch.where(buffer.mask[..., None], values, torch.tensor(0.1))
+        save_texture(folder / f"{name}.png", dark_outside, "raw")
     base = bake_base_color(mesh, fragments)
     textures = {part: map_ for part, map_ in enumerate(base) if map_.ndim == 3}
     save_glb(folder / "surface.glb", fragments.surface, textures)
@@ -69,8 +69,3 @@ def _channels(buffer: GeometryBuffer) -> dict[str, Float[Tensor, "rows cols"]]:
     channels = {f"position.{axis}": buffer.position[..., i] for i, axis in enumerate("XYZ")}
     channels |= {f"normal.{axis}": buffer.normal[..., i] for i, axis in enumerate("XYZ")}
     return channels | {"mask": buffer.mask.float(), "part": buffer.part.float(), "area": buffer.area}
-
-
-def _preview(values: Float[Tensor, "rows cols 3"], mask: Bool[Tensor, "rows cols"]) -> Float[Tensor, "rows cols 3"]:
-    """An image whose sRGB-encoded file holds `values` unchanged: applies the inverse of the encoding. Dark outside."""
-    return linear_from_srgb(torch.where(mask[..., None], values.clamp(0.0, 1.0), torch.tensor(0.1)))

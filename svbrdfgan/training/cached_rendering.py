@@ -38,6 +38,7 @@ from svbrdfgan.training.scene_batch import (
     of_outermost_parts,
     with_progress,
 )
+from svbrdfgan.types import Layer
 from svbrdfgan.utils.copy_async import copy_async
 
 
@@ -65,7 +66,7 @@ class CachedSceneBatch:
         return Demodulator.of(self.batch)
 
     def render(self, layers: Layers) -> tuple[Images, Coverage]:
-        textures = composite(self.base, layers.float().index_select(0, self.batch.owner))
+        textures = composite(self.base, Layer(layers.float().index_select(0, self.batch.owner)))
         return self.batch.render(textures), self.batch.coverage
 
 
@@ -195,7 +196,7 @@ class CachedRendering:
         subject, view = self.exemplars.subject(index), self.exemplars.loader.view(scene)
         return build_transport(
             self.renderer.transport(self._surfaces.of(index), view, spp=self.spp, seed=scene.seed),
-            materials=subject.materials(scene.materials, None),
+            materials=subject.materials(base_colors=scene.materials),
             learnable=subject.learnable,
             gbuffer=subject.geometry.permute(1, 2, 0),
             view=view,

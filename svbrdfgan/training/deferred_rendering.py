@@ -14,7 +14,7 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.rendering.checked_renderer import CheckedLight, CheckedRenderer
-from svbrdfgan.rendering.compositing import composite
+from svbrdfgan.rendering.compositing import composite_values
 from svbrdfgan.rendering.shade_layer import shade
 from svbrdfgan.rendering.transport.cache import MemoryCache
 from svbrdfgan.scene.description import Scene
@@ -32,7 +32,7 @@ from svbrdfgan.training.scene_batch import (
     seen_in_gradient,
     with_progress,
 )
-from svbrdfgan.types import Material, Materials
+from svbrdfgan.types import Layer, Material, Materials
 from svbrdfgan.types.material import CHANNELS
 from svbrdfgan.utils.copy_async import copy_async
 
@@ -104,7 +104,8 @@ class DeferredSceneBatch:
         return torch.stack([scene.coverage for scene in self.scenes])
 
     def render(self, layers: Layers) -> tuple[Images, Coverage]:
-        textures = composite(self._base, layers.float().index_select(0, self._owner))
+        painted = Layer(layers.float().index_select(0, self._owner), self.maps[1:])
+        textures = composite_values(self._base, painted)
         lights = [scene.light for scene in self.scenes]
         shown = shade(self.renderer, lights, textures, maps=self.maps, visit=self.visit, seed=self.seed)
         return shown + torch.stack([scene.background for scene in self.scenes]), self.coverage
@@ -225,7 +226,7 @@ class DeferredRendering:
     def _trace(self, index: int, scene: Scene) -> DeferredScene:
         subject, view = self.exemplars.subject(index), self.exemplars.loader.view(scene)
         renderer, prepared = self.renderer, self._surfaces.of(index)
-        bare = subject.materials(scene.materials, None, scene.maps)
+        bare = subject.materials(None, scene.maps, base_colors=scene.materials)
         others = _blackened(bare, subject.learnable)
         beside = renderer.render(prepared, others, view, spp=self.spp, seed=scene.seed)
         light = renderer.store_light(

@@ -27,7 +27,7 @@ from svbrdfgan.training.scene_batch import (
     seen_in_gradient,
     with_progress,
 )
-from svbrdfgan.types import Rendering
+from svbrdfgan.types import Layer, Rendering
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,8 @@ class OnlineSceneBatch:
 
     def _render(self, n: int, layer: Float[Tensor, "rows cols channels"]) -> Rendering:
         subject, scene = self.exemplars.subject(self.indices[n]), self.scenes[n]
-        materials = subject.materials(scene.materials, layer.float(), scene.maps)
+        painted = Layer(layer.float(), tuple(scene.maps))
+        materials = subject.materials(painted, scene.maps, base_colors=scene.materials)
         return self.layer(self.prepared[n], materials, self.exemplars.loader.view(scene), seed=scene.seed)
 
     def _references(self, n: int) -> ReferencePictures:

@@ -77,7 +77,7 @@ class ReferencePictures:
         RGB each, linear, premultiplied, in half precision as exemplars are stored. Other parts look as in the scene.
         The buffer depends on geometry, camera and light, and not on the material of the learnable parts.
         """
-        others = self.subject.materials(self.scene.materials, None, self.scene.maps).parts
+        others = self.subject.materials(None, self.scene.maps, base_colors=self.scene.materials).parts
         painted = self.subject.with_hidden_halves
         images = [
             self._render([white if part in painted else other for part, other in enumerate(others)]).image

@@ -13,9 +13,10 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.metrics.recovered import SeenTexels
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
-from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.demodulation import Demodulator
+from svbrdfgan.types import Layer
+from svbrdfgan.types.layer import RGBA
 
 Layers = Float[Tensor, "batch rows cols channels"]
 Images = Float[Tensor, "batch height width 3"]
@@ -134,12 +135,12 @@ def seen_in_gradient(
         pixels: what counts of the picture; None stands for all of it.
     """
     scene, subject = exemplars.scenes[index], exemplars.subject(index)
-    white = torch.full((*subject.buffer.part.shape, RGBA), 0.5, device=renderer.device)
+    grey = Layer(torch.full((*subject.buffer.part.shape, RGBA), 0.5, device=renderer.device))
     view = exemplars.loader.view(scene)
     counted = torch.ones(view.height, view.width) if pixels is None else pixels.float()
     gradients = renderer.render_vjp(
         prepared,
-        subject.materials(scene.materials, white),
+        subject.materials(grey, base_colors=scene.materials),
         view,
         counted.unsqueeze(-1).repeat(1, 1, 3).to(renderer.device),
         wrt=frozenset({"base_color"}),

@@ -23,7 +23,6 @@ from svbrdfgan.networks.discriminator import Discriminator
 from svbrdfgan.networks.generator import Generator
 from svbrdfgan.networks.layers import initialise
 from svbrdfgan.networks.saved import make_generator
-from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.all_reduce import GradientAllReduce
 from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
 from svbrdfgan.training.reference_pictures import LIGHT_CHANNELS
@@ -64,12 +63,12 @@ class State:
         cls,
         config: TrainConfig,
         device: torch.device,
-        channels: int = RGBA,
+        maps: tuple[str, ...] = (),
         processes: int = 1,
         labels: int = 0,
         judged: int = RGB,
     ) -> State:
-        """The state before the first step, for layers with `channels` channels; the same for a seed on any device.
+        """The state before the first step, for layers with these further maps; the same for a seed on any device.
 
         Args:
             processes: number that share each step.
@@ -77,7 +76,7 @@ class State:
             judged: channels of what the discriminator judges, beside those of buffers and labels.
         """
         rng = torch.Generator().manual_seed(config.seed)
-        generator = make_generator(config.generator, channels, labels)
+        generator = make_generator(config.generator, maps, labels)
         discriminator = make_discriminator(config.discriminator, labels, judged)
         for network in (generator, discriminator):
             initialise(network, rng)

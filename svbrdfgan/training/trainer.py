@@ -21,7 +21,6 @@ from svbrdfgan.networks.draw import Draw
 from svbrdfgan.networks.saved import save_generator
 from svbrdfgan.plugins.registry import RENDERERS, find_plugin
 from svbrdfgan.plugins.select import resolve_renderer
-from svbrdfgan.rendering.compositing import layer_channels
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.graceful_interrupt import defer_interrupts
@@ -133,7 +132,7 @@ def _train(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path, 
 
 
 def _fresh_state(config: TrainConfig, record: RunConfig, device: torch.device, processes: int = 1) -> State:
-    return State.fresh(config, device, layer_channels(record.dataset.maps), processes, record.conditions.size)
+    return State.fresh(config, device, tuple(record.dataset.maps), processes, record.conditions.size)
 
 
 def _train_in_process(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path) -> None:

@@ -15,6 +15,7 @@ from svbrdfgan.metrics.recovered import Scorer, Target, make_targets, mean_error
 from svbrdfgan.networks.generator import Generator
 from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.types import Layer
 
 CONFIG = TrainConfig(dataset="none", batch_size=2, generator=GeneratorConfig(width=4, blocks=1, norm="group"))
 
@@ -29,7 +30,7 @@ def toy(tiny_exemplars: Exemplars) -> tuple[list[Target], Scorer]:
         layer = torch.stack(
             [torch.full_like(height, c) for c in (0.3, 0.2, 0.1)] + [torch.sigmoid(-4 * height)], dim=-1
         )
-        targets.append(replace(target, truth=layer))
+        targets.append(replace(target, truth=Layer(layer)))
     geometry = torch.stack([subject.geometry for subject in tiny_exemplars.subjects])
     constant = best_constants(targets)[0].expand(2, 32, 32, 4)
     return targets, Scorer(geometry, targets, {"base_color": mean_error(targets, constant)})
@@ -65,9 +66,8 @@ def test_further_maps_are_learned_and_decide(toy: tuple[list[Target], Scorer]) -
     targets = [
         replace(
             target,
-            truth=torch.cat([target.truth, torch.full((32, 32, 1), 0.9)], dim=-1),
-            base=torch.cat([target.base, torch.zeros(32, 32, 1)], dim=-1),
-            maps=("metallic",),
+            truth=Layer(torch.cat([target.truth.values, torch.full((32, 32, 1), 0.9)], dim=-1), ("metallic",)),
+            base={**target.base, "metallic": torch.zeros(32, 32, 1)},
         )
         for target in toy[0]
     ]

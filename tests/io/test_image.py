@@ -53,6 +53,12 @@ def test_alpha_is_kept_and_not_srgb(tmp_path: Path) -> None:
     assert load_image(tmp_path / "a.png")[0, 0, 3] == pytest.approx(128 / 255)
 
 
+def test_numbers_that_are_no_colours_are_written_as_they_are(tmp_path: Path) -> None:
+    numbers = torch.tensor([[[-1.0, 0.25, 0.5], [0.75, 1.0, 2.0]]])
+    save_image(tmp_path / "a.png", numbers, "raw")
+    np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "a.png")), [[[0, 64, 128], [191, 255, 255]]])
+
+
 @pytest.mark.parametrize("suffix", [".png", ".exr", ".hdr", ".jpg"])
 def test_row_0_of_an_image_is_on_top_and_of_a_texture_at_the_bottom(tmp_path: Path, suffix: str) -> None:
     image = torch.zeros(16, 24, 3)

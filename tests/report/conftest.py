@@ -22,7 +22,7 @@ from svbrdfgan.training.batches import BatchSource
 from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.run import RunConfig
-from svbrdfgan.types import Part, Surface
+from svbrdfgan.types import Layer, Part, Surface
 
 TEXELS, HEIGHT, WIDTH = 32, 32, 40
 
@@ -99,7 +99,7 @@ def make_evaluated(names: tuple[str, ...] = ("sedan_1", "van_2"), views: int = 2
         scenes=tuple(make_scene(names[n]) for n in owner.tolist()),
         subjects=(subject,) * count,
         subject_of=owner,
-        layers=tuple(truth[n] for n in owner.tolist()),
+        layers=tuple(Layer(truth[n]) for n in owner.tolist()),
         loader=SimpleNamespace(),
     )
     gbuffers = torch.zeros(count * views, HEIGHT, WIDTH, 6)

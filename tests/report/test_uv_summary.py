@@ -27,7 +27,7 @@ def rectangles(*uvs: np.ndarray, hidden: tuple[bool, ...] = ()) -> Surface:
         uv=np.concatenate(uvs),
         faces=faces,
         face_part=np.repeat(np.arange(count), 2),
-        parts=tuple(Part(f"part {k}", hidden=(hidden or (False,) * count)[k]) for k in range(count)),
+        parts=tuple(Part(f"part {k}", hidden_half_of="part" if hidden and hidden[k] else None) for k in range(count)),
         elevation=np.zeros(4 * count),
         source_face=np.arange(2 * count),
         source_barycentric=np.tile(np.eye(3), (2 * count, 1, 1)),

@@ -20,14 +20,14 @@ from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.generate import generate
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.plugins.registry import load_renderer
-from svbrdfgan.rendering.compositing import composite, composite_maps
+from svbrdfgan.rendering.compositing import composite_maps, composite_values
 from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.config import ScenesConfig, train_config
 from svbrdfgan.training.deferred_rendering import DeferredRendering, _stacked
 from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.training.state import checkpoints
 from svbrdfgan.training.trainer import train
-from svbrdfgan.types import Material
+from svbrdfgan.types import Layer, Material
 
 CPU = torch.device("cpu")
 CHANNELS = 9
@@ -89,7 +89,7 @@ def rng(seed: int = 0) -> np.random.Generator:
 def test_pictures_of_the_true_layers_are_the_exemplars(source: BatchSource, rendering: DeferredRendering) -> None:
     """On average over visits, in every picture."""
     indices = list(range(len(source)))
-    true = torch.stack([layer for layer in source.exemplars.layers if layer is not None])
+    true = torch.stack([layer.values for layer in source.exemplars.layers if layer is not None])
     pictures = [rendering.scenes(indices, rng(visit), visit).render(true) for visit in range(0, 64, 4)]
     mean, wanted = torch.stack([image for image, _ in pictures]).mean(dim=0), source.exemplars.images.float()
     off = (mean - wanted).sum(dim=(1, 2)).abs() / wanted.sum(dim=(1, 2))
@@ -189,10 +189,10 @@ def test_constants_stand_beside_textures() -> None:
     other = Material({"base_color": torch.rand(3), "roughness": torch.rand(3, 4, 1)})
     parts = _stacked([mixed, other], ("base_color", "roughness"))
     assert parts.shape == (2, 3, 4, 4)
-    layer = torch.rand(3, 4, 5)
+    layer = Layer(torch.rand(3, 4, 5), ("roughness",))
     for part, material in zip(parts, (mixed, other), strict=True):
-        wanted = torch.cat([*composite_maps(material.maps, layer, ("roughness",)).values()], dim=-1)
-        torch.testing.assert_close(composite(part, layer), wanted)
+        wanted = torch.cat([*composite_maps(material.maps, layer).values()], dim=-1)
+        torch.testing.assert_close(composite_values(part, layer), wanted)
 
 
 def test_a_renderer_that_stores_no_light_is_told(rendering: DeferredRendering) -> None:

@@ -58,7 +58,7 @@ def painted(source: BatchSource, color: tuple[float, float, float]) -> Tensor:
 
 
 def truth(source: BatchSource) -> Tensor:
-    layers = [layer for layer in source.exemplars.layers if layer is not None]
+    layers = [layer.values for layer in source.exemplars.layers if layer is not None]
     return torch.stack([layers[index] for index in range(len(EVERY))])
 
 

@@ -358,6 +358,6 @@ def test_a_generator_paints_a_mesh_of_ones_own(
     model = load_model(tmp_path / "run")
     mesh = DatasetIndex.load(tiny_dataset).meshes["validation"][0]
     subject, layer = paint(load_mesh(tiny_dataset / mesh.asset.path), model)
-    assert layer.shape == (32, 32, 4)
-    assert not layer.requires_grad
-    assert torch.equal(layer, model.generator(subject.geometry.unsqueeze(0))[0])
+    assert layer.values.shape == (32, 32, 4)
+    assert not layer.values.requires_grad
+    assert torch.equal(layer.values, model.generator(subject.geometry.unsqueeze(0))[0])

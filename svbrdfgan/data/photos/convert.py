@@ -151,7 +151,7 @@ class _Converter:
             return _on_cpu(self.renderer.render(prepared, materials, view, spp=_LIGHT_SPP, seed=seed))
 
         evidence = gather_evidence(
-            exposed, render, subject.materials(scene.materials, None), subject.learnable, self.mean
+            exposed, render, subject.materials(base_colors=scene.materials), subject.learnable, self.mean
         )
         radiance = environment(self.mean, estimate_weights(evidence, self.manifest.weathering_color))
         rows, folder = self.manifest.environment_rows, self.loader.folder
@@ -180,7 +180,7 @@ class _Converter:
 
     def _render_clean(self, scene: Scene) -> Rendering:
         """The scene without weathering."""
-        return self._render(scene, self.loader.subject(scene).materials(scene.materials, None), _SPP)
+        return self._render(scene, self.loader.subject(scene).materials(base_colors=scene.materials), _SPP)
 
     def _gloss(self, scene: Scene) -> Float[Tensor, "height width 3"]:
         """The radiance that gloss of the learnable parts adds to the picture, approximately."""

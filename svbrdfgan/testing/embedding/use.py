@@ -26,7 +26,7 @@ class UseTests(EmbeddingKit):
         subject = make_subject(mesh, self.embedding, _TEXELS, PartSelection(exclude=()))
         recipe = recipe_from_options("road-dirt", {"amount": 0.7, "seed": 1})
         layer = weather(subject.surface, subject.buffer, recipe)
-        albedo = subject.albedo({}, layer)
+        albedo = subject.albedo(layer)
         check(albedo.shape == (_TEXELS, _TEXELS, 3), f"the weathered texture has shape {tuple(albedo.shape)}.")
         bad = int((~torch.isfinite(albedo) | (albedo < 0.0) | (albedo > 1.0)).sum())
         check(not bad, f"the weathered texture has {bad} values outside 0 to 1.")

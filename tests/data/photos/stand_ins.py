@@ -87,7 +87,7 @@ class Photographer:
         layer = weather(subject.surface, subject.buffer, recipe, GLOSS)
         prepared, paint = self.renderer.prepare(subject.surface), PAINTS[rng.integers(len(PAINTS))]
         painted = dict.fromkeys((subject.surface.parts[part].name for part in subject.learnable), paint)
-        materials = subject.materials(painted, layer, GLOSS)
+        materials = subject.materials(layer, GLOSS, base_colors=painted)
         taken = []
         for number in range(views):
             camera, sky = _camera(rng), int(rng.integers(len(self.skies)))

@@ -100,7 +100,7 @@ def test_an_exemplar_is_the_linear_picture_up_to_exposure_and_gloss(photographs:
 def test_outlines_are_the_mesh_s_with_a_mask_and_without(exemplars: Exemplars) -> None:
     """So exemplars and fakes have the same outlines. Pixels beside the mask have the colour of the nearest inside."""
     for index in range(len(exemplars)):
-        made = rendered(exemplars, index, lambda s: s.materials({}, None))
+        made = rendered(exemplars, index, lambda s: s.materials())
         coverage, image = exemplars.coverage[index].float(), exemplars.images[index].float()
         assert (coverage - made.coverage).abs().max() < 0.25  # noise of 64 samples
         assert (coverage - made.coverage).abs().mean() < 0.01
