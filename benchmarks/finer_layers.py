@@ -30,8 +30,9 @@ from torch import Tensor
 
 from svbrdfgan.inference.apply import choose_draw, prepare
 from svbrdfgan.metrics.texture_pyramid import octaves, premultiplied
-from svbrdfgan.networks import Draw
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.networks.draw import Draw
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.run import Model, load_model
 

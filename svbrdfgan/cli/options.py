@@ -106,9 +106,9 @@ def studio_maker(
 
     from svbrdfgan.config.choices import PluginChoice
     from svbrdfgan.inference.export import Studio
-    from svbrdfgan.io import load_environment
+    from svbrdfgan.io.environment import load_environment
     from svbrdfgan.plugins.select import resolve_renderer
-    from svbrdfgan.procedural import build_sky, sample_sky
+    from svbrdfgan.procedural.sky import build_sky, sample_sky
 
     chosen, _ = resolve_renderer(PluginChoice(name=renderer), maps=maps)
     light = build_sky(sample_sky(_SKY_SEED)) if environment is None else load_environment(environment)

@@ -17,10 +17,10 @@ from torch import Tensor
 
 from svbrdfgan.data.config import Label
 from svbrdfgan.geometry.camera_hits import CameraHits, camera_hits
-from svbrdfgan.io import save_codes
+from svbrdfgan.geometry.texels import sample_texture
 from svbrdfgan.io.exr import save_exr
+from svbrdfgan.io.image import save_codes
 from svbrdfgan.rendering.compositing import RGBA
-from svbrdfgan.rendering.texture_filter import sample_texture
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.types import Surface

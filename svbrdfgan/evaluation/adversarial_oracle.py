@@ -23,14 +23,13 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.metrics.recovered import SeenTexels, shown_texels
 from svbrdfgan.metrics.texture_pyramid import premultiplied
-from svbrdfgan.networks import GEOMETRY_CHANNELS, Generator
+from svbrdfgan.networks.generator import GEOMETRY_CHANNELS, Generator
 from svbrdfgan.training.batches import stack_inputs
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.discriminator_batch import DiscriminatorBatch, Pictures, tone_curve
 from svbrdfgan.training.run import RunConfig
 from svbrdfgan.training.state import State
-from svbrdfgan.training.step import Diagnostics, adversarial_step, draw_seeds
-from svbrdfgan.training.trainer import batch_indices
+from svbrdfgan.training.step import Diagnostics, adversarial_step, batch_indices, draw_seeds
 from svbrdfgan.utils.copy_async import copy_async
 
 Watch = Callable[[int], None]

@@ -10,7 +10,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation.relight import RelitScene, render_under
+from svbrdfgan.evaluation.record import Painter
+from svbrdfgan.evaluation.relight import PaintedScene, render_under
 from svbrdfgan.geometry.camera_hits import camera_hits
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import SceneWeathering
@@ -24,24 +25,23 @@ _ZOOM = 4.0  # the field of view is divided by it
 def close_ups(
     exemplars: Exemplars,
     renderer: CheckedRenderer,
-    layers_of: Callable[[int], Mapping[str, Float[Tensor, "rows cols channels"]]],
-) -> tuple[RelitScene, ...]:
+    layers_of: Callable[[int], Mapping[Painter, Float[Tensor, "rows cols channels"]]],
+) -> tuple[PaintedScene, ...]:
     """Close-ups of up to three vehicles: the middle of the exemplar with the greatest amount, four times nearer.
 
     The vehicles are evenly spread over the split, and chosen regardless of what was learned.
 
     Args:
-        layers_of: an exemplar's layers, by what painted them.
+        layers_of: an exemplar's layers, the true one among them.
     """
     weathered = [list(filter(exemplars.weathered, exemplars.views_of(n))) for n in range(len(exemplars.subjects))]
     chosen = [max(views, key=lambda view: _amount(exemplars, view)) for views in weathered if views]
     spread = sorted({round(n) for n in np.linspace(0, len(chosen) - 1, min(_COUNT, len(chosen)))})
     found = []
     for exemplar in (chosen[n] for n in spread):
-        scene, subject, truth = exemplars.scenes[exemplar], exemplars.subject(exemplar), exemplars.layers[exemplar]
-        assert truth is not None
+        scene, subject = exemplars.scenes[exemplar], exemplars.subject(exemplar)
         view = _nearer(subject, exemplars.loader.view(scene))
-        layers = {name: layer for name, layer in layers_of(exemplar).items() if name != "constant"} | {"truth": truth}
+        layers: dict[Painter, Tensor] = {by: layer for by, layer in layers_of(exemplar).items() if by != "constant"}
         found.append(render_under(scene, view, subject, renderer, renderer.prepare(subject.surface), layers))
     return tuple(found)
 

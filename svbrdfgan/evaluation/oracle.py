@@ -24,8 +24,9 @@ from svbrdfgan.evaluation.adversarial_oracle import Budget, TrueLayers, train_ad
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.metrics.map_errors import LEAST_ERRORS
 from svbrdfgan.metrics.recovered import Scorer, SeenTexels, Target, make_targets
-from svbrdfgan.networks import Generator, initialise, make_generator
-from svbrdfgan.networks.saved import load_generator, save_generator
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.layers import initialise
+from svbrdfgan.networks.saved import load_generator, make_generator, save_generator
 from svbrdfgan.training.batches import stack_inputs
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.metrics_log import read_metrics
@@ -68,16 +69,24 @@ class OracleConfig:
 
 @dataclass(frozen=True, eq=False)
 class Oracle:
-    """A trained oracle.
+    """An oracle, trained now or in an earlier evaluation.
 
     Attributes:
-        plateau: whether its score stopped rising before the last step.
+        score: on the validation split; None of an adversarial one.
+        plateau: whether a supervised one had stopped improving; None of an adversarial one.
+        run_steps: the steps that the run had made when an adversarial one was trained as long; else None.
     """
 
     generator: Generator
-    score: float
+    score: float | None
     steps: int
-    plateau: bool
+    plateau: bool | None
+    run_steps: int | None = None
+
+    @property
+    def adversarial(self) -> bool:
+        """Whether the oracle draws, and so is compared by `resemblance`."""
+        return self.generator.random_fields > 0
 
 
 def train_oracle(
@@ -134,28 +143,6 @@ def _weights(constant_errors: Mapping[str, float], device: torch.device) -> Floa
     return torch.tensor(relative, device=device)
 
 
-@dataclass(frozen=True, eq=False)
-class TrainedOracle:
-    """An oracle, trained now or in an earlier evaluation.
-
-    Attributes:
-        score: on the validation split; None of an adversarial one.
-        plateau: whether a supervised one had stopped improving; None of an adversarial one.
-        run_steps: the steps that the run had made when an adversarial one was trained as long; else None.
-    """
-
-    generator: Generator
-    score: float | None
-    plateau: bool | None
-    steps: int
-    run_steps: int | None = None
-
-    @property
-    def adversarial(self) -> bool:
-        """Whether the oracle draws, and so is compared by `resemblance`."""
-        return self.generator.random_fields > 0
-
-
 def oracle_of(
     run: Path,
     fabric: Fabric,
@@ -165,7 +152,7 @@ def oracle_of(
     schedule: OracleConfig,
     budget: Budget | None,
     shown: Display,
-) -> TrainedOracle:
+) -> Oracle:
     """The run's oracle, trained now if there is none.
 
     The oracle is adversarial if the run learns a distribution, and otherwise supervised. One that was trained as long
@@ -197,14 +184,14 @@ def oracle_of(
     return oracle
 
 
-def _stored(run: Path, device: torch.device) -> TrainedOracle | None:
+def _stored(run: Path, device: torch.device) -> Oracle | None:
     """The oracle of an earlier evaluation."""
     path, notes = run / ORACLE, run / ORACLE_NOTES
     if not path.is_file() or not notes.is_file():
         return None
     reached = json.loads(notes.read_text(encoding="utf-8"))
     generator, score = load_generator(path)
-    return TrainedOracle(generator.to(device), score, **{name: reached.get(name) for name in _NOTES})
+    return Oracle(generator.to(device), score, **{name: reached.get(name) for name in _NOTES})
 
 
 def _budget_of(run: Path, config: TrainConfig) -> Budget:
@@ -215,11 +202,11 @@ def _budget_of(run: Path, config: TrainConfig) -> Budget:
 
 def _adversarial(
     fabric: Fabric, config: RunConfig, load: Callable[[Split], LoadedSplit], budget: Budget, shown: Display
-) -> TrainedOracle:
+) -> Oracle:
     truth = TrueLayers.of(*load("train"), config, fabric.device)
     shown.begin("training the oracle on true layers", budget.steps)
     generator, steps = train_adversarial_oracle(fabric, config.train, truth, budget, shown.advance)
-    return TrainedOracle(generator, None, None, steps)
+    return Oracle(generator, None, steps, None)
 
 
 def _supervised(
@@ -229,7 +216,7 @@ def _supervised(
     constants: Tensor,
     schedule: OracleConfig,
     shown: Display,
-) -> TrainedOracle:
+) -> Oracle:
     """A supervised oracle, whose training stops by the score on the validation split."""
     trained, seen = load("train")
     targets, _ = make_targets(trained, seen, fabric.device, _TARGETS)
@@ -240,5 +227,4 @@ def _supervised(
     def watch(step: int, score: float) -> None:
         shown.advance(schedule.every, f"recovered {score:.3f}")
 
-    oracle = train_oracle(fabric, config.train, stack_inputs(trained, fabric.device), targets, scorer, schedule, watch)
-    return TrainedOracle(oracle.generator, oracle.score, oracle.plateau, oracle.steps)
+    return train_oracle(fabric, config.train, stack_inputs(trained, fabric.device), targets, scorer, schedule, watch)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from svbrdfgan.evaluation.evaluate import Evaluated, pictures
+from svbrdfgan.evaluation.evaluated import Evaluated, pictures
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.metrics.flip import display
 from svbrdfgan.report.pictures import INK, PAPER, Picture, cell, font, framed, over_checker, upright
@@ -64,16 +64,16 @@ def write_contact_sheet(path: Path, strips: Mapping[str, Path]) -> None:
 
 
 def _pictures(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
-    exemplars, layer = evaluated.source.exemplars, evaluated.layers_of(index)["generated"]
+    exemplars, layer = evaluated.source.exemplars, evaluated.learned(index)
     subject, truth = exemplars.subject(index), exemplars.layers[index]
     assert truth is not None
     coverage = exemplars.coverage[index].float()
-    made = pictures(evaluated.source, index, {"learned": layer})["learned"]
+    (made,) = pictures(evaluated.source, index, [layer])
     return (
         framed(display(exemplars.images[index].float(), coverage=coverage), coverage),
         framed(made, coverage),
         upright(over_checker(truth), subject.learnable_texels),
-        upright(over_checker(layer.cpu().float()), subject.learnable_texels),
+        upright(over_checker(layer), subject.learnable_texels),
     )
 
 

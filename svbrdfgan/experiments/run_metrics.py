@@ -13,9 +13,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.evaluation.evaluate import Evaluated
+from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.experiments.definition import Measure
-from svbrdfgan.metrics.recovered import SeenTexels, make_targets, mean_error
+from svbrdfgan.metrics.recovered import SeenTexels, make_targets, mean_error, shown_texels
 from svbrdfgan.report.vehicles import choose_views
 from svbrdfgan.training.batches import BatchSource
 from svbrdfgan.training.config import ScenesConfig
@@ -62,8 +62,7 @@ def recovered_where(evaluated: Evaluated, seen: SeenTexels, chosen: Callable[[Bo
 
     @cache
     def picked(subject: int) -> Float[Tensor, "rows cols"]:
-        shown = torch.stack([seen(view).cpu() > 0 for view in exemplars.views_of(subject)]).any(dim=0)
-        return chosen(shown).float()
+        return chosen(shown_texels(exemplars, seen, subject)).float()
 
     targets, _ = make_targets(exemplars, lambda view: picked(int(exemplars.subject_of[view])), source.buffers.device)
     return 1.0 - mean_error(targets, layers["generated"]) / mean_error(targets, layers["constant"])

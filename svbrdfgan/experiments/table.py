@@ -99,7 +99,8 @@ def _spread(results: Results) -> str:
 
 def _rising(lines: Iterable[TableLine]) -> str:
     """Names the oracles that stopped while their scores still rose, so that these are too low a ceiling."""
-    found = [_label(line) for line in lines if any(o.evaluation.oracle_plateau is False for o in line.outcomes)]
+    oracles = {_label(line): [outcome.evaluation.oracle for outcome in line.outcomes] for line in lines}
+    found = [label for label, its in oracles.items() if any(each and each.plateau is False for each in its)]
     return f" Its steps ran out while it was still rising in: {'; '.join(found)}." if found else ""
 
 

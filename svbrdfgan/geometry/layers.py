@@ -10,6 +10,7 @@ from numpy import ndarray
 
 from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.geometry.split import cut_faces, with_parts
+from svbrdfgan.geometry.texels import centroid_texels
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.types import Mesh, Surface
 
@@ -57,7 +58,7 @@ def hide_and_rasterize(surface: Surface, resolution: int) -> Fragments:
 
 
 def layer_counts(fragments: Fragments) -> tuple[Int[ndarray, " faces"], Int[ndarray, " faces"]]:
-    """For each face, the number of texels that it covers, and at how many of them it is (nearly) the outermost.
+    """The number of texels that each face covers, and the number of those where the face is (nearly) the outermost.
 
     A face that covers no texel's centre counts as covering one texel: that of its centroid.
     """
@@ -72,13 +73,6 @@ def layer_counts(fragments: Fragments) -> tuple[Int[ndarray, " faces"], Int[ndar
     near[small] = surface.elevation[surface.faces[small]].mean(axis=1) >= floor[texel]
     covered[small] = 1
     return covered, near
-
-
-def centroid_texels(surface: Surface, rows: int, cols: int) -> Int[ndarray, " faces"]:
-    """The texel (row * cols + col) in which each face's centroid lies."""
-    middle = surface.uv[surface.faces].mean(axis=1) * (cols, rows)
-    col, row = np.minimum(middle.astype(np.int64), (cols - 1, rows - 1)).T
-    return row * cols + col
 
 
 def _move_to_hidden(surface: Surface, hidden: Bool[ndarray, " faces"]) -> Surface:

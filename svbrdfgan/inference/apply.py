@@ -15,9 +15,9 @@ from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.geometry.bake import bake
 from svbrdfgan.geometry.layers import embed_and_rasterize
-from svbrdfgan.networks import Draw
+from svbrdfgan.networks.draw import Draw
 from svbrdfgan.networks.random_fields import MOST_SEEDS
-from svbrdfgan.plugins import load_embedding
+from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.training.run import Model
 from svbrdfgan.types import Mesh

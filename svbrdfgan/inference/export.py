@@ -17,7 +17,8 @@ from torch.nn.functional import normalize
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.geometry.tangents import corner_tangents
-from svbrdfgan.io import linear_from_srgb, save_glb, save_image, save_texture
+from svbrdfgan.io.gltf import save_glb
+from svbrdfgan.io.image import linear_from_srgb, save_image, save_texture
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import RGBA, over
 from svbrdfgan.scene.subject import Subject

@@ -28,7 +28,7 @@ def constant_layers(exemplars: Exemplars, seen: SeenTexels, device: torch.device
 
 
 def best_constants(targets: Sequence[Target], steps: int = 400) -> Float[Tensor, "maps channels"]:
-    """For each map, base_color first, the constant layer whose composite errs least in it on these targets.
+    """The constant layer whose composite errs least in each map, base_color first, on these targets.
 
     What does not enter the error of its map is the mean of the true layers, weighted by alpha.
     """

@@ -21,7 +21,7 @@ _ALPHA = 3
 
 
 class AmountFigures(StrictModel):
-    """How the mean alpha over the learnable area follows the amount that is asked for; means over the vehicles.
+    """The mean alpha over the learnable area beside the amount that is asked for; means over the vehicles.
 
     Attributes:
         correlation: rank correlation, over amounts, of the generator's mean alpha and the recipe's.

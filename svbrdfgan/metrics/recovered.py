@@ -12,17 +12,20 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
+from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io import srgb_from_linear
+from svbrdfgan.io.image import srgb_from_linear
 from svbrdfgan.metrics.map_errors import LEAST_ERRORS, map_error
 from svbrdfgan.rendering.compositing import bare_maps, composite
 from svbrdfgan.types.material import CHANNELS
+
+if TYPE_CHECKING:
+    from svbrdfgan.data.exemplars import Exemplars
 
 SeenTexels = Callable[[int], Float[Tensor, "rows cols"]]
 """Maps an exemplar's index to a texture that is positive where its picture shows the outermost learnable surface."""
@@ -57,12 +60,8 @@ class Target:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All maps that the layer paints, in the order of `CHANNELS`."""
+        """The maps that the layer paints, in the order of `CHANNELS`."""
         return ("base_color", *self.maps)
-
-    def error(self, layer: Float[Tensor, "*#size channels"]) -> Float[Tensor, ""]:
-        """E of a layer in base_color."""
-        return self.errors(layer)[0]
 
     def errors(self, layer: Float[Tensor, "*#size channels"]) -> Float[Tensor, " maps"]:
         """E of a layer in each map; NaN in one that is observed nowhere."""
@@ -216,10 +215,6 @@ class Scorer:
         learned, truth = layers[chosen], torch.stack([first[subject] for subject in chosen])
         rows = [composite(torch.full_like(x[..., :3], 0.2), x).flip(1) for x in (learned, truth)]
         return srgb_from_linear(torch.cat([torch.cat(list(row), dim=1) for row in rows]).cpu())
-
-    def recovered(self, generator: Callable[[Tensor], Tensor]) -> float:
-        """1 - E(generator) / E(constant) in base_color."""
-        return self.recovered_by(self.layers(generator))
 
     def recovered_by(self, layers: Float[Tensor, "subjects rows cols channels"]) -> float:
         """1 - E(layers) / E(constant) in base_color."""

@@ -23,7 +23,7 @@ from svbrdfgan.metrics.texture_pyramid import octave_count
 
 
 class Resemblance(StrictModel):
-    """How alike draws of layers are to true ones.
+    """The score of how alike draws of layers are to true ones, and its parts.
 
     Attributes:
         patches: patches of all maps, in every octave.
@@ -129,7 +129,7 @@ class Resembler:
         )
 
     def score(self, generated: Sequence[Draws]) -> Resemblance:
-        """How alike a generator's draws are, one stack for each vehicle.
+        """The resemblance of a generator's draws, one stack for each vehicle.
 
         Raises:
             AssetError: the stacks do not fit the surfaces or are of one draw.

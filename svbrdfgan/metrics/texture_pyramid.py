@@ -20,7 +20,7 @@ _COARSEST = 4  # least side in texels of the coarsest means
 
 @dataclass(frozen=True, eq=False)
 class Octave:
-    """One octave of a stack of textures; at octave n, a texel covers 2^n x 2^n of the finest.
+    """An octave of a stack of textures; at octave n, a texel covers 2^n x 2^n of the finest.
 
     Attributes:
         values: means over the surface of each texel.
@@ -58,7 +58,7 @@ def premultiplied(layers: Float[Tensor, "draws rows cols channels"]) -> Float[Te
 
 
 def octave_count(rows: int, cols: int) -> int:
-    """How often a texture can be halved, so that its coarsest means have at least 4 texels a side."""
+    """The number of times that a texture can be halved, so that its coarsest means have at least 4 texels a side."""
     count, side = 0, min(rows, cols)
     while rows % 2 == cols % 2 == 0 and side >= 2 * _COARSEST:
         rows, cols, side, count = rows // 2, cols // 2, side // 2, count + 1
@@ -90,7 +90,7 @@ def pooled(
 def patch_areas(
     part: Int[Tensor, "rows cols"], weight: Float[Tensor, "rows cols"], side: int
 ) -> list[Float[Tensor, " patches"]]:
-    """For each octave, the area at the centre of each patch of side x side texels, in `F.unfold`'s order.
+    """The area at the centre of each patch of side x side texels, for each octave, in `F.unfold`'s order.
 
     It is zero unless all texels of the patch are scored surface of one part.
     """

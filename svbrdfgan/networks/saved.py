@@ -18,7 +18,7 @@ _FORMAT = "svbrdfgan generator 2"
 
 
 class GeneratorConfig(StrictModel):
-    """The ResNet of thesis 4.3.1, which paints layers (`svbrdfgan.networks.Generator`)."""
+    """The ResNet of thesis 4.3.1, which paints layers (`svbrdfgan.networks.generator.Generator`)."""
 
     width: int = Field(default=64, ge=4, description="channels after its first convolution; cost grows with the square")
     blocks: int = Field(default=6, ge=0, description="residual blocks")

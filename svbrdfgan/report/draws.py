@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import torch
 
-from svbrdfgan.evaluation.evaluate import Evaluated
-from svbrdfgan.networks import Draw
+from svbrdfgan.evaluation.evaluated import Evaluated
+from svbrdfgan.networks.draw import Draw
 from svbrdfgan.report.pictures import Picture, over_checker, upright
 from svbrdfgan.report.vehicles import Titled, Vehicle, subject_name
 from svbrdfgan.scene.description import SceneWeathering

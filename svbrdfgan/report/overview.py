@@ -8,7 +8,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from svbrdfgan.evaluation.evaluate import Evaluated, pictures
+from svbrdfgan.evaluation.evaluated import Evaluated, pictures
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.metrics.flip import display
 from svbrdfgan.report.pictures import INK, PAPER, Picture, cell, font, framed, over_checker, signed_as_color, upright
@@ -62,16 +62,16 @@ def write_overview(
 
 def _row(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
     exemplars = evaluated.source.exemplars
-    subject, layer = exemplars.subject(index), evaluated.layers_of(index)["generated"]
+    subject, layer = exemplars.subject(index), evaluated.learned(index)
     truth = display(exemplars.images[index].float(), coverage=exemplars.coverage[index].float())
-    learned = pictures(evaluated.source, index, {"generated": layer})["generated"]
+    (learned,) = pictures(evaluated.source, index, [layer])
     normal = upright(signed_as_color(subject.geometry[3:6].cpu()), subject.buffer.mask)
     coverage = exemplars.coverage[index]
     return (
         normal,
         framed(truth, coverage),
         framed(learned, coverage),
-        upright(over_checker(layer.cpu().float()), subject.learnable_texels),
+        upright(over_checker(layer), subject.learnable_texels),
     )
 
 

@@ -16,10 +16,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError, EmbeddingError
-from svbrdfgan.io import load_environment, load_mesh
-from svbrdfgan.networks import Draw, Generator
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.networks.draw import Draw
+from svbrdfgan.networks.generator import Generator
 from svbrdfgan.networks.saved import load_generator
-from svbrdfgan.plugins import load_embedding
+from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.rendering.compositing import layer_channels
 from svbrdfgan.scene.cache import (
     load_layer,
@@ -32,8 +34,11 @@ from svbrdfgan.scene.cache import (
 from svbrdfgan.scene.description import AssetRef, Scene, SceneWeathering
 from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.types import Environment, View
-from svbrdfgan.weathering import Recipe, Site, find_site, recipe_from_options, weather
+from svbrdfgan.weathering.layer import recipe_from_options, weather
 from svbrdfgan.weathering.mesh_maps import MeshMaps, bake_mesh_maps
+from svbrdfgan.weathering.recipes import Recipe
+from svbrdfgan.weathering.site import Site
+from svbrdfgan.weathering.survey import find_site
 
 log = logging.getLogger(__name__)
 

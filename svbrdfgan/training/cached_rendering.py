@@ -19,8 +19,10 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.metrics.recovered import SeenTexels
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import composite
-from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
+from svbrdfgan.rendering.transport.build import build_transport
 from svbrdfgan.rendering.transport.cache import TransportStore
+from svbrdfgan.rendering.transport.light_transport import LightTransport
+from svbrdfgan.rendering.transport.product import TransportBatch
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.demodulation import Demodulator

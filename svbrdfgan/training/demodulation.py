@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from svbrdfgan.rendering.transport import TransportBatch
+from svbrdfgan.rendering.transport.product import TransportBatch
 
 Image = Float[Tensor, "batch height width 3"]
 Pixels = Bool[Tensor, "batch height width"]

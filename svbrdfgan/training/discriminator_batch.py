@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.data.generate import BRIGHTEST
+from svbrdfgan.data.exemplar_files import BRIGHTEST
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.utils.copy_async import copy_async
 
@@ -30,7 +30,7 @@ class ImageBatch:
         gbuffer: position and normal that each pixel shows, premultiplied; None where the discriminator is not shown it.
         light_buffer: how the scene lights reference materials there (`svbrdfgan.training.reference_pictures`), linear
             and premultiplied; None likewise.
-        labels: what is known of the layer that each image shows (`svbrdfgan.networks.Conditions`); None if nothing is.
+        labels: what is known of the layer that each image shows (`Conditions`); None if nothing is.
     """
 
     image: Float[Tensor, "batch height width 3"]

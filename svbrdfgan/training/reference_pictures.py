@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.data.generate import BRIGHTEST
+from svbrdfgan.data.exemplar_files import BRIGHTEST
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene

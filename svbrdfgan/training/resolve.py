@@ -13,7 +13,8 @@ from svbrdfgan.data.conditions import conditions_of
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.networks import Conditions, GeneratorConfig
+from svbrdfgan.networks.conditions import Conditions
+from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
 
 

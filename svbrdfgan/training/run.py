@@ -15,7 +15,8 @@ from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.records import load_record, save_record
-from svbrdfgan.networks import Conditions, Generator
+from svbrdfgan.networks.conditions import Conditions
+from svbrdfgan.networks.generator import Generator
 from svbrdfgan.networks.saved import load_generator
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.resolve import ResolvedRun

@@ -19,7 +19,10 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from svbrdfgan.errors import AssetError, TrainingError
-from svbrdfgan.networks import Discriminator, Generator, initialise, make_generator
+from svbrdfgan.networks.discriminator import Discriminator
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.layers import initialise
+from svbrdfgan.networks.saved import make_generator
 from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.all_reduce import GradientAllReduce
 from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig

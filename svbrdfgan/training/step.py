@@ -64,6 +64,13 @@ def step_rng(fabric: Fabric, config: TrainConfig, step: int, critic_step: int) -
     return np.random.default_rng([config.seed, step, critic_step, fabric.global_rank])
 
 
+def batch_indices(seed: int, count: int, batch_size: int, number: int) -> list[int]:
+    """The exemplar indices of a batch: every epoch goes through all exemplars in a random order of its own."""
+    positions = np.arange(number * batch_size, (number + 1) * batch_size)
+    epochs = {int(r): np.random.default_rng([seed, int(r)]).permutation(count) for r in np.unique(positions // count)}
+    return [int(epochs[int(p // count)][p % count]) for p in positions]
+
+
 def make_pair(
     source: BatchSource, indices: Sequence[int], scenes: SceneBatch, layers: Layers
 ) -> tuple[ImageBatch, ImageBatch]:

@@ -10,17 +10,16 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import torch
 from lightning_fabric import Fabric
 
-from svbrdfgan.data.gather import INDEX
+from svbrdfgan.data.index import INDEX
 from svbrdfgan.errors import ConfigError, TrainingError
 from svbrdfgan.metrics.constant_layer import constant_layers
 from svbrdfgan.metrics.recovered import Scorer, mean_over_maps
-from svbrdfgan.networks import Draw
+from svbrdfgan.networks.draw import Draw
 from svbrdfgan.networks.saved import save_generator
-from svbrdfgan.plugins import RENDERERS, find_plugin
+from svbrdfgan.plugins.registry import RENDERERS, find_plugin
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import layer_channels
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
@@ -30,7 +29,7 @@ from svbrdfgan.training.metrics_log import MetricsLog
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, resolve_run
 from svbrdfgan.training.run import CONFIG, MODEL, ORACLE, ORACLE_NOTES, RunConfig
 from svbrdfgan.training.state import State, checkpoint_path, checkpoints, step_of
-from svbrdfgan.training.step import Diagnostics, step_rng, training_step
+from svbrdfgan.training.step import Diagnostics, batch_indices, step_rng, training_step
 from svbrdfgan.utils.display import Display, SilentDisplay
 
 _REPORT_EVERY = 50
@@ -68,13 +67,6 @@ def train(
         state.load(checkpoints(run)[-1])
         return state
     return _train(fabric, resolved, record, run, display or SilentDisplay())
-
-
-def batch_indices(seed: int, count: int, batch_size: int, number: int) -> list[int]:
-    """The exemplar indices of a batch: every epoch goes through all exemplars in a random order of its own."""
-    positions = np.arange(number * batch_size, (number + 1) * batch_size)
-    epochs = {int(r): np.random.default_rng([seed, int(r)]).permutation(count) for r in np.unique(positions // count)}
-    return [int(epochs[int(p // count)][p % count]) for p in positions]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,9 @@ from svbrdfgan.config.distributions import Fixed, UniformInteger
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.estimate import estimate, preview
+from svbrdfgan.data.exemplar_files import exemplar_paths
 from svbrdfgan.data.exemplars import load_exemplars
-from svbrdfgan.data.generate import exemplar_paths, generate
+from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.errors import AssetError, ConfigError

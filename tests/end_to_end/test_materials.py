@@ -17,8 +17,10 @@ from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.inference.apply import paint
 from svbrdfgan.inference.export import write_weathered
-from svbrdfgan.io import load_mesh, save_mesh_glb
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.run import load_model
 from svbrdfgan.training.trainer import train
@@ -99,7 +101,7 @@ def test_the_model_paints_every_map_and_its_glb_says_so(run: Path, vehicles: Pat
 @pytest.mark.full
 def test_every_map_is_scored(run: Path) -> None:
     evaluated = evaluate(run, split="validation", device="cpu", schedule=OracleConfig(every=2, steps=2))
-    scores = evaluated.evaluation.maps
+    scores = evaluated.evaluation.generated.maps
     assert list(scores) == ["base_color", "roughness", "metallic", "normal"]
     for name, score in scores.items():
         flat = name in ("metallic", "normal")  # this thin road dirt is neither of metal nor tilted by 0.1 degrees

@@ -16,7 +16,7 @@ from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.inference.apply import choose_draw, paint
-from svbrdfgan.io import load_mesh
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.run import load_model
 from svbrdfgan.training.trainer import train
@@ -67,5 +67,5 @@ def test_it_paints_finer_with_the_maps_of_its_own_resolution(run: Path, varied_d
 @pytest.mark.full
 def test_it_is_scored_beside_an_oracle_that_reads_them_too(run: Path) -> None:
     found = evaluate(run, split="validation", device="cpu").evaluation
-    assert found.draws is not None
-    assert found.draws_oracle is not None
+    assert found.generated.draws is not None
+    assert found.oracle.draws is not None

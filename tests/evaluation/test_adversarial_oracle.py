@@ -23,8 +23,8 @@ from svbrdfgan.evaluation.adversarial_oracle import Budget, TrueLayers, train_ad
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.evaluation.record import Evaluation, share
-from svbrdfgan.networks import Generator, make_generator
-from svbrdfgan.networks.saved import load_generator, save_generator
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.saved import load_generator, make_generator, save_generator
 from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.training.metrics_log import read_metrics
@@ -145,12 +145,14 @@ def test_it_learns_from_as_many_layers_as_there_are_exemplars(varied_run: Path) 
 def test_evaluation_trains_it_for_a_run_that_learns_a_distribution(varied_run: Path, tmp_path: Path) -> None:
     run = shutil.copytree(varied_run, tmp_path / "run")
     found = evaluate(run, split="validation", device="cpu").evaluation
-    assert found.oracle_steps == 4  # as the run
-    assert found.oracle_plateau is found.oracle_validation is found.fraction is None
-    assert found.draws_oracle is not None
-    assert found.resemblance_oracle == found.draws_oracle.resemblance
-    assert found.resemblance_fraction == share(found.resemblance, found.resemblance_oracle)
-    assert set(found.figures) == {"generated", "oracle", "truth"}
+    best = found.oracle
+    assert best is not None
+    assert best.steps == 4  # as the run
+    assert best.plateau is best.validation is found.fraction is None
+    assert best.draws is not None
+    assert found.resemblance_fraction == share(found.generated.resemblance, best.resemblance)
+    drawn = {painter for painter, scores in found.painters.items() if scores.figures is not None}
+    assert drawn == {"generated", "oracle", "truth"}
     assert any(line.startswith("its oracle:") for line in found.lines())
     assert Evaluation.model_validate_json((run / "evaluation.validation.json").read_text()) == found
     generator, score = load_generator(run / ORACLE)
@@ -158,20 +160,21 @@ def test_evaluation_trains_it_for_a_run_that_learns_a_distribution(varied_run: P
     assert score is None
     written = (run / ORACLE).stat().st_mtime_ns
     again = evaluate(run, split="validation", device="cpu").evaluation
-    assert again.oracle_steps == 4
-    assert again.resemblance_oracle == pytest.approx(found.resemblance_oracle, abs=1e-3)
+    assert again.oracle is not None
+    assert again.oracle.steps == 4
+    assert again.oracle.resemblance == pytest.approx(best.resemblance, abs=1e-3)
     assert (run / ORACLE).stat().st_mtime_ns == written
 
 
 @pytest.mark.full
 def test_a_run_that_was_continued_has_its_oracle_trained_anew(varied_run: Path, tmp_path: Path) -> None:
     run = shutil.copytree(varied_run, tmp_path / "run")
-    assert evaluate(run, split="validation", device="cpu").evaluation.oracle_steps == 4
+    assert evaluate(run, split="validation", device="cpu").evaluation.oracle.steps == 4
     last = read_metrics(run)[-1]
     with (run / LOG).open("a") as log:
         log.write(json.dumps({**last, "step": 6}) + "\n")
     for _ in range(2):
-        assert evaluate(run, split="validation", device="cpu").evaluation.oracle_steps == 6
+        assert evaluate(run, split="validation", device="cpu").evaluation.oracle.steps == 6
 
 
 def test_an_oracle_of_an_earlier_version_is_not_taken_for_it(varied_run: Path, tmp_path: Path) -> None:
@@ -179,7 +182,7 @@ def test_an_oracle_of_an_earlier_version_is_not_taken_for_it(varied_run: Path, t
     earlier = RunConfig.load(run).train.generator.without_random_fields
     save_generator(run / ORACLE, make_generator(earlier, RGBA), earlier, 0.1)
     (run / ORACLE_NOTES).write_text(json.dumps({"plateau": True, "steps": 300}))
-    assert evaluate(run, split="validation", device="cpu").evaluation.draws_oracle is not None
+    assert evaluate(run, split="validation", device="cpu").evaluation.oracle.draws is not None
 
 
 @pytest.mark.full
@@ -189,7 +192,8 @@ def test_where_seeds_are_fixed_the_oracle_is_supervised(
     train(train_config(training_data(generator={"random_fields": 2}, steps=1), "here"), tmp_path)
     quick = OracleConfig(rate=1e-2, every=10, steps=10)
     found = evaluate(tmp_path, split="validation", device="cpu", schedule=quick).evaluation
-    assert found.oracle_plateau is False
-    assert found.fraction == share(found.recovered, found.oracle)
-    assert found.draws_oracle is None
+    assert found.oracle is not None
+    assert found.oracle.plateau is False
+    assert found.fraction == share(found.generated.recovered, found.oracle.recovered)
+    assert found.oracle.draws is None
     assert load_generator(tmp_path / ORACLE)[0].random_fields == 0

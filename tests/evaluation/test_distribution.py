@@ -24,9 +24,10 @@ from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.inference.apply import choose_draw
 from svbrdfgan.metrics.constant_layer import constant_layers
 from svbrdfgan.metrics.recovered import Scorer
-from svbrdfgan.networks import Conditions
+from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.training.run import load_model
-from svbrdfgan.weathering import find_site, recipe_from_options, weather
+from svbrdfgan.weathering.layer import recipe_from_options, weather
+from svbrdfgan.weathering.survey import find_site
 
 CPU = torch.device("cpu")
 AMOUNTS = Conditions((0.4, 1.0), ("rust",))
@@ -129,10 +130,10 @@ def test_a_run_with_chance_has_the_score_in_its_record_and_paints_exemplars_as_t
         torch.testing.assert_close(evaluated.layers_of(index)["generated"], layer, atol=1e-3, rtol=0)
         assert not torch.equal(layer, evaluated.layers["generated"][0]), "that has the middle amount"
     found = evaluated.evaluation
-    assert found.draws is not None
-    assert found.draws.draws == 16
-    assert found.resemblance == found.draws.resemblance
-    assert found.draws.lines()[0] in found.lines()
+    draws = found.generated.draws
+    assert draws is not None
+    assert draws.draws == 16
+    assert draws.lines()[0] in found.lines()
     assert Evaluation.model_validate_json((varied_run / "evaluation.validation.json").read_text()) == found
 
 
@@ -144,5 +145,5 @@ def test_draws_that_cannot_be_compared_have_no_score(
 
     monkeypatch.setattr("svbrdfgan.evaluation.evaluate.compare_draws", refuse)
     found = evaluate(varied_run, split="validation", device="cpu", oracle=False).evaluation
-    assert found.resemblance is found.draws is None
+    assert found.generated.resemblance is found.generated.figures is found.truth.figures is None
     assert "resemblance has no score: too small" in caplog.text

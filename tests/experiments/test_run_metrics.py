@@ -16,7 +16,8 @@ from PIL import Image
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import CameraDistribution
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
+from svbrdfgan.evaluation.evaluate import evaluate
+from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.experiments import run_metrics
 from svbrdfgan.experiments.contact_strip import write_contact_strip
 from svbrdfgan.experiments.run_metrics import gradient_noise, measure, recovered_where, seen_by_training

@@ -14,8 +14,10 @@ from torch import Tensor
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.inference.apply import Canvas, explain_memory, paint
 from svbrdfgan.metrics.texture_pyramid import octaves, premultiplied
-from svbrdfgan.networks import Conditions, Generator
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.networks.conditions import Conditions
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.run import Model, load_model
 from svbrdfgan.types import Mesh

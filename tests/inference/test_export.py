@@ -18,8 +18,10 @@ from svbrdfgan.geometry.bake_materials import bake_file_maps
 from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.inference.export import write_weathered
-from svbrdfgan.io import load_mesh, load_texture, srgb_from_linear
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.io.image import load_texture, srgb_from_linear
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.types import FileMap, Materials, Mesh, Part
 

@@ -11,13 +11,12 @@ import torch
 from PIL import Image
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io import (
+from svbrdfgan.io.exr import load_exr, save_exr
+from svbrdfgan.io.image import (
     linear_from_srgb,
-    load_exr,
     load_image,
     load_texture,
     save_codes,
-    save_exr,
     save_image,
     save_texture,
     srgb_from_linear,

@@ -67,7 +67,7 @@ def test_further_maps_are_judged_apart() -> None:
     made = target.truth.clone()
     made[..., 4] = 0.4
     torch.testing.assert_close(target.errors(made), torch.tensor([0.0, (1 * 0.5 + 3 * 0.3) / 5]))
-    assert float(target.error(made)) == 0.0
+    assert float(target.errors(made)[0]) == 0.0
 
 
 def test_a_further_map_counts_where_it_can_be_observed() -> None:
@@ -181,7 +181,7 @@ def test_errors_are_weighted_by_area() -> None:
     base, truth, layer = torch.zeros(1, 2, 3), torch.zeros(1, 2, 4), torch.zeros(1, 2, 4)
     layer[0, 0] = torch.tensor([1.0, 1.0, 1.0, 1.0])
     target = Target(0, truth, base, torch.tensor([[3.0, 1.0]]))
-    assert float(target.error(layer)) == 0.75
+    assert float(target.errors(layer)[0]) == 0.75
 
 
 def test_weights_are_the_area_of_seen_learnable_texels(tiny_exemplars: Exemplars) -> None:
@@ -265,8 +265,8 @@ def test_a_generator_is_scored_by_what_it_paints(tiny_exemplars: Exemplars, targ
         return torch.stack([by_geometry[one.numpy().tobytes()] for one in geometry])
 
     assert torch.equal(scorer.layers(knows, batch=1), truth)
-    assert scorer.recovered(knows) == 1.0
-    assert scorer.recovered(lambda geometry: 1 - knows(geometry)) < 0.5
+    assert scorer.recovered_by(scorer.layers(knows)) == 1.0
+    assert scorer.recovered_by(1 - scorer.layers(knows)) < 0.5
 
 
 def test_picture_shows_learned_layers_above_the_truth(tiny_exemplars) -> None:

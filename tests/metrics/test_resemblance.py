@@ -20,10 +20,12 @@ from svbrdfgan.io.records import load_record, save_record
 from svbrdfgan.metrics.draw_statistics import PARTS, ScoredSurface
 from svbrdfgan.metrics.resemblance import Resemblance, Resembler
 from svbrdfgan.plugins.registry import load_embedding
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.subject import make_subject
-from svbrdfgan.weathering import RECIPES
-from svbrdfgan.weathering.layer import find_site, weather
+from svbrdfgan.weathering.layer import weather
+from svbrdfgan.weathering.recipes import RECIPES
+from svbrdfgan.weathering.survey import find_site
 
 MAPS = ("roughness", "metallic", "normal")
 BARE = torch.zeros(1, 9)

@@ -6,9 +6,9 @@ import pytest
 import torch
 from torch import nn
 
-from svbrdfgan.networks import Discriminator, Generator, ResidualBlock, initialise
-from svbrdfgan.networks.generator import PreActConv, Upsampling
-from svbrdfgan.networks.layers import Norm
+from svbrdfgan.networks.discriminator import Discriminator
+from svbrdfgan.networks.generator import Generator, PreActConv, ResidualBlock, Upsampling
+from svbrdfgan.networks.layers import Norm, initialise
 
 
 @pytest.mark.parametrize("size", [(16, 16), (32, 64)])

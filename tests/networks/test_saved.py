@@ -10,8 +10,8 @@ import torch
 from safetensors.torch import save_file
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.networks import Generator, GeneratorConfig, make_generator
-from svbrdfgan.networks.saved import load_generator, save_generator
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.saved import GeneratorConfig, load_generator, make_generator, save_generator
 
 MODEL = "model.safetensors"
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from svbrdfgan.metrics.uv import UVSummary, whole_surface
+from svbrdfgan.metrics.uv.summary import UVSummary
+from svbrdfgan.metrics.uv.visibility import whole_surface
 from svbrdfgan.report.uv_summary import atlas_picture, summary_json, write_summary
 from svbrdfgan.report.uv_views import PAPER, UNSEEN, checker, look, paint
 from svbrdfgan.types import Part, Surface

@@ -15,8 +15,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from svbrdfgan.data.exemplars import Exemplars, load_exemplars, load_picture
-from svbrdfgan.data.generate import exemplar_paths
+from svbrdfgan.data.exemplar_files import exemplar_paths, load_picture
+from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.tensors import save_tensors
@@ -25,7 +25,7 @@ from svbrdfgan.scene import loader as loader_module
 from svbrdfgan.scene.cache import load_layer, load_subject, save_layer, save_subject
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader, subject_key
-from svbrdfgan.weathering import find_site
+from svbrdfgan.weathering.survey import find_site
 
 TRASH = [b"", b"\x08\x00\x00\x00\x00\x00\x00\x00{broken}", b"x" * 5000]
 

@@ -14,7 +14,7 @@ from svbrdfgan_hemispherical import HemisphericalEmbedding
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io import load_mesh
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.scene.cache import load_subject, save_subject
 from svbrdfgan.scene.loader import subject_key
 from svbrdfgan.scene.subject import Subject, make_subject

@@ -14,7 +14,7 @@ import pytest
 import torch
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.training.batches import BatchSource, _by_subject, load_seen_texels, make_batch_source
 from svbrdfgan.training.cached_rendering import CachedRendering
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, train_config

@@ -19,7 +19,7 @@ from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.generate import generate
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.rendering.compositing import composite, composite_maps
 from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.config import ScenesConfig, train_config

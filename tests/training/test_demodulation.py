@@ -12,8 +12,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from svbrdfgan.plugins import load_renderer
-from svbrdfgan.rendering.transport import TransportBatch
+from svbrdfgan.plugins.registry import load_renderer
+from svbrdfgan.rendering.transport.product import TransportBatch
 from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.cached_rendering import CachedSceneBatch
 from svbrdfgan.training.config import train_config

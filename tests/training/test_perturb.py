@@ -14,7 +14,7 @@ from svbrdfgan.config.models import validate
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.subject import Subject

@@ -11,9 +11,9 @@ import torch
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import Renderer, RendererCapabilities
-from svbrdfgan.rendering.transport import build_transport
+from svbrdfgan.rendering.transport.build import build_transport
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training import reference_pictures

@@ -10,7 +10,8 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.geometry.bake import bake
 from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.testing import scenes
-from svbrdfgan.weathering import RECIPES, Coat, RoadDirt, Rust, recipe_from_options, weather
+from svbrdfgan.weathering.layer import recipe_from_options, weather
+from svbrdfgan.weathering.recipes import RECIPES, Coat, RoadDirt, Rust
 
 
 def test_layer_has_the_buffer_s_shape(vehicle, texels):

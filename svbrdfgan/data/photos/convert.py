@@ -15,15 +15,15 @@ from torch import Tensor
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.config.distributions import mean
 from svbrdfgan.data.config import Split
+from svbrdfgan.data.exemplar_files import exemplar_paths, save_exemplar
 from svbrdfgan.data.gather import environment_asset, mesh_asset
-from svbrdfgan.data.generate import exemplar_paths, save_exemplar
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.photos.check import ImportJob, RectifiedPhoto
 from svbrdfgan.data.photos.exposure import exposure_factor, mean_light
 from svbrdfgan.data.photos.light import GLOSS, environment, estimate_weights, evidence_size, gather_evidence, white
 from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.sampler import EnvironmentAsset, MeshAsset
-from svbrdfgan.io import load_environment
+from svbrdfgan.io.environment import load_environment
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene, SceneEnvironment

@@ -10,8 +10,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from svbrdfgan.data.exemplar_files import BRIGHTEST
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.data.generate import BRIGHTEST, render_scene
+from svbrdfgan.data.generate import render_scene
 from svbrdfgan.evaluation.leakage.confounders import Confounder, scenes_with
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import layer_channels
@@ -27,7 +28,7 @@ _CHUNK = 8
 Confounders = frozenset[Confounder]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class RenderedPairs:
     """Renders both sides' clean pictures, with any of the configuration's confounders present or removed.
 
@@ -40,6 +41,8 @@ class RenderedPairs:
         renderer: the training's renderer.
         exemplar_renderer: the data set's renderer.
         progress: called with the number of pictures rendered since the last call.
+        _rendered: a cache of the exemplars' images and coverage, by which of noise and renderer is present.
+        _buffers: a cache of the exemplars' G-buffers and light buffers; empty until they are rendered.
     """
 
     run: ResolvedRun

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.evaluation.evaluate import Evaluated
+from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.metrics.flip import display
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import bare_maps
@@ -49,7 +49,7 @@ def glossy_picture(evaluated: Evaluated, renderer: CheckedRenderer, index: int) 
     """An exemplar's scene under the learned layer, its paint glossy."""
     exemplars = evaluated.source.exemplars
     scene, subject = exemplars.scenes[index], polished(exemplars.subject(index))
-    layer = evaluated.layers_of(index)["generated"].cpu().float()
+    layer = evaluated.learned(index)
     view = exemplars.loader.view(scene)
     larger = replace(view, width=_SCALE * view.width, height=_SCALE * view.height)
     materials = subject.materials(scene.materials, matt_dirt(layer), PAINT)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import torch
 
 from svbrdfgan.config.choices import PartSelection
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.subject import make_subject
 from svbrdfgan.testing.embedding.base import EmbeddingKit
 from svbrdfgan.testing.embedding.meshes import own_uv
 from svbrdfgan.testing.kit import check
 from svbrdfgan.types import Mesh
-from svbrdfgan.weathering import recipe_from_options, weather
+from svbrdfgan.weathering.layer import recipe_from_options, weather
 
 _TEXELS = 16
 

@@ -22,15 +22,20 @@ from torch import Tensor
 
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.data.config import PAINTS
-from svbrdfgan.io import load_environment, load_mesh, save_image, save_mesh_glb
-from svbrdfgan.plugins import load_embedding, load_renderer
-from svbrdfgan.procedural import KINDS, build_sky, build_vehicle, sample_sky, sample_vehicle
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.image import save_image
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.plugins.registry import load_embedding, load_renderer
+from svbrdfgan.procedural.kinds import KINDS, sample_vehicle
+from svbrdfgan.procedural.sky import build_sky, sample_sky
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.scene.description import OrbitCamera
 from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.types import Camera, Environment, Materials, Rendering, View
-from svbrdfgan.weathering import recipe_from_options, weather
+from svbrdfgan.weathering.layer import recipe_from_options, weather
 
 GLOSS = {"roughness": 0.35}
 SHOULDER = 0.7

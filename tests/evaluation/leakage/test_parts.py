@@ -18,7 +18,7 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.leakage.classifier import Roles, Trial
 from svbrdfgan.evaluation.leakage.confounders import CONFOUNDERS, REMEDIES, find_confounders, scenes_with
 from svbrdfgan.evaluation.leakage.report import Finding, LeakageReport, Share
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, train_config
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.resolve import ResolvedRun

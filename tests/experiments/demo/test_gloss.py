@@ -5,8 +5,9 @@ import torch
 
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.experiments.demo.gloss import PAINT, matt_dirt, polished
-from svbrdfgan.plugins import load_embedding
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.plugins.registry import load_embedding
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.types import Material
 

@@ -11,7 +11,7 @@ import torch
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.index import DatasetIndex
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.rendering.transport.cache import TransportStore
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.training.cached_rendering import CachedRendering
