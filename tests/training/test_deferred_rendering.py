@@ -196,7 +196,7 @@ def test_constants_stand_beside_textures() -> None:
 
 
 def test_a_renderer_that_stores_no_light_is_told(rendering: DeferredRendering) -> None:
-    with pytest.raises(ConfigError, match=r"needs a renderer that stores light; NumpyRenderer does not: set rendering"):
+    with pytest.raises(ConfigError, match=r"needs a renderer that stores light; numpy does not: set rendering"):
         replace(rendering, renderer=load_renderer("numpy"))
 
 

@@ -109,9 +109,7 @@ def test_what_differs_is_said(dataset_data: Callable[..., dict[str, object]]) ->
     assert said(spp=8, hits=4, dataset=glossy) == {"noise": "8 samples per pixel in exemplars, 4 in fakes"}
     assert said(spp=8, hits=4, dataset=glossy, rendering="online") == {}
     assert said("reflectance", spp=8) == {"noise": "8 samples per pixel in exemplars, no noise in fakes"}
-    assert said(spp=8, seed=1) == {
-        "renderer": "NumpyRenderer with 3 bounces for exemplars, NumpyRenderer with 1 bounce for fakes"
-    }
+    assert said(spp=8, seed=1) == {"renderer": "numpy with 3 bounces for exemplars, numpy with 1 bounce for fakes"}
     assert said(spp=8, scenes={"camera_noise_degrees": 2.5}) == {"pose": "fakes' cameras are off by up to 2.5 degrees"}
     assert said(spp=8, scenes={"camera": {}, "environment": "redrawn"}) == {
         "pose": "fakes' cameras are drawn from another distribution",
