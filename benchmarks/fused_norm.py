@@ -7,7 +7,7 @@ Each case is one place in the generator (`svbrdfgan/networks/generator.py`), cha
 autocast. Four implementations of the same operation are compared:
 
 - `reference`: `norm_act_pad_reference`, by eager torch.
-- `compiled`: the reference under `torch.compile`, for fixed shapes. It returns the reference's memory layout, which
+- `compiled`: the reference under `torch.compile`, for fixed shapes. The result has the reference's memory layout, which
   torch's instance norm makes rows-first, so that the next convolution has to copy.
 - `compiled formula`: `torch.compile` of the norm written as a formula, which stays channels-last.
 - `kernels`: `norm_act_pad_triton`, which need CUDA and Triton.
@@ -47,10 +47,10 @@ from rich.table import Table
 from torch import Tensor
 from torch.utils.benchmark import Timer
 
-from svbrdfgan.networks import Generator, initialise
 from svbrdfgan.networks.fused import Features, NormActPad
 from svbrdfgan.networks.fused.reference import norm_act_pad_reference
-from svbrdfgan.networks.layers import EPSILON
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.layers import EPSILON, initialise
 from svbrdfgan.utils.triton_works import triton_works
 
 Operation = Callable[[], tuple[Tensor, list[Tensor]]]
@@ -81,7 +81,7 @@ CASES = (
 
 @dataclass(frozen=True)
 class Setting:
-    """What all measurements share."""
+    """The conditions that all measurements share."""
 
     device: torch.device
     dtype: torch.dtype

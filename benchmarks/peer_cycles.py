@@ -1,4 +1,4 @@
-"""Our renderers beside Blender's Cycles, which nobody here wrote: same meshes, light, textures and model.
+"""Our renderers and Blender's Cycles, which nobody here wrote: same meshes, light, textures and model.
 
     python benchmarks/peer_cycles.py --mesh car.glb --environment sky.hdr --blender python3.11
     python benchmarks/peer_cycles.py --export weathered.glb --environment sky.hdr --blender python3.11 --keep pictures
@@ -15,8 +15,8 @@ another rule. The case "shadowed" is ours with that darkening, by the `numpy` re
 
 `--export` compares a file instead, such as `svbrdfgan weather` writes: with its own maps, in Cycles by Blender's glTF
 importer, which makes Principled BSDFs of them. Two further cases leave of these only what both models share: the
-diffuse lobe, and a metal whose facets scatter once. They show whether the maps arrive; what is left of the difference
-in the first case is Principled's other mixture of the two.
+diffuse lobe, and a metal whose facets scatter once. These cases show whether the maps arrive; what is left of the
+difference in the first case is Principled's other mixture of the two.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from torch import Tensor
 
 from svbrdfgan import load_embedding, load_environment, load_mesh, load_renderer
 from svbrdfgan.geometry.split import surface_over
-from svbrdfgan.io import save_image
+from svbrdfgan.io.image import save_image
 from svbrdfgan.types import Camera, Environment, FileMap, Material, Materials, Surface, View
 
 Look = dict[str, Float[Tensor, "*shape"]]
@@ -144,7 +144,7 @@ def _camera(surface: Surface) -> Camera:
 
 
 def _material(case: Case, look: Look) -> Material:
-    """Those of the maps that the case has."""
+    """The material of the maps that the case has."""
     maps = {name: value for name, value in look.items() if name in case.maps}
     if "metallic" in maps and case.model in ("same", "imported metal"):
         maps["metallic"] = torch.ones(1)

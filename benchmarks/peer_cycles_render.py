@@ -48,7 +48,7 @@ def _settings(scene: bpy.types.Scene, case: dict[str, np.ndarray], spp: int) -> 
 
 
 def _upright(vectors: np.ndarray) -> np.ndarray:
-    """From Y up to Blender's Z up."""
+    """The vectors turned from Y up to Blender's Z up."""
     return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
 
 

@@ -4,7 +4,7 @@
     svbrdfgan bench --peer "redner/bin/python benchmarks/peer_redner.py {scene} --spp {spp}"
 
 Prints one JSON line with median seconds of a picture, and of a picture and its gradient; building the scene is timed
-apart. Its last packages are for Python 3.7, so this file is too.
+apart. The last packages of redner are for Python 3.7, so this file is too.
 """
 
 import argparse
@@ -74,7 +74,7 @@ def _part(arrays, texture, part):
 
 
 def _turn(rotation):
-    """About +Y; redner's first column lies where our middle one does, half a turn away."""
+    """A rotation about +Y; redner's first column lies where our middle one does, half a turn away."""
     cosine, sine = math.cos(rotation + math.pi), math.sin(rotation + math.pi)
     rows = [[cosine, 0.0, sine, 0.0], [0.0, 1.0, 0.0, 0.0], [-sine, 0.0, cosine, 0.0], [0.0, 0.0, 0.0, 1.0]]
     return torch.tensor(rows, dtype=torch.float32)

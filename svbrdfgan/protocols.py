@@ -5,7 +5,8 @@
 A plugin is a class whose constructor takes typed keyword options, all with defaults, and checks them. Renderers are
 registered under the entry-point group `svbrdfgan.renderers`, embeddings under `svbrdfgan.uv_embeddings`.
 Rendering is a pure function of its arguments. It neither reads nor changes global state, and `seed` alone determines
-its random numbers. What a capability record declares must work; anything else raises `UnsupportedError`.
+its random numbers. What a capability record declares must work. The core checks every argument before it calls a
+renderer (`svbrdfgan.rendering.checked_renderer`) and calls nothing that is not declared, so a plugin checks nothing.
 """
 
 from __future__ import annotations
@@ -67,12 +68,8 @@ class Renderer(Protocol[Prepared]):
     def render(self, prepared: Prepared, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
         """The picture, from `spp` camera samples per pixel. Unbiased for any `spp` and `seed`.
 
-        The functions of `svbrdfgan.rendering.validation` raise all of these errors.
-
-        Raises:
-            UnsupportedError: a material has a map that is not in `capabilities.maps`.
-            SvbrdfganError: the number of materials is not that of the parts, `spp` is below 1, or radiance is negative
-                or not finite.
+        `materials` has one material for each part, with maps of `capabilities.maps` alone; `spp` is at least 1, and
+        radiance is finite and not negative.
         """
         ...
 
@@ -93,22 +90,17 @@ class Renderer(Protocol[Prepared]):
         Inputs that may determine where samples are drawn, such as the environment and the other maps, are different:
         their gradient treats the drawn samples and their densities as constants.
 
-        Raises:
-            UnsupportedError: a name in `wrt` is not in `capabilities.differentiable`.
-            SvbrdfganError: as for `render`, or `grad_image` does not have the film's shape.
+        `wrt` is a subset of `capabilities.differentiable`. A renderer written in differentiable torch gets this method
+        from `svbrdfgan.rendering.autograd_vjp`.
         """
         ...
 
 
-@runtime_checkable
 class TransportRenderer(Renderer[Prepared], Protocol[Prepared]):
     """A renderer that can also return how a picture depends on the textures. Optional, and for direct light only."""
 
     def transport(self, prepared: Prepared, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
-        """The samples of `render`'s picture for the same view, `spp` and `seed`, in chunks.
-
-        Errors are raised by the call itself, not by the first chunk.
-        """
+        """The samples of `render`'s picture for the same view, `spp` and `seed`, in chunks."""
         ...
 
 
@@ -116,7 +108,6 @@ Pullback = Callable[[Float[Tensor, "height width 3"]], Gradients]
 """Maps the gradient of a picture to those of its inputs; may be called any number of times."""
 
 
-@runtime_checkable
 class PullbackRenderer(Renderer[Prepared], Protocol[Prepared]):
     """A renderer that can keep its samples, so that picture and gradient need only one trace. Optional."""
 
@@ -139,7 +130,6 @@ class StoredLight(Protocol):
         ...
 
 
-@runtime_checkable
 class DeferredRenderer(Renderer[Prepared], Protocol[Prepared]):
     """A renderer that stores what camera samples hit and the light there, to shade it again for other materials.
 
@@ -154,11 +144,8 @@ class DeferredRenderer(Renderer[Prepared], Protocol[Prepared]):
         Later writes into the environment do not affect it.
 
         Args:
-            learnable: numbers of parts of the surface, whose materials `shade` will be given.
-
-        Raises:
-            SvbrdfganError: as for `render`, `hits` is below 1, or `learnable` names a part twice or one that the
-                surface lacks.
+            learnable: numbers of parts of the surface, each at most once, whose materials `shade` will be given.
+            hits: at least 1.
         """
         ...
 
@@ -186,11 +173,6 @@ class DeferredRenderer(Renderer[Prepared], Protocol[Prepared]):
             The pictures, and a function from their gradient to that of the textures, on the same samples. As with
             `render_vjp`, drawn directions and densities are constants. Later calls of `shade`, and later writes into
             the textures, do not affect the function.
-
-        Raises:
-            UnsupportedError: a map that is not in `capabilities.maps`.
-            SvbrdfganError: the textures are not those of these views, films differ in size, `visit` is negative, or the
-                gradient of the pictures does not have their shape.
         """
         ...
 

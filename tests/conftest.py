@@ -170,14 +170,14 @@ def varied_dataset(built_once: BuiltOnce) -> Path:
 
 @pytest.fixture(scope="session")
 def varied_run(built_once: BuiltOnce, varied_dataset: Path) -> Path:
-    """A short run with chance and conditions on the varied data set. Not to be changed."""
+    """A short run with random fields and conditions on the varied data set. Not to be changed."""
     from svbrdfgan.training.config import train_config
     from svbrdfgan.training.trainer import train
 
-    chance = {"generator": {"chance": 3}, "optimizer": {"generator_rate": 1e-2}}
+    varied = {"generator": {"random_fields": 3}, "optimizer": {"generator_rate": 1e-2}}
 
     def fill(folder: Path) -> None:
-        changed = merged({"dataset": str(varied_dataset), **TINY_TRAINING}, chance)
+        changed = merged({"dataset": str(varied_dataset), **TINY_TRAINING}, varied)
         train(train_config(changed, "varied"), folder / "run")
 
     return built_once("varied_run", fill) / "run"

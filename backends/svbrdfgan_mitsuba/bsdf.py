@@ -26,10 +26,10 @@ vanish at its horizon as the cosine does: drawn by the cosine alone, its varianc
 
 
 class Bsdf(Protocol):
-    """How a point reflects light."""
+    """The reflection of light at points: its value, and directions drawn accordingly."""
 
     def sample(self, choice: Any, random: Any) -> Any:
-        """A direction, drawn by a number and a pair of numbers in [0, 1). It may be below a horizon."""
+        """A direction, drawn by a number and a pair of numbers in [0, 1); possibly below a horizon."""
         ...
 
     def density(self, incoming: Any) -> Any:
@@ -115,7 +115,7 @@ class MetallicRoughness:
 
     @property
     def _share(self) -> Any:
-        """Of the directions that are drawn from the gloss: none where n is turned away, and no facet is visible."""
+        """The share of directions that are drawn from the gloss: none where n is turned away and shows no facet."""
         metallic = self.mi.Float(0.0) if self.metallic is None else dr.clip(self.metallic, 0.0, 1.0)
         return dr.select(self.glossy & (cosine(self.normal, self.viewer) >= 0.0), dr.lerp(*GLOSS, metallic), 0.0)
 
@@ -144,7 +144,7 @@ class MetallicRoughness:
 
 
 def cosine(normal: Any | None, direction: Any) -> Any:
-    """Of the angle between the normal, or the z axis, and a direction."""
+    """The cosine of the angle between the normal, or the z axis, and a direction."""
     return direction.z if normal is None else dr.dot(normal, direction)
 
 
@@ -157,7 +157,7 @@ def _drawn_diffusely(mi: Any, normal: Any | None, choice: Any, random: Any) -> A
 
 
 def _diffuse_density(normal: Any | None, incoming: Any) -> Any:
-    """Of directions drawn diffusely, above the horizon of the normal."""
+    """The density of directions drawn diffusely, per steradian; zero below the horizon of the normal."""
     toward = cosine(normal, incoming)
     by_cosine = dr.maximum(toward, 0.0) * dr.inv_pi
     if normal is None:

@@ -74,14 +74,14 @@ class EnvironmentEmitter:
         return mi.Vector3f(c * x + s * z, cosine, c * z - s * x)
 
     def evaluate(self, direction: Any, active: Any) -> tuple[Taps, Any, Any]:
-        """For each direction the lookup in `texels`, the radiance, and the density of `sample` per steradian."""
+        """The lookup in `texels` of each direction, its radiance, and its density in `sample`, per steradian."""
         mi, (c, s) = self.mi, self.rotation
         x, z = c * direction.x - s * direction.z, s * direction.x + c * direction.z
         sine = dr.sqrt(dr.fma(x, x, z * z))
         uv = mi.Point2f(0.5 + dr.atan2(x, -z) * (0.5 / dr.pi), dr.atan2(sine, direction.y) * (1.0 / dr.pi))
         taps = bilinear_taps(uv, mi.UInt32(0), self.cols, self.rows, (mi.Bool(True), mi.Bool(False)), active)
         value = taps.read(mi.Vector4f, self.texels)
-        density = value.w / (2.0 * dr.pi**2 * dr.maximum(sine, 1e-12))
+        density = value.w / (2.0 * dr.pi**2 * dr.maximum(sine, 1e-12))  # finite at the poles
         return taps, mi.Color3f(value.x, value.y, value.z), density
 
     def _pixel(self, number: Any) -> Any:
@@ -116,6 +116,7 @@ def _tables(mi: Any, radiance: Any, rows: int, cols: int) -> tuple[Any, Any]:
     total = _total(power)
     if total == 0.0:  # black: its gradient still needs samples
         power, total = area, _total(area)
+    # Less one, so that the share of a pixel with all light fits into 32 bits.
     share = mi.UInt32(power * dr.opaque(mi.Float64, (_NUMBERS - 1) / total))
     first = dr.prefix_sum(share)
     last = pixel == dr.opaque(mi.UInt32, count - 1)
@@ -129,6 +130,6 @@ def _tables(mi: Any, radiance: Any, rows: int, cols: int) -> tuple[Any, Any]:
 def _total(power: Any) -> float:
     """The sum of all light, rounded to float32 so that the order of summation does not show, then enlarged a little.
 
-    It must not be below the exact sum: shares that sum to more than 2^32 would wrap around to zero.
+    The result must not be below the exact sum: shares that sum to more than 2^32 would wrap around to zero.
     """
     return float(np.float32(dr.sum(power)[0])) * (1.0 + 1e-6)

@@ -1,9 +1,10 @@
 """Picture, gradient and transport of a film chunk, all from the very same paths.
 
-Mitsuba's `prb` integrator agrees with this one (tests/backends/mitsuba/test_prb.py), but was not taken. It replays
-paths by dividing by what their vertices reflect, so black texels get no gradient from the light that they would pass
-on. And it calls every BSDF, shape and emitter that is alive in the process, the caller's too, so kernels are compiled
-again as scenes come and go. This one keeps the hits of every vertex instead, which takes memory for each bounce.
+Mitsuba's `prb` integrator agrees with this one (tests/backends/mitsuba/test_prb.py), but was not taken, for two
+reasons. `prb` replays paths by dividing by what their vertices reflect, so black texels get no gradient from the light
+that they would pass on. `prb` also calls every BSDF, shape and emitter that is alive in the process, the caller's too,
+so kernels are compiled again as scenes come and go. The integrator of this module keeps the hits of every vertex
+instead, which takes memory for each bounce.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ class PathIntegrator:
     def forward_direct(
         self, chunk: FilmChunk, direct: DirectSamples
     ) -> tuple[Float[Tensor, "pixels 3"], Float[Tensor, " pixels"]]:
-        """What `forward` returns, from traced samples."""
+        """The picture and the coverage that `forward` returns, from traced samples."""
         mi, color = self.tracer.mi, self.tracer.maps.base_color
         radiance = direct.weight * self._color_taps(direct).read(mi.Color3f, color.texels)
         return chunk.mean(mi, radiance).view(-1, 3), chunk.mean(mi, mi.Float(direct.found))
@@ -143,7 +144,7 @@ class PathIntegrator:
         )
 
     def _walk(self, samples: CameraSamples, grad: Any) -> list[tuple[Hits, Any]]:
-        """For each depth the hits there, and the gradient of the light that leaves them towards the camera."""
+        """The hits at each depth, and the gradient of the light that leaves them towards the camera."""
         walked = [(self.tracer.camera_hits(samples), grad)]
         for depth in range(1, self.bounces):
             hits, grad = walked[-1]

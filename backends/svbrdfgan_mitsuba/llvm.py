@@ -1,7 +1,7 @@
 """The LLVM that compiles Dr.Jit's kernels for the CPU.
 
 Dr.Jit loads LLVM when it is first imported, and a bad one aborts the process at the first compilation, which cannot be
-caught. So the library is chosen, and its version read, before that import. This module must not import drjit itself.
+caught. So the library is chosen, and its version read, before that import. The module itself must not import drjit.
 """
 
 from __future__ import annotations

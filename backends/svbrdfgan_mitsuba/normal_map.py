@@ -73,6 +73,6 @@ def _bent(normal: Any, viewer: Any) -> Any:
     root = dr.sqrt(dr.select(bend, dr.fma(a, a, b * below), 1.0))
     # The two forms are equal; each does not cancel for its sign of a.
     far = dr.select(bend, below, 0.0) / dr.select(bend & (a > 0.0), a + root, 1.0)
-    near = (root - a) / dr.maximum(b, 1e-12)
+    near = (root - a) / dr.maximum(b, 1e-12)  # finite for a viewer on the horizon
     k = dr.select(bend, dr.select(a > 0.0, far, near), 0.0)
     return dr.normalize(normal + viewer * k)

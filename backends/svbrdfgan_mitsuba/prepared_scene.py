@@ -1,4 +1,4 @@
-"""What is rendered: a surface in Mitsuba, its camera, and the film in chunks with their camera samples."""
+"""The scene that Mitsuba renders: a surface, its camera, and the film in chunks with their camera samples."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class PreparedSurface:
 
     Attributes:
         scene: the triangles and their search tree.
-        mesh: the triangles alone. It is queried directly: a call through the scene would compile in every shape that
+        mesh: the triangles alone, queried directly: a call through the scene would compile in every shape that
             is alive in the process.
         face_part: the part of each face.
         tangents: for normal maps.
@@ -55,7 +55,7 @@ def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
     mi = load(device)
     used = surface.positions[np.unique(surface.faces)]
     centre = (used.min(axis=0) + used.max(axis=0)) / 2
-    radius = float(np.linalg.norm(used - centre, axis=1).max()) or 1.0
+    radius = float(np.linalg.norm(used - centre, axis=1).max()) or 1.0  # a surface may be a single point
     mesh = _mesh(mi, surface, (surface.positions - centre) / radius, device)
     return PreparedSurface(
         mi=mi,
@@ -86,7 +86,7 @@ class PreparedCamera:
 
     @classmethod
     def of(cls, prepared: PreparedSurface, view: View) -> PreparedCamera:
-        """The view's camera. Its numbers are opaque to Dr.Jit: literals would be compiled into the kernels."""
+        """The view's camera, with numbers that are opaque to Dr.Jit: literals would be compiled into the kernels."""
         mi, camera = prepared.mi, view.camera
         right, top, backward = camera.basis()
         half = np.tan(camera.vertical_fov / 2)

@@ -10,7 +10,7 @@ from svbrdfgan_mitsuba.prepared_scene import PreparedSurface
 from svbrdfgan_mitsuba.textures import Atlas
 
 OFFSET = 2e-5
-"""How far from the surface, which lies in the unit sphere, a leaving ray starts. Mitsuba's own offset is up to ten
+"""Distance from the surface, which lies in the unit sphere, at which a leaving ray starts. Mitsuba's own is up to ten
 times as large: light leaks through narrow gaps, and the environment's gradient at a real car was 0.04 % too large."""
 
 POINTS = 64
@@ -31,7 +31,7 @@ class Hits:
 
 
 def first_hits(prepared: PreparedSurface, ray: Any, active: Any, number: Any, coherent: bool = False) -> Hits:
-    """Where rays end. `number` is a random integer for each ray, used only where a part is not opaque."""
+    """The hits at which rays end; `number` is a random integer for each ray, used only where a part is not opaque."""
     if prepared.alpha is not None:
         return _first_not_passed(prepared, prepared.alpha, ray, active, number, coherent)
     found = prepared.scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)

@@ -11,7 +11,6 @@ from torch import Tensor
 
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import Pullback, RendererCapabilities
-from svbrdfgan.rendering.validation import check_cotangent, check_device, check_radiance, check_render, check_transport
 from svbrdfgan.types import Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan_mitsuba import variant
 from svbrdfgan_mitsuba.environment import EnvironmentEmitter
@@ -80,7 +79,6 @@ class MitsubaRenderer:
         seed: int,
     ) -> Gradients:
         """The gradient; see `Renderer.render_vjp`. All but base colour's treat the drawn directions as constants."""
-        check_cotangent("mitsuba", view, grad_image)
         return self._render_pass(prepared, materials, view, wrt, spp, seed).backward(grad_image)
 
     def render_pullback(
@@ -92,20 +90,10 @@ class MitsubaRenderer:
         `svbrdfgan_mitsuba.render_pass.KEPT` samples. Otherwise the pullback traces them again.
         """
         render_pass = self._render_pass(prepared, snapshot(materials), view, wrt, spp, seed)
-
-        def pullback(grad_image: Float[Tensor, "height width 3"]) -> Gradients:
-            check_cotangent("mitsuba", view, grad_image)
-            return render_pass.backward(grad_image)
-
-        return render_pass.forward(keep=True), pullback
+        return render_pass.forward(keep=True), render_pass.backward
 
     def transport(self, prepared: PreparedSurface, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
-        """The samples that `render` draws, without materials, sorted by pixel.
-
-        Raises:
-            UnsupportedError: `max_bounces` is above 1, where pictures are not linear in the base colour.
-        """
-        check_transport("mitsuba", self.capabilities, spp=spp)
+        """The samples that `render` draws, without materials, sorted by pixel."""
         white = Materials(tuple(Material.lambertian((1.0, 1.0, 1.0)) for _ in prepared.parts))
         integrator = self._integrator(prepared, white, view)
         return (integrator.transport(chunk) for chunk in self._chunks(view, spp, seed))
@@ -113,7 +101,6 @@ class MitsubaRenderer:
     def _render_pass(
         self, prepared: PreparedSurface, materials: Materials, view: View, wrt: frozenset[str], spp: int, seed: int
     ) -> RenderPass:
-        check_render("mitsuba", self.capabilities, prepared.parts, materials, spp=spp, wrt=wrt)
         integrator, chunks = self._integrator(prepared, materials, view), self._chunks(view, spp, seed)
         return RenderPass(integrator, view, chunks, self.device, wrt)
 
@@ -121,8 +108,6 @@ class MitsubaRenderer:
         return film_chunks(view.height * view.width, spp, seed, self.max_bounces, self.device)
 
     def _integrator(self, prepared: PreparedSurface, materials: Materials, view: View) -> PathIntegrator:
-        check_device("mitsuba", prepared.device, self.device)
-        check_radiance(view.environment.radiance)
         maps = MaterialMaps.of(prepared.mi, materials, prepared.repeat, self.device)
         emitter = EnvironmentEmitter.of(prepared.mi, view.environment, self.device)
         tracer = PathTracer(prepared, PreparedCamera.of(prepared, view), emitter, maps)

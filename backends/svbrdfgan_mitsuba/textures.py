@@ -124,7 +124,7 @@ class Atlas:
 
 @dataclass(frozen=True, eq=False)
 class Lookup:
-    """What many points read in one map.
+    """The values that many points read in one map.
 
     Attributes:
         given: whether the point's part has the map.
@@ -226,6 +226,7 @@ def _neighbours(coordinate: Any, size: Any, repeat: Any) -> tuple[Any, Any, Any]
     floor = dr.floor(position)
     before, last = signed(floor), signed(size) - 1
     after = before + 1
+    # Half a texel further: exact quotients are whole numbers, below which rounding could fall.
     periods = signed(size) * signed(dr.floor((floor + 0.5) / size))
     around = before - periods
     beyond = dr.select(around == last, 0, around + 1)

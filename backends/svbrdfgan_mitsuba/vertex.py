@@ -1,12 +1,13 @@
 """The vertices of many paths at once: where they are, the light that they gather, and where the paths go on.
 
 At each vertex a path gathers light from two directions, one drawn where the light is bright and one as the surface
-reflects. Along the second it goes on, if it hits something there. With e_k the light gathered at the k-th vertex and
-reflected towards the camera, and f_k the factor of the light that arrives along the path, a path carries
+reflects. The path goes on along the second, if it hits something there. With e_k the light gathered at the k-th vertex
+and reflected towards the camera, and f_k the factor of the light that arrives along the path, a path carries
 e_0 + f_0 (e_1 + f_1 (e_2 + ...)).
 
-The geometry of a path is not differentiated: directions and densities are detached. What it reads at its vertices is:
-maps and radiance, as plain values. The transposed lookup carries their gradients on to the texels.
+The geometry of a path is not differentiated: directions and densities are detached. The maps and the radiance that a
+path reads at its vertices are differentiated, as plain values; the transposed lookup carries their gradients on to the
+texels.
 """
 
 from __future__ import annotations

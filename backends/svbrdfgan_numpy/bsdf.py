@@ -1,4 +1,4 @@
-"""How points scatter light: the materials of `docs/conventions.md`, their derivatives, and directions drawn by them.
+"""The materials of `docs/conventions.md` at points, their derivatives, and directions drawn by them.
 
 A point is Lambertian, or glossy where its part's material has `roughness`. At glossy points the BSDF is
 f = (1 - m) (1 - F_d) base_color / pi + F S, with m the metallic, S = D G / (4 |n . w_o| |n . w_i|) and
@@ -134,7 +134,7 @@ class Bsdf:
 
 @dataclass(frozen=True, eq=False)
 class _Facets:
-    """What glossy points reflect from one direction into another, apart from their colour and metallic.
+    """The facets that reflect from one direction into another at glossy points, whatever their colour and metallic.
 
     Attributes:
         towards: w_i, w_o and h, the unit vector halfway between them.
@@ -207,7 +207,7 @@ def _chosen(number: PerPoint, share: PerPoint) -> tuple[Bool[ndarray, " points"]
     """Whether a number of [0, 1) falls into the share, and a number that is uniform again within that choice."""
     chosen = number < share
     start, width = np.where(chosen, 0.0, share), np.where(chosen, share, 1.0 - share)
-    return chosen, np.minimum((number - start) / width, 1.0)
+    return chosen, np.minimum((number - start) / width, 1.0)  # rounding could exceed 1, and sines of it be NaN
 
 
 def _alpha2(roughness: PerPoint) -> PerPoint:

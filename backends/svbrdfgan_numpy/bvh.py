@@ -1,4 +1,4 @@
-"""Where rays meet triangles: a bounding volume hierarchy, searched by many rays at once."""
+"""A bounding volume hierarchy over triangles, searched by many rays at once."""
 
 from __future__ import annotations
 

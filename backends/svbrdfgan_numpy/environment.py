@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from svbrdfgan.rendering.validation import check_radiance
 from svbrdfgan.types import Environment
 from svbrdfgan_numpy.textures import Taps, bilinear_taps
 
@@ -39,6 +38,8 @@ class EnvironmentEmitter:
         pole is folded back, because the lookup clamps there.
         """
         cumulative = np.concatenate([[0.0], np.cumsum(self.share)])
+        # Below the last sum even after rounding, or there would be no pixel. From the right, which passes over pixels
+        # whose share is 0.
         chosen = np.minimum(random[:, 0] * cumulative[-1], np.nextafter(cumulative[-1], 0.0))
         pixel = np.searchsorted(cumulative, chosen, side="right") - 1
         row, col = np.divmod(pixel, self.cols)
@@ -52,7 +53,7 @@ class EnvironmentEmitter:
         """The density of `sample`, per steradian: the shares looked up, over 2 pi^2 sin(theta) steradians per du dv."""
         share = self.taps(direction).apply(self.share[:, None])[:, 0]
         sine = np.hypot(direction[:, 0], direction[:, 2])
-        return share * self.rows * self.cols / (2.0 * np.pi**2 * np.maximum(sine, 1e-12))
+        return share * self.rows * self.cols / (2.0 * np.pi**2 * np.maximum(sine, 1e-12))  # finite at the poles
 
     def _coordinates(self, direction: Float[ndarray, "points 3"]) -> Float[ndarray, "points 2"]:
         """(u, v) in [0, 1]: v = 0 is the zenith, u = 0.5 is -Z of the image."""
@@ -67,12 +68,7 @@ def pixels_of(environment: Environment) -> Float[ndarray, "pixels 3"]:
 
 
 def prepare_emitter(environment: Environment) -> EnvironmentEmitter:
-    """The emitter, which draws directions by the mean of the channels times the solid angle.
-
-    Raises:
-        AssetError: radiance that is negative or not finite.
-    """
-    check_radiance(environment.radiance)
+    """The emitter, which draws directions by the mean of the channels times the solid angle."""
     pixels, (rows, cols, _) = pixels_of(environment), environment.radiance.shape
     area = np.repeat(np.sin(np.pi * (np.arange(rows) + 0.5) / rows), cols)
     power = pixels.mean(axis=-1) * area

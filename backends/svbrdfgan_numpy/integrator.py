@@ -1,11 +1,11 @@
 """Paths from the camera over the surface to the light.
 
-They depend on geometry, light, and those maps that say how a point scatters, but never on the base colour. So with a
+Paths depend on geometry, light, and those maps that say how a point scatters, but never on the base colour. So with a
 fixed seed a picture is a smooth function of the base colour, and its derivative is exactly that of the estimator; for
 other maps and the light, directions and their densities count as constants.
 
 At each vertex a path gathers light from two directions, one drawn where the light is bright and one as the surface
-scatters. Along the second it goes on, if it meets something there. `shading.Bounce` holds what it carries.
+scatters. The path goes on along the second, if it meets something there. `shading.Bounce` holds what a path carries.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class PathTracer:
         *,
         any_hit: bool = False,
     ) -> Hits:
-        """What the rays meet and do not pass through."""
+        """The first hits that the rays do not pass through; with `any_hit`, any of these."""
         if self.prepared.transparency is None:
             return search(self.prepared.bvh, origin, direction, any_hit=any_hit)
         stops = self.prepared.transparency.stops(rays)
@@ -83,8 +83,8 @@ class PathTracer:
     ) -> Arrival:
         """The light from these directions, weighted by the balance heuristic.
 
-        It weights a sample of density p_i by p_i / (p_1 + p_2), so f / p_i becomes f / (p_1 + p_2) for both (Veach
-        1995). Light from behind the surface does not count, even where it is in front of a tilted normal.
+        The heuristic weights a sample of density p_i by p_i / (p_1 + p_2), so f / p_i becomes f / (p_1 + p_2) for both
+        (Veach 1995). Light from behind the surface does not count, even where it is in front of a tilted normal.
         """
         density = bsdf.pdf(points.outgoing, direction)
         counts = (density > 0.0) & (dot(points.normal, direction) > 0.0)

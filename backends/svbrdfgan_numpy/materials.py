@@ -1,4 +1,4 @@
-"""From the maps of materials to the BSDF at points of the surface, and back: each map is looked up, then understood."""
+"""The BSDF at points of the surface, where each map is looked up, then understood; and gradients back to the maps."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class MaterialPoints:
     def bsdf_vjp(
         self, maps: Mapping[str, Texture], grad: BsdfGradient
     ) -> Iterator[tuple[str, Taps, Float[ndarray, "_ channels"]]]:
-        """For each map: its name, its taps and the gradient of what they gave, from that of `bsdf`."""
+        """Yields for each map its name, its taps and the gradient of what they gave, from that of `bsdf`."""
         values = {
             "base_color": grad.base_color,
             "roughness": grad.roughness[:, None],

@@ -47,7 +47,7 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class _Bend:
-    """Where the mirror direction is below the surface, n is bent to (n + k w_o) / |n + k w_o|.
+    """The bend of normals: n becomes (n + k w_o) / |n + k w_o| where the mirror direction is below the surface.
 
     With e = b - 2 a c, k = e / d and d = a + r. Here n + k w_o is scaled by d, which is 0 in the limit of k.
 

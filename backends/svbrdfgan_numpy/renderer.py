@@ -13,7 +13,6 @@ from torch import Tensor
 
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import RendererCapabilities
-from svbrdfgan.rendering.validation import check_cotangent, check_render, check_transport
 from svbrdfgan.types import Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan_numpy.environment import pixels_of, prepare_emitter
 from svbrdfgan_numpy.integrator import PathTracer
@@ -65,7 +64,6 @@ class NumpyRenderer:
 
     def render(self, prepared: PreparedSurface, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
         """The picture; see `Renderer.render`."""
-        self._check(prepared, materials, spp)
         maps, environment = _textures(materials, prepared.surface), pixels_of(view.environment)
         image, coverage = np.zeros((view.height * view.width, 3)), np.zeros(view.height * view.width)
         for pixels, bounces in self._trace(_tracer(prepared, view, maps), spp, seed):
@@ -87,8 +85,6 @@ class NumpyRenderer:
         seed: int,
     ) -> Gradients:
         """The gradient; see `Renderer.render_vjp`. All but the base colour's treat drawn directions as constants."""
-        self._check(prepared, materials, spp, wrt)
-        check_cotangent("numpy", view, grad_image)
         maps, environment = _textures(materials, prepared.surface), pixels_of(view.environment)
         grad_pixels = grad_image.detach().cpu().double().numpy().reshape(-1, 3) / spp
         grad_maps = {name: np.zeros_like(texture.texels) for name, texture in maps.items() if name in wrt}
@@ -106,21 +102,10 @@ class NumpyRenderer:
         return Gradients(tuple(parts), light if "environment" in wrt else None)
 
     def transport(self, prepared: PreparedSurface, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
-        """The samples of `render`'s picture without materials; see `TransportRenderer.transport`.
-
-        Raises:
-            UnsupportedError: `max_bounces` is above 1, where pictures are not linear in the base colour.
-        """
-        check_transport("numpy", self.capabilities, spp=spp)
+        """The samples of `render`'s picture without materials; see `TransportRenderer.transport`."""
         white = Materials((Material.lambertian((1.0, 1.0, 1.0)),) * len(prepared.surface.parts))
         maps, environment = _textures(white, prepared.surface), pixels_of(view.environment)
         return _samples(self._trace(_tracer(prepared, view, maps), spp, seed), maps, environment, spp)
-
-    def _check(
-        self, prepared: PreparedSurface, materials: Materials, spp: int, wrt: frozenset[str] = frozenset()
-    ) -> None:
-        parts = [part.name for part in prepared.surface.parts]
-        check_render("numpy", self.capabilities, parts, materials, spp=spp, wrt=wrt)
 
     def _trace(self, tracer: PathTracer, spp: int, seed: int) -> Iterator[tuple[Int[ndarray, " pixels"], list[Bounce]]]:
         """All the paths of a picture, one chunk of pixels at a time."""

@@ -23,7 +23,7 @@ Rgb = Float[ndarray, "_ 3"]
 
 @dataclass(frozen=True, eq=False)
 class Arrival:
-    """Where the light comes from that some vertices reflect, one direction for each of them.
+    """The light that arrives at some vertices, from one direction for each of them.
 
     Attributes:
         direction: unit, away from the surface.
@@ -67,7 +67,7 @@ class Shading:
 
 
 def shade(bounce: Bounce, maps: Mapping[str, Texture], environment: Float[ndarray, "pixels 3"]) -> Shading:
-    """What the bounce reflects and gathers, with these maps under this environment."""
+    """The bounce with these maps under this environment: what it reflects and gathers."""
     bsdf, outgoing = bounce.vertices.bsdf(maps), bounce.vertices.points.outgoing
     reflected = [bsdf.evaluate(outgoing, arrival.direction) for arrival in bounce.arrivals]
     return Shading(bsdf, reflected, [arrival.light.apply(environment) for arrival in bounce.arrivals])
@@ -76,7 +76,7 @@ def shade(bounce: Bounce, maps: Mapping[str, Texture], environment: Float[ndarra
 def shade_vjp(
     bounce: Bounce, shading: Shading, maps: Mapping[str, Texture], grad_reflected: Sequence[Rgb]
 ) -> Iterator[tuple[str, Taps, Float[ndarray, "_ channels"]]]:
-    """For each map: its name, its taps and the gradient of what they gave, from that of what is reflected."""
+    """Each map's name and taps, and the gradient of what the taps gave, from that of what is reflected."""
     outgoing = bounce.vertices.points.outgoing
     first, second = (
         shading.bsdf.evaluate_vjp(outgoing, arrival.direction, grad)

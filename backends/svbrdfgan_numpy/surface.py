@@ -17,7 +17,7 @@ from svbrdfgan_numpy.transparency import Transparency
 from svbrdfgan_numpy.vectors import cross, dot, normalize, tangents
 
 OFFSET = 1e-9
-"""How far from the surface a leaving ray starts, as a share of the scene's diagonal: above float64's rounding."""
+"""Distance from the surface at which a leaving ray starts, in diagonals of the scene: above float64's rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class PreparedSurface:
     """A surface with its search tree.
 
     Attributes:
-        offset: how far from the surface a leaving ray starts, metres.
+        offset: distance from the surface at which a leaving ray starts, metres.
         transparency: by which rays pass through; None if every part is opaque.
     """
 
@@ -36,7 +36,7 @@ class PreparedSurface:
 
     @cached_property
     def tangents(self) -> Tangents:
-        """Those of the surface's faces. Only normal maps need them, so they are not made before one does."""
+        """The tangents of the surface's faces, computed when a normal map first needs them."""
         return corner_tangents(self.surface)
 
 

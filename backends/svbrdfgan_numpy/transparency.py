@@ -1,7 +1,8 @@
 """Parts that rays pass through by chance: whether a ray stops where it meets a face.
 
-For each ray and each face a number is drawn and compared with alpha. It is a function of the ray and the face, because
-a search meets faces in any order; so the numbers that paths draw elsewhere are the same whether parts are opaque.
+For each ray and each face a number is drawn and compared with alpha. The number is a function of the ray and the face,
+because a search meets faces in any order; so the numbers that paths draw elsewhere are the same whether parts are
+opaque.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from svbrdfgan_numpy.textures import Texture
 
 @dataclass(frozen=True, eq=False)
 class RayNumbers:
-    """What tells rays apart, so that each passes by its own chance.
+    """The numbers that tell rays apart, so that each passes by its own chance.
 
     Attributes:
         seed: of the picture.
@@ -37,7 +38,7 @@ class RayNumbers:
         bits = np.full(len(ray), self.seed % 2**64, dtype=np.uint64)
         for number in (np.full(len(ray), self.stage), self.path[ray], face):
             bits = _mixed(bits + _STEP * (number.astype(np.uint64) + _ONE))
-        return (bits >> np.uint64(11)) * 2.0**-53
+        return (bits >> np.uint64(11)) * 2.0**-53  # 53 bits, as float64 holds, so that it stays below 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +50,7 @@ class Transparency:
 
     @classmethod
     def of(cls, surface: Surface) -> Transparency | None:
-        """That of a surface, None if every part is opaque."""
+        """The transparency of a surface; None if every part is opaque."""
         if all(part.opaque for part in surface.parts):
             return None
         maps = [_map(part) for part in surface.parts]
@@ -70,7 +71,9 @@ class Transparency:
         return stop
 
 
-_ONE, _STEP = np.uint64(1), np.uint64(0x9E3779B97F4A7C15)
+_ONE = np.uint64(1)  # added to each number, since `_mixed` leaves 0 as it is
+_STEP = np.uint64(0x9E3779B97F4A7C15)
+"""The increment of SplitMix64: 2^64 over the golden ratio, made odd."""
 
 
 def _map(part: Part) -> Float[ndarray, "*shape"]:

@@ -62,7 +62,7 @@ def nearest_through(
     first: wp.uint32,
     second: wp.uint32,
 ) -> wp.vec3i:
-    """As `bvh_kernels.nearest`, of the faces that a ray does not pass, drawn by its random `first` and `second`."""
+    """The first face that a ray does not pass, as `bvh_kernels.nearest` has it; `first` and `second` are random."""
 
 
 @wp.func_native(
@@ -88,7 +88,7 @@ def find_hits_through(
     face: wp.array(dtype=wp.int32),
     at: wp.array(dtype=wp.vec2),
 ):
-    """As `trace_kernels.find_hits`."""
+    """Stores the hit of each camera sample, as `trace_kernels.find_hits` does."""
     i = wp.tid()
     pixel = samples.first + i / samples.spp
     d = sample_ray(camera, samples, i)
@@ -104,7 +104,7 @@ def find_hits_through(
 def trace_shadows_through(
     geometry: Geometry, alpha: AlphaMaps, environment: emitter.EnvironmentEmitter, records: Records
 ):
-    """As `material_kernels.trace_shadows`: multiplies the factors by what passes."""
+    """Multiplies the factors of light samples by what passes; otherwise as `material_kernels.trace_shadows`."""
     thread = wp.tid()
     technique = thread / records.face.shape[0]
     i = thread % records.face.shape[0]

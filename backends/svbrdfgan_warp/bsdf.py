@@ -1,6 +1,6 @@
 """Warp functions: the whole material of `docs/conventions.md` at a point, its derivatives, and directions drawn by it.
 
-Value means the BSDF times n . w_i. It is `q * base_color + c`, with c the same for all colours:
+Value means the BSDF times n . w_i: `q * base_color + c`, with c the same for all colours:
 q = (1 - m) (1 - F_d) (n . w_i) / pi + m (1 - p) L, c = ((1 - m) F_d + m p) L,
 L = D g(n . w_i) g(n . w_o) (n . w_i) / 4, g(x) = 2 / (x + sqrt(a2 + (1 - a2) x^2)), where a2 is alpha^2.
 Where the visible normals of GGX are drawn, the density of w_i is D g(n . w_o) / 4, so neither divides by n . w_o.
@@ -37,7 +37,7 @@ class MaterialGradient:
 
 @wp.struct
 class Microfacets:
-    """Of a pair of directions, what depends on the vector halfway between them."""
+    """The terms of a pair of directions that depend on the vector halfway between them."""
 
     cosine: wp.float32  # n . h
     sine2: wp.float32  # 1 - (n . h)^2
@@ -64,7 +64,7 @@ def alpha2_slope(roughness: float):
 @wp.func
 def microfacets(n: wp.vec3, alpha2: float, outgoing: wp.vec3, incoming: wp.vec3):
     total = outgoing + incoming
-    length2 = wp.max(wp.dot(total, total), 1.0e-12)
+    length2 = wp.max(wp.dot(total, total), 1.0e-12)  # opposite directions add up to nothing
     across = wp.cross(n, total)  # 1 - (n . h)^2 as a difference would lose the peak of a smooth surface in float32
     along = wp.dot(n, total)
     half = Microfacets()
@@ -92,8 +92,9 @@ def smith(alpha2: float, cosine: float):
 def gloss_share(material: SurfaceMaterial, outgoing: wp.vec3):
     """The probability of drawing a direction from the gloss instead of the cosine.
 
-    It is large, since the emitter's samples serve the diffuse part well: on spheres under a small sun, 0.7 had 0.7 to 1
-    of the noise of 0.5. Some directions always come from the cosine, for the gradient of light where it is black.
+    The share is large, since the emitter's samples serve the diffuse part well: on spheres under a small sun, 0.7 had
+    0.7 to 1 of the noise of 0.5. Some directions always come from the cosine, for the gradient of light where it is
+    black.
     """
     if material.alpha2 == 0.0 or wp.dot(material.normal, outgoing) < 0.0:
         return 0.0
@@ -127,7 +128,7 @@ def visible_normal(n: wp.vec3, alpha: float, outgoing: wp.vec3, a: float, b: flo
     x = sine * wp.cos(angle) + seen[0]
     y = sine * wp.sin(angle) + seen[1]
     z = wp.max(1.0 - below + seen[2], 0.0)
-    return wp.normalize(s * (alpha * x) + t * (alpha * y) + n * wp.max(z, 1.0e-12))
+    return wp.normalize(s * (alpha * x) + t * (alpha * y) + n * wp.max(z, 1.0e-12))  # not zero, which has no direction
 
 
 @wp.func

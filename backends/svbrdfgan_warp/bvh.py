@@ -21,7 +21,7 @@ from svbrdfgan_warp.device import launch
 _SLACK = 2e-6
 """Share of the largest coordinate by which bounds are widened; the traversal rounds by less than a quarter of it."""
 _BITS = 21
-"""Of each coordinate in a Morton code; three times 21 fit into a signed 64-bit integer."""
+"""Bits of each coordinate in a Morton code; three times 21 fit into a signed 64-bit integer."""
 
 
 def build_bvh(points: Float[Tensor, "vertices 3"], corners: Int[Tensor, " 3_faces"]) -> tuple[Any, Any]:
@@ -44,7 +44,7 @@ def build_bvh(points: Float[Tensor, "vertices 3"], corners: Int[Tensor, " 3_face
 
 @dataclass(frozen=True, eq=False)
 class _BinaryTree:
-    """A binary tree. Its nodes are the triangles, numbered by their faces, then the inner nodes; the last is the root.
+    """A binary tree, whose nodes are the triangles, numbered by their faces, then the inner ones; the last is the root.
 
     Attributes:
         children: of the inner nodes.
@@ -123,6 +123,7 @@ def _widened(tree: _BinaryTree) -> tuple[Int[Tensor, "nodes 20"], Int[Tensor, " 
 def _morton_codes(corner: Float[Tensor, "triangles 3 3"]) -> Int[Tensor, " triangles"]:
     """The position of each triangle's middle along a Morton curve of 2^63 cells."""
     middle = (corner.amin(dim=1) + corner.amax(dim=1)) / 2
+    # One triangle alone has no size to divide by.
     low, size = middle.amin(dim=0), (middle.amax(dim=0) - middle.amin(dim=0)).amax().clamp_min(1e-30)
     cell = ((middle - low) / size * (2**_BITS - 1)).long().clamp(0, 2**_BITS - 1)
     return _spread(cell[:, 0]) << 2 | _spread(cell[:, 1]) << 1 | _spread(cell[:, 2])

@@ -17,7 +17,7 @@ import warp as wp
 wp.set_module_options({"enable_backward": False})
 
 REACH = wp.constant(8)
-"""How far along the curve a cluster looks for its partner."""
+"""Clusters before and after it on the curve among which a cluster looks for its partner."""
 
 _NATIVE = resources.files(__package__).joinpath("native")
 _WIDEN, TRAVERSE = (_NATIVE.joinpath(name).read_text(encoding="utf-8") for name in ("widen.h", "traverse.h"))
@@ -61,7 +61,7 @@ def find_partners(
     binary: BinaryTree,
     partner: wp.array(dtype=wp.int64),
 ):
-    """For each cluster on the curve, the nearby cluster with which it has the smallest joint surface.
+    """Finds for each cluster on the curve the nearby cluster with which it has the smallest joint surface.
 
     Ties go to the cluster whose index differs in the lowest bits, so that a row of coincident boxes pairs off in one
     round. Both criteria are symmetric and no two neighbours tie in both, so at least one pair chooses each other.

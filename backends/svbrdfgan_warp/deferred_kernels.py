@@ -23,7 +23,7 @@ from svbrdfgan_warp.trace_kernels import Geometry
 wp.set_module_options({"enable_backward": False})
 
 REDRAWS = wp.constant(4)
-"""Visits in which all light samples are drawn anew once: at each visit those of the hits of one group."""
+"""Visits in which all light samples are drawn again once: each visit draws those of one group of hits."""
 SHADOWED = wp.constant(wp.uint32(0xFFFFFFFF))
 # Streams of `rng.hashed`; 0 and 1 belong to `rng.numbers`.
 _WITHIN = wp.constant(wp.uint32(0x10000))
@@ -32,7 +32,7 @@ _PASSES = wp.constant(wp.uint32(0x20000))
 
 @wp.struct
 class StoredView:
-    """What of a view's picture does not depend on the learnable materials."""
+    """The data of a view's picture that do not depend on the learnable materials."""
 
     geometry: Geometry
     space: TangentSpace
@@ -148,7 +148,7 @@ def frame_of(view: StoredView, hit: int):
 
 @wp.func
 def reaches_light(view: StoredView, hit: int, d: wp.vec3, number: wp.uint32):
-    """Whether light along `d` reaches a hit. Of a ray that meets clear parts, `number` decides."""
+    """Whether light along `d` reaches a hit; where the ray meets clear parts, `number` decides."""
     geometry = view.geometry
     start = shadow_start(geometry, corners_of(geometry, view.face[hit]), view.at[hit], d)
     if view.alpha.layout.shape[0] > 0:
@@ -159,7 +159,7 @@ def reaches_light(view: StoredView, hit: int, d: wp.vec3, number: wp.uint32):
 
 @wp.func
 def draw_number(visit: int):
-    """What light samples that are drawn for a visit change the seed by."""
+    """The number that is mixed into the seed of a visit's light samples."""
     return wp.uint32(visit) * wp.uint32(0x9E3779B1) + wp.uint32(0x7F4A7C15)
 
 
@@ -186,7 +186,7 @@ def draw_light(views: wp.array(dtype=StoredView), first: int, group: int, visit:
     if hit >= view.face.shape[0] or hit % REDRAWS != group:
         return
     pixel = view.pixel[hit]
-    # What is drawn of a pixel at once is one sequence: parts of a longer one would lie close together. Its dimensions,
+    # What is drawn of a pixel at once is one sequence: parts of a longer one would lie close together. The dimensions,
     # like those of rays, are as in `material_kernels.draw_light`: u[0] and u[1] placed the camera samples, and numbers
     # of one dimension differ by a constant only, whatever the seed.
     place = (hit - view.start[pixel]) / REDRAWS

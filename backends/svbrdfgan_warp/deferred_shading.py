@@ -122,9 +122,9 @@ class ShadingPass:
         return wp.from_torch(rays, dtype=wp.vec2)
 
     def _draw_light(self) -> None:
-        """Brings the light samples to the visit: a share of them is drawn anew for each visit since the last one.
+        """Brings the light samples to the visit: a share of them is drawn again for each visit since the last one.
 
-        What they are then depends on the visit alone. After a later visit all of them are drawn again.
+        The samples then depend on the visit alone. After a later visit, all of them are drawn again.
         """
         for light in self.lights:
             if light.visit > self.visit:

@@ -65,7 +65,7 @@ def radiance(emitter: EnvironmentEmitter, at: wp.vec2):
 def density(emitter: EnvironmentEmitter, at: wp.vec2, d: wp.vec3):
     """The density with which `sample` draws the direction `d` to a position, per steradian."""
     row = wp.clamp(int(at[1]), 0, emitter.texels.shape[0] - 1)
-    sine = wp.max(wp.sqrt(d[0] * d[0] + d[2] * d[2]), 1.0e-7)
+    sine = wp.max(wp.sqrt(d[0] * d[0] + d[2] * d[2]), 1.0e-7)  # finite at the poles
     return emitter.texels[row, int(at[0]) % emitter.texels.shape[1]][3] / sine
 
 

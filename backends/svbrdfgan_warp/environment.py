@@ -14,13 +14,14 @@ import warp as wp
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from svbrdfgan.rendering.validation import check_radiance
 from svbrdfgan.types import Environment
 from svbrdfgan_warp.emitter import EnvironmentEmitter
 
 _NUMBERS = 2**32
-_CACHED, _PIXELS = 12, 2**24
-"""Most environments in the cache, and most pixels in all of them; a pixel takes 32 bytes."""
+_CACHED = 12
+"""Most environments in the cache."""
+_PIXELS = 2**24
+"""Most pixels in all environments of the cache; a pixel takes 32 bytes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,14 +45,10 @@ class EmitterCache:
     entries: list[_Entry] = field(default_factory=list)
 
     def emitter(self, environment: Environment) -> EnvironmentEmitter:
-        """The environment as kernels read it.
-
-        Raises:
-            AssetError: radiance that is negative or not finite.
-        """
+        """The environment as kernels read it."""
         given, before = environment.radiance, tuple(self.entries)
         radiance = given.detach().to(self.device, torch.float32)
-        # The same tensor's entry comes first. It is compared like the others: torch does not see every write into it.
+        # The same tensor's entry comes first, and is compared like the others: torch does not see every write into it.
         likely = sorted(before, key=lambda entry: entry.source() is not given)
         same = next((entry for entry in likely if torch.equal(entry.radiance, radiance)), None)
         values = (same.radiance, same.emitter) if same else (radiance.clone(), _tables(radiance))
@@ -76,7 +73,6 @@ def _rotated(emitter: EnvironmentEmitter, rotation: float) -> EnvironmentEmitter
 
 def _tables(radiance: Float[Tensor, "rows cols 3"]) -> EnvironmentEmitter:
     """The emitter, without its rotation."""
-    check_radiance(radiance)
     rows, cols, _ = radiance.shape
     importance = _importance(radiance)
     row_share, row_first = _table(importance.sum(dim=1, keepdim=True).T)

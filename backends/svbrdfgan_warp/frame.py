@@ -76,18 +76,18 @@ def unbent(frame: Frame, mapped: wp.vec3):
 
 @wp.func
 def bend(frame: Frame, n: wp.vec3):
-    """How far the tilted normal is bent towards the viewer, k; and its derivatives by a = n . N and c = n . w_o."""
+    """The length k of the bend towards the viewer, in n + k w_o; and its derivatives by a = n . N and c = n . w_o."""
     a = wp.dot(n, frame.normal)
     b = wp.dot(frame.outgoing, frame.normal)
     c = wp.dot(n, frame.outgoing)
     excess = b - 2.0 * a * c
     if excess <= 0.0:
         return 0.0, 0.0, 0.0
-    s = wp.max(wp.sqrt(a * a + b * excess), 1.0e-12)
+    s = wp.max(wp.sqrt(a * a + b * excess), 1.0e-12)  # not 0: the slopes are divided by it
     s_a = (a - b * c) / s
     s_c = -a * b / s
     if a < 0.0:  # the same, as a + s would cancel
-        b = wp.max(b, 1.0e-12)
+        b = wp.max(b, 1.0e-12)  # finite for a viewer on the horizon
         return (s - a) / b, (s_a - 1.0) / b, s_c / b
     below = 1.0 / (a + s)
     k = excess * below

@@ -68,7 +68,7 @@ def sample_ray(camera: PreparedCamera, samples: SampleRange, i: int):
 
 @wp.func
 def material_at(maps: Maps, frame: Frame):
-    """The material's numbers at a hit. Its base colour is left out: where light is drawn must not depend on it."""
+    """The material at a hit, without its base colour, which must not decide where light is drawn."""
     material = bsdf.SurfaceMaterial()
     material.normal = frame.normal
     if maps.tilted[frame.part] != 0:
@@ -124,7 +124,7 @@ def draw_light(
 
 @wp.func
 def shadow_start(geometry: Geometry, corners: wp.vec3i, at: wp.vec2, d: wp.vec3):
-    """Where a ray along `d` leaves the surface."""
+    """The point, a little off the surface, where a ray along `d` starts."""
     point = surface_point(geometry, corners, wp.vec3(at[0], at[1], 1.0 - at[0] - at[1]), d)
     return point.p + point.offset * wp.where(wp.dot(point.offset, d) >= 0.0, 1.0, -1.0)
 
@@ -157,7 +157,7 @@ def shade(
     records: Records,
     radiance: wp.array(dtype=wp.vec3),
 ):
-    """What each record adds to its pixel."""
+    """Stores the radiance that each record adds to its pixel."""
     i = wp.tid()
     total = wp.vec3(0.0)
     if records.face[i] >= 0:

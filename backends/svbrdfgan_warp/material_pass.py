@@ -22,7 +22,7 @@ from svbrdfgan_warp.render_pass import KEPT
 
 @dataclass(frozen=True, eq=False)
 class MaterialPass:
-    """The inputs of one picture, and the records kept for its gradient. It serves any material.
+    """The inputs of one picture with any materials, and the records kept for its gradient.
 
     Attributes:
         chunks: of the film, which together cover it.
@@ -80,7 +80,7 @@ class MaterialPass:
     def _gradients(
         self, grad_image: Float[Tensor, "pixels 3"], names: Set[str], light: bool
     ) -> Iterator[RecordGradients]:
-        """Of one chunk after the other; on the CPU, several are computed at once."""
+        """Yields the gradients of one chunk after the other; on the CPU, several are computed at once."""
         maps, device = self.maps.argument, self.maps.device
         pixels = wp.from_torch(grad_image, wp.vec3)
 

@@ -17,7 +17,7 @@ from svbrdfgan.types.material import CHANNELS
 from svbrdfgan_warp import material_kernels, texture_kernels
 
 _NEUTRAL = {"base_color": (0.0, 0.0, 0.0), "roughness": (1.0,), "metallic": (0.0,), "normal": (0.0, 0.0, 1.0)}
-"""What stands for a map that a part lacks. Only that of `metallic` is ever used."""
+"""The texel that stands for a map that a part lacks. Only that of `metallic` is ever used."""
 
 
 def linear_in_base_color(materials: Materials) -> bool:
@@ -67,7 +67,7 @@ class PackedMaps:
         return self.has.device
 
     def atlas(self, name: str) -> texture_kernels.Atlas:
-        """Where a map's texels are, as kernels take it."""
+        """The places of a map's texels, as kernels take them."""
         result: Any = texture_kernels.Atlas()
         result.layout = wp.from_torch(self.layouts[name], dtype=wp.vec3i)
         result.repeat_u, result.repeat_v = self.repeat
@@ -85,7 +85,7 @@ class PackedMaps:
         return result
 
     def gradients(self, sums: Mapping[str, Float[Tensor, "*texels"]]) -> tuple[dict[str, Tensor], ...]:
-        """Per part, the sums over the texels of those of its maps that are in `sums`, shaped like the map."""
+        """The sums of each part, by the names of those of its maps that are in `sums`, shaped like the map."""
         pieces = {name: total[1:].float().split(_sizes(self.materials, name)) for name, total in sums.items()}
         return tuple(
             {name: pieces[name][part].reshape(m.maps[name].shape) for name in pieces if name in m.maps}
@@ -93,7 +93,7 @@ class PackedMaps:
         )
 
     def present(self, names: Set[str]) -> list[str]:
-        """Those of the names that are maps of some part."""
+        """The names among these that are maps of some part, in the order of `CHANNELS`."""
         return [name for name in CHANNELS if name in names and any(name in m.maps for m in self.materials.parts)]
 
 

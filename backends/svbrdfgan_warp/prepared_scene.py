@@ -1,4 +1,4 @@
-"""What is traced: a surface on the device, the camera, and the film in chunks; and the records that tracing gives."""
+"""The scene that is traced: a surface on the device, a camera, the film in chunks; and the records of tracing."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def film_chunks(view: View, spp: int, seed: int, most: int) -> list[FilmChunk]:
 
 @dataclass(frozen=True, eq=False)
 class SampleRecords:
-    """What the camera samples of a chunk hit, pixel by pixel, and the light there.
+    """The hits of a chunk's camera samples, pixel by pixel, and the light there.
 
     Attributes:
         chunk: which samples.

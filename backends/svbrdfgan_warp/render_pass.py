@@ -136,7 +136,7 @@ class GradientAccumulator:
 
 
 def _atlas(materials: Materials, repeat: tuple[bool, bool], device: torch.device) -> texture_kernels.Atlas:
-    """Where each part's texels begin in `_packed`, and their rows and columns; a constant is one texel."""
+    """The first texel of each part in `_packed`, and its rows and columns; a constant is one texel."""
     layout, begin = [], 0
     for material in materials.parts:
         rows, cols = material.base_color.shape[:-1] or (1, 1)

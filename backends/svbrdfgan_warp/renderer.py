@@ -4,21 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.protocols import Pullback, RendererCapabilities
-from svbrdfgan.rendering.validation import (
-    check_cotangent,
-    check_cotangents,
-    check_device,
-    check_render,
-    check_shade,
-    check_store_light,
-    check_transport,
-)
 from svbrdfgan.types import Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan.types.material import CHANNELS
 from svbrdfgan_warp import light_records, prepared_scene
@@ -96,7 +88,7 @@ class WarpRenderer:
 
         For all but the base colours it treats the drawn directions and their densities as constants.
         """
-        return _pullback(self._render_pass(prepared, materials, view, wrt, spp, seed), wrt)(grad_image)
+        return self._render_pass(prepared, materials, view, wrt, spp, seed).backward(grad_image, wrt)
 
     def render_pullback(
         self, prepared: PreparedSurface, materials: Materials, view: View, *, wrt: frozenset[str], spp: int, seed: int
@@ -107,11 +99,10 @@ class WarpRenderer:
         At most `svbrdfgan_warp.render_pass.KEPT` samples are kept; the others are traced again.
         """
         render_pass = self._render_pass(prepared, materials, view, wrt, spp, seed)
-        return render_pass.forward(keep=bool(wrt)), _pullback(render_pass, wrt)
+        return render_pass.forward(keep=bool(wrt)), partial(render_pass.backward, wrt=wrt)
 
     def transport(self, prepared: PreparedSurface, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
         """The samples that `render` draws, without materials, sorted by pixel."""
-        check_transport("warp", CAPABILITIES, spp=spp)
         if prepared.alpha is not None:
             return self._transport_through(prepared, view, spp, seed)
         tracer = self._tracer(prepared, view)
@@ -122,8 +113,6 @@ class WarpRenderer:
         self, prepared: PreparedSurface, view: View, *, learnable: Sequence[int], hits: int, spp: int, seed: int
     ) -> StoredLight:
         """Camera samples on learnable parts, with room for a light sample each: 20 bytes for both."""
-        check_store_light("warp", CAPABILITIES, prepared.parts, learnable, hits=hits, spp=spp)
-        check_device("warp", prepared.device, self.device)
         emitter = self._emitters.emitter(view.environment)
         return store_light(prepared, emitter, view, learnable=learnable, hits=hits, spp=spp, seed=seed)
 
@@ -137,19 +126,9 @@ class WarpRenderer:
         seed: int,
     ) -> tuple[Float[Tensor, "views height width 3"], Callable[[Tensor], Tensor]]:
         """Pictures from the samples that `render` would draw: one stored by light, one ray drawn by the material."""
-        views = [(light.film, light.textures) for light in lights]
-        check_shade("warp", CAPABILITIES, views, textures, maps, visit=visit)
-        for light in lights:
-            check_device("warp", light.surface.device, self.device)
         values = torch.empty(textures.shape, dtype=torch.float32, device=self.device).copy_(textures.detach())
         shading = ShadingPass(tuple(lights), values, tuple(maps), visit, seed)
-        images = shading.forward()
-
-        def pullback(grad_images: Tensor) -> Tensor:
-            check_cotangents("warp", images.shape, grad_images)
-            return shading.backward(grad_images)
-
-        return images, pullback
+        return shading.forward(), shading.backward
 
     def _transport_through(
         self, prepared: PreparedSurface, view: View, spp: int, seed: int
@@ -163,7 +142,6 @@ class WarpRenderer:
     def _render_pass(
         self, prepared: PreparedSurface, materials: Materials, view: View, wrt: frozenset[str], spp: int, seed: int
     ) -> RenderPass | MaterialPass:
-        check_render("warp", CAPABILITIES, prepared.parts, materials, spp=spp, wrt=wrt)
         light = "environment" in wrt
         if prepared.alpha is None and linear_in_base_color(materials):
             chunks = film_chunks(view, spp, seed, prepared_scene.CHUNK[self.device.type])
@@ -171,25 +149,15 @@ class WarpRenderer:
         return self._material_pass(prepared, materials, view, spp, seed, dark=light)
 
     def _tracer(self, prepared: PreparedSurface, view: View, *, light_samples: bool = False) -> Tracer:
-        check_device("warp", prepared.device, self.device)
         camera, emitter = prepare_camera(view, prepared.centre), self._emitters.emitter(view.environment)
         return Tracer(prepared, camera, emitter, light_samples)
 
     def _material_pass(
         self, prepared: PreparedSurface, materials: Materials, view: View, spp: int, seed: int, *, dark: bool
     ) -> MaterialPass:
-        check_device("warp", prepared.device, self.device)
         camera, emitter = prepare_camera(view, prepared.centre), self._emitters.emitter(view.environment)
         tilted = any("normal" in material.maps for material in materials.parts)
         space = prepared.tangent_space if tilted else TangentSpace()
         tracer = LightTracer(prepared, space, camera, emitter, dark)
         chunks = film_chunks(view, spp, seed, light_records.CHUNK[self.device.type])
         return MaterialPass.of(tracer, view, chunks, materials)
-
-
-def _pullback(render_pass: RenderPass | MaterialPass, wrt: frozenset[str]) -> Pullback:
-    def pullback(grad_image: Float[Tensor, "height width 3"]) -> Gradients:
-        check_cotangent("warp", render_pass.view, grad_image)
-        return render_pass.backward(grad_image, wrt)
-
-    return pullback

@@ -4,7 +4,7 @@
 
 import warp as wp
 
-UNIT = wp.constant(1.0 / 16777216.0)
+UNIT = wp.constant(1.0 / 16777216.0)  # 2^-24: float32 holds 24 bits, so that no number is rounded up to 1
 # An extensible lattice, good in any two dimensions: Cools, Kuo and Nuyens, "Constructing embedded lattice rules for
 # multivariate integration", SIAM J. Sci. Comput. 28, 2006 (base 2, up to 2^20 points, order-2 weights).
 LATTICE_U = wp.constant(wp.vec4ui(1, 182667, 469891, 498753))

@@ -45,7 +45,7 @@ class Hits:
 
 @dataclass(eq=False)
 class StoredLight:
-    """What of a view's picture does not depend on the learnable materials, on one device.
+    """The data of a view's picture that do not depend on the learnable materials, on one device.
 
     Attributes:
         camera_origin: in the prepared surface's coordinates.
@@ -73,7 +73,7 @@ class StoredLight:
 
     @cached_property
     def record(self) -> Int[Tensor, " bytes"]:
-        """The view as kernels take it, in the device's memory. It is kept: to make it takes longer than to shade."""
+        """The view as kernels take it, in the device's memory; kept, since making it takes longer than shading."""
         surface, hits, view = self.surface, self.hits, deferred_kernels.StoredView()
         result: Any = view
         result.geometry, result.space, result.environment = surface.geometry, surface.tangent_space, self.emitter
@@ -142,7 +142,7 @@ def _kept(
     most: int,
     generator: torch.Generator,
 ) -> Hits:
-    """At most `most` hits of each pixel, in a row from a random one on: each is kept with equal probability.
+    """The kept hits: at most `most` of each pixel, in a row from a random one on, all with equal probability.
 
     Samples in a row are spread over the pixel. Every fourth one, for instance, would lie in a quarter of its width, as
     `rng.numbers` reverses the bits of their numbers.

@@ -79,8 +79,8 @@ def irradiance_weight(
 ):
     """The weight, in the irradiance at a point, of the radiance from the direction `d` to the position `at`.
 
-    It is the cosine over the summed densities of both techniques (balance heuristic), and zero below the horizon and in
-    shadow.
+    The weight is the cosine over the summed densities of both techniques (balance heuristic), and zero below the
+    horizon and in shadow.
     """
     cosine = wp.dot(point.n, d)
     if cosine <= 0.0:
@@ -101,7 +101,7 @@ def camera_ray(camera: PreparedCamera, pixel: int, a: float, b: float):
 
 @wp.func
 def camera_start(geometry: Geometry, camera: PreparedCamera, d: wp.vec3):
-    """Where a camera ray starts: at the bounding sphere, as from a distant camera distances would lose digits."""
+    """The start of a camera ray, at the bounding sphere: distances from a far camera would lose digits."""
     return camera.origin + d * wp.max(0.0, -wp.dot(camera.origin, d) - geometry.radius)
 
 

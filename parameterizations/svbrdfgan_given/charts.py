@@ -21,6 +21,7 @@ def signed_areas(uv: Float[ndarray, "faces 3 2"]) -> Float[ndarray, " faces"]:
     """Areas in UV: negative for mirrored faces, exactly zero for a face that is a line or a point."""
     area = uv_areas(uv)
     longest = np.square(uv - np.roll(uv, 1, axis=1)).sum(axis=2).max(axis=1)
+    # No less than 1e-300: a face whose corners are one point in UV has no longest edge to compare with.
     return np.where(2.0 * np.abs(area) > np.maximum(_FLAT * longest, 1e-300), area, 0.0)
 
 

@@ -27,8 +27,8 @@ _HALVINGS = 40  # bisections of the scale, enough for nearly all bits of a doubl
 class GivenEmbedding:
     """The mesh's own texture coordinates, one-to-one.
 
-    They are kept bit for bit if they lie in the unit square, do not overlap, are not mirrored (counter-clockwise faces
-    stay so), and every face with an area has an area in UV. Otherwise, only the repairs that are needed are made.
+    The UVs are kept bit for bit if they lie in the unit square, do not overlap, are not mirrored (counter-clockwise
+    faces stay so), and every face with an area has an area in UV. Otherwise, only the repairs that are needed are made.
     Mirrored charts are mirrored in place. Charts in other tiles of a repeating texture are moved by whole tiles. A
     layout that is larger than the square is scaled as a whole. If charts overlap, all are scaled by one factor and
     packed without rotation. A chart that overlaps itself is cut. Faces that are a line or a point in UV get half a
@@ -75,7 +75,7 @@ class GivenEmbedding:
         return np.clip(_into_square(repaired, repaired[chart >= 0]), 0.0, 1.0)
 
     def _packed(self, uv: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> Float[ndarray, "faces 3 2"]:
-        """All charts side by side, and a block of the faces without a chart, two to a texel."""
+        """The UVs with all charts side by side, and a block of the faces without a chart, two to a texel."""
         texel = 1.0 / self.resolution
         low, high = _boxes(uv, chart)
         lost = np.flatnonzero(chart < 0)
@@ -158,6 +158,7 @@ def pack(
     # highest first, as a shelf is as high as its highest box
     order = np.lexsort((-sizes[:, 0], -(sizes[:, 1] + fixed[:, 1])))
     area = float(sizes.prod(axis=1).sum())
+    # Larger scales cannot fit: the boxes would fill four squares, or the longest side would be 2. All may be points.
     low, high = 0.0, 2.0 / max(area, float(sizes.max()) ** 2, 1e-300) ** 0.5
     best = _shelves(fixed + low * sizes, order, gutter)
     for _ in range(_HALVINGS):

@@ -48,7 +48,7 @@ def _grid(corners: Float[ndarray, "triangles 3 2"]) -> CellGrid:
     """A grid whose cells are about as large as the triangles."""
     low, high = corners.min(axis=1), corners.max(axis=1)
     extent, mean = (high.max(axis=0) - low.min(axis=0)).max(), (high - low).mean()
-    return CellGrid.around(corners, extent / max(mean, 1e-300))
+    return CellGrid.around(corners, extent / max(mean, 1e-300))  # all triangles may be points
 
 
 def _overlap(one: Float[ndarray, "pairs 3 2"], other: Float[ndarray, "pairs 3 2"]) -> Bool[ndarray, " pairs"]:

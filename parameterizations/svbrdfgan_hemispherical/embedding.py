@@ -24,7 +24,7 @@ AXES: dict[str, Float[ndarray, "3 3"]] = {
     "z": np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
     "x": np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
 }
-"""For each axis of the nose, a matrix with rows: the vehicle's right (looking forward), up, and nose."""
+"""A matrix for each axis of the nose, with rows: the vehicle's right (looking forward), up, and nose."""
 
 _AIM = 0.45  # texels: allowed error at sampled points, so that it stays below half a texel between them
 _ROUNDS = 24  # each halves the edges that it cuts; enough to reach the shortest edge from any length
@@ -80,7 +80,7 @@ class HemisphericalEmbedding:
 
     The poles lie along the vehicle's length. `u` turns about this axis from the vehicle's right over its roof to its
     left, and `v` runs from the nose to the tail, so that outer faces keep their winding in UV and are not mirrored.
-    The centre is the middle of the bounding box in the two horizontal directions. It lies slightly below the ground, so
+    The centre is the middle of the bounding box in the two horizontal directions, slightly below the ground, so
     that the whole model is above it: theta stays inside (0, pi), and neither the seam nor a pole touches the surface.
     Where several surfaces share a direction, the one furthest from the centre is outermost. Angles are taken in metres:
     a measurement showed that dividing by the bounding box first makes maps of different vehicles no more alike, and

@@ -22,7 +22,9 @@ def _mask(chosen: Bool[ndarray, " 27"]) -> np.uint32:
 
 
 _REACH = np.abs(_OFFSETS).sum(axis=1)
-_N26, _N18, _N6 = (_mask((_REACH > 0) & (k > _REACH)) for k in (4, 3, 2))
+_N26 = _mask(_REACH > 0)  # neighbours across corners, edges and faces
+_N18 = _mask((_REACH > 0) & (_REACH < 3))  # across edges and faces
+_N6 = _mask((_REACH > 0) & (_REACH < 2))  # across faces
 _AXES = [  # for each axis: shift of the bit index, cells with a neighbour below, cells with one above
     (np.uint32(9 // 3**k), _mask(_OFFSETS[:, k] > -1), _mask(_OFFSETS[:, k] < 1)) for k in range(3)
 ]

@@ -33,7 +33,7 @@ class SelfCollisionBarrier:
     def value(self, uv: Float[ndarray, "vertices 2"]) -> float:
         """The cost; zero if no pair is closer than its gap."""
         pairs, distance, gap, _ = self._near(uv[self.border])
-        s = np.maximum(distance, 1e-300) / gap
+        s = np.maximum(distance, 1e-300) / gap  # the logarithm stays finite where a vertex lies on an edge
         return float(-self.stiffness * (self.weight[pairs[:, 0]] * (s - 1) ** 2 * np.log(s)).sum())
 
     def derivatives(
@@ -85,4 +85,4 @@ def _distances(
     along = np.clip(along, 0.0, 1.0)
     away = p - a - along[:, None] * edge
     distance = np.linalg.norm(away, axis=1)
-    return distance, away / np.maximum(distance, 1e-300)[:, None], along
+    return distance, away / np.maximum(distance, 1e-300)[:, None], along  # a vertex may lie on an edge

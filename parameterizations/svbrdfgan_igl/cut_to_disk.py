@@ -44,6 +44,7 @@ def cut_to_disk(
     net = SurfaceGraph.of(positions, faces)
     cut = opening(net)
     for place in _worst_places(positions, faces, seams):
+        # rounded, so that the choice among equals does not depend on the last bits of the coordinates
         vertex = int(np.argmin(np.round(((positions - place) ** 2).sum(axis=1), 12)))
         cut = branch(net, cut, vertex)
     return cut_open(net, cut)

@@ -73,7 +73,7 @@ class DistortionEnergy:
         if not (det > 0.0).all():
             return float("inf")
         square = 0.5 * np.einsum("fxj,fxj->f", jacobian, jacobian)
-        with np.errstate(divide="ignore", over="ignore"):
+        with np.errstate(divide="ignore", over="ignore"):  # a nearly degenerate triangle costs infinity
             return float((triangles.area * (square / det**self.power + self.weight * det)).sum())
 
     def derivatives(

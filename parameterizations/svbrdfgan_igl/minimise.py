@@ -73,7 +73,8 @@ def minimise(
 ) -> Float[ndarray, "vertices 2"]:
     """The map after at most `rounds` Newton steps.
 
-    It stops earlier if the slope along a step is less than `tolerance` of the value, or no step lowers the value.
+    The descent stops earlier if the slope along a step is less than `tolerance` of the value, or no step lowers the
+    value.
     `uv` must be a map with a finite value. No step flips a triangle, leaves the container, or makes the border cross
     itself.
     """
@@ -117,7 +118,7 @@ def _until_flip(
     b = _cross(p, dq) + _cross(dp, q)
     root = np.sqrt(np.maximum(b * b - 4 * a * c, 0.0))
     real = b * b >= 4 * a * c
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # divisions by 0 are missing roots, left out below
         half = -0.5 * (b + np.where(b >= 0, root, -root))  # both terms have the same sign, so that no digits cancel
         roots = np.stack([half / a, c / half])
     roots = roots[:, real]

@@ -74,6 +74,7 @@ def relaxed(
         mirrored: triangles that face away from the wrap and so should be mirrored.
     """
     count = len(uv)
+    # A vertex of triangles without an area has a spring too, or the matrix would be singular.
     mass = np.bincount(faces.ravel(), np.repeat(planes.area, 3) / 3, count) / _REACH**2 + _LEAST_AREA
     solve = splu(_stiffness(planes, faces, count) + sparse.diags(mass).tocsc(), permc_spec="MMD_AT_PLUS_A").solve
     gather = sparse.csr_matrix((np.ones(faces.size), (faces.ravel(), np.arange(faces.size))), shape=(count, faces.size))
@@ -117,8 +118,8 @@ def bounded(
 ) -> Float[ndarray, "faces 2 2"]:
     """The closest maps with singular values from `least` to `most`, mirrored exactly where `mirrored` says so.
 
-    A 2 x 2 matrix is the sum of a scaled rotation of size q and a scaled reflection of size r. Its signed singular
-    values are q + r and q - r; it is mirrored if q - r is negative.
+    A 2 x 2 matrix is the sum of a scaled rotation of size q and a scaled reflection of size r. The signed singular
+    values are q + r and q - r; the matrix is mirrored if q - r is negative.
     """
     (a, b), (c, d) = np.moveaxis(jacobians, 0, -1)
     q, turn = _size_and_direction((a + d) / 2, (c - b) / 2)

@@ -16,9 +16,9 @@ from svbrdfgan_igl.chart import Chart
 from svbrdfgan_igl.relax import Planes, bounded, misfits, relaxed
 
 _LEAN = 0.3
-"""Before the closest point is sought, a place moves this far along its normal per unit of depth below the wrap.
+"""Distance that a place moves along its normal, per unit of depth below the wrap, before its closest point is sought.
 
-With it, walls that stand upright on the wrap start with an area in UV; `relax` enlarges it.
+With this move, walls that stand upright on the wrap start with an area in UV; `relax` enlarges it.
 """
 _AIM = 0.5  # texels: error of interpolation along an edge above which it is cut
 _SMALL = 2.5  # texels: edges shorter than this are not cut
@@ -194,7 +194,7 @@ def _vertex_normals(positions: Float[ndarray, "vertices 3"], faces: Int[ndarray,
     for k in range(3):
         np.add.at(total, faces[:, k], weighted)
         np.add.at(weight, faces[:, k], np.linalg.norm(weighted, axis=1))
-    return np.asarray(total / np.maximum(weight, 1e-300)[:, None])
+    return np.asarray(total / np.maximum(weight, 1e-300)[:, None])  # faces may have no area
 
 
 def _in_metres(pieces: Pieces, mesh: Mesh) -> Pieces:

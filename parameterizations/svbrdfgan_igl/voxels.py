@@ -40,8 +40,9 @@ class VoxelGrid:
     def around(cls, bounds: Float[ndarray, "2 3"], cells: int) -> VoxelGrid:
         """The grid with `cells` along the longest side of a box, and `PAD` more on either side."""
         size = float((bounds[1] - bounds[0]).max()) / cells
-        count = np.maximum(np.ceil((bounds[1] - bounds[0]) / size - 1e-6).astype(np.int64), 1)
+        count = np.maximum(np.ceil((bounds[1] - bounds[0]) / size - 1e-6).astype(np.int64), 1)  # rounding adds no cell
         x, y, z = (int(n) + 2 * PAD for n in count)
+        # not along y, where the mesh stands on the ground
         slack = (count * size - (bounds[1] - bounds[0])) / 2 * (1, 0, 1)
         return cls(bounds[0] - slack + (0.5 - PAD) * size, size, (x, y, z))
 
@@ -51,7 +52,7 @@ def near_cells(
 ) -> Bool[ndarray, "x y z"]:
     """Cells whose centre lies within one cell, along each axis, of a point of the mesh.
 
-    They leave no gap through which an axis-parallel or diagonal ray could pass.
+    These cells leave no gap through which an axis-parallel or diagonal ray could pass.
     """
     between = np.zeros(grid.shape, dtype=bool)
     for points in _samples(positions[faces], grid.size / 2):

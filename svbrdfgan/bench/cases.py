@@ -6,10 +6,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-STANDARD, GLOSSY = "standard", "standard, whole material"
-"""Names of the standard scene, with base colours alone and with all maps."""
-VERTICES, PIXELS, TEXELS = 1_000_000, 256, 512
-"""Of the standard scene: vertices, pixels and texels along a side."""
+STANDARD = "standard"
+"""The name of the standard scene with base colours alone."""
+GLOSSY = "standard, whole material"
+"""The name of the standard scene with all maps."""
+VERTICES = 1_000_000  # of the standard scene
+PIXELS = 256  # along a side of its picture
+TEXELS = 512  # along a side of its texture
 
 _FACTORS: Mapping[str, tuple[float, ...]] = MappingProxyType(
     {
@@ -24,7 +27,7 @@ _FACTORS: Mapping[str, tuple[float, ...]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Case:
-    """One amount of work.
+    """An amount of work to measure.
 
     Attributes:
         scene: `STANDARD`, `GLOSSY`, or the name of a mesh.

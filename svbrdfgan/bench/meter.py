@@ -24,22 +24,22 @@ Result = TypeVar("Result")
 _SAMPLE_SECONDS = 0.02
 """The least length of a sample. One of shorter work is many calls in a row that are not waited for one by one."""
 _STEP_SECONDS = 3.0
-"""After this time no further sample begins."""
-_MOST_CALLS = 1000
-_PAGES = Path("/proc/self/statm")
+"""Time after which no further sample begins."""
+_MOST_CALLS = 1000  # in a sample
+_PAGES = Path("/proc/self/statm")  # its second number: resident pages of this process
 _LOOK_EVERY_SECONDS = 0.002
 
 
 @dataclass
 class Meter:
-    """What was measured on a device so far, by the step's name.
+    """Seconds and memory measured on a device so far, by the step's name.
 
     Attributes:
         repeats: samples behind each median.
         seconds: median of one call, after a first call that is not timed.
-        peak_bytes: the most memory in use during that first call, above what was in use at the start. What an earlier
-            step keeps counts in later steps too.
-        torch_bytes: the part of it that torch's allocator gave out, on a GPU.
+        peak_bytes: the most memory in use during that first call, above what was in use at the start. Memory that
+            an earlier step keeps counts in later steps too.
+        torch_bytes: the part of `peak_bytes` that torch's allocator gave out, on a GPU.
     """
 
     device: torch.device
@@ -76,12 +76,12 @@ class Meter:
 
 
 def median_seconds(action: Callable[[], object], device: torch.device, repeats: int) -> float:
-    """Of one call, over `repeats` samples; over fewer if they take more than three seconds."""
+    """The median of one call over `repeats` samples, or over fewer if they take more than three seconds."""
     # timeit would stop the garbage collector, so that pictures in reference cycles filled the memory
     timer = timeit.Timer(action, "import gc; gc.enable()", partial(_clock, device))
     start = time.perf_counter()
     first = timer.timeit(1)
-    calls = min(_MOST_CALLS, int(_SAMPLE_SECONDS / max(first, 1e-9)))
+    calls = min(_MOST_CALLS, int(_SAMPLE_SECONDS / max(first, 1e-9)))  # a call may take less than the clock's step
     samples = [] if calls > 1 else [first]
     while len(samples) < repeats and (not samples or time.perf_counter() - start < _STEP_SECONDS):
         samples.append(timer.timeit(max(1, calls)) / max(1, calls))

@@ -1,6 +1,6 @@
 """Programs to time, each in its own process: our renderers and peers, by one protocol.
 
-{scene}, {spp}, {batch} and {repeats} in a program's command are replaced. Its last line of output is JSON: "peer" (its
+{scene}, {spp}, {batch} and {repeats} in a program's command are replaced. The last line of output is JSON: "peer" (its
 name), "spp", "forward_s" and "forward_backward_s" (seconds), and optionally the seconds and bytes of further `STEPS`.
 """
 
@@ -72,7 +72,7 @@ class Program:
         return cls(f"peer {command!r}", words)
 
     def fits(self, case: Case, spp: int) -> bool:
-        """Whether it can run the case.
+        """Whether the program can run the case.
 
         A command without {scene} always renders the standard scene, one without {spp} takes `spp` samples per pixel,
         and one without {batch} renders single pictures.
@@ -85,10 +85,10 @@ class Program:
         )
 
     def run(self, case: Case, scene: Path, repeats: int) -> Figures:
-        """Runs it and gives its figures.
+        """Runs the program and returns its figures.
 
         Raises:
-            BenchError: it failed, printed no figures, or did other work.
+            BenchError: the program failed, printed no figures, or did other work.
         """
         values = {"{scene}": scene, "{spp}": case.spp, "{batch}": case.batch, "{repeats}": repeats}
         words = [_filled(word, values) for word in self.words]

@@ -1,7 +1,7 @@
 """The scenes that are timed: the standard scene, and a real mesh under a real environment.
 
-The standard scene has a million vertices, one texture and a hazy sky with a small bright sun. It is made from fixed
-seeds, so that every program does the same work: direct light in a picture of 256x256 pixels, and the gradient of
+The standard scene has a million vertices, one texture and a hazy sky with a small bright sun. Fixed seeds make
+it, so that every program does the same work: direct light in a picture of 256x256 pixels, and the gradient of
 mean(image**2) with respect to the texture of 512x512 texels.
 """
 
@@ -22,14 +22,18 @@ from svbrdfgan.bench.cases import PIXELS, TEXELS, VERTICES
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.data.sampler import fit_distance
 from svbrdfgan.geometry.normals import corner_normals
-from svbrdfgan.io import load_environment, load_mesh
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.types import Camera, Environment, Mesh, Part, Surface, View
 
-_AZIMUTH, _ELEVATION, _FOV = math.radians(40.0), math.radians(20.0), math.radians(35.0)
-"""Of the camera that looks at a vehicle."""
-_RADII = np.array([1.6, 0.6, 0.8])
+# The camera that looks at a vehicle, from its front left and above.
+_AZIMUTH = math.radians(40.0)
+_ELEVATION = math.radians(20.0)
+_FOV = math.radians(35.0)  # vertical field of view
+
+_RADII = np.array([1.6, 0.6, 0.8])  # of the standard scene's ellipsoid, along x, y and z
 _CAMERA = Camera(origin=(2.5, 1.5, 4.0), target=(0.0, 0.0, 0.0), vertical_fov=math.radians(40.0))
 
 
@@ -109,9 +113,9 @@ def _environment() -> Environment:
 
 
 def vehicle_scene(mesh: Path, environment: Path, embedding: UVEmbedding, pixels: int, texels: int) -> BenchScene:
-    """The mesh from the front left, embedded as for training. Its learnable parts are merged into one with the texture.
+    """The mesh from the front left, embedded as for training.
 
-    Other parts and hidden layers have their mean colour.
+    The learnable parts are merged into one with the texture. Other parts and hidden layers have their mean colour.
 
     Raises:
         AssetError: a file cannot be read, or no visible part is learnable.

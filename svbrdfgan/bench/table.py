@@ -45,7 +45,7 @@ class TextTable:
 
 
 def case_table(result: Result) -> TextTable:
-    """Each step of each program: milliseconds, peak memory, and how many times as long the others take.
+    """A table with a row for each step of each program: milliseconds, peak memory, and the others' times over it.
 
     The others are the peers, or where there are none the first of ours.
     """
@@ -91,7 +91,7 @@ def _steps(figures: Figures, references: Sequence[Figures]) -> Iterator[tuple[st
 
 
 def _ratios(step: str, seconds: float, references: Sequence[Figures]) -> list[str]:
-    """How many times as long each reference takes for the same passes; empty for steps that it does not have."""
+    """The time of each reference for the same passes, in times of this one; empty for steps that it does not have."""
     counterpart = step.removeprefix("stored_")
     if counterpart not in _COMPARED:
         return [""] * len(references)
@@ -115,5 +115,5 @@ def milliseconds(seconds: float | None) -> str:
 
 
 def _significant(value: float) -> str:
-    """At least three significant digits."""
+    """The number as text with at least three significant digits."""
     return f"{value:,.0f}" if value >= 100 else f"{value:.3g}" if value < 1 else f"{value:.{1 if value >= 10 else 2}f}"

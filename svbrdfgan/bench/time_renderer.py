@@ -13,21 +13,23 @@ from torch import Tensor
 from svbrdfgan.bench import BenchError
 from svbrdfgan.bench.bench_scene import BenchScene
 from svbrdfgan.bench.meter import Meter
-from svbrdfgan.protocols import DeferredRenderer, Renderer, StoredLight
+from svbrdfgan.rendering.checked_renderer import CheckedLight, CheckedRenderer, PreparedSurface
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.rendering.shade_layer import shade
-from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
+from svbrdfgan.rendering.transport.build import build_transport
+from svbrdfgan.rendering.transport.light_transport import LightTransport
+from svbrdfgan.rendering.transport.product import TransportBatch
 from svbrdfgan.types import Material, Materials, View
 
 TOLERANCE = 1e-3
 """Largest allowed difference between the transport's picture and the renderer's, relative to the brightest value."""
 MEAN_TOLERANCE = 0.02
-"""Likewise between the means of pictures of whole materials, whose samples differ."""
+"""Largest allowed relative difference between the means of pictures of whole materials, whose samples differ."""
 _COMPARED_SAMPLES = 2**19
 """Camera samples in each of those means, at least."""
 
 
-def measure(renderer: Renderer[Any], scene: BenchScene, spp: int, batch: int, repeats: int) -> Meter:
+def measure(renderer: CheckedRenderer, scene: BenchScene, spp: int, batch: int, repeats: int) -> Meter:
     """Time and memory of each step for `batch` pictures, each with its own textures.
 
     Preparing the surface and storing light are done once. The memory of `stored_` steps is that of stored light and
@@ -54,7 +56,7 @@ def measure(renderer: Renderer[Any], scene: BenchScene, spp: int, batch: int, re
         texels = torch.stack([each["base_color"].detach() for each in textures]).requires_grad_()
         _check_same(stored.render(texels)[0].detach(), fresh()[0].detach())
         _both_passes(meter, "stored_", lambda: stored.render(texels), [texels])
-    if isinstance(renderer, DeferredRenderer) and renderer.capabilities.deferred and scene.gloss.size:
+    if renderer.capabilities.deferred and scene.gloss.size:
         lights = [
             meter.step("transport", lambda: _light(renderer, prepared, view, spp, 0)),
             *(_light(renderer, prepared, view, spp, seed) for seed in range(1, batch)),
@@ -91,7 +93,9 @@ def _both_passes(meter: Meter, prefix: str, render: Callable[[], Tensor], textur
     meter.step(f"{prefix}forward_backward", forward_backward)
 
 
-def _transport(renderer: Any, prepared: Any, scene: BenchScene, view: View, spp: int) -> LightTransport:
+def _transport(
+    renderer: CheckedRenderer, prepared: PreparedSurface, scene: BenchScene, view: View, spp: int
+) -> LightTransport:
     """The transport of the first rendered picture, whose seed is 0."""
     textures = scene.textures(torch.device("cpu"))
     return build_transport(
@@ -111,10 +115,9 @@ def _copy(transport: LightTransport) -> LightTransport:
     return replace(transport, **changes)
 
 
-def _light(renderer: Any, prepared: Any, view: View, spp: int, seed: int) -> StoredLight:
+def _light(renderer: CheckedRenderer, prepared: PreparedSurface, view: View, spp: int, seed: int) -> CheckedLight:
     """The stored light of one view, with all of its samples."""
-    light: StoredLight = renderer.store_light(prepared, view, learnable=(0,), hits=spp, spp=spp, seed=seed)
-    return light
+    return renderer.store_light(prepared, view, learnable=(0,), hits=spp, spp=spp, seed=seed)
 
 
 def _black(parts: int) -> list[Material]:

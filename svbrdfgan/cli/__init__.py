@@ -45,7 +45,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "bench": ("svbrdfgan.cli.bench:command", "Time the renderers and other programs."),
     }
 )
-"""Where each command is, and what `--help` says of it."""
+"""The place of each command, and what `--help` says of it."""
 
 _SPIN_COUNT = ("GOMP_SPINCOUNT", "3000")
 """Lets torch's threads sleep after some microseconds of waiting for each other; by default they spin far longer. On two

@@ -66,7 +66,7 @@ def command(
 
     Every program runs in its own process. A peer's COMMAND may contain {scene}, {spp}, {batch} and {repeats}, and its
     last line of output is JSON with "peer", "spp", "forward_s" and "forward_backward_s". Peers run before and after
-    our renderers, and the faster of both times counts. `docs/performance.md` explains the figures.
+    our renderers, and the faster of both times counts. `docs/lab/performance.md` explains the figures.
     """
     if (mesh is None) != (environment is None):
         raise click.UsageError("--mesh and --environment go together.")
@@ -95,10 +95,10 @@ def command(
 def _makers(
     mesh: Path | None, environment: Path | None, embedding: str, material: str, texels: int
 ) -> dict[str, Maker]:
-    """How each scene is made, by its name; a mesh's is its file's."""
+    """Functions that make the scenes, by their names; that of a mesh is the name of its file."""
     from svbrdfgan.bench.cases import GLOSSY, STANDARD, VERTICES
     from svbrdfgan.bench.standard_scenes import glossy_scene, standard_scene, vehicle_scene
-    from svbrdfgan.plugins import load_embedding
+    from svbrdfgan.plugins.registry import load_embedding
 
     def standard(case: Case) -> BenchScene:
         return standard_scene(case.vertices or VERTICES, case.pixels, texels)

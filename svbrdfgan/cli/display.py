@@ -1,4 +1,4 @@
-"""What commands show: progress on stderr while they work, and tables on stdout, each by whether that is a terminal."""
+"""Progress on stderr while commands work, and tables on stdout; both depend on whether that is a terminal."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rich.progress import (
 if TYPE_CHECKING:
     from rich.table import Table
 
-_SILENCE_SECONDS = 9.0
+_SILENCE_SECONDS = 9.0  # after which a line is printed: with the tick, less than the promised ten
 _TICK_SECONDS = 0.5
 _UNBOUNDED = 10_000
 """Columns of a console that is no terminal: wider than any table."""
@@ -158,7 +158,7 @@ def _bars(console: Console) -> Progress:
 
 
 def output_console() -> Console:
-    """The console on stdout. If that is no terminal, it neither colours nor wraps; COLUMNS is then ignored."""
+    """The console on stdout; if that is no terminal, without colours and wrapping, whatever COLUMNS says."""
     return Console() if sys.stdout.isatty() else Console(width=_UNBOUNDED, force_terminal=False, no_color=True)
 
 

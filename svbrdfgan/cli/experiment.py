@@ -43,8 +43,8 @@ def command(
 ) -> None:
     """Run experiments, by name or from YAML files of your own, and write OUT/NAME/table.md of each, with pictures.
 
-    The command can be stopped at any time, also by --until. Run again, it continues, and tries what failed again. It
-    exits with 1 if a run failed. `--until 0` only writes the tables.
+    The command can be stopped at any time, also by --until. Run again, it continues, and tries what failed again. The
+    exit code is 1 if a run failed. `--until 0` only writes the tables.
 
     Experiments in one OUT share equal data sets, oracles and runs. Do not run two commands on one OUT at once; give
     several names to one command instead.

@@ -59,8 +59,8 @@ def _save(path: Path, rendering: Rendering) -> None:
     """Writes the picture by its suffix: premultiplied EXR, JPEG on black, else straight alpha."""
     import torch
 
-    from svbrdfgan.data.generate import save_exemplar
-    from svbrdfgan.io import save_image
+    from svbrdfgan.data.exemplar_files import save_exemplar
+    from svbrdfgan.io.image import save_image
 
     if path.suffix.lower() == ".exr":
         save_exemplar(path, rendering)
@@ -68,7 +68,7 @@ def _save(path: Path, rendering: Rendering) -> None:
         save_image(path, rendering.image.cpu())
     else:
         coverage = rendering.coverage.cpu().unsqueeze(-1)
-        straight = rendering.image.cpu() / coverage.clamp(min=1e-6)
+        straight = rendering.image.cpu() / coverage.clamp(min=1e-6)  # black where nothing is covered
         save_image(path, torch.cat([straight, coverage], dim=-1))
 
 

@@ -21,7 +21,7 @@ from svbrdfgan.cli.options import (
 @click.command("texture")
 @click.argument("mesh", type=click.Path(path_type=Path))
 @click.option("--model", "run", required=True, type=click.Path(path_type=Path), help="Folder of a training run.")
-@click.option("--seed", type=int, help="Each seed gives another pattern; for models with chance.  [default: 0]")
+@click.option("--seed", type=int, help="Each seed gives another pattern; for models with random fields.  [default: 0]")
 @click.option("--amount", type=float, help="0 is clean, 1 is filthy.  [default: the middle of those trained on]")
 @click.option("--recipe", help="One of those that the model was trained on; needed if it knows several.")
 @click.option(
@@ -60,7 +60,7 @@ def command(
     environment: Path | None,
     renderer: str,
 ) -> None:
-    """Weather MESH with the generator of a run; write it as GLB, and the layer alone as PNG beside it."""
+    """Weather MESH with the generator of a run; write it as GLB, and the layer alone as PNG next to it."""
     if count is not None and picture is not None:
         raise click.UsageError("--picture is of one layer; leave out --count.")
     first = seed or 0
@@ -70,7 +70,7 @@ def command(
         require_apart(mesh, path)
     with progress(f"loading {run}") as display:
         from svbrdfgan.inference.apply import choose_draw, explain_memory, finer_factor, prepare
-        from svbrdfgan.io import load_mesh
+        from svbrdfgan.io.mesh import load_mesh
         from svbrdfgan.report.sheet import sheet_rows, write_sheet
         from svbrdfgan.training.run import load_model
 

@@ -16,7 +16,7 @@ from svbrdfgan.cli.options import key_values
 from svbrdfgan.errors import PluginError
 from svbrdfgan.metrics.uv.compare import Measured, as_json, measure_embedding, mesh_files
 from svbrdfgan.metrics.uv.xatlas_baseline import NAME, XatlasBaseline, xatlas_installed
-from svbrdfgan.plugins import EMBEDDINGS, list_plugins, load_embedding
+from svbrdfgan.plugins.registry import EMBEDDINGS, list_plugins, load_embedding
 from svbrdfgan.protocols import UVEmbedding
 
 log = logging.getLogger(__name__)
@@ -54,13 +54,13 @@ def compare(folder: Path, names: Sequence[str], resolution: int, print_json: boo
 
 
 def _measured(name: str, embedding: UVEmbedding, meshes: Mapping[str, Path], resolution: int) -> Measured:
-    """What was measured; while that goes on, the terminal shows at which mesh it is."""
+    """The measures of an embedding; meanwhile the terminal shows at which mesh it is."""
     with progress(name) as display:
         return measure_embedding(embedding, meshes, resolution, lambda at: display.stage(f"{name}: {at}"))
 
 
 def _embeddings(names: Sequence[str]) -> dict[str, UVEmbedding]:
-    """Those named; else all that work, and xatlas where it is installed."""
+    """The embeddings that are named; else all that work, and xatlas where it is installed."""
     if names:
         return {name: XatlasBaseline() if name == NAME else _configured(name) for name in names}
     found: dict[str, UVEmbedding] = {}
@@ -73,7 +73,7 @@ def _embeddings(names: Sequence[str]) -> dict[str, UVEmbedding]:
 
 
 def _configured(words: str) -> UVEmbedding:
-    """That of a name and its options, as in "stretch,seams=2"."""
+    """The embedding of a name and its options, as in "stretch,seams=2"."""
     name, *options = words.split(",")
     return load_embedding(name, key_values(tuple(options)))
 

@@ -5,20 +5,17 @@ from __future__ import annotations
 from fnmatch import fnmatchcase
 from typing import Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, BeforeValidator
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from svbrdfgan.config.models import StrictModel
 from svbrdfgan.types import Part
-from svbrdfgan.types.material import CHANNELS
-
-FURTHER_MAPS = tuple(name for name in CHANNELS if name != "base_color")
-"""Maps that layers may have besides base_color."""
+from svbrdfgan.types.layer import FURTHER_MAPS
 
 T = TypeVar("T")
 
 
 def _in_order(maps: dict[str, T]) -> dict[str, T]:
-    """The maps in the order of `CHANNELS`, which is the order of a layer's channels."""
+    """The maps in the order of a layer's channels."""
     for name in maps:
         if name not in FURTHER_MAPS:
             raise ValueError(
@@ -36,10 +33,10 @@ FurtherMaps = Annotated[dict[str, T], AfterValidator(_in_order)]
 
 
 class PluginChoice(StrictModel):
-    """A renderer or embedding by name, with its own options. `warp` is short for `{name: warp}`."""
+    """A renderer or embedding by name, with its own options: `{name: warp, device: cpu}`, or `warp` for no options."""
 
-    name: str
-    options: dict[str, Any] = {}
+    name: str = Field(description="the plugin's name")
+    options: dict[str, Any] = Field(default={}, description="its options")
 
 
 def _named(value: Any) -> Any:
@@ -56,16 +53,19 @@ PluginField = Annotated[PluginChoice, BeforeValidator(_named)]
 
 
 class PartSelection(StrictModel):
-    """Which parts of a mesh carry the layer (thesis 4.2: "learnable"): shell patterns over part names, case ignored."""
+    """The parts of a mesh that carry the layer (thesis 4.2: "learnable"): shell patterns, case ignored."""
 
-    include: tuple[str, ...] = ("*",)
-    exclude: tuple[str, ...] = (
-        *("*glass*", "*window*", "*windscreen*", "*wheel*", "*tire*", "*tyre*", "*rim*", "*rubber*"),
-        *("*light*", "*lamp*", "*interior*", "*seat*", "*plate*", "*mirror*"),
+    include: tuple[str, ...] = Field(default=("*",), description="patterns over part (material) names")
+    exclude: tuple[str, ...] = Field(
+        default=(
+            *("*glass*", "*window*", "*windscreen*", "*wheel*", "*tire*", "*tyre*", "*rim*", "*rubber*"),
+            *("*light*", "*lamp*", "*interior*", "*seat*", "*plate*", "*mirror*"),
+        ),
+        description="patterns that take parts out again",
     )
 
     def selects(self, part: Part) -> bool:
-        """Whether the part is learnable. Hidden ones never are."""
+        """Whether the part is learnable. Hidden parts never are."""
         name = part.name.lower()
         wanted = any(fnmatchcase(name, pattern.lower()) for pattern in self.include)
         return wanted and not part.hidden and not any(fnmatchcase(name, p.lower()) for p in self.exclude)

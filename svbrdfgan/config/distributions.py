@@ -19,7 +19,7 @@ Color = tuple[float, float, float]
 
 
 class Fixed(StrictModel, Generic[T]):
-    """Always the same value."""
+    """A constant value."""
 
     fixed: T
 
@@ -28,7 +28,7 @@ class Fixed(StrictModel, Generic[T]):
 
 
 class Choice(StrictModel, Generic[T]):
-    """One of several values, equally likely."""
+    """A value of several, equally likely."""
 
     choice: tuple[T, ...]
 
@@ -43,7 +43,7 @@ class Choice(StrictModel, Generic[T]):
 
 
 class Uniform(StrictModel):
-    """Any number between two bounds, equally likely."""
+    """A number between two bounds, equally likely."""
 
     uniform: tuple[float, float]
 
@@ -58,7 +58,7 @@ class Uniform(StrictModel):
 
 
 class UniformInteger(Uniform):
-    """Any whole number between two bounds, both included, equally likely."""
+    """An integer between two bounds, both included, equally likely."""
 
     uniform: tuple[int, int]
 

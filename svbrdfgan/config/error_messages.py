@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from typing import TYPE_CHECKING, Any, get_args
 
 if TYPE_CHECKING:
@@ -30,19 +30,29 @@ _WANTED = {
     "too_short": "at least {min_length} values",
     "tuple_type": "a list",
 }
-"""What is wanted, in the user's words, by pydantic's type of error. pydantic's own words serve for other types."""
+"""Words for what is wanted, by pydantic's type of error. pydantic's own words serve for other types."""
+
+RENAMED = {
+    "chance": "random_fields",
+    "fresh": "online",
+    "guide": "gbuffer",
+    "light": "light_buffer",
+    "sees": "compares",
+    "transport": "stored",
+}
+"""Earlier names of keys and values, and the new ones. A name counts only where the new one is allowed instead."""
 
 Location = Sequence[int | str]
 
 
 def explain(error: ValidationError, model: type, data: object) -> list[tuple[str, str]]:
-    """For each error, the path of its key and a sentence. The errors of a union's members become one."""
+    """The path of the key and a sentence, for each error. The errors of a union's members become one."""
     messages: list[tuple[str, str]] = []
     wanted: dict[tuple[str, str], list[str]] = {}
     for detail in error.errors(include_url=False):
         location, context = detail["loc"], detail.get("ctx", {})
         if detail["type"] == "extra_forbidden":
-            messages.append((_path(location[:-1], data), _unknown(str(location[-1]), _keys(model, location[:-1]))))
+            messages.append(_unknown(_path(location[:-1], data), str(location[-1]), set(_keys(model, location[:-1]))))
         elif detail["type"] == "missing" and isinstance(location[-1], int):
             wanted.setdefault((_path(location[:-1], data), as_text(detail["input"])), []).append("more values")
         elif detail["type"] == "missing":
@@ -63,10 +73,13 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {close[0]!r}?" if close else ""
 
 
-def _unknown(key: str, known: Iterable[str]) -> str:
-    names = sorted(set(known))
+def _unknown(path: str, key: str, known: Set[str]) -> tuple[str, str]:
+    if RENAMED.get(key) in known:
+        below = f"{path}." if path else ""
+        return "", f"{below}{key} is now {below}{RENAMED[key]}."
+    names = sorted(known)
     hint = did_you_mean(key, names) or (f"; known are {', '.join(names)}." if names else "; none is wanted here.")
-    return f"unknown key {key!r}{hint}"
+    return path, f"unknown key {key!r}{hint}"
 
 
 def _wanted(detail: ErrorDetails) -> str:
@@ -78,8 +91,11 @@ def _wanted(detail: ErrorDetails) -> str:
 
 
 def _closest_choice(detail: ErrorDetails) -> str:
-    given = detail["input"]
-    return did_you_mean(given, detail["ctx"]["expected"].split("'")[1::2]).rstrip("?") if isinstance(given, str) else ""
+    given, known = detail["input"], detail["ctx"]["expected"].split("'")[1::2]
+    if not isinstance(given, str):
+        return ""
+    new = RENAMED.get(given)
+    return f"; {given!r} is now {new!r}" if new in known else did_you_mean(given, known).rstrip("?")
 
 
 def as_text(value: object) -> str:

@@ -10,12 +10,13 @@ from torch import Tensor
 
 from svbrdfgan.config.distributions import limits, values_of
 from svbrdfgan.data.config import DatasetConfig, WeatheringDistribution
-from svbrdfgan.networks import Conditions, GeneratorConfig
+from svbrdfgan.networks.conditions import Conditions
+from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.scene.description import Scene, SceneWeathering
 
 
 def declared_conditions(weathering: WeatheringDistribution | None) -> Conditions:
-    """Those of a data set; none where the weathering is not known, as of imported pictures."""
+    """The conditions that a data set declares; none where the weathering is not known, as of imported pictures."""
     if weathering is None:
         return Conditions()
     low, high = limits(weathering.amount, 0.0, 1.0)
@@ -23,7 +24,7 @@ def declared_conditions(weathering: WeatheringDistribution | None) -> Conditions
 
 
 def conditions_of(generator: GeneratorConfig, dataset: DatasetConfig) -> Conditions:
-    """What networks are told of each layer: what varies in the data set, if the generator is conditional."""
+    """The conditions that networks are told of each layer; none if the generator is not conditional."""
     known = declared_conditions(dataset.weathering)
     return known if generator.conditional else known.untold()
 

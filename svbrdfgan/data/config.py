@@ -1,4 +1,4 @@
-"""The configuration of a data set, as written in YAML. `docs/quickstart.md` shows a file with every key."""
+"""The configuration of a data set, as written in YAML. `docs/configuration.md` lists every key."""
 
 from __future__ import annotations
 
@@ -16,57 +16,78 @@ Label = Literal["weathered", "parts", "depth", "normals"]
 
 
 class ProceduralMeshes(StrictModel):
-    """Procedural vehicles. Each seed gives other vehicles; splits need different seeds."""
+    """Procedural vehicles."""
 
-    count: int = Field(ge=1)
-    kinds: tuple[str, ...] = Field(default=("sedan", "hatchback", "van", "pickup"), min_length=1)
-    seed: int = Field(default=0, ge=0, lt=2**63)
+    count: int = Field(ge=1, description="vehicles to make")
+    kinds: tuple[str, ...] = Field(
+        default=("sedan", "hatchback", "van", "pickup"), min_length=1, description="taken in turn"
+    )
+    seed: int = Field(default=0, ge=0, lt=2**63, description="other seeds, other vehicles; give each split its own")
 
 
 class ProceduralSkies(StrictModel):
-    """Procedural skies (outdoor) or rooms (indoor), whose light is of another kind."""
+    """Procedural environment maps."""
 
-    count: int = Field(ge=1)
-    kind: Literal["outdoor", "indoor"] = "outdoor"
-    seed: int = Field(default=0, ge=0, lt=2**63)
+    count: int = Field(ge=1, description="maps to make")
+    kind: Literal["outdoor", "indoor"] = Field(
+        default="outdoor", description="`outdoor`: skies with a sun; `indoor`: rooms with lamps overhead"
+    )
+    seed: int = Field(default=0, ge=0, lt=2**63, description="other seeds, other skies")
 
 
 class MeshSource(StrictModel):
-    """Meshes of a split: files (shell patterns, relative to the configuration file), procedural ones, or both."""
+    """Meshes of a split: files, procedural ones, or both."""
 
-    files: tuple[str, ...] = ()
-    procedural: ProceduralMeshes | None = None
+    files: tuple[str, ...] = Field(default=(), description="shell patterns, relative to this file")
+    procedural: ProceduralMeshes | None = Field(default=None, description="vehicles made from a seed")
 
 
 class EnvironmentSource(StrictModel):
-    """Environment maps of a split: files (shell patterns), procedural ones, or both."""
+    """Environment maps: files, procedural ones, or both."""
 
-    files: tuple[str, ...] = ()
-    procedural: ProceduralSkies | None = None
+    files: tuple[str, ...] = Field(default=(), description="shell patterns, relative to this file")
+    procedural: ProceduralSkies | None = Field(default=None, description="skies or rooms made from a seed")
 
 
-ELEVATION, DISTANCE, FIELD_OF_VIEW, BRIGHTNESS = (-89.0, 89.0), (0.05, math.inf), (1.0, 170.0), (1e-6, math.inf)
-"""Smallest and largest allowed values. Draws of `normal` beyond them are clamped."""
+ELEVATION = (-89.0, 89.0)
+"""Degrees: a camera straight above or below would have no direction that is up."""
+DISTANCE = (0.05, math.inf)
+FIELD_OF_VIEW = (1.0, 170.0)
+"""Degrees."""
+BRIGHTNESS = (1e-6, math.inf)
+"""Bounds of mean radiance: in the dark nothing could be learned. As above, draws of `normal` beyond are clamped."""
 
 
 class CameraDistribution(StrictModel):
-    """Cameras on a sphere about the middle of the mesh's bounding box.
+    """Cameras on a sphere about the middle of the mesh's bounding box."""
 
-    `distance` counts in units of the distance from which the bounding sphere just fits the picture.
-    """
-
-    azimuth_degrees: Number = Uniform(uniform=(0.0, 360.0))
-    elevation_degrees: Annotated[Number, within(*ELEVATION)] = Uniform(uniform=(5.0, 35.0))
-    distance: Annotated[Number, within(*DISTANCE)] = Fixed[float](fixed=0.9)
-    vertical_fov_degrees: Annotated[Number, within(*FIELD_OF_VIEW)] = Fixed[float](fixed=35.0)
+    azimuth_degrees: Number = Field(
+        default=Uniform(uniform=(0.0, 360.0)),
+        description="0 looks at the nose, 90 at the vehicle's left side (from +X)",
+    )
+    elevation_degrees: Annotated[Number, within(*ELEVATION)] = Field(
+        default=Uniform(uniform=(5.0, 35.0)), description="height over the horizon, -89 to 89"
+    )
+    distance: Annotated[Number, within(*DISTANCE)] = Field(
+        default=Fixed[float](fixed=0.9),
+        description="in units of the distance from which the mesh's bounding sphere just fits the picture, at least "
+        "0.05",
+    )
+    vertical_fov_degrees: Annotated[Number, within(*FIELD_OF_VIEW)] = Field(
+        default=Fixed[float](fixed=35.0), description="full vertical angle, 1 to 170"
+    )
 
 
 class SplitConfig(StrictModel):
-    """One of train, validation and test."""
+    """A split: train, validation or test."""
 
-    meshes: MeshSource
-    environments: EnvironmentSource | None = None
-    camera: CameraDistribution | None = None
+    meshes: MeshSource = Field(description="the meshes of this split")
+    environments: EnvironmentSource | None = Field(
+        default=None, description="light of this split alone; `null`: that of the data set"
+    )
+    camera: CameraDistribution | None = Field(
+        default=None, description="cameras of this split alone; `null`: those of the data set"
+    )
     views: int = Field(default=8, ge=1, description="pictures of each mesh")
 
     @model_validator(mode="after")
@@ -77,17 +98,28 @@ class SplitConfig(StrictModel):
 
 
 class WeatheringDistribution(StrictModel):
-    """The ground-truth generator G0 (thesis 4.2). A fixed seed makes the layer a function of the geometry.
+    """The ground-truth generator G0 (thesis 4.2), or with `model` a trained one (`svbrdfgan.data.trained_model`)."""
 
-    `options` must suit each of the recipes. With `model`, the folder of a run, its generator paints the layers instead;
-    `svbrdfgan.data.trained_model` fills in what is left out.
-    """
-
-    recipe: Name = Fixed[str](fixed="road-dirt")
-    amount: Annotated[Number, within(0, 1)] = Fixed[float](fixed=1.0)
-    seed: Integer = Fixed[int](fixed=0)
-    options: dict[str, Any] = {}
-    model: str | None = None
+    recipe: Name = Field(
+        default=Fixed[str](fixed="road-dirt"), description="any of `road-dirt`, `dust`, `rust` and `chipped-paint`"
+    )
+    amount: Annotated[Number, within(0, 1)] = Field(
+        default=Fixed[float](fixed=1.0), description="0 is clean, 1 is filthy"
+    )
+    seed: Integer = Field(
+        default=Fixed[int](fixed=0),
+        description="a fixed one makes the layer a function of the geometry, which can be learned exactly",
+    )
+    options: dict[str, Any] = Field(
+        default={},
+        description="the recipe's own options, such as `{reach: 0.5}`; of several recipes, only those that all of "
+        "them have",
+    )
+    model: str | None = Field(
+        default=None,
+        description="the folder of a run, whose generator paints the layers instead of a recipe; what this section "
+        "leaves out is as in its training",
+    )
 
     @model_validator(mode="after")
     def _has_options(self) -> WeatheringDistribution:
@@ -103,26 +135,67 @@ PAINTS = (
 """Linear reflectances of common car paints."""
 
 
-class DatasetConfig(StrictModel):
-    """A whole data set. One of imported pictures has no `weathering`, since theirs is unknown."""
+Pixels = Annotated[int, Field(ge=8, le=8192)]
 
-    seed: int = Field(default=0, ge=0, lt=2**63)
-    image: tuple[Annotated[int, Field(ge=8, le=8192)], Annotated[int, Field(ge=8, le=8192)]] = (256, 256)
-    texture: int = Field(default=256, ge=16, le=4096, multiple_of=4)
-    spp: int = Field(default=64, ge=1)
-    renderer: PluginField = PluginChoice(name="auto")
-    embedding: PluginField = PluginChoice(name="hemispherical")
-    learnable: PartSelection = PartSelection()
-    paint: Annotated[Paint, within(0, 1)] | None = Choice[Color](choice=PAINTS)
-    maps: FurtherMaps[Annotated[Number, within(0, 1)]] = {}
-    environments: EnvironmentSource = EnvironmentSource(procedural=ProceduralSkies(count=8))
-    environment_rotation_degrees: Number = Uniform(uniform=(0.0, 360.0))
-    environment_rows: int = Field(default=256, ge=8, description="larger maps are shrunk, keeping their energy")
-    environment_brightness: Annotated[Number, within(*BRIGHTNESS)] = Fixed[float](fixed=1.0)
-    camera: CameraDistribution = CameraDistribution()
-    weathering: WeatheringDistribution | None = WeatheringDistribution()
-    labels: tuple[Label, ...] = ()
-    splits: dict[Split, SplitConfig]
+
+class SharedConfig(StrictModel):
+    """Keys that data sets and manifests of pictures share."""
+
+    image: tuple[Pixels, Pixels] = Field(default=(256, 256), description="width and height of the pictures, pixels")
+    texture: int = Field(
+        default=256, ge=16, le=4096, multiple_of=4, description="texels along a side of geometry buffers and layers"
+    )
+    renderer: PluginField = Field(
+        default=PluginChoice(name="auto"),
+        description="a name, or `{name: warp, device: cpu}` with the renderer's options; `auto`: the fastest that "
+        "works and reads all `maps`",
+    )
+    embedding: PluginField = Field(
+        default=PluginChoice(name="hemispherical"),
+        description="a UV embedding's name, or `{name: hemispherical, resolution: 128}` with its options",
+    )
+    learnable: PartSelection = Field(default=PartSelection(), description="the parts of a mesh that carry the layer")
+    environments: EnvironmentSource = Field(
+        default=EnvironmentSource(procedural=ProceduralSkies(count=8)), description="the light"
+    )
+    environment_rotation_degrees: Number = Field(
+        default=Uniform(uniform=(0.0, 360.0)), description="turn of the light about the vertical"
+    )
+    environment_rows: int = Field(
+        default=256, ge=8, description="rows to which larger maps are shrunk, keeping their energy"
+    )
+    environment_brightness: Annotated[Number, within(*BRIGHTNESS)] = Field(
+        default=Fixed[float](fixed=1.0),
+        description="mean radiance: each map is first scaled to a mean of 1, then multiplied by this, at least 1e-6",
+    )
+
+
+class DatasetConfig(SharedConfig):
+    """A data set: pictures of weathered meshes, rendered or imported."""
+
+    seed: int = Field(default=0, ge=0, lt=2**63, description="seed of all random draws")
+    spp: int = Field(default=64, ge=1, description="samples per pixel of the exemplars")
+    paint: Annotated[Paint, within(0, 1)] | None = Field(
+        default=Choice[Color](choice=PAINTS),
+        description="linear base colour of the learnable parts, 0 to 1; by default one of eight car paints; `null`: "
+        "the mesh's own",
+    )
+    maps: FurtherMaps[Annotated[Number, within(0, 1)]] = Field(
+        default={},
+        description="maps that layers paint beside base_color, each with its value on clean learnable parts, 0 to 1, "
+        "such as `{roughness: {uniform: [0.2, 0.5]}, metallic: 0, normal: 0}`; `normal: 0` is flat, and `metallic` "
+        "needs `roughness`; other parts have what their file says of these maps, and glass its alpha",
+    )
+    camera: CameraDistribution = Field(default=CameraDistribution(), description="cameras of all splits")
+    weathering: WeatheringDistribution | None = Field(
+        default=WeatheringDistribution(),
+        description="the weathering that exemplars show, which training is to recover; `null` for imported pictures, "
+        "whose weathering is unknown",
+    )
+    labels: tuple[Label, ...] = Field(
+        default=(), description="[labels](commands.md#labels) to write beside each picture"
+    )
+    splits: dict[Split, SplitConfig] = Field(description="`train`, and `validation` and `test` where wanted")
 
     @model_validator(mode="after")
     def _trains(self) -> DatasetConfig:

@@ -13,23 +13,27 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.data.config import DatasetConfig
-from svbrdfgan.data.generate import render_scene, resolve_plugins, save_exemplar
-from svbrdfgan.data.index import make_index
+from svbrdfgan.data.exemplar_files import save_exemplar
+from svbrdfgan.data.generate import render_scene, resolve_plugins
 from svbrdfgan.data.labels import make_labels, save_labels
+from svbrdfgan.data.make_index import make_index
 from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.scene.loader import SceneLoader
 
-_FEW, _PATIENCE = 4, 20.0
+_FEW = 4
+"""Exemplars that are timed, after one that is not: the first one also compiles."""
+_PATIENCE = 20.0
+"""Seconds after which no further exemplar is begun."""
 _TRANSPORT_BYTES = 55
-"""Of stored light transport per pixel, in half precision. Measured on vehicles: 53 over 504 views at 64x64
+"""Bytes of stored light transport per pixel, in half precision. Measured on vehicles: 53 over 504 views at 64x64
 and 32 samples, 55 over 2,028 views at 256x256."""
 
 
 @dataclass(frozen=True)
 class Needs:
-    """What a data set needs: seconds of one process, bytes of disk and of memory."""
+    """The needs of a data set: seconds of one process, bytes of disk and of memory."""
 
     exemplars: int
     meshes: int

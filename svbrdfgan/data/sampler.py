@@ -69,7 +69,7 @@ class ConfigSampler:
         return self.draw(self.mesh(index), rng)
 
     def draw(self, mesh: MeshAsset, rng: np.random.Generator) -> Scene:
-        """Any scene of this mesh."""
+        """A scene of this mesh, drawn by `rng`."""
         config = self.config
         width, height = config.image
         paint = None if config.paint is None else config.paint.sample(rng)
@@ -143,6 +143,6 @@ def _clamped(value: float, limits: tuple[float, float]) -> float:
 
 
 def fit_distance(radius: float, vertical_fov: float, aspect: float) -> float:
-    """From where a sphere just fits the narrower side of the picture."""
+    """The distance from which a sphere just fits the narrower side of the picture."""
     narrow = min(math.tan(vertical_fov / 2), aspect * math.tan(vertical_fov / 2))
     return radius / math.sin(math.atan(narrow))

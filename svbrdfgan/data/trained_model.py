@@ -1,7 +1,7 @@
-"""A trained run as what paints a data set's layers: what it decides of the configuration, and its copy in the folder.
+"""A trained run that paints a data set's layers: what it decides of the configuration, and its copy in the folder.
 
-It reads a run's files itself: rooms below training may not import it, and painting needs no more than the generator and
-what its data set was.
+This module reads a run's files itself: rooms below training may not import it, and painting needs no more than the
+generator and what its data set was.
 """
 
 from __future__ import annotations
@@ -15,17 +15,20 @@ from svbrdfgan.config.distributions import Fixed, UniformInteger, limits, mean, 
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.conditions import conditions_of
 from svbrdfgan.data.config import DatasetConfig, WeatheringDistribution
-from svbrdfgan.data.gather import INDEX, reference
+from svbrdfgan.data.gather import reference
+from svbrdfgan.data.index import INDEX
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.records import load_json
-from svbrdfgan.networks import Conditions, GeneratorConfig
+from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.networks.random_fields import MOST_SEEDS
-from svbrdfgan.networks.saved import load_generator
+from svbrdfgan.networks.saved import GeneratorConfig, load_generator
 from svbrdfgan.scene.description import SceneModel
 
-_CONFIG, _MODEL = "config.json", "model.safetensors"
-"""The files of a run: `CONFIG` and `MODEL` of `svbrdfgan.training.run`, which this room may not import."""
+_CONFIG = "config.json"
+"""`svbrdfgan.training.run.CONFIG`, which this room may not import."""
+_MODEL = "model.safetensors"
+"""`svbrdfgan.training.run.MODEL`, likewise."""
 _COPY = Path("assets", "model")
 _UNKNOWN = "unknown"
 """The recipe of layers whose model learned from pictures of unknown weathering, or is not told recipes apart."""
@@ -37,19 +40,19 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class TrainedModel:
-    """What a data set must know of a run.
+    """A run, as far as a data set must know it.
 
     Attributes:
         folder: of the run, or its copy.
         trained_on: the run's data set.
         conditions: what the generator is told of each layer.
-        chance: whether its layers depend on a seed.
+        stochastic: whether its layers depend on a seed.
     """
 
     folder: Path
     trained_on: DatasetConfig
     conditions: Conditions
-    chance: bool
+    stochastic: bool
 
     @classmethod
     def open(cls, folder: Path) -> TrainedModel:
@@ -69,7 +72,7 @@ class TrainedModel:
         trained_on = validate(DatasetConfig, dataset, str(path))
         config = validate(GeneratorConfig, generator, str(path))
         load_generator(folder / _MODEL)  # its faults are found before anything is written
-        return cls(folder, trained_on, conditions_of(config, trained_on), config.chance > 0)
+        return cls(folder, trained_on, conditions_of(config, trained_on), config.random_fields > 0)
 
     def fill(self, config: DatasetConfig) -> DatasetConfig:
         """The configuration with what it leaves out: what the generator was trained with.
@@ -102,13 +105,13 @@ class TrainedModel:
         return filled
 
     def _weathering(self) -> dict[str, Any]:
-        """What is drawn if the data set does not say: amounts and recipes as in training, and any seed."""
+        """The distributions for what the data set does not say: amounts and recipes as in training, and any seed."""
         learned, known = self.trained_on.weathering, self.conditions
         amount: Any = WeatheringDistribution().amount if learned is None else learned.amount
         return {
             "recipe": learned.recipe if learned is not None and known.recipes else Fixed[str](fixed=_UNKNOWN),
             "amount": amount if known.amount is not None else Fixed[float](fixed=min(max(mean(amount), 0.0), 1.0)),
-            "seed": UniformInteger(uniform=(0, _MOST)) if self.chance else Fixed[int](fixed=0),
+            "seed": UniformInteger(uniform=(0, _MOST)) if self.stochastic else Fixed[int](fixed=0),
         }
 
     def _require(self, key: str, given: object, wanted: object) -> None:
@@ -130,10 +133,10 @@ class TrainedModel:
             log.warning("weathering.amount is beyond what the model was trained on: %g to %g", *known)
 
     def _require_seeds(self, low: float, high: float) -> None:
-        if not self.chance:
+        if not self.stochastic:
             raise ConfigError(
-                "weathering.seed: the model has no chance, and so paints one layer on a mesh: leave out the seed, or "
-                "train with generator.chance on exemplars of different seeds."
+                "weathering.seed: the model has no random fields, and so paints one layer on a mesh: leave out the "
+                "seed, or train with generator.random_fields on exemplars of different seeds."
             )
         if not 0 <= low <= high < MOST_SEEDS:
             given = low if low < 0 else high

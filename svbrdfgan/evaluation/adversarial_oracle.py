@@ -1,8 +1,9 @@
 """The oracle of a distribution: the same generator, trained adversarially on true layers instead of pictures.
 
-Regression to the true layers cannot be the ceiling of a generator with chance: where the truth varies, it paints the
-mean. This oracle has the run's networks, loss, penalties and optimizers, and as many true layers as the run has
-exemplars. Its discriminator sees textures. So what the run lacks beside it is what pictures hide.
+Regression to the true layers cannot be the ceiling of a generator with random fields: where the truth varies, it
+paints the mean. The oracle of this module has the run's networks, loss, penalties and optimizers, and as many true
+layers as the run has exemplars. The discriminator sees textures. So what the run lacks, compared with the oracle, is
+what pictures hide.
 """
 
 from __future__ import annotations
@@ -21,15 +22,15 @@ from svbrdfgan.data.conditions import labels_of_scenes
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.metrics.recovered import SeenTexels, shown_texels
-from svbrdfgan.metrics.texture_pyramid import premultiplied
-from svbrdfgan.networks import GEOMETRY_CHANNELS, Generator
+from svbrdfgan.metrics.texture_pyramid import premultiplied, premultiplied_values
+from svbrdfgan.networks.generator import GEOMETRY_CHANNELS, Generator
 from svbrdfgan.training.batches import stack_inputs
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.discriminator_batch import DiscriminatorBatch, Pictures, tone_curve
 from svbrdfgan.training.run import RunConfig
 from svbrdfgan.training.state import State
-from svbrdfgan.training.step import Diagnostics, adversarial_step, draw_seeds
-from svbrdfgan.training.trainer import batch_indices
+from svbrdfgan.training.step import Diagnostics, adversarial_step, batch_indices, draw_seeds
+from svbrdfgan.types import Layer
 from svbrdfgan.utils.copy_async import copy_async
 
 Watch = Callable[[int], None]
@@ -41,9 +42,9 @@ _CHECK_EVERY = 50
 
 @dataclass(frozen=True)
 class Budget:
-    """How long the oracle trains: as many steps as the run it is compared with, and not longer than that.
+    """The length of the oracle's training: as many steps as the run it is compared with, and no more time.
 
-    It is not stopped by a score: to compare many draws costs as much as many steps.
+    No score stops the training: to compare many draws costs as much as many steps.
     """
 
     steps: int
@@ -60,20 +61,20 @@ class TrueLayers:
             nothing of them.
         layers: one for each exemplar, in main memory and half precision, as exemplars' pictures.
         subject_of: index of each exemplar's subject.
-        labels: of each exemplar's layer; None if networks are told nothing.
+        labels: of each exemplar's layer; None if networks have no conditions.
         gbuffer: whether the discriminator is shown the geometry.
     """
 
     geometry: Float[Tensor, "subjects inputs rows cols"]
     shown: Bool[Tensor, "subjects rows cols"]
-    layers: Float[Tensor, "exemplars rows cols channels"]
+    layers: Layer
     subject_of: Int[Tensor, " exemplars"]
     labels: Float[Tensor, "exemplars labels"] | None
     gbuffer: bool
 
     @classmethod
     def of(cls, exemplars: Exemplars, seen: SeenTexels, config: RunConfig, device: torch.device) -> TrueLayers:
-        """Those of a training split.
+        """The true layers of a training split.
 
         Args:
             seen: says which texels a picture shows.
@@ -88,36 +89,36 @@ class TrueLayers:
         views = [v for number, texels in enumerate(shown) if texels.any() for v in exemplars.views_of(number)]
         if not views:
             raise AssetError("the oracle has nothing to learn from: no picture shows a learnable part.")
-        layers = [exemplars.layers[view] for view in views]
+        layers = torch.stack([layer.values.half() for view in views if (layer := exemplars.layers[view]) is not None])
         labels = labels_of_scenes(config.conditions, [exemplars.scenes[view] for view in views])
         return cls(
             stack_inputs(exemplars, device),
             torch.stack(shown).to(device),
-            torch.stack([layer.half() for layer in layers if layer is not None]),
+            Layer(layers, tuple(config.dataset.maps)),
             exemplars.subject_of[views],
             None if labels is None else labels.to(device),
-            config.train.discriminator.guide,
+            config.train.discriminator.gbuffer,
         )
 
     def __len__(self) -> int:
-        return len(self.layers)
+        return len(self.subject_of)
 
     @property
     def judged(self) -> int:
         """Channels of a layer as the discriminator sees it."""
-        return premultiplied(self.layers[:1]).shape[1]
+        return 1 + sum(premultiplied_values(name) for name in ("base_color", *self.layers.maps))
 
     def batch(
         self, fabric: Fabric, generator: Generator, indices: Sequence[int], rng: np.random.Generator
     ) -> DiscriminatorBatch:
-        """These exemplars' true layers, and as many of the generator's with the same geometry and labels."""
+        """The true layers of some exemplars, and as many of the generator's with the same geometry and labels."""
         device, chosen = self.geometry.device, torch.as_tensor(list(indices))
         subjects, picked = (copy_async(values, device) for values in (self.subject_of[chosen], chosen))
         labels = None if self.labels is None else self.labels[picked]
-        seeds = draw_seeds(rng, len(indices), device) if generator.chance else None
+        seeds = draw_seeds(rng, len(indices), device) if generator.random_fields else None
         with fabric.autocast():
             made = generator(self.geometry[subjects], seeds, labels)
-        true = copy_async(self.layers[chosen], device).float()
+        true = copy_async(self.layers.values[chosen], device).float()
         return DiscriminatorBatch(*(self._seen(layers, subjects, labels) for layers in (true, made)))
 
     def _seen(
@@ -125,10 +126,10 @@ class TrueLayers:
     ) -> Pictures:
         """Layers as the discriminator sees them, in [-1, 1], with geometry and labels; zero where nothing is shown.
 
-        It sees alpha, and the maps times alpha, as `resemblance` does: sets that agree in these agree over every paint,
-        so no paint need be drawn. Colours have the tone curve of pictures.
+        The discriminator sees alpha, and the maps times alpha, as `resemblance` does: sets that agree in these agree
+        over every paint, so no paint need be drawn. Colours have the tone curve of pictures.
         """
-        alpha, color, further = premultiplied(layers).split([1, 3, self.judged - 4], dim=1)
+        alpha, color, further = premultiplied(Layer(layers, self.layers.maps)).split([1, 3, self.judged - 4], dim=1)
         channels = [2 * alpha - 1, tone_curve(color), further]
         if self.gbuffer:
             channels.append(self.geometry[subjects, :GEOMETRY_CHANNELS])
@@ -142,7 +143,8 @@ def train_adversarial_oracle(
 ) -> tuple[Generator, int]:
     """The averaged generator, and the steps that it was trained for.
 
-    Random numbers depend on the configuration's seed and the step alone; but `budget.minutes` may end it at any step.
+    Random numbers depend on the configuration's seed and the step alone; but `budget.minutes` may end training at any
+    step.
 
     Raises:
         TrainingError: a loss or weight is not finite.
@@ -166,13 +168,13 @@ def train_adversarial_oracle(
 
 
 def _fresh_state(config: TrainConfig, truth: TrueLayers) -> State:
-    """That of a run which judges layers. Textures have no light buffer."""
+    """The initial state of a run which judges layers: textures have no light buffer."""
     discriminator = config.discriminator.model_copy(update={"light": False})
     labels = 0 if truth.labels is None else truth.labels.shape[1]
     return State.fresh(
         config.model_copy(update={"discriminator": discriminator}),
         truth.geometry.device,
-        truth.layers.shape[-1],
+        truth.layers.maps,
         labels=labels,
         judged=truth.judged,
     )

@@ -1,48 +1,45 @@
-"""Close-ups: a small part of a vehicle under the true layer and the learned ones, where texels can be told apart."""
+"""Close-ups: a small part of a vehicle under the true layer and the learned ones, near enough to see texels."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from jaxtyping import Float
-from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation.relight import RelitScene, render_under
+from svbrdfgan.evaluation.record import Painter
+from svbrdfgan.evaluation.relight import PaintedScene, render_under
 from svbrdfgan.geometry.camera_hits import camera_hits
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import SceneWeathering
 from svbrdfgan.scene.subject import Subject
-from svbrdfgan.types import Camera, View
+from svbrdfgan.types import Camera, Layer, View
 
-_COUNT = 3
-_ZOOM = 4.0
+_COUNT = 3  # vehicles, at most
+_ZOOM = 4.0  # the field of view is divided by it
 
 
 def close_ups(
     exemplars: Exemplars,
-    renderer: Renderer[Any],
-    layers_of: Callable[[int], Mapping[str, Float[Tensor, "rows cols channels"]]],
-) -> tuple[RelitScene, ...]:
-    """Of up to three vehicles, evenly spread, the middle of the exemplar with the greatest amount, four times nearer.
+    renderer: CheckedRenderer,
+    layers_of: Callable[[int], Mapping[Painter, Layer]],
+) -> tuple[PaintedScene, ...]:
+    """Close-ups of up to three vehicles: the middle of the exemplar with the greatest amount, four times nearer.
 
-    They are chosen regardless of what was learned.
+    The vehicles are evenly spread over the split, and chosen regardless of what was learned.
 
     Args:
-        layers_of: an exemplar's layers, by what painted them.
+        layers_of: an exemplar's layers, the true one among them.
     """
     weathered = [list(filter(exemplars.weathered, exemplars.views_of(n))) for n in range(len(exemplars.subjects))]
     chosen = [max(views, key=lambda view: _amount(exemplars, view)) for views in weathered if views]
     spread = sorted({round(n) for n in np.linspace(0, len(chosen) - 1, min(_COUNT, len(chosen)))})
     found = []
     for exemplar in (chosen[n] for n in spread):
-        scene, subject, truth = exemplars.scenes[exemplar], exemplars.subject(exemplar), exemplars.layers[exemplar]
-        assert truth is not None
+        scene, subject = exemplars.scenes[exemplar], exemplars.subject(exemplar)
         view = _nearer(subject, exemplars.loader.view(scene))
-        layers = {name: layer for name, layer in layers_of(exemplar).items() if name != "constant"} | {"truth": truth}
+        layers: dict[Painter, Layer] = {by: layer for by, layer in layers_of(exemplar).items() if by != "constant"}
         found.append(render_under(scene, view, subject, renderer, renderer.prepare(subject.surface), layers))
     return tuple(found)
 

@@ -1,9 +1,9 @@
-"""How generators resemble the distribution of the true layers: draws of both, on the scored vehicles."""
+"""The resemblance of generators to the distribution of the true layers: draws of both, on the scored vehicles."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import torch
 from jaxtyping import Float
@@ -12,40 +12,40 @@ from torch import Tensor
 
 from svbrdfgan.data.config import WeatheringDistribution
 from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.evaluation.record import Painter
 from svbrdfgan.evaluation.true_draws import Vehicle, paint_all, weathering_of
 from svbrdfgan.metrics.draw_figures import DrawFigures, amount_figures, draw_figures
 from svbrdfgan.metrics.draw_statistics import Draws, ScoredSurface
 from svbrdfgan.metrics.recovered import Scorer
 from svbrdfgan.metrics.resemblance import Resemblance, Resembler
-from svbrdfgan.networks import Draw, Generator
-from svbrdfgan.rendering.compositing import RGBA
+from svbrdfgan.networks.draw import Draw
+from svbrdfgan.networks.generator import Generator
 from svbrdfgan.training.batches import Progress
 from svbrdfgan.training.run import RunConfig
+from svbrdfgan.types import Layer
 
 DRAWS = 16
 """Layers of each vehicle, in each of three sets: true ones, other true ones, and a generator's."""
-TRUTH = "truth"
-"""The name of the other true draws, beside the names of generators."""
-_AMOUNTS = 8
+_AMOUNTS = 8  # in a sweep from the least to the greatest
 _BATCH = 4  # draws at once, where nothing but their mean alpha is kept: as many as train at 1,024 texels
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Draws of several generators beside the same true ones.
+    """Draws of several painters, compared with the same true ones.
 
     Attributes:
-        resemblance: by the generator's name.
-        figures: likewise, and of `TRUTH`, other true draws: what can be reached with so few draws.
+        resemblance: of each painter that is a generator.
+        figures: likewise, and of the truth, for which other true draws stand: what can be reached with so few draws.
     """
 
-    resemblance: dict[str, Resemblance]
-    figures: dict[str, DrawFigures]
+    resemblance: Mapping[Painter, Resemblance] = field(default_factory=dict)
+    figures: Mapping[Painter, DrawFigures] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class _Asked:
-    """What generators are asked for: draws of a vehicle.
+    """The input of generators for draws of a vehicle.
 
     Attributes:
         geometry: their input.
@@ -58,7 +58,7 @@ class _Asked:
 
 
 def compare_draws(
-    generators: Mapping[str, Generator],
+    generators: Mapping[Painter, Generator],
     config: RunConfig,
     fabric: Fabric,
     exemplars: Exemplars,
@@ -74,7 +74,7 @@ def compare_draws(
     alone. Painting the true ones takes most of the time: some tenths of a second for each layer of 256 x 256.
 
     Args:
-        generators: by name, on the scorer's device; all are told the conditions of the run.
+        generators: on the scorer's device; all have the conditions of the run.
         config: the run's.
         scorer: of the split; says which texels are scored.
         constants: constant layers to compare with.
@@ -90,27 +90,28 @@ def compare_draws(
     weights = {target.subject: target.weight for target in scorer.targets}
     surfaces: list[ScoredSurface] = []
     truth: list[Draws] = []
-    sets: dict[str, list[Draws]] = {name: [] for name in (TRUTH, *generators)}
-    painted: dict[str, list[Tensor]] = {name: [] for name in sets}
+    sets: dict[Painter, list[Draws]] = {"truth": [], **{name: [] for name in generators}}
+    painted: dict[Painter, list[Tensor]] = {name: [] for name in sets}
     vehicles = [_vehicle(exemplars, number, config, declared, count) for number in weights]
     for vehicle, drawn in zip(vehicles, paint_all(vehicles, workers), strict=True):
         weight = weights[vehicle.number]
         parts = exemplars.subjects[vehicle.number].buffer.part
         surfaces.append(ScoredSurface(weight, parts.to(weight.device)))
-        first, again = torch.from_numpy(drawn.layers).to(weight.device).chunk(2)
+        halves, maps = torch.from_numpy(drawn.layers).to(weight.device).chunk(2), tuple(config.dataset.maps)
+        first, again = (Layer(half, maps) for half in halves)
         truth.append(first)
-        sets[TRUTH].append(again)
-        painted[TRUTH] += [torch.from_numpy(row) for row in drawn.amounts]
+        sets["truth"].append(again)
+        painted["truth"] += [torch.from_numpy(row) for row in drawn.amounts]
         asked = _Asked(scorer.geometry[vehicle.number], torch.from_numpy(drawn.area).to(weight.device), vehicle)
         for name, generator in generators.items():
             sets[name].append(_generated(generator, config, fabric, asked))
             painted[name] += _generated_amounts(generator, config, fabric, asked)
         if progress is not None:
             progress(1)
-    resembler = Resembler.make(surfaces, truth, sets[TRUTH], constants)
+    resembler = Resembler.make(surfaces, truth, sets["truth"], constants)
     figures = {name: draw_figures(surfaces, truth, draws) for name, draws in sets.items()}
-    for name in generators if painted[TRUTH] else ():
-        obeyed = amount_figures(painted[TRUTH], painted[name])
+    for name in generators if painted["truth"] else ():
+        obeyed = amount_figures(painted["truth"], painted[name])
         figures[name] = figures[name].model_copy(update={"amount": obeyed})
     return Comparison({name: resembler.score(sets[name]) for name in generators}, figures)
 
@@ -124,14 +125,14 @@ def _vehicle(
 
 
 def _generated(generator: Generator, config: RunConfig, fabric: Fabric, asked: _Asked) -> Draws:
-    """What the generator paints with the amounts and recipes of the vehicle's scenes, and seeds from 0 on."""
+    """Draws of the generator with the amounts and recipes of the vehicle's scenes, and seeds from 0 on."""
     layers = []
     for seed, scene in enumerate(asked.vehicle.scenes):
         wanted = weathering_of(scene)
         labels = config.conditions.labels(wanted.amount, wanted.recipe)
         with torch.no_grad(), fabric.autocast():
             layers.append(Draw(generator, seed, labels)(asked.geometry.unsqueeze(0))[0].float())
-    return torch.stack(layers)
+    return Layer(torch.stack(layers), generator.maps)
 
 
 def _generated_amounts(
@@ -147,7 +148,7 @@ def _generated_amounts(
             geometry = asked.geometry.expand(len(seeds), -1, -1, -1)
             with torch.no_grad(), fabric.autocast():
                 layers = generator(geometry, seeds, labels.expand(len(seeds), -1))
-            total += (layers[..., RGBA - 1].float() * asked.area).sum()
+            total += (Layer(layers, generator.maps).alpha.float() * asked.area).sum()
         return float(total) / count
 
     sweeps = asked.vehicle.sweeps

@@ -1,17 +1,14 @@
-"""Evaluates a run: what its generator recovered on subjects that it never saw, beside a supervised oracle."""
+"""Evaluates a run: what its generator recovered on subjects that it never saw, compared with an oracle."""
 
 from __future__ import annotations
 
 import logging
-import math
 from collections import defaultdict
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from lightning_fabric import Fabric
@@ -19,67 +16,32 @@ from torch import Tensor
 
 from svbrdfgan.data.conditions import labels_of_scenes
 from svbrdfgan.data.config import Split
-from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.data.gather import INDEX
-from svbrdfgan.data.index import Dataset
+from svbrdfgan.data.index import INDEX, Dataset
 from svbrdfgan.errors import AssetError
 from svbrdfgan.evaluation.adversarial_oracle import Budget
 from svbrdfgan.evaluation.close_up import close_ups
-from svbrdfgan.evaluation.distribution import compare_draws
+from svbrdfgan.evaluation.distribution import Comparison, compare_draws
+from svbrdfgan.evaluation.evaluated import Evaluated, LayersOf, by_subject, pictures
+from svbrdfgan.evaluation.findings import Findings
 from svbrdfgan.evaluation.observable_texels import Observation
-from svbrdfgan.evaluation.oracle import LoadedSplit, OracleConfig, TrainedOracle, oracle_of
-from svbrdfgan.evaluation.record import Evaluation, MapScore, share
-from svbrdfgan.evaluation.relight import Relight, Relighter, RelitScene
+from svbrdfgan.evaluation.oracle import LoadedSplit, OracleConfig, oracle_of
+from svbrdfgan.evaluation.record import Painter
+from svbrdfgan.evaluation.relight import Relight, Relighter
 from svbrdfgan.metrics.constant_layer import constant_layers
 from svbrdfgan.metrics.flip import display as as_displayed
 from svbrdfgan.metrics.flip import flip
 from svbrdfgan.metrics.recovered import Observed, Scorer
-from svbrdfgan.networks import Draw, Generator
+from svbrdfgan.networks.draw import Draw
+from svbrdfgan.networks.generator import Generator
 from svbrdfgan.plugins.select import resolve_renderer
-from svbrdfgan.protocols import Renderer
-from svbrdfgan.rendering.compositing import RGBA
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, seeds_vary
 from svbrdfgan.training.run import RunConfig, load_model
+from svbrdfgan.types import Layer
 from svbrdfgan.utils.display import Display, SilentDisplay
 
 log = logging.getLogger(__name__)
-
-_RELIT = {
-    "generated": "relit_flip",
-    "oracle": "relit_flip_oracle",
-    "constant": "relit_flip_constant",
-    "truth": "relit_flip_truth",
-}
-
-
-LayersOf = Callable[[int], dict[str, Float[Tensor, "rows cols channels"]]]
-"""The layers of an exemplar, by what painted them. Those of generators have the exemplar's own amount and recipe."""
-
-
-@dataclass(frozen=True, eq=False)
-class Evaluated:
-    """The score of a run, and what pictures of it need.
-
-    Attributes:
-        config: the run's.
-        source: the scored split.
-        layers: the layers of each subject, by what painted them: "generated", "oracle" or "constant". A generator that
-            is told conditions paints the middle amount of the first recipe.
-        layers_of: the layers of an exemplar; for pictures beside it.
-        relit: a few of the scenes that the run was relit in, with their pictures.
-        close_ups: small parts of a few vehicles, if the generator varies.
-        generator: the run's, on the device of the layers; for draws of it.
-    """
-
-    evaluation: Evaluation
-    config: RunConfig
-    source: BatchSource
-    layers: dict[str, Float[Tensor, "subjects rows cols channels"]]
-    layers_of: LayersOf
-    relit: tuple[RelitScene, ...] = ()
-    close_ups: tuple[RelitScene, ...] = ()
-    generator: Generator | None = None
 
 
 def evaluate(
@@ -95,7 +57,7 @@ def evaluate(
     workers: int = 1,
     display: Display | None = None,
 ) -> Evaluated:
-    """Scores a run on a split and writes `evaluation.json`. It trains the oracle first if the run has none yet.
+    """Scores a run on a split and writes `evaluation.json`; trains the oracle first if the run has none yet.
 
     Args:
         dataset: the folder of the run's data set, if it was moved.
@@ -118,7 +80,7 @@ def evaluate(
     relighter = Relighter.make(relight or Relight(), opened.index)  # its mistakes are found before anything slow
     resolved = ResolvedRun(config.train, opened).unperturbed()
     if resolved.deferred:  # pictures are compared with exemplars, and have all of their samples
-        resolved = resolved.with_config(rendering="fresh")
+        resolved = resolved.with_config(rendering="online")
     renderer, _ = resolve_renderer(config.train.renderer, fabric.device, config.maps, differentiable=True)
 
     shown.begin(f"light transport of the {split} scenes")
@@ -135,32 +97,31 @@ def evaluate(
     constants = constant_layers(*load("train"), fabric.device)
     observed = _observed(source, renderer, config, shown)
     scorer = Scorer.make(source.exemplars, source.seen, constants, fabric.device, observed)
-    layers = {"generated": _layers(fabric, scorer, model.generator, config.conditions.typical())}
+    learned = _layers(fabric, scorer, model.generator, config.conditions.typical())
+    layers: dict[Painter, Tensor] = {"generated": learned, "constant": constants[0].expand_as(learned)}
+    drawing: dict[Painter, Generator] = {"generated": model.generator}
     found = None
     if oracle:
         found = oracle_of(run, fabric, config, load, constants, schedule or OracleConfig(), budget, shown)
         labels = config.conditions.typical() if found.adversarial else ()
         layers["oracle"] = _layers(fabric, scorer, found.generator, labels)
-    layers["constant"] = constants[0].expand_as(layers["generated"])
-    drawing = {"generated": model.generator}
-    if found is not None and found.adversarial:
-        drawing["oracle"] = found.generator
+        if found.adversarial:
+            drawing["oracle"] = found.generator
     layers_of = _with_own_conditions(by_subject(source.exemplars, layers), drawing, config, fabric, source)
     shown.begin("comparing pictures", len(source))
-    evaluation = _judge(split, scorer, layers, found, constants, _flips(source, layers_of, shown))
+    flips, draws = _flips(source, layers_of, shown), Comparison()
     if model.generator.varies or seeds_vary(config.dataset):
-        update = _of_draws(drawing, config, fabric, source, scorer, constants, workers, shown)
-        evaluation = evaluation.model_copy(update=update)
+        draws = _draws(drawing, config, fabric, source, scorer, constants, workers, shown)
     shown.begin("comparing relit pictures")
     relit = relighter.relit(source.exemplars, opened.index.sampler(split), renderer, layers_of, shown.advance)
-    evaluation = evaluation.model_copy(update={_RELIT[name]: value for name, value in relit.flips.items()})
+    evaluation = Findings(scorer, constants, layers, flips, relit.flips, draws).evaluation(split, found)
     evaluation.save(run)
     near = close_ups(source.exemplars, renderer, layers_of) if model.generator.varies else ()
     return Evaluated(evaluation, config, source, layers, layers_of, relit.scenes, near, model.generator)
 
 
-def _of_draws(
-    generators: dict[str, Generator],
+def _draws(
+    generators: Mapping[Painter, Generator],
     config: RunConfig,
     fabric: Fabric,
     source: BatchSource,
@@ -168,26 +129,20 @@ def _of_draws(
     constants: Tensor,
     workers: int,
     shown: Display,
-) -> dict[str, Any]:
-    """What the record says of draws; nothing if the true ones cannot be compared."""
+) -> Comparison:
+    """The scores of draws; none if the true draws cannot be compared."""
     shown.begin("comparing draws of layers", len(scorer.geometry))
     try:
-        found = compare_draws(
+        return compare_draws(
             generators, config, fabric, source.exemplars, scorer, constants, shown.advance, workers=workers
         )
     except AssetError as error:
         log.warning("resemblance has no score: %s", error)
-        return {}
-    made, best = found.resemblance["generated"], found.resemblance.get("oracle")
-    told = {"resemblance": made.resemblance, "draws": made, "figures": found.figures}
-    if best is None:
-        return told
-    oracle = {"resemblance_oracle": best.resemblance, "draws_oracle": best}
-    return told | oracle | {"resemblance_fraction": share(made.resemblance, best.resemblance)}
+        return Comparison()
 
 
-def _observed(source: BatchSource, renderer: Renderer[Any], config: RunConfig, shown: Display) -> Observed | None:
-    """Where the split's further maps can be observed; None if layers paint base_color alone."""
+def _observed(source: BatchSource, renderer: CheckedRenderer, config: RunConfig, shown: Display) -> Observed | None:
+    """The texels where the split's further maps can be observed; None if layers paint base_color alone."""
     if not config.maps:
         return None
     shown.begin("where each map can be observed", len(source))
@@ -204,114 +159,40 @@ def _open_dataset(config: RunConfig, moved_to: Path | None) -> Dataset:
     return Dataset.open(moved_to or Path(config.dataset_folder))
 
 
-def _judge(
-    split: Split,
-    scorer: Scorer,
-    layers: dict[str, Tensor],
-    oracle: TrainedOracle | None,
-    constants: Tensor,
-    flips: dict[str, float],
-) -> Evaluation:
-    recovered = scorer.recovered_by(layers["generated"])
-    best = scorer.recovered_by(layers["oracle"]) if oracle else None
-    ends = scorer.at_poles(constants)
-    red, green, blue, alpha = constants[0, :RGBA].tolist()
-    return Evaluation(
-        split=split,
-        recovered=recovered,
-        oracle=best,
-        fraction=None if oracle and oracle.adversarial else share(recovered, best),
-        recovered_at_poles=ends.recovered_by(layers["generated"]) if ends else None,
-        oracle_at_poles=ends.recovered_by(layers["oracle"]) if ends and oracle else None,
-        oracle_validation=oracle.score if oracle else None,
-        oracle_plateau=oracle.plateau if oracle else None,
-        oracle_steps=oracle.steps if oracle else None,
-        flip=flips["generated"],
-        flip_oracle=flips.get("oracle"),
-        flip_constant=flips["constant"],
-        flip_truth=flips["truth"],
-        seen=scorer.shares["base_color"],
-        constant=(red, green, blue, alpha),
-        subjects=len(scorer.geometry),
-        exemplars=len(scorer.targets),
-        maps=_map_scores(scorer, layers) if len(scorer.constant_errors) > 1 else {},
-    )
-
-
-def _map_scores(scorer: Scorer, layers: dict[str, Tensor]) -> dict[str, MapScore]:
-    """The scores of each map, base_color among them."""
-    recovered, errors = scorer.each_recovered_by(layers["generated"]), scorer.errors_by(layers["generated"])
-    best = scorer.each_recovered_by(layers["oracle"]) if "oracle" in layers else dict.fromkeys(recovered)
-    return {
-        name: MapScore(
-            recovered=recovered[name],
-            oracle=best[name],
-            fraction=share(recovered[name], best[name]),
-            error=_known(errors[name]),
-            constant_error=_known(scorer.constant_errors[name]),
-            area=scorer.shares[name],
-        )
-        for name in recovered
-    }
-
-
-def _known(error: float) -> float | None:
-    """None for the error of a map that can be observed nowhere, since JSON has no NaN."""
-    return None if math.isnan(error) else error
-
-
 def _layers(
     fabric: Fabric, scorer: Scorer, generator: Generator, labels: Sequence[float] = ()
 ) -> Float[Tensor, "subjects rows cols channels"]:
-    """One layer of each subject; of a generator with chance, that of seed 0."""
+    """One layer of each subject; of a generator with random fields, that of seed 0."""
     with fabric.autocast():
         return scorer.layers(Draw(generator.to(fabric.device), labels=labels))
 
 
-def by_subject(exemplars: Exemplars, layers: dict[str, Tensor]) -> LayersOf:
-    """The layers of each exemplar's subject."""
-    return lambda index: {name: painted[int(exemplars.subject_of[index])] for name, painted in layers.items()}
-
-
 def _with_own_conditions(
-    layers_of: LayersOf, generators: dict[str, Generator], config: RunConfig, fabric: Fabric, source: BatchSource
+    layers_of: LayersOf, generators: Mapping[Painter, Generator], config: RunConfig, fabric: Fabric, source: BatchSource
 ) -> LayersOf:
-    """The same, but what generators paint that are told conditions: seed 0, with the exemplar's amount and recipe."""
+    """The same layers, but those of generators with conditions by seed 0 and the exemplar's own amount and recipe."""
     if not config.conditions.size:
         return layers_of
 
-    def layers(index: int) -> dict[str, Tensor]:
+    def layers(index: int) -> dict[Painter, Layer]:
         labels = labels_of_scenes(config.conditions, [source.exemplars.scenes[index]])
         assert labels is not None
         found, geometry = layers_of(index), source.geometry([index])
         with torch.no_grad(), fabric.autocast():
             drawn = {name: Draw(each, 0, labels[0].tolist())(geometry)[0].float() for name, each in generators.items()}
-        return found | drawn
+        return found | {name: Layer(values, generators[name].maps) for name, values in drawn.items()}
 
     return layers
 
 
-def _flips(source: BatchSource, layers_of: LayersOf, shown: Display) -> dict[str, float]:
-    """Mean FLIP between the exemplars and pictures of the same scenes under each set of layers, and under G0's own."""
-    totals: dict[str, float] = defaultdict(float)
+def _flips(source: BatchSource, layers_of: LayersOf, shown: Display) -> dict[Painter, float]:
+    """Mean FLIP between the exemplars and pictures of the same scenes under each painter's layers."""
+    totals: dict[Painter, float] = defaultdict(float)
     weathered = [index for index in range(len(source)) if source.exemplars.weathered(index)]
     for index in weathered:
         truth = as_displayed(source.exemplars.images[index], coverage=source.exemplars.coverage[index].float())
-        for name, picture in pictures(source, index, layers_of(index)).items():
+        layers = layers_of(index)
+        for name, picture in zip(layers, pictures(source, index, layers.values()), strict=True):
             totals[name] += flip(truth, picture)
         shown.advance(1)
     return {name: total / max(len(weathered), 1) for name, total in totals.items()}
-
-
-def pictures(
-    source: BatchSource, index: int, layers: dict[str, Float[Tensor, "rows cols channels"]]
-) -> dict[str, Float[Tensor, "height width 3"]]:
-    """Display-referred pictures of an exemplar's scene, one under each layer and one under G0's own ("truth")."""
-    scenes = source.scenes([index], np.random.default_rng(0))
-    shown = {}
-    for name, layer in {**layers, "truth": source.exemplars.layers[index]}.items():
-        if layer is not None:
-            with torch.no_grad():
-                image, coverage = scenes.render(layer.unsqueeze(0).to(source.buffers.device))
-            shown[name] = as_displayed(image[0].cpu(), coverage=coverage[0].cpu().float())
-    return shown

@@ -1,4 +1,4 @@
-"""Where each further map of a split can be observed: the texels whose true values matter to its pictures.
+"""The texels where each further map of a split can be observed: their true values matter to its pictures.
 
 The masks come from the truth, the split's scenes and the renderer alone, so that they are the same for every generator.
 """
@@ -16,12 +16,16 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.io.image import luminance
 from svbrdfgan.metrics.map_errors import tilted
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.training.scene_batch import seen_in_gradient
 from svbrdfgan.types import Material, Materials
 
-CHANGE, DEGREES, VISIBLE = 0.1, 10.0, 0.02
-"""How far a map is changed, how far a normal is tilted, and the share of its luminance by which a pixel must change."""
+CHANGE = 0.1
+"""The change of a map whose values are in [0, 1]."""
+DEGREES = 10.0
+"""The tilt of a normal."""
+VISIBLE = 0.02
+"""The share of its luminance by which a pixel must change."""
 
 _SAMPLES = 4
 """Samples per pixel, in those of the exemplars: of 64, noise alone passes for a change in pixels of small lights."""
@@ -37,11 +41,11 @@ class Observation:
     """
 
     exemplars: Exemplars
-    renderer: Renderer[Any]
+    renderer: CheckedRenderer
     progress: Callable[[int], None]
 
     def __call__(self, subject: int) -> dict[str, Bool[Tensor, "rows cols"]]:
-        """For each further map, the texels where it can be observed in pictures of that subject."""
+        """The texels where each further map can be observed in pictures of that subject."""
         views = list(filter(self.exemplars.weathered, self.exemplars.views_of(subject)))
         prepared = self.renderer.prepare(self.exemplars.subjects[subject].surface)
         found: dict[str, Tensor] = {}
@@ -55,7 +59,7 @@ class Observation:
         exemplars, scene = self.exemplars, self.exemplars.scenes[index]
         spp = _SAMPLES * scene.spp
         subject, view = exemplars.subject(index), exemplars.loader.view(scene)
-        true = subject.materials(scene.materials, exemplars.layers[index], scene.maps)
+        true = subject.materials(exemplars.layers[index], scene.maps, base_colors=scene.materials)
 
         def brightness(materials: Materials) -> Tensor:
             picture = self.renderer.render(prepared, materials, view, spp=spp, seed=scene.seed)

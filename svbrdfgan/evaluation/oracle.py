@@ -1,6 +1,6 @@
 """The oracle: the same network on the same data, taught by the true layers; a ceiling for the GAN.
 
-It is supervised. Where layers are a distribution, it is trained adversarially (`adversarial_oracle`).
+The oracle is supervised. Where layers are a distribution, it is trained adversarially (`adversarial_oracle`).
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ from svbrdfgan.evaluation.adversarial_oracle import Budget, TrueLayers, train_ad
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.metrics.map_errors import LEAST_ERRORS
 from svbrdfgan.metrics.recovered import Scorer, SeenTexels, Target, make_targets
-from svbrdfgan.networks import Generator, initialise, make_generator
-from svbrdfgan.networks.saved import load_generator, save_generator
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.layers import initialise
+from svbrdfgan.networks.saved import load_generator, make_generator, save_generator
 from svbrdfgan.training.batches import stack_inputs
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.metrics_log import read_metrics
@@ -38,7 +39,7 @@ LoadedSplit = tuple[Exemplars, SeenTexels]
 Watch = Callable[[int, float], None]
 """Called with the step and the validation score at every scoring."""
 
-_TARGETS = 2048
+_TARGETS = 2048  # the most that it trains on
 _NOTES = ("plateau", "steps", "run_steps")
 
 log = logging.getLogger(__name__)
@@ -46,7 +47,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class OracleConfig:
-    """How the oracle is trained: to its best, independent of the run's batch size and learning rates.
+    """The schedule of the oracle's training: to its best, independent of the run's batch size and learning rates.
 
     Attributes:
         batch: targets in a step.
@@ -68,16 +69,24 @@ class OracleConfig:
 
 @dataclass(frozen=True, eq=False)
 class Oracle:
-    """A trained oracle.
+    """An oracle, trained now or in an earlier evaluation.
 
     Attributes:
-        plateau: whether its score stopped rising before the last step.
+        score: on the validation split; None of an adversarial one.
+        plateau: whether a supervised one had stopped improving; None of an adversarial one.
+        run_steps: the steps that the run had made when an adversarial one was trained as long; else None.
     """
 
     generator: Generator
-    score: float
+    score: float | None
     steps: int
-    plateau: bool
+    plateau: bool | None
+    run_steps: int | None = None
+
+    @property
+    def adversarial(self) -> bool:
+        """Whether the oracle draws, and so is compared by `resemblance`."""
+        return self.generator.random_fields > 0
 
 
 def train_oracle(
@@ -92,9 +101,9 @@ def train_oracle(
     """Minimises E of every map on the training targets until the score of `scorer` stops rising.
 
     The error of a map counts relative to its constant layer's, as in `recovered`, in units of base_color's. The oracle
-    has no chance and is told nothing: where the truth varies it learns one layer between the true ones.
+    has neither random fields nor conditions: where the truth varies it learns one layer between the true ones.
     """
-    generator = make_generator(config.generator.without_chance, targets[0].truth.shape[-1])
+    generator = make_generator(config.generator.without_random_fields, targets[0].truth.maps)
     initialise(generator, torch.Generator().manual_seed(config.seed))
     generator.to(geometry.device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
     adam = torch.optim.Adam(generator.parameters(), schedule.rate, betas=(0.9, 0.99), fused=True)
@@ -127,33 +136,11 @@ def train_oracle(
 
 
 def _weights(constant_errors: Mapping[str, float], device: torch.device) -> Float[Tensor, " maps"]:
-    """One for base_color. A map whose truth is constant counts as if its constant layer erred by the least error."""
+    """The weight of each map, 1 for base_color; bounded, as the constant layer errs in no map that is constant."""
     unit = constant_errors["base_color"]
     errors = {name: max(error, LEAST_ERRORS.get(name, 0.0)) for name, error in constant_errors.items()}
     relative = [1.0 if name == "base_color" else unit / error for name, error in errors.items()]
     return torch.tensor(relative, device=device)
-
-
-@dataclass(frozen=True, eq=False)
-class TrainedOracle:
-    """An oracle, trained now or in an earlier evaluation.
-
-    Attributes:
-        score: on the validation split; None of an adversarial one.
-        plateau: whether a supervised one had stopped improving; None of an adversarial one.
-        run_steps: the steps that the run had made when an adversarial one was trained as long; else None.
-    """
-
-    generator: Generator
-    score: float | None
-    plateau: bool | None
-    steps: int
-    run_steps: int | None = None
-
-    @property
-    def adversarial(self) -> bool:
-        """Whether it draws, and so is compared by `resemblance`."""
-        return self.generator.chance > 0
 
 
 def oracle_of(
@@ -165,11 +152,11 @@ def oracle_of(
     schedule: OracleConfig,
     budget: Budget | None,
     shown: Display,
-) -> TrainedOracle:
+) -> Oracle:
     """The run's oracle, trained now if there is none.
 
-    It is adversarial if the run learns a distribution, and otherwise supervised. One that was trained as long as the
-    run is trained anew once the run was continued.
+    The oracle is adversarial if the run learns a distribution, and otherwise supervised. One that was trained as long
+    as the run is trained again once the run was continued.
 
     Args:
         load: loads a split.
@@ -189,7 +176,7 @@ def oracle_of(
         oracle = replace(oracle, run_steps=None if budget else as_run.steps)
     else:
         oracle = _supervised(fabric, config, load, constants, schedule, shown)
-    generator = config.train.generator if drawing else config.train.generator.without_chance
+    generator = config.train.generator if drawing else config.train.generator.without_random_fields
     save_generator(run / ORACLE, oracle.generator, generator, oracle.score)
     with atomic_path(run / ORACLE_NOTES) as temporary:
         notes = {name: getattr(oracle, name) for name in _NOTES}
@@ -197,14 +184,14 @@ def oracle_of(
     return oracle
 
 
-def _stored(run: Path, device: torch.device) -> TrainedOracle | None:
+def _stored(run: Path, device: torch.device) -> Oracle | None:
     """The oracle of an earlier evaluation."""
     path, notes = run / ORACLE, run / ORACLE_NOTES
     if not path.is_file() or not notes.is_file():
         return None
     reached = json.loads(notes.read_text(encoding="utf-8"))
     generator, score = load_generator(path)
-    return TrainedOracle(generator.to(device), score, **{name: reached.get(name) for name in _NOTES})
+    return Oracle(generator.to(device), score, **{name: reached.get(name) for name in _NOTES})
 
 
 def _budget_of(run: Path, config: TrainConfig) -> Budget:
@@ -215,11 +202,11 @@ def _budget_of(run: Path, config: TrainConfig) -> Budget:
 
 def _adversarial(
     fabric: Fabric, config: RunConfig, load: Callable[[Split], LoadedSplit], budget: Budget, shown: Display
-) -> TrainedOracle:
+) -> Oracle:
     truth = TrueLayers.of(*load("train"), config, fabric.device)
     shown.begin("training the oracle on true layers", budget.steps)
     generator, steps = train_adversarial_oracle(fabric, config.train, truth, budget, shown.advance)
-    return TrainedOracle(generator, None, None, steps)
+    return Oracle(generator, None, steps, None)
 
 
 def _supervised(
@@ -229,8 +216,8 @@ def _supervised(
     constants: Tensor,
     schedule: OracleConfig,
     shown: Display,
-) -> TrainedOracle:
-    """The validation split decides when it stops."""
+) -> Oracle:
+    """A supervised oracle, whose training stops by the score on the validation split."""
     trained, seen = load("train")
     targets, _ = make_targets(trained, seen, fabric.device, _TARGETS)
     held_out = load("validation") if "validation" in config.dataset.splits else (trained, seen)
@@ -240,5 +227,4 @@ def _supervised(
     def watch(step: int, score: float) -> None:
         shown.advance(schedule.every, f"recovered {score:.3f}")
 
-    oracle = train_oracle(fabric, config.train, stack_inputs(trained, fabric.device), targets, scorer, schedule, watch)
-    return TrainedOracle(oracle.generator, oracle.score, oracle.plateau, oracle.steps)
+    return train_oracle(fabric, config.train, stack_inputs(trained, fabric.device), targets, scorer, schedule, watch)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 from svbrdfgan.config.models import StrictModel
 from svbrdfgan.data.config import Split
 from svbrdfgan.io.records import save_record
 from svbrdfgan.metrics.draw_figures import DrawFigures
 from svbrdfgan.metrics.resemblance import Resemblance
+
+Painter = Literal["generated", "oracle", "constant", "truth"]
+"""Whoever painted layers: the generator, the oracle, the best constant, or G0, whose layers are the truth."""
 
 EVALUATION = "evaluation.json"
 LEAST_AREA = 0.2
@@ -25,166 +30,222 @@ class MapScore(StrictModel):
     """The score of one map of the composited material.
 
     Attributes:
-        recovered, oracle: 1 - E / E(constant) of the generator and of the oracle; None where the truth is constant or
-            the map can be observed nowhere.
-        fraction: recovered / oracle, where the oracle recovered anything.
-        error, constant_error: E of the generator and of the map's constant layer: mean absolute error; of `normal`, the
-            mean angle in degrees.
-        area: share of the learnable area that is scored: that pictures show, and where the map can be observed.
+        recovered: 1 - E / E(constant); None where the truth is constant or the map can be observed nowhere.
+        error: E, the mean absolute error; of `normal`, the mean angle in degrees. None where the map can be observed
+            nowhere.
     """
 
     recovered: float | None = None
-    oracle: float | None = None
-    fraction: float | None = None
     error: float | None = None
-    constant_error: float | None = None
-    area: float | None = None
 
-    def beside(self, oracle: float | None) -> MapScore:
-        """The same score beside what an oracle recovered."""
-        return self.model_copy(update={"oracle": oracle, "fraction": share(self.recovered, oracle)})
+
+class PainterScores(StrictModel):
+    """The scores of the layers of one painter.
+
+    Attributes:
+        flip: mean FLIP between pictures under the layers and the stored exemplars; of the truth, what noise alone makes
+            of it.
+        relit_flip: mean FLIP between fresh pictures under the layers and under G0's own, in lights and from views that
+            training never had. None where no picture was relit.
+        figures: what draws are in alpha beside true ones, where layers are a distribution; of the truth, other true
+            draws.
+    """
+
+    flip: float
+    relit_flip: float | None = None
+    figures: DrawFigures | None = None
+
+
+class ConstantScores(PainterScores):
+    """The scores of the best constant.
+
+    Attributes:
+        layer: the layer of least error in base_color on the training subjects.
+        errors: for each map, E of its own constant layer; None where the map can be observed nowhere.
+    """
+
+    layer: tuple[float, float, float, float]
+    errors: dict[str, float | None] = {}
+
+
+class LearnedScores(PainterScores):
+    """The scores of a trained network.
+
+    Attributes:
+        recovered: 1 - E / E(constant) on the split, in base_color.
+        recovered_at_poles: the same near the poles of the hemispherical map, the nose and tail of a vehicle, where the
+            thesis saw artifacts; comparable across embeddings.
+        maps: where layers paint further maps, the scores of all maps, base_color among them.
+        draws: where layers are a distribution, how alike the network's draws are to true ones
+            (`svbrdfgan.metrics.resemblance`); then `recovered` is that of one draw, and says little.
+    """
+
+    recovered: float
+    recovered_at_poles: float | None = None
+    maps: dict[str, MapScore] = {}
+    draws: Resemblance | None = None
+
+    @property
+    def resemblance(self) -> float | None:
+        """The resemblance of `draws`."""
+        return None if self.draws is None else self.draws.resemblance
+
+    def of_map(self, name: str) -> MapScore:
+        """The score of a map; one without numbers if the map was not scored."""
+        return self.maps.get(name, MapScore())
+
+
+class OracleScores(LearnedScores):
+    """The scores of the oracle.
+
+    Attributes:
+        plateau: whether the oracle had stopped improving. None if the run learns a distribution: then the oracle is
+            trained adversarially on true layers, and `recovered` is that of one draw of it.
+        validation: what the oracle recovered on the validation split, by which it was chosen; with further maps, the
+            mean over all maps.
+    """
+
+    steps: int
+    plateau: bool | None = None
+    validation: float | None = None
+
+    @property
+    def state(self) -> str:
+        """How its training ended, in words."""
+        if self.plateau is None:
+            return "one draw of it"
+        return "at its plateau" if self.plateau else "still rising"
 
 
 class Evaluation(StrictModel):
     """The contents of `evaluation.json`; of other splits than `test`, `evaluation.SPLIT.json`.
 
     Attributes:
-        recovered, oracle: 1 - E / E(constant) of the generator and of the supervised oracle, on the split, in
-            base_color.
-        fraction: recovered / oracle, where the oracle recovered anything.
-        recovered_at_poles, oracle_at_poles: the same near the poles of the hemispherical map, the nose and tail of a
-            vehicle, where the thesis saw artifacts; comparable across embeddings.
-        oracle_validation: what the oracle recovered on the validation split, by which it was chosen; with further maps,
-            the mean over all maps.
-        oracle_plateau: whether the oracle had stopped improving.
-        flip, flip_oracle, flip_constant: mean FLIP between pictures under the layers and the stored exemplars; what
-            noise alone makes of it is `flip_truth`, with G0's own layers.
-        relit_flip, relit_flip_oracle, relit_flip_constant, relit_flip_truth: mean FLIP between fresh pictures under the
-            layers and under G0's own, in lights and from views that training never had. None in records of earlier
-            versions.
-        seen: share of the learnable area that the split's pictures show; only that is scored.
-        constant: the layer of least error on the training subjects.
-        maps: where layers paint further maps, the scores of all maps, base_color among them.
-        resemblance: where layers are a distribution, how alike the generator's draws are to true ones
-            (`svbrdfgan.metrics.resemblance`); then `recovered` is that of one draw, and says little.
-        draws: the parts of `resemblance`.
-        resemblance_oracle, draws_oracle: the same of the oracle of a run that learns a distribution, which is trained
-            adversarially on true layers. Then `oracle` is that of one draw of it, and there is no `fraction`.
-        resemblance_fraction: resemblance / resemblance_oracle.
-        figures: what draws are in alpha beside true ones, by what painted them: "generated", "oracle", or "truth",
-            which are other true draws.
+        areas: for each map, the share of the learnable area that is scored: that the split's pictures show, and where
+            the map can be observed.
+        oracle: None if there is no oracle.
     """
 
     split: Split
-    recovered: float
-    oracle: float | None
-    fraction: float | None
-    recovered_at_poles: float | None = None
-    oracle_at_poles: float | None = None
-    oracle_validation: float | None = None
-    oracle_plateau: bool | None
-    oracle_steps: int | None
-    flip: float
-    flip_oracle: float | None
-    flip_constant: float
-    flip_truth: float
-    relit_flip: float | None = None
-    relit_flip_oracle: float | None = None
-    relit_flip_constant: float | None = None
-    relit_flip_truth: float | None = None
-    seen: float
-    constant: tuple[float, float, float, float]
     subjects: int
     exemplars: int
-    maps: dict[str, MapScore] = {}
-    resemblance: float | None = None
-    draws: Resemblance | None = None
-    resemblance_oracle: float | None = None
-    draws_oracle: Resemblance | None = None
-    resemblance_fraction: float | None = None
-    figures: dict[str, DrawFigures] = {}
+    areas: dict[str, float]
+    generated: LearnedScores
+    oracle: OracleScores | None = None
+    constant: ConstantScores
+    truth: PainterScores
+
+    @property
+    def painters(self) -> dict[Painter, PainterScores]:
+        """The scores of all painters there are."""
+        oracle: dict[Painter, PainterScores] = {} if self.oracle is None else {"oracle": self.oracle}
+        return {"truth": self.truth, "generated": self.generated, **oracle, "constant": self.constant}
+
+    @property
+    def seen(self) -> float:
+        """Share of the learnable area that the split's pictures show; only that is scored."""
+        return self.areas["base_color"]
+
+    @property
+    def fraction(self) -> float | None:
+        """Recovered over that of the oracle; None of a distribution, where both are those of one draw."""
+        drawing = self.oracle is not None and self.oracle.plateau is None
+        return None if drawing else self.of_oracle(lambda its: its.recovered)
 
     @property
     def relit_ratio(self) -> float | None:
         """Relit FLIP of the generator over that of the oracle: 1 is as good as the network can be."""
-        return share(self.relit_flip, self.relit_flip_oracle)
+        return self.of_oracle(lambda its: its.relit_flip)
+
+    @property
+    def resemblance_fraction(self) -> float | None:
+        """Resemblance over that of the oracle."""
+        return self.of_oracle(lambda its: its.resemblance)
+
+    @property
+    def half_way(self) -> float:
+        """Half of what the oracle recovered on the validation split; 0 if that is unknown."""
+        return 0.0 if self.oracle is None else (self.oracle.validation or 0.0) / 2
+
+    def of_oracle(self, score: Callable[[LearnedScores], float | None]) -> float | None:
+        """A score of the generator over that of the oracle; None if there is none, or `share` has none."""
+        return None if self.oracle is None else share(score(self.generated), score(self.oracle))
 
     def lines(self) -> list[str]:
         """The scores in words, one line each, and a table of the maps."""
         scored = f"{self.subjects} {self.split} subjects, {self.seen:.0%} of their area seen"
-        lines = [f"recovered: {self.recovered:.3f} ({scored})"]
-        if self.oracle is not None:
-            lines.append(f"oracle:    {self.oracle:.3f} ({self._oracle_state} after {self.oracle_steps} steps)")
+        mine, best = self.generated, self.oracle
+        lines = [f"recovered: {mine.recovered:.3f} ({scored})"]
+        if best is not None:
+            lines.append(f"oracle:    {best.recovered:.3f} ({best.state} after {best.steps} steps)")
         if self.fraction is not None:
             lines.append(f"fraction:  {self.fraction:.3f} of the oracle")
-        if self.recovered_at_poles is not None:
-            best = "" if self.oracle_at_poles is None else f" (oracle {self.oracle_at_poles:.3f})"
-            lines.append(f"at poles:  {self.recovered_at_poles:.3f}{best}")
+        if mine.recovered_at_poles is not None:
+            lines.append(f"at poles:  {mine.recovered_at_poles:.3f}")
+            if best is not None and best.recovered_at_poles is not None:
+                lines[-1] += f" (oracle {best.recovered_at_poles:.3f})"
         lines.append(
-            f"FLIP:      {self.flip:.3f} (constant layer {self.flip_constant:.3f}, noise alone {self.flip_truth:.3f})"
+            f"FLIP:      {mine.flip:.3f} (constant layer {self.constant.flip:.3f}, noise alone {self.truth.flip:.3f})"
         )
         return lines + self._relit_lines() + self._draw_lines() + self._map_lines()
+
+    def map_table(self) -> dict[str, dict[str, str]]:
+        """The cells of the table of maps, by map and heading; empty where base_color is the only map."""
+        return {name: self._cells(name) for name in self.generated.maps}
 
     def little_observed(self) -> list[str]:
         """A warning for each map that is scored on less than a fifth of the learnable area."""
         return [
-            f"{name} can be observed on only {score.area:.0%} of the learnable area: its score says little."
-            for name, score in self.maps.items()
-            if score.area is not None and score.area < LEAST_AREA
+            f"{name} can be observed on only {self.areas[name]:.0%} of the learnable area: its score says little."
+            for name in self.generated.maps
+            if self.areas[name] < LEAST_AREA
         ]
 
     def save(self, run: Path) -> None:
         save_record(run / of_split(EVALUATION, self.split), self)
 
-    @property
-    def _oracle_state(self) -> str:
-        if self.oracle_plateau is None:
-            return "one draw of it"
-        return "at its plateau" if self.oracle_plateau else "still rising"
-
     def _draw_lines(self) -> list[str]:
-        lines = self.draws.lines() if self.draws else []
-        if self.draws_oracle is not None:
-            least = f"{self.draws_oracle.least} {self.draws_oracle.parts[self.draws_oracle.least]:.2f}"
-            lines.append(f"its oracle:  {self.resemblance_oracle:.3f} (least: {least}; {self.oracle_steps} steps)")
+        lines = self.generated.draws.lines() if self.generated.draws else []
+        if self.oracle is not None and (best := self.oracle.draws) is not None:
+            least = f"{best.least} {best.parts[best.least]:.2f}"
+            lines.append(f"its oracle:  {best.resemblance:.3f} (least: {least}; {self.oracle.steps} steps)")
         if self.resemblance_fraction is not None:
             lines.append(f"fraction:    {self.resemblance_fraction:.3f} of the oracle")
-        return lines + [f"{name}: {figures.line()}" for name, figures in self.figures.items()]
+        return lines + [f"{name}: {its.figures.line()}" for name, its in self.painters.items() if its.figures]
 
     def _relit_lines(self) -> list[str]:
-        if self.relit_flip is None:
+        found = {name: f"{its.relit_flip:.3f}" for name, its in self.painters.items() if its.relit_flip is not None}
+        if "generated" not in found:
             return []
-        best = "" if self.relit_flip_oracle is None else f"oracle {self.relit_flip_oracle:.3f}, "
+        best = f"oracle {found['oracle']}, " if "oracle" in found else ""
         ratio = "" if self.relit_ratio is None else f", {self.relit_ratio:.2f} times the oracle's"
-        others = f"{best}constant layer {self.relit_flip_constant:.3f}, noise alone {self.relit_flip_truth:.3f}"
-        return [f"relit:     FLIP {self.relit_flip:.3f}{ratio} ({others})"]
+        others = f"{best}constant layer {found['constant']}, noise alone {found['truth']}"
+        return [f"relit:     FLIP {found['generated']}{ratio} ({others})"]
 
     def _map_lines(self) -> list[str]:
-        if not self.maps:
+        table = self.map_table()
+        if not table:
             return []
-        heads = ("map", *map_cells("", MapScore()))
-        rows = [heads, *((name, *map_cells(name, score).values()) for name, score in self.maps.items())]
+        rows = [("map", *next(iter(table.values()))), *((name, *cells.values()) for name, cells in table.items())]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         aligned = ["  ".join(word.ljust(w) for word, w in zip(row, widths, strict=True)).rstrip() for row in rows]
         return aligned + self.little_observed()
 
+    def _cells(self, name: str) -> dict[str, str]:
+        form, unit = (".1f", " degrees") if name == "normal" else (".3f", "")
+        mine, best = self.generated.of_map(name), None if self.oracle is None else self.oracle.of_map(name).recovered
 
-def map_cells(name: str, score: MapScore) -> dict[str, str]:
-    """A row of the table of maps: by its heading, what each cell says."""
-    form = ".1f" if name == "normal" else ".3f"
-    unit = " degrees" if name == "normal" else ""
+        def cell(value: float | None, form: str = ".3f", unit: str = "") -> str:
+            return "-" if value is None else f"{value:{form}}{unit}"
 
-    def cell(value: float | None, form: str = ".3f", unit: str = "") -> str:
-        return "-" if value is None else f"{value:{form}}{unit}"
-
-    return {
-        "recovered": cell(score.recovered),
-        "oracle": cell(score.oracle),
-        "fraction": cell(score.fraction),
-        "error": cell(score.error, form, unit),
-        "of the constant": cell(score.constant_error, form, unit),
-        "area": cell(score.area, ".0%"),
-    }
+        return {
+            "recovered": cell(mine.recovered),
+            "oracle": cell(best),
+            "fraction": cell(share(mine.recovered, best)),
+            "error": cell(mine.error, form, unit),
+            "of the constant": cell(self.constant.errors.get(name), form, unit),
+            "area": cell(self.areas[name], ".0%"),
+        }
 
 
 def share(learned: float | None, oracle: float | None) -> float | None:

@@ -19,23 +19,24 @@ from svbrdfgan.data.gather import gather_environments, match_files
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.io import load_environment
+from svbrdfgan.evaluation.record import Painter
+from svbrdfgan.io.environment import load_environment
 from svbrdfgan.metrics.flip import display, flip
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.scene.subject import Subject
-from svbrdfgan.types import View
+from svbrdfgan.types import Layer, View
 
 _SEED = 7919
-"""Of the scenes, and of the procedural lights: far from the seeds that data sets use."""
-_LIGHTS = 4
-_KEPT = 4
+"""Seed of the scenes and of the procedural lights: far from the seeds that data sets use."""
+_LIGHTS = 4  # skies, and as many rooms
+_KEPT = 4  # scenes whose pictures are kept, at most
 
 
 @dataclass(frozen=True)
 class Relight:
-    """Which scenes a run is relit in.
+    """The choice of scenes that a run is relit in.
 
     Attributes:
         files: shell patterns of environment maps that training never used; none stands for procedural skies and rooms.
@@ -47,25 +48,30 @@ class Relight:
 
 
 @dataclass(frozen=True, eq=False)
-class RelitScene:
-    """Display-referred pictures of one scene: "reference" is the truth, "truth" the same with other random numbers."""
+class PaintedScene:
+    """Display-referred pictures of one scene.
+
+    Attributes:
+        reference: under the true layer, with random numbers of its own.
+        pictures: under each painter's layer.
+    """
 
     scene: Scene
     coverage: Float[Tensor, "height width"]
-    pictures: dict[str, Float[Tensor, "height width 3"]]
+    reference: Float[Tensor, "height width 3"]
+    pictures: dict[Painter, Float[Tensor, "height width 3"]]
 
-    def flips(self) -> dict[str, float]:
+    def flips(self) -> dict[Painter, float]:
         """FLIP between the reference and each other picture."""
-        reference = self.pictures["reference"]
-        return {name: flip(reference, picture) for name, picture in self.pictures.items() if name != "reference"}
+        return {painter: flip(self.reference, picture) for painter, picture in self.pictures.items()}
 
 
 @dataclass(frozen=True, eq=False)
 class Relit:
-    """Mean FLIP by what painted the layers, with G0's own layers as "truth"; and the scenes of a few subjects."""
+    """Mean FLIP of each painter's layers, and the scenes of a few subjects."""
 
-    flips: dict[str, float]
-    scenes: tuple[RelitScene, ...]
+    flips: dict[Painter, float]
+    scenes: tuple[PaintedScene, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +105,8 @@ class Relighter:
         self,
         exemplars: Exemplars,
         sampler: ConfigSampler,
-        renderer: Renderer[Any],
-        layers_of: Callable[[int], Mapping[str, Float[Tensor, "rows cols channels"]]],
+        renderer: CheckedRenderer,
+        layers_of: Callable[[int], Mapping[Painter, Layer]],
         progress: Callable[[int], None],
     ) -> Relit:
         """Renders the layers of all weathered subjects in new scenes, and compares them with G0's.
@@ -109,9 +115,9 @@ class Relighter:
         samples as in the exemplars.
 
         Args:
-            layers_of: an exemplar's layers, by what painted them.
+            layers_of: an exemplar's layers, the true one among them.
         """
-        totals, kept = defaultdict[str, float](float), []
+        totals, kept = defaultdict[Painter, float](float), []
         scenes = list(self._scenes(exemplars, sampler))
         spread = {round(n) for n in np.linspace(0, len(scenes) - 1, min(_KEPT, len(scenes)))}
         prepared: dict[int, Any] = {}
@@ -119,9 +125,7 @@ class Relighter:
             subject = int(exemplars.subject_of[exemplar])
             if subject not in prepared:  # scenes of a subject follow each other
                 prepared = {subject: renderer.prepare(exemplars.subjects[subject].surface)}
-            truth = exemplars.layers[exemplar]
-            assert truth is not None
-            layers, view = {**layers_of(exemplar), "truth": truth}, self.loader.view(scene)
+            view, layers = self.loader.view(scene), layers_of(exemplar)
             found = render_under(scene, view, exemplars.subjects[subject], renderer, prepared[subject], layers)
             for name, value in found.flips().items():
                 totals[name] += value / len(scenes)
@@ -130,7 +134,7 @@ class Relighter:
         return Relit(dict(totals), tuple(kept))
 
     def _scenes(self, exemplars: Exemplars, sampler: ConfigSampler) -> Iterator[tuple[int, Scene]]:
-        """For each weathered subject, exemplars and each one's scene with another camera, light and seed."""
+        """Yields exemplars of each weathered subject, and each one's scene with another camera, light and seed."""
         for subject in range(len(exemplars.subjects)):
             weathered = list(filter(exemplars.weathered, exemplars.views_of(subject)))
             for number in range(self.count if weathered else 0):
@@ -147,21 +151,27 @@ def render_under(
     scene: Scene,
     view: View,
     subject: Subject,
-    renderer: Renderer[Any],
+    renderer: CheckedRenderer,
     prepared: Any,
-    layers: Mapping[str, Float[Tensor, "rows cols channels"]],
-) -> RelitScene:
-    """The scene from a view, under each layer and the true one, which is named "truth".
+    layers: Mapping[Painter, Layer],
+) -> PaintedScene:
+    """The scene from a view, under each layer. The pictures that are compared with the reference share random numbers.
 
-    The reference has random numbers of its own; the pictures that are compared with it share theirs.
+    Args:
+        layers: the true one is among them.
     """
-    pictures = {}
-    for name, layer in {"reference": layers["truth"], **layers}.items():
-        materials = subject.materials(scene.materials, layer.float(), scene.maps)
-        seed = scene.seed if name == "reference" else (scene.seed + 1) % 2**31
+
+    def show(layer: Layer, seed: int) -> tuple[Tensor, Tensor]:
+        materials = subject.materials(layer, scene.maps, base_colors=scene.materials)
         rendering = renderer.render(prepared, materials, view, spp=scene.spp, seed=seed)
-        pictures[name] = display(rendering.image.cpu(), coverage=rendering.coverage.cpu())
-    return RelitScene(scene, rendering.coverage.cpu(), pictures)
+        coverage = rendering.coverage.cpu()
+        return display(rendering.image.cpu(), coverage=coverage), coverage
+
+    reference, _ = show(layers["truth"], scene.seed)
+    shown = {painter: show(layer, (scene.seed + 1) % 2**31) for painter, layer in layers.items()}
+    return PaintedScene(
+        scene, shown["truth"][1], reference, {painter: picture for painter, (picture, _) in shown.items()}
+    )
 
 
 def _lights(files: Sequence[str], index: DatasetIndex, folder: Path) -> tuple[EnvironmentAsset, ...]:

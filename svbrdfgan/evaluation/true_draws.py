@@ -16,16 +16,15 @@ from numpy import ndarray
 
 from svbrdfgan.data.config import WeatheringDistribution
 from svbrdfgan.errors import AssetError
-from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader, recipe_of
 
-_POINTS = 4096  # texels for the recipe's mean alpha, which is known to a fraction of a percent by so many
+_POINTS = 4096  # texels for the recipe's mean alpha, enough to know it to a fraction of a percent
 
 
 @dataclass(frozen=True)
 class Vehicle:
-    """What is painted of one vehicle.
+    """One vehicle and what is to be painted on it.
 
     Attributes:
         folder: of its data set.
@@ -44,7 +43,7 @@ class Vehicle:
 
 @dataclass(frozen=True, eq=False)
 class TrueDraws:
-    """What was painted of a vehicle. NumPy's arrays, since torch would pass its own between processes in shared memory.
+    """The true draws of a vehicle. NumPy's arrays, since torch would pass its own between processes in shared memory.
 
     Attributes:
         layers: one for each scene with a new seed, and the same scenes again with other seeds.
@@ -58,10 +57,10 @@ class TrueDraws:
 
 
 def paint_all(vehicles: Sequence[Vehicle], workers: int) -> Iterator[TrueDraws]:
-    """Those of each vehicle, in order. What a model paints is painted in this process, which may have a GPU.
+    """Yields the true draws of each vehicle, in order; those of a model from this process, which may have a GPU.
 
     Args:
-        workers: processes. They are spawned, so they import the caller's main module.
+        workers: processes. The pool spawns them, so they import the caller's main module.
 
     Raises:
         AssetError: a mesh's file is missing or has changed; or a process was killed.
@@ -82,7 +81,7 @@ def paint_all(vehicles: Sequence[Vehicle], workers: int) -> Iterator[TrueDraws]:
 
 
 def paint(vehicle: Vehicle, loader: SceneLoader | None = None) -> TrueDraws:
-    """Those of one vehicle, which depend on nothing else."""
+    """The true draws of one vehicle, which depend on nothing else."""
     found = loader or SceneLoader(vehicle.folder)
     subject = found.subject(vehicle.scenes[0])
     area = (subject.buffer.area * subject.learnable_texels).numpy()
@@ -94,7 +93,7 @@ def _layers(vehicle: Vehicle, loader: SceneLoader) -> Float[ndarray, "draws rows
     rng, layers = np.random.default_rng([1, vehicle.number]), []
     for scene in vehicle.scenes * 2:
         drawn = weathering_of(scene).model_copy(update={"seed": vehicle.declared.seed.sample(rng)})
-        layers.append(loader.paint(scene, drawn).numpy())
+        layers.append(loader.paint(scene, drawn).values.numpy())
     return np.stack(layers)
 
 
@@ -109,7 +108,7 @@ def _amounts(
     def covered(drawn: SceneWeathering) -> float:
         if drawn.model is None:
             return float(recipe_of(drawn).paint(site).alpha.mean())
-        return float((loader.paint(scene, drawn)[..., RGBA - 1].numpy() * area).sum())
+        return float((loader.paint(scene, drawn).alpha.numpy() * area).sum())
 
     def mean_alpha(amount: float, recipe: str) -> float:
         asked = {"amount": amount, "recipe": recipe}

@@ -6,7 +6,6 @@ import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from svbrdfgan.evaluation.record import MapScore
 from svbrdfgan.experiments.definition import Measure
 from svbrdfgan.experiments.outcome import RunOutcome
 from svbrdfgan.metrics.draw_figures import DrawFigures
@@ -51,24 +50,26 @@ class Column:
 
 def _of_part(name: str) -> Column:
     """A part of resemblance."""
-
-    def value(outcome: RunOutcome) -> float | None:
-        draws = outcome.evaluation.draws
-        return None if draws is None else draws.parts[name]
-
-    return Column(f"resemblance_{name}", name, f"the part `{name}` of resemblance", value, ".2f")
+    return Column(
+        f"resemblance_{name}",
+        name,
+        f"the part `{name}` of resemblance",
+        lambda outcome: None if (draws := outcome.evaluation.generated.draws) is None else draws.parts[name],
+        ".2f",
+    )
 
 
 def _of_draws(
     key: str, heading: str, meaning: str, value: Callable[[DrawFigures], float | None], form: str = ".2f"
 ) -> Column:
     """A figure of a run's own draws."""
-
-    def of(outcome: RunOutcome) -> float | None:
-        figures = outcome.evaluation.figures.get("generated")
-        return None if figures is None else value(figures)
-
-    return Column(key, heading, meaning, of, form)
+    return Column(
+        key,
+        heading,
+        meaning,
+        lambda outcome: None if (found := outcome.evaluation.generated.figures) is None else value(found),
+        form,
+    )
 
 
 _VERDICTS = (
@@ -76,13 +77,13 @@ _VERDICTS = (
         "recovered",
         "recovered",
         "how much of the true layers was learned, on test vehicles: 1 is all, 0 no better than one colour everywhere",
-        lambda outcome: outcome.evaluation.recovered,
+        lambda outcome: outcome.evaluation.generated.recovered,
     ),
     Column(
         "oracle",
         "oracle",
         "`recovered` of the same network trained on the true layers of the same data: the ceiling",
-        lambda outcome: outcome.evaluation.oracle,
+        lambda outcome: None if (best := outcome.evaluation.oracle) is None else best.recovered,
     ),
     Column(
         "fraction",
@@ -95,7 +96,7 @@ _VERDICTS = (
         "flip",
         "FLIP",
         "how different test pictures look under the learned layers: 0 is no difference",
-        lambda outcome: outcome.evaluation.flip,
+        lambda outcome: outcome.evaluation.generated.flip,
     ),
     Column(
         "seen",
@@ -111,7 +112,7 @@ _RELIT = (
         "relit_flip",
         "relit FLIP",
         "how different pictures look under the learned layers in new lights and from new views: 0 is no difference",
-        lambda outcome: outcome.evaluation.relit_flip,
+        lambda outcome: outcome.evaluation.generated.relit_flip,
     ),
     Column(
         "relit_ratio",
@@ -128,20 +129,20 @@ _RESEMBLANCE = (
         "resemblance",
         "how alike draws on test vehicles are to true draws: 1 is as alike as true draws are to each other, 0 is one "
         "colour everywhere; then `recovered` is that of one draw, and says little",
-        lambda outcome: outcome.evaluation.resemblance,
+        lambda outcome: outcome.evaluation.generated.resemblance,
     ),
     Column(
         "resemblance_least",
         "least part",
         "the least of the parts of resemblance",
-        lambda outcome: None if (draws := outcome.evaluation.draws) is None else draws.parts[draws.least],
+        lambda outcome: None if (draws := outcome.evaluation.generated.draws) is None else draws.parts[draws.least],
         ".2f",
     ),
     Column(
         "resemblance_oracle",
         "resemblance of the oracle",
         "of the same network trained adversarially on true layers instead of pictures",
-        lambda outcome: outcome.evaluation.resemblance_oracle,
+        lambda outcome: None if (best := outcome.evaluation.oracle) is None else best.resemblance,
     ),
     Column(
         "resemblance_fraction",
@@ -216,30 +217,27 @@ _MEASURES: dict[Measure, Column] = {
 
 def verdicts(measures: Sequence[Measure], outcomes: Sequence[RunOutcome] = ()) -> list[Column]:
     """Columns for the quality of the learned layers. Of maps, relit pictures and draws, what some outcome has."""
-    names = dict.fromkeys(name for outcome in outcomes for name in outcome.evaluation.maps if name != "base_color")
+    names = dict.fromkeys(name for o in outcomes for name in o.evaluation.generated.maps if name != "base_color")
     optional = [*(column for name in names for column in _of_map(name)), *_RELIT, *_RESEMBLANCE]
     known = [column for column in optional if column.over(outcomes) is not None]
     return [*_VERDICTS, *known, *(_MEASURES[name] for name in measures)]
 
 
 def _of_map(name: str) -> tuple[Column, ...]:
-    """What was recovered of a further map, and of how much of the oracle's."""
-
-    def score(outcome: RunOutcome) -> MapScore:
-        return outcome.evaluation.maps.get(name, MapScore())
+    """Columns for what was recovered of a further map, and for its share of the oracle's."""
 
     return (
         Column(
             f"recovered_{name}",
             f"{name} recovered",
             f"`recovered` of {name}, where it can be observed",
-            lambda outcome: score(outcome).recovered,
+            lambda outcome: outcome.evaluation.generated.of_map(name).recovered,
         ),
         Column(
             f"fraction_{name}",
             f"{name} of the oracle",
             f"`recovered` / oracle of {name}",
-            lambda outcome: score(outcome).fraction,
+            lambda outcome: outcome.evaluation.of_oracle(lambda its: its.of_map(name).recovered),
             ".2f",
         ),
     )

@@ -1,4 +1,4 @@
-"""Contact strips, one for each run: held-out vehicles and their layers beside the truth. Sheets stack the strips."""
+"""Contact strips, one for each run: held-out vehicles and their layers next to the truth. Sheets stack the strips."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from svbrdfgan.evaluation.evaluate import Evaluated, pictures
+from svbrdfgan.evaluation.evaluated import Evaluated, pictures
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.metrics.flip import display
 from svbrdfgan.report.pictures import INK, PAPER, Picture, cell, font, framed, over_checker, upright
@@ -17,7 +17,11 @@ if TYPE_CHECKING:
 
 CONTACT_STRIP = "strip.png"
 _WIDTHS = {"truth": 240, "learned": 240, "true layer": 160, "learned layer": 160}
-_HEIGHT, _GAP, _LABEL, _HEAD, _VEHICLES = 160, 8, 280, 32, 2
+_HEIGHT = 160  # of a picture, as all sizes in pixels
+_GAP = 8  # between pictures
+_LABEL = 280  # width of the strips' names on a sheet
+_HEAD = 32  # height of the pictures' titles on a sheet
+_VEHICLES = 2  # in a strip
 _STRIP = _VEHICLES * (sum(_WIDTHS.values()) + len(_WIDTHS) * _GAP) - _GAP
 
 
@@ -60,16 +64,16 @@ def write_contact_sheet(path: Path, strips: Mapping[str, Path]) -> None:
 
 
 def _pictures(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
-    exemplars, layer = evaluated.source.exemplars, evaluated.layers_of(index)["generated"]
+    exemplars, layer = evaluated.source.exemplars, evaluated.learned(index)
     subject, truth = exemplars.subject(index), exemplars.layers[index]
     assert truth is not None
     coverage = exemplars.coverage[index].float()
-    made = pictures(evaluated.source, index, {"learned": layer})["learned"]
+    (made,) = pictures(evaluated.source, index, [layer])
     return (
         framed(display(exemplars.images[index].float(), coverage=coverage), coverage),
         framed(made, coverage),
         upright(over_checker(truth), subject.learnable_texels),
-        upright(over_checker(layer.cpu().float()), subject.learnable_texels),
+        upright(over_checker(layer), subject.learnable_texels),
     )
 
 

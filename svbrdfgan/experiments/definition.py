@@ -25,8 +25,8 @@ Record = TypeVar("Record", bound=StrictModel)
 class Changes(StrictModel):
     """Values by dotted key that override the configurations of the data set and the training."""
 
-    dataset: dict[str, Any] = {}
-    train: dict[str, Any] = {}
+    dataset: dict[str, Any] = Field(default={}, description="changes of `dataset.yaml` by dotted key")
+    train: dict[str, Any] = Field(default={}, description="changes of `train.yaml` by dotted key")
 
     def overrides(self) -> list[str]:
         """The changes as KEY=VALUE; keys begin with `dataset.` or `train.`."""
@@ -39,40 +39,38 @@ class Changes(StrictModel):
 class _Changed(Changes):
     """Changes for all profiles, and further changes for each profile."""
 
-    cpu: Changes = Changes()
-    gpu: Changes = Changes()
+    cpu: Changes = Field(default=Changes(), description="further changes in the profile `cpu`")
+    gpu: Changes = Field(default=Changes(), description="further changes in the profile `gpu`")
 
     def overrides_in(self, profile: ProfileName) -> list[str]:
         return self.overrides() + (self.cpu if profile == "cpu" else self.gpu).overrides()
 
 
 class ExperimentRow(_Changed):
-    """A row of the table.
+    """A row of the table."""
 
-    Attributes:
-        about: description of its changes, for readers of the table.
-        recipes: training recipes and the seeds of each; None for the recipes of the experiment.
-    """
-
-    about: str
-    recipes: dict[Recipe, tuple[int, ...]] | None = None
+    about: str = Field(description="what the row changes, for readers of the table")
+    recipes: dict[Recipe, tuple[int, ...]] | None = Field(
+        default=None, description="training recipes and the seeds of each; `null`: those of the experiment"
+    )
 
 
 class Experiment(_Changed):
-    """An experiment: the changes that all rows share, and the rows.
+    """An experiment: the changes that all rows share, and the rows."""
 
-    Attributes:
-        figure: the figure or section of the thesis that it reproduces.
-        thesis: the finding of the thesis.
-        measures: further columns of the table.
-    """
-
-    title: str
-    figure: str
-    thesis: str
-    recipes: dict[Recipe, tuple[int, ...]] = {"default": (0,), "thesis": (0,)}
-    measures: tuple[Measure, ...] = ()
-    rows: dict[str, ExperimentRow] = Field(min_length=1)
+    title: str = Field(description="what the experiment is, for readers of the table")
+    figure: str = Field(description="the figure or section of the thesis that it reproduces")
+    thesis: str = Field(description="what the thesis found")
+    recipes: dict[Recipe, tuple[int, ...]] = Field(
+        default={"default": (0,), "thesis": (0,)},
+        description="training recipes and the seeds of each; a profile may take fewer seeds",
+    )
+    measures: tuple[Measure, ...] = Field(
+        default=(),
+        description="further columns of the table: `recovered` on the part of the learnable area that the training's "
+        "cameras would see, on the rest of it, and the noise of the gradient",
+    )
+    rows: dict[str, ExperimentRow] = Field(min_length=1, description="the rows of the table by name")
 
 
 class ExperimentProfile(StrictModel):
@@ -94,7 +92,8 @@ class ExperimentProfile(StrictModel):
 
 def experiment_names() -> list[str]:
     """Names of the shipped experiments, sorted."""
-    return sorted(_stem(file) for file in (_shipped() / "definitions").iterdir() if file.name.endswith(".yaml"))
+    files = (file.name for file in (_shipped() / "definitions").iterdir())
+    return sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml"))
 
 
 def load_experiment(name: str) -> Experiment:
@@ -124,7 +123,3 @@ def _read(model: type[Record], folder: str, name: str) -> Record:
 
 def _shipped() -> Traversable:
     return resources.files("svbrdfgan.experiments")
-
-
-def _stem(file: Traversable) -> str:
-    return file.name.removesuffix(".yaml")

@@ -20,8 +20,8 @@ def end_with_parent(parent: int) -> None:
     Otherwise the tasks of a killed `svbrdfgan experiment` would continue to write into folders that the next call uses.
 
     Args:
-        parent: id of the process that started this one; it may be dead already. This process must lead a process group
-            of its own.
+        parent: id of the process that started this one; it may be dead already. The process that calls must lead a
+            process group of its own.
     """
     if os.name == "posix":
         Thread(target=_watch, args=[parent], daemon=True).start()

@@ -1,4 +1,4 @@
-"""The stored results of a run, and of the oracle that bounds what it can reach."""
+"""The stored results of a run."""
 
 from __future__ import annotations
 
@@ -8,52 +8,11 @@ from pathlib import Path
 from pydantic import Field
 
 from svbrdfgan.config.models import StrictModel
-from svbrdfgan.evaluation.record import Evaluation, share
+from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.experiments.definition import Measure
 from svbrdfgan.io.records import load_record, save_record
 
-OUTCOME, CEILING = "outcome.json", "ceiling.json"
-
-
-class Ceiling(StrictModel):
-    """The contents of `ceiling.json`: an oracle's scores, for evaluating runs if its weights are missing.
-
-    Attributes:
-        evaluation: scores of an untrained run (of one step) on the test split, with the oracle's scores.
-    """
-
-    evaluation: Evaluation
-
-    def over(self, evaluation: Evaluation) -> Evaluation:
-        """The evaluation of a run, completed with the oracle's scores."""
-        names = (
-            *("oracle", "oracle_at_poles", "oracle_validation", "oracle_plateau", "oracle_steps"),
-            *("flip_oracle", "relit_flip_oracle", "resemblance_oracle", "draws_oracle"),
-        )
-        its = {name: getattr(self.evaluation, name) for name in names}
-        best = {name: score.oracle for name, score in self.evaluation.maps.items()}
-        maps = {name: score.beside(best.get(name)) for name, score in evaluation.maps.items()}
-        drawing = self.evaluation.oracle_plateau is None
-        fractions = {
-            "fraction": None if drawing else share(evaluation.recovered, self.evaluation.oracle),
-            "resemblance_fraction": share(evaluation.resemblance, self.evaluation.resemblance_oracle),
-        }
-        figures = {name: found for name, found in self.evaluation.figures.items() if name == "oracle"}
-        figures = evaluation.figures | figures
-        return evaluation.model_copy(update={**its, **fractions, "maps": maps, "figures": figures})
-
-    def save(self, oracle: Path) -> None:
-        save_record(oracle / CEILING, self)
-
-    @classmethod
-    def load(cls, oracle: Path) -> Ceiling:
-        """Reads what `save` wrote.
-
-        Raises:
-            AssetError: there is no oracle yet, or the file is damaged.
-            ConfigError: it is of another version.
-        """
-        return load_record(cls, oracle / CEILING)
+OUTCOME = "outcome.json"
 
 
 class ScorePoint(StrictModel):
@@ -95,7 +54,7 @@ class RunOutcome(StrictModel):
 
     def half_way(self) -> ScorePoint | None:
         """The first point with half the oracle's score; None if no point has it, or the oracle learned nothing."""
-        half = (self.evaluation.oracle_validation or 0.0) / 2
+        half = self.evaluation.half_way
         return next((point for point in self.history if point.recovered >= half > 0), None)
 
     def best_within(self, *, images: float = math.inf, seconds: float = math.inf) -> float | None:

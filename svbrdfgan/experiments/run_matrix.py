@@ -30,7 +30,7 @@ from svbrdfgan.training.resolve import learns_distribution
 _PLACEHOLDER = "dataset"
 """Stands for the data set's folder, which is chosen together with the run's folder."""
 _ADVERSARIAL = ("recipe", "discriminator", "loss", "optimizer", "batch_size", "rendering")
-"""What an adversarial oracle has from its run; pictures of it are rendered likewise, as the discriminator needs."""
+"""Keys that an adversarial oracle has from its run; pictures of it are rendered as the discriminator needs."""
 
 
 class DatasetSpec(StrictModel):
@@ -172,7 +172,7 @@ class RunMatrix:
     def _oracle(self, dataset: DatasetConfig, train: TrainConfig) -> OracleSpec:
         """The oracle of a run. A supervised one depends on data and generator alone: rows with other changes share it.
 
-        That of a distribution is trained adversarially, by the run's own discriminator, loss and optimizers.
+        The oracle of a distribution is trained adversarially, by the run's own discriminator, loss and optimizers.
         """
         base = apply_overrides({"train": self.profile.train}, (o for o in self.overrides if o.startswith("train.")))
         fixed = {"seed": 0, "dataset": _PLACEHOLDER, "steps": 1, "minutes": None}

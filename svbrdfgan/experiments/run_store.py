@@ -14,7 +14,8 @@ from svbrdfgan.errors import ConfigError, SvbrdfganError
 from svbrdfgan.experiments.run_matrix import RunMatrix, RunSpec
 from svbrdfgan.io.records import load_record, save_record
 
-SPEC, DEFINITION = "spec.json", "definition.json"
+SPEC = "spec.json"  # in each folder of a `RunStore`
+DEFINITION = "definition.json"
 
 Spec = TypeVar("Spec", bound=StrictModel)
 

@@ -12,7 +12,10 @@ from svbrdfgan.experiments.contact_strip import CONTACT_STRIP, write_contact_she
 from svbrdfgan.experiments.results import Results, TableLine
 from svbrdfgan.io.atomic import atomic_path
 
-TABLE, RESULTS, SHEET, PICTURES = "table.md", "results.json", "pictures.png", "pictures"
+TABLE = "table.md"
+RESULTS = "results.json"
+SHEET = "pictures.png"  # all strips, which the table shows
+PICTURES = "pictures"  # the folder of the strips
 
 
 def write_results(folder: Path, results: Results) -> None:
@@ -96,7 +99,8 @@ def _spread(results: Results) -> str:
 
 def _rising(lines: Iterable[TableLine]) -> str:
     """Names the oracles that stopped while their scores still rose, so that these are too low a ceiling."""
-    found = [_label(line) for line in lines if any(o.evaluation.oracle_plateau is False for o in line.outcomes)]
+    oracles = {_label(line): [outcome.evaluation.oracle for outcome in line.outcomes] for line in lines}
+    found = [label for label, its in oracles.items() if any(each and each.plateau is False for each in its)]
     return f" Its steps ran out while it was still rising in: {'; '.join(found)}." if found else ""
 
 

@@ -11,17 +11,20 @@ from typing import Annotated, Literal
 import torch
 from pydantic import Field, TypeAdapter
 
-from svbrdfgan.config.models import StrictModel
 from svbrdfgan.data.config import DatasetConfig, EnvironmentSource
 from svbrdfgan.data.generate import generate, missing
 from svbrdfgan.data.index import INDEX, DatasetIndex
 from svbrdfgan.evaluation.adversarial_oracle import Budget
-from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
+from svbrdfgan.evaluation.evaluate import evaluate
+from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.evaluation.oracle import OracleConfig
+from svbrdfgan.evaluation.record import OracleScores
 from svbrdfgan.experiments.contact_strip import CONTACT_STRIP, write_contact_strip
-from svbrdfgan.experiments.outcome import CEILING, OUTCOME, Ceiling, RunOutcome, ScorePoint
+from svbrdfgan.experiments.outcome import OUTCOME, RunOutcome, ScorePoint
+from svbrdfgan.experiments.processes import Task
 from svbrdfgan.experiments.run_matrix import OracleSpec, RunSpec
 from svbrdfgan.experiments.run_metrics import measure
+from svbrdfgan.io.records import load_record, save_record
 from svbrdfgan.report.page import write_report
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.run import CONFIG, ORACLE, ORACLE_NOTES
@@ -29,33 +32,11 @@ from svbrdfgan.training.state import State
 from svbrdfgan.training.trainer import train
 from svbrdfgan.utils.processes import cores
 
-
-class _Task(StrictModel):
-    """A task that writes its results into a folder.
-
-    Attributes:
-        title: name of the task, for display.
-        root: folder of all experiments, which holds data sets, oracles and runs.
-        folder: relative to the root.
-        assets: folder that file patterns are relative to.
-    """
-
-    title: str
-    root: str
-    folder: str
-    assets: str
-
-    @property
-    def path(self) -> Path:
-        return Path(self.root) / self.folder
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """Folders of the tasks that must be done before this one."""
-        return ()
+CEILING = "ceiling.json"
+"""The scores of an oracle, for evaluating runs if its weights are missing."""
 
 
-class DatasetTask(_Task):
+class DatasetTask(Task):
     """A data set; `workers` processes unwrap and bake meshes."""
 
     kind: Literal["dataset"] = "dataset"
@@ -69,7 +50,7 @@ class DatasetTask(_Task):
         generate(self.config, self.path, base=Path(self.assets), workers=self.workers)
 
 
-class OracleTask(_Task):
+class OracleTask(Task):
     """The oracle of a data set and a generator, made by evaluating a run of one step."""
 
     kind: Literal["oracle"] = "oracle"
@@ -88,11 +69,12 @@ class OracleTask(_Task):
         schedule = OracleConfig(batch=self.spec.train.batch_size, steps=self.spec.steps)
         budget = Budget(self.spec.steps, self.spec.minutes)
         evaluated = evaluate(self.path, split="test", schedule=schedule, budget=budget)
-        Ceiling(evaluation=evaluated.evaluation).save(self.path)
+        assert evaluated.evaluation.oracle is not None
+        save_record(self.path / CEILING, evaluated.evaluation.oracle)
         _forget_checkpoints(self.path)
 
 
-class RunTask(_Task):
+class RunTask(Task):
     """A run, and its evaluation against the oracle; `jobs` runs share the device."""
 
     kind: Literal["run"] = "run"
@@ -110,7 +92,7 @@ class RunTask(_Task):
 
     def work(self) -> None:
         state = _train(self, self.spec.train, self.dataset)
-        ceiling = Ceiling.load(Path(self.root) / self.oracle)
+        ceiling = load_record(OracleScores, Path(self.root) / self.oracle / CEILING)
         evaluated = self._evaluate(ceiling)
         write_report(self.path, evaluated)
         write_contact_strip(self.path / CONTACT_STRIP, evaluated)
@@ -124,7 +106,7 @@ class RunTask(_Task):
         ).save(self.path)
         _forget_checkpoints(self.path)
 
-    def _evaluate(self, ceiling: Ceiling) -> Evaluated:
+    def _evaluate(self, ceiling: OracleScores) -> Evaluated:
         """Evaluates with the oracle if its weights exist; else with its scores, which may have been copied alone."""
         oracle, workers = Path(self.root) / self.oracle, max(1, cores() // self.jobs)
         if (oracle / ORACLE).is_file() and (oracle / ORACLE_NOTES).is_file():
@@ -132,14 +114,14 @@ class RunTask(_Task):
                 shutil.copyfile(oracle / name, self.path / name)
             return evaluate(self.path, split="test", workers=workers)
         evaluated = evaluate(self.path, split="test", oracle=False, workers=workers)
-        evaluation = ceiling.over(evaluated.evaluation)
+        evaluation = evaluated.evaluation.model_copy(update={"oracle": ceiling})
         evaluation.save(self.path)
         return replace(evaluated, evaluation=evaluation)
 
 
-Task = Annotated[DatasetTask | OracleTask | RunTask, Field(discriminator="kind")]
+_AnyTask = Annotated[DatasetTask | OracleTask | RunTask, Field(discriminator="kind")]
 
-TASK: TypeAdapter[Task] = TypeAdapter(Task)
+TASK: TypeAdapter[_AnyTask] = TypeAdapter(_AnyTask)
 """Reads and writes a task of any kind as JSON."""
 
 

@@ -15,12 +15,12 @@ from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.geometry.bake import bake
 from svbrdfgan.geometry.layers import embed_and_rasterize
-from svbrdfgan.networks import Draw
+from svbrdfgan.networks.draw import Draw
 from svbrdfgan.networks.random_fields import MOST_SEEDS
-from svbrdfgan.plugins import load_embedding
+from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.training.run import Model
-from svbrdfgan.types import Mesh
+from svbrdfgan.types import Layer, Mesh
 
 log = logging.getLogger(__name__)
 
@@ -42,10 +42,10 @@ class Canvas:
     geometry: Float[Tensor, "inputs trained_rows trained_cols"]
     factor: int
 
-    def paint(self, draw: Draw) -> Float[Tensor, "rows cols channels"]:
+    def paint(self, draw: Draw) -> Layer:
         """The layer of a draw."""
         with torch.no_grad():
-            return draw(self.geometry.unsqueeze(0), self.factor)[0]
+            return Layer(draw(self.geometry.unsqueeze(0), self.factor)[0], draw.generator.maps)
 
 
 def paint(
@@ -57,20 +57,20 @@ def paint(
     amount: float | None = None,
     recipe: str | None = None,
     resolution: int | None = None,
-) -> tuple[Subject, Float[Tensor, "rows cols channels"]]:
+) -> tuple[Subject, Layer]:
     """The mesh with the embedding of the training, and the layer that the model paints on it.
 
     Args:
         learnable: the parts that carry the layer; by default those that the training's selection matches.
-        seed: of a model with chance: which of its layers; by default 0.
+        seed: of a model with random fields: which of its layers; by default 0.
         amount: of a model that knows amounts, in [0, 1]; by default the middle of those that it was trained on.
-        recipe: of a model of several recipes, which it must be told.
+        recipe: of a model of several recipes, which needs it.
         resolution: texels along a side of the layer and of the subject's textures, a multiple of those that the model
             was trained at, and at most `FINEST`; by default those. Patterns keep their scale (`Generator.forward`).
 
     Raises:
-        ConfigError: the model has no chance, or does not know what is asked for, or cannot paint at that resolution, or
-            there is not enough memory for it.
+        ConfigError: the model has no random fields, or does not know what is asked for, or cannot paint at that
+            resolution, or there is not enough memory for it.
         EmbeddingError: the mesh cannot be embedded.
         AssetError: no part that can be seen is learnable.
     """
@@ -86,14 +86,14 @@ def choose_draw(
     """One draw of the model's distribution; see `paint`.
 
     Raises:
-        ConfigError: the model has no chance, or does not know what is asked for.
+        ConfigError: the model has no random fields, or does not know what is asked for.
     """
     if seed is not None and not 0 <= seed < MOST_SEEDS:
         raise ConfigError(f"seed {seed} is not allowed; wanted a whole number from 0 to {MOST_SEEDS - 1}.")
-    if seed is not None and not model.generator.chance:
+    if seed is not None and not model.generator.random_fields:
         raise ConfigError(
-            "the model has no chance, and so paints one layer on a mesh: ask for no seed and no count, or train with "
-            "generator.chance on exemplars of different seeds."
+            "the model has no random fields, and so paints one layer on a mesh: ask for no seed and no count, or "
+            "train with generator.random_fields on exemplars of different seeds."
         )
     known = model.config.conditions
     labels = known.choose(amount, recipe)
@@ -125,7 +125,7 @@ def prepare(mesh: Mesh, model: Model, learnable: PartSelection | None = None, re
 
 
 def finer_factor(model: Model, resolution: int | None) -> int:
-    """How many times finer than it was trained the model paints at a resolution; 1 for None.
+    """The factor by which a resolution is finer than that of the training; 1 for None.
 
     Raises:
         ConfigError: the resolution is not a multiple of the trained one, or greater than `FINEST`.
@@ -146,7 +146,7 @@ def explain_memory(resolution: int | None) -> Iterator[None]:
     """Says what to do if memory runs out at a resolution that was asked for.
 
     Raises:
-        ConfigError: it did. (Linux may also end the process without a word.)
+        ConfigError: memory ran out. (Linux may also end the process without a word.)
     """
     try:
         yield

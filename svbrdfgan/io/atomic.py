@@ -13,7 +13,7 @@ from svbrdfgan.errors import AssetError
 
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """A temporary path beside `path`, with the same suffix.
+    """A temporary path next to `path`, with the same suffix.
 
     If the block succeeds, the temporary file replaces `path`; otherwise it is deleted. Missing parent
     folders are created.

@@ -32,7 +32,7 @@ UV_ATTRIBUTE = "_TEXCOORD_{}"
 
 @dataclass(frozen=True)
 class HeaderMaterial:
-    """What the mesh library rounds or drops of a material.
+    """The values of a material that the mesh library rounds or drops.
 
     Attributes:
         name: need not be unique.
@@ -73,9 +73,9 @@ def read_materials(header: dict[str, Any]) -> tuple[HeaderMaterial, ...]:
 
 
 def readable(path: Path, header: dict[str, Any]) -> BytesIO:
-    """The file as the mesh library is to read it: it keeps a material's index as its name, and all UVs.
+    """The file as the mesh library is to read it: with each material's index as its name, and all UVs.
 
-    It would drop which material is which, and all texture coordinates but the first.
+    From the file itself, the library would drop which material is which, and all texture coordinates but the first.
     """
     materials = [{**material, "name": str(index)} for index, material in enumerate(header.get("materials", []))]
     meshes = [

@@ -77,7 +77,7 @@ class Pictures:
 
 @dataclass(frozen=True)
 class Look:
-    """A part, and the UV sets of its textures beside the file's own: `further[k - 1]` is number k of `Mesh.uv_set`."""
+    """A part, and the further UV sets of its textures: `further[k - 1]` is number k of `Mesh.uv_set`."""
 
     part: Part
     further: tuple[UVSet, ...] = ()

@@ -1,4 +1,4 @@
-"""Where glTF's textures are looked up: which texture coordinates, and how KHR_texture_transform moves them."""
+"""The UVs at which glTF's textures are looked up: which coordinates, and how KHR_texture_transform moves them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class UVSet:
 
     @classmethod
     def of(cls, texture: dict[str, Any]) -> UVSet:
-        """Of glTF's `textureInfo`, whose KHR_texture_transform may name another set."""
+        """The set of glTF's `textureInfo`, whose KHR_texture_transform may name another set."""
         moved = texture.get("extensions", {}).get("KHR_texture_transform", {})
         (across, up), (right, down) = moved.get("scale", (1, 1)), moved.get("offset", (0, 0))
         return cls(

@@ -1,4 +1,4 @@
-"""Conditions: what a generator can be told of a layer, its amount and recipe, and the labels that stand for them."""
+"""Conditions of a layer that a generator can depend on, its amount and recipe, and the labels that stand for them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from svbrdfgan.errors import ConfigError
 
 @dataclass(frozen=True)
 class Conditions:
-    """The conditions that a data set's exemplars have. What is the same for all of them is no label.
+    """The conditions that a data set's exemplars have. An amount or recipe that all of them share is no label.
 
     Attributes:
         amount: the least and the greatest amount; None if all exemplars have the same.
@@ -21,7 +21,7 @@ class Conditions:
     recipes: tuple[str, ...] = ()
 
     def untold(self) -> Conditions:
-        """Those of a model that is told nothing: the recipe is known if there is only one."""
+        """The conditions of a model without labels: the recipe is known if there is only one."""
         return Conditions(None, () if self._told_apart else self.recipes)
 
     @property

@@ -17,7 +17,7 @@ class Draw:
     """A generator whose seed and labels are fixed.
 
     Attributes:
-        seed: of the chance, if the generator has any; at least 0.
+        seed: of the random fields, if the generator has any; at least 0.
         labels: what is wanted of the layer, as many numbers as the generator reads.
     """
 

@@ -1,4 +1,4 @@
-"""What both networks are made of: norms by their configured names, and the initial weights."""
+"""Parts of both networks: norms by their configured names, and the initial weights."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from torch import Tensor, nn
 Norm = Literal["instance", "group", "none"]
 
 EPSILON = 1e-5
+"""Added to the variance of an instance norm, as torch does: a constant channel has none."""
 
 
 def make_norm(channels: int, norm: Norm) -> nn.Module:

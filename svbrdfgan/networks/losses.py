@@ -22,7 +22,7 @@ Critic = Callable[[Float[Tensor, "batch channels height width"]], Logits]
 
 @dataclass(frozen=True)
 class GANLoss:
-    """What each network minimises, given (real logits, fake logits). The generator computes the real ones on demand."""
+    """Functions of (real logits, fake logits), which the networks minimise; the generator's calls for the real ones."""
 
     discriminator: Callable[[Logits, Logits], Scalar]
     generator: Callable[[Callable[[], Logits], Logits], Scalar]

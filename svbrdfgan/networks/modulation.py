@@ -9,7 +9,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
-_HIDDEN = 128
+_HIDDEN = 128  # width of the MLP's two hidden layers
 
 
 class Affine:
@@ -30,9 +30,9 @@ class Affine:
 class Modulation(nn.Module):
     """An MLP from a code to an `Affine` for each of several convolutions (FiLM; Perez et al. 2018).
 
-    At first it changes nothing. An instance norm removes what is constant over a texture, so a code that came in as
-    planes beside the geometry would be lost; a scale of features is not, since each convolution mixes channels. A shift
-    is, but for the last convolution, whose result has no norm.
+    Before training, modulation changes nothing. An instance norm removes whatever is constant over a texture, so a code
+    that came in as planes next to the geometry would be lost; a scale of features is not, since each convolution mixes
+    channels. A shift is, but for the last convolution, whose result has no norm.
 
     Args:
         code: numbers in the code.

@@ -1,4 +1,4 @@
-"""Random fields and numbers of a seed: the chance that a generator draws from.
+"""Random fields and numbers of a seed: what a generator draws from.
 
 Everything is computed in whole numbers (torch int64, which wraps at 64 bits), and only the result becomes float32, by
 one multiplication. So what a seed gives is equal to the bit on any machine and device. `svbrdfgan.weathering.noise`,
@@ -44,13 +44,13 @@ def random_fields(
 ) -> Float[Tensor, "batch fields rows cols"]:
     """Gradient noise (Perlin 2002) of object space, one field for each octave: 2, 4, 8, ... waves a vehicle length.
 
-    Each field has mean zero and standard deviation one, and is twice continuously differentiable in the position. Its
-    lattice is turned away from the axes, since the panels of vehicles lie along them. It is a function of position and
-    seed alone, so it continues across the seams of a texture. Fields of a seed, and fields of different seeds, are
+    Each field has mean zero and standard deviation one, and is twice continuously differentiable in the position. The
+    lattice is turned away from the axes, since the panels of vehicles lie along them. Fields are functions of position
+    and seed alone, so they continue across the seams of a texture. Fields of a seed, and fields of different seeds, are
     independent. The result has no gradient.
 
     Args:
-        position: as in a generator's input, in units of half a vehicle length (`GeometryBuffer.network_input`). It is
+        position: as in a generator's input, in units of half a vehicle length (`GeometryBuffer.network_input`);
             rounded to 2^-24 of that.
         seeds: at least 0.
         fields: at most `MOST_FIELDS`.
@@ -121,7 +121,7 @@ def _interpolated(
         steps = [offset[:, :, axis] - side * _ONE for axis, side in enumerate(corner)]
         first, second, third = (step * toward.take(kind) for step, toward in zip(steps, towards, strict=True))
         values.append(first + second + third)
-    for axis in (2, 1, 0):  # corners that differ in this axis alone lie beside each other
+    for axis in (2, 1, 0):  # corners that differ in this axis alone are neighbours in the list
         share = fade[:, :, axis]
         values = [
             low + (((high - low) * share) >> FRACTION_BITS) for low, high in zip(values[::2], values[1::2], strict=True)
@@ -136,7 +136,7 @@ def directions(device: torch.device) -> list[Int[Tensor, " directions"]]:
 
 
 def _words(cell: Int[Tensor, "batch fields 3 rows cols"]) -> list[tuple[Tensor, Tensor]]:
-    """For each axis, 64 bits of the coordinate of the lower and of the upper side of each cell."""
+    """Words of 64 bits for each axis: of the coordinates of the lower and of the upper side of each cell."""
     x, y, z = ((cell[:, :, axis] * prime, (cell[:, :, axis] + 1) * prime) for axis, prime in enumerate(PRIMES))
     rotated = [(word << 21) ^ _shifted(word, 43) for word in y]
     return [x, (rotated[0], rotated[1]), z]
@@ -157,5 +157,5 @@ def _hashed(words: Int[Tensor, "*shape"]) -> Int[Tensor, "*shape"]:
 
 
 def _shifted(words: Int[Tensor, "*shape"], bits: int) -> Int[Tensor, "*shape"]:
-    """Moved right by so many bits; zeros come in from the left, where `>>` repeats the sign."""
+    """The words moved right by this number of bits; zeros come in from the left, where `>>` repeats the sign."""
     return (words >> bits) & ((1 << (64 - bits)) - 1) if bits else words

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from svbrdfgan.networks.random_fields import FRACTION_BITS, GRID_BITS, MIX, PRIMES, directions
 
-_TEXELS = 256
+_TEXELS = 256  # of one program
 _GRID = tl.constexpr(GRID_BITS)
 _FRACTION = tl.constexpr(FRACTION_BITS)
 _ONE = tl.constexpr(1 << FRACTION_BITS)
@@ -26,7 +26,7 @@ _MIX_0, _MIX_1 = (tl.constexpr(word) for word in MIX)
 def noise_triton(
     grid: Int[Tensor, "batch 3 rows cols"], shift: Int[Tensor, "batch fields 3"], streams: Int[Tensor, "batch fields"]
 ) -> Float[Tensor, "batch fields rows cols"]:
-    """What `noise_reference` gives, as float32, which holds these whole numbers exactly."""
+    """The result of `noise_reference`, as float32, which holds these whole numbers exactly."""
     (batch, fields), (rows, cols) = streams.shape, grid.shape[2:]
     made = torch.empty(batch, fields, rows, cols, device=grid.device)
     towards = torch.stack(directions(grid.device))
@@ -71,14 +71,15 @@ def _noise(grid, shift, streams, towards, made, fields, texels, kinds, TEXELS: t
 
 @triton.jit
 def offset(position, bits):
-    """Within the cell, in units of 2^-16."""
-    one = bits * 0 + 1
+    """The place within the cell, in units of 2^-16."""
+    one = bits * 0 + 1  # 1 in the type of `bits`, so that it is shifted in 64 bits
     return (position & ((one << bits) - 1)) >> (bits - _FRACTION)
 
 
 @triton.jit
 def corner(word, x, y, z, towards, kinds):
     """The linear function of a corner of the lattice, at a place relative to it."""
+    # the masks, here and below, clear the copies of the sign that `>>` brings in from the left
     kind = (((hashed(word) >> 32) & 0xFFFFFFFF) * kinds) >> 32
     first, second = x * tl.load(towards + kind), y * tl.load(towards + kinds + kind)
     return first + second + z * tl.load(towards + 2 * kinds + kind)

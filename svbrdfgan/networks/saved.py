@@ -12,51 +12,65 @@ from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.networks.generator import Generator, Upsampling
 from svbrdfgan.networks.layers import Norm
 from svbrdfgan.networks.random_fields import MOST_FIELDS
-from svbrdfgan.rendering.compositing import RGBA
 
-_FORMAT = "svbrdfgan generator 2"
+_FORMAT = "svbrdfgan generator 3"
 
 
 class GeneratorConfig(StrictModel):
-    """See `svbrdfgan.networks.Generator`.
+    """The ResNet of thesis 4.3.1, which paints layers (`svbrdfgan.networks.generator.Generator`)."""
 
-    `mesh_maps` lets it read ambient visibility and curvature beside position and normal: rust starts in recesses and on
-    edges. `chance` is the number of random fields that it reads beside the geometry, one for each octave from 2 waves a
-    vehicle length on; with 0 the layer is a function of the geometry. `conditions` tells it the amount and the recipe
-    of each exemplar, where they vary in the data set, so that they can be chosen later; by default it does if there is
-    chance.
-    """
-
-    width: int = Field(default=64, ge=4)
-    blocks: int = Field(default=6, ge=0)
-    downsamplings: int = Field(default=2, ge=1, le=6)
-    norm: Norm = "instance"
-    upsampling: Upsampling = "nearest"
-    mesh_maps: bool = False
-    chance: int = Field(default=0, ge=0, le=MOST_FIELDS)
-    conditions: bool | None = None
+    width: int = Field(default=64, ge=4, description="channels after its first convolution; cost grows with the square")
+    blocks: int = Field(default=6, ge=0, description="residual blocks")
+    downsamplings: int = Field(
+        default=2,
+        ge=1,
+        le=6,
+        description="how often it halves the resolution before its blocks; for twice the texels, one more with half "
+        "the `width` keeps most of the cost and what a block sees",
+    )
+    norm: Norm = Field(default="instance", description="norm before each activation")
+    upsampling: Upsampling = Field(
+        default="nearest", description="`strided`, as in the thesis, leaves a pattern of four texels"
+    )
+    mesh_maps: bool = Field(
+        default=False,
+        description="whether it also reads ambient visibility and curvature, since rust starts in recesses and on "
+        "edges; baked once, a second for each mesh",
+    )
+    random_fields: int = Field(
+        default=0,
+        ge=0,
+        le=MOST_FIELDS,
+        description="the number of random fields of object space that it reads beside the geometry, one an octave: 2, "
+        "4, 8, ... waves a vehicle length; 0: the layer is a function of the geometry alone",
+    )
+    conditions: bool | None = Field(
+        default=None,
+        description="whether generator and discriminator are told each exemplar's amount and recipe, where they vary "
+        "in the data set, so that they can be chosen later; `null`: if it reads random fields",
+    )
 
     @property
     def conditional(self) -> bool:
         """Whether it is told amount and recipe."""
-        return self.chance > 0 if self.conditions is None else self.conditions
+        return self.random_fields > 0 if self.conditions is None else self.conditions
 
     @property
-    def without_chance(self) -> GeneratorConfig:
+    def without_random_fields(self) -> GeneratorConfig:
         """The network that paints one layer for each geometry."""
-        return self.model_copy(update={"chance": 0, "conditions": False})
+        return self.model_copy(update={"random_fields": 0, "conditions": False})
 
 
-def make_generator(config: GeneratorConfig, channels: int, labels: int = 0) -> Generator:
-    """The network that paints layers with `channels` channels (`layer_channels`), and is told labels of each."""
-    return Generator(**config.model_dump(exclude={"conditions"}), channels=channels, labels=labels)
+def make_generator(config: GeneratorConfig, maps: tuple[str, ...] = (), labels: int = 0) -> Generator:
+    """The network that paints layers with these further maps, and is told labels of each."""
+    return Generator(**config.model_dump(exclude={"conditions"}), maps=maps, labels=labels)
 
 
 def save_generator(path: Path, generator: Generator, config: GeneratorConfig, score: float | None) -> None:
-    """Writes a generator's weights and its configuration."""
-    sizes = {"channels": json.dumps(generator.channels), "labels": json.dumps(generator.labels)}
-    words = {"generator": config.model_dump_json(), "score": json.dumps(score)}
-    save_tensors(path, _FORMAT, generator.state_dict(), words | sizes)
+    """Writes a generator's weights, its configuration, and the maps that it paints."""
+    about = {"maps": generator.maps, "labels": generator.labels, "score": score}
+    words = {"generator": config.model_dump_json()} | {name: json.dumps(value) for name, value in about.items()}
+    save_tensors(path, _FORMAT, generator.state_dict(), words)
 
 
 def load_generator(path: Path) -> tuple[Generator, float | None]:
@@ -67,8 +81,7 @@ def load_generator(path: Path) -> tuple[Generator, float | None]:
     """
     with stored_tensors(path, _FORMAT, "train the run until it has saved a model") as (weights, words):
         built = validate(GeneratorConfig, json.loads(words["generator"]), str(path))
-        channels, labels = (json.loads(words.get(*size)) for size in (("channels", str(RGBA)), ("labels", "0")))
-        generator = make_generator(built, channels, labels)
+        maps, labels, score = (json.loads(words[name]) for name in ("maps", "labels", "score"))
+        generator = make_generator(built, tuple(maps), labels)
         generator.load_state_dict(weights)
-        score = json.loads(words["score"])
     return generator.eval().requires_grad_(False), score

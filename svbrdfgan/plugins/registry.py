@@ -27,6 +27,7 @@ from svbrdfgan.errors import PluginError, SvbrdfganError
 
 if TYPE_CHECKING:
     from svbrdfgan.protocols import Renderer, UVEmbedding
+    from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 
 RENDERERS = "svbrdfgan.renderers"
 EMBEDDINGS = "svbrdfgan.uv_embeddings"
@@ -42,7 +43,7 @@ class MissingDependencyError(PluginError):
 
 @dataclass(frozen=True)
 class Plugin:
-    """One entry point, as its distribution's metadata declares it.
+    """An entry point, as its distribution's metadata declares it.
 
     Attributes:
         target: "module:object"; empty if the metadata cannot be read, and then `name` is the distribution's.
@@ -66,7 +67,7 @@ class Plugin:
 
 
 def list_plugins(group: str) -> tuple[Plugin, ...]:
-    """All installed plugins of the group, sorted by name. Imports none of them."""
+    """The installed plugins of the group, sorted by name. None of them is imported."""
     found = [plugin for distribution, text in _distributions() for plugin in _read(group, distribution, text)]
     return tuple(sorted(_refuse_clashes(found), key=lambda plugin: (plugin.name, plugin.distribution)))
 
@@ -86,8 +87,8 @@ def find_plugin(group: str, name: str) -> Plugin:
     return found
 
 
-def load_renderer(name: str, options: Mapping[str, object] = _NO_OPTIONS, path: str | None = None) -> Renderer[Any]:
-    """The renderer of that name, made with the options, and with its defaults for the others.
+def load_renderer(name: str, options: Mapping[str, object] = _NO_OPTIONS, path: str | None = None) -> CheckedRenderer:
+    """The renderer of that name, made with the options and with its defaults for the others, behind the core's checks.
 
     Messages name options by `path`, such as "train.yaml: renderer.options"; by default it is the plugin's name.
 
@@ -95,7 +96,9 @@ def load_renderer(name: str, options: Mapping[str, object] = _NO_OPTIONS, path: 
         PluginError: it is unknown, claimed twice, broken, or lacks a dependency.
         ConfigError: an option is unknown, of the wrong type, or impossible.
     """
-    return cast("Renderer[Any]", make(find_plugin(RENDERERS, name), options, path))
+    from svbrdfgan.rendering.checked_renderer import CheckedRenderer  # imports torch, which listing plugins can spare
+
+    return CheckedRenderer(cast("Renderer[Any]", make(find_plugin(RENDERERS, name), options, path)), name)
 
 
 def load_embedding(name: str, options: Mapping[str, object] = _NO_OPTIONS, path: str | None = None) -> UVEmbedding:
@@ -164,7 +167,7 @@ def _unknown(group: str, name: str, plugins: tuple[Plugin, ...]) -> str:
 
 
 def _distributions() -> Iterator[tuple[entrypoints.Distribution, str]]:
-    """Each installed distribution, the first of its name on the path, with the text of its entry_points.txt."""
+    """The installed distributions, of each name the first on the path, with the text of their entry_points.txt."""
     seen: set[str] = set()
     for folder in sys.path:
         for label, info in _metadata_folders(Path(folder or ".")):

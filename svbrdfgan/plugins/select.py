@@ -5,17 +5,17 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.errors import ConfigError, PluginError
-from svbrdfgan.plugins import RENDERERS, Plugin, list_plugins, load_renderer
 from svbrdfgan.plugins.probe import Probe, probe
+from svbrdfgan.plugins.registry import RENDERERS, Plugin, list_plugins, load_renderer
 
 if TYPE_CHECKING:
     import torch
 
-    from svbrdfgan.protocols import Renderer
+    from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 
 RANKING: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"cuda": ("warp", "mitsuba", "numpy"), "cpu": ("mitsuba", "warp", "numpy")}
@@ -36,7 +36,7 @@ def resolve_renderer(
     *,
     differentiable: bool = False,
     deferred: bool = False,
-) -> tuple[Renderer[Any], PluginChoice]:
+) -> tuple[CheckedRenderer, PluginChoice]:
     """The renderer that a configuration names, and the choice as it is recorded in files.
 
     For `auto` the recorded choice names the renderer but not the device, so that another machine can render the same.
@@ -62,7 +62,7 @@ def resolve_renderer(
     lacking = [name for name in maps if name not in (able if differentiable else renderer.capabilities.maps)]
     if lacking:
         raise ConfigError(
-            f"{type(renderer).__name__} cannot {'learn' if differentiable else 'render'} {', '.join(lacking)}, which "
+            f"{renderer.name} renderer cannot {'learn' if differentiable else 'render'} {', '.join(lacking)}, which "
             "the data set's layers paint: choose a renderer that can (`svbrdfgan backends` shows what each can do)."
         )
     return renderer, choice
@@ -101,7 +101,7 @@ def select_renderer(
 
 
 def _lack(outcome: Probe, maps: Collection[str], differentiable: bool, deferred: bool) -> str | None:
-    """What the renderer lacks of what is asked; None if it lacks nothing."""
+    """A sentence on what the renderer lacks of what is asked; None if it lacks nothing."""
     able = outcome.capabilities or {}
     for ability, needed in (("maps", True), ("differentiable", differentiable)):
         lacking = sorted(set(maps) - set(able[ability])) if needed else []

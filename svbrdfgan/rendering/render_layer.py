@@ -3,34 +3,34 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Generic
+from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from svbrdfgan.errors import UnsupportedError
-from svbrdfgan.protocols import Prepared, Pullback, PullbackRenderer, Renderer
+from svbrdfgan.protocols import Pullback
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
 from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, View
 
 
 @dataclass(frozen=True)
-class RenderLayer(Generic[Prepared]):
+class RenderLayer:
     """Renders with gradients for each map, and for the environment, that requires one.
 
     Attributes:
-        renderer: any backend.
+        renderer: any backend, as `load_renderer` returns it.
         spp: samples per pixel of the image.
         spp_grad: samples per pixel of the gradient, which are independent of the image's, so that the gradient of a
             loss is unbiased (thesis 4.3.3). None reuses the image's samples: the gradient is exactly that image's.
     """
 
-    renderer: Renderer[Prepared]
+    renderer: CheckedRenderer
     spp: int = 16
     spp_grad: int | None = None
 
-    def __call__(self, prepared: Prepared, materials: Materials, view: View, *, seed: int) -> Rendering:
+    def __call__(self, prepared: PreparedSurface, materials: Materials, view: View, *, seed: int) -> Rendering:
         """The image and its coverage; the image carries gradients to the materials and the environment.
 
         Raises:
@@ -43,26 +43,18 @@ class RenderLayer(Generic[Prepared]):
         if radiance.requires_grad:
             wrt.add("environment")
         needed = frozenset(wrt if torch.is_grad_enabled() else ())
-        self._require_differentiable(needed)
+        self.renderer.require_differentiable(needed)  # now, and not when the gradient is asked for
         call = _Call(self, prepared, names, view, seed, needed)
         image, coverage = _Render.apply(call, radiance, *values)
         return Rendering(image, coverage)
-
-    def _require_differentiable(self, needed: frozenset[str]) -> None:
-        lacking = sorted(needed - self.renderer.capabilities.differentiable)
-        if lacking:
-            raise UnsupportedError(
-                f"{type(self.renderer).__name__} has no gradients for {', '.join(lacking)}: detach them, or choose a "
-                "renderer that has."
-            )
 
 
 @dataclass(frozen=True, eq=False)
 class _Call:
     """The inputs of one call that are not differentiated, and the names of those that are."""
 
-    layer: RenderLayer[Any]
-    prepared: Any
+    layer: RenderLayer
+    prepared: PreparedSurface
     names: list[tuple[int, str]]
     view: View
     seed: int
@@ -80,7 +72,6 @@ class _Call:
         """The image and, if the gradient reuses its samples and the renderer can keep them, its pullback."""
         renderer, spp = self.layer.renderer, self.layer.spp
         if self.wrt and self.layer.spp_grad is None and renderer.capabilities.pullback:
-            assert isinstance(renderer, PullbackRenderer)
             return renderer.render_pullback(self.prepared, materials, view, wrt=self.wrt, spp=spp, seed=self.seed)
         return renderer.render(self.prepared, materials, view, spp=spp, seed=self.seed), None
 

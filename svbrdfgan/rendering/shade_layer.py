@@ -10,12 +10,12 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from svbrdfgan.protocols import DeferredRenderer, StoredLight
+from svbrdfgan.rendering.checked_renderer import CheckedLight, CheckedRenderer
 
 
 def shade(
-    renderer: DeferredRenderer[Any],
-    lights: Sequence[StoredLight],
+    renderer: CheckedRenderer,
+    lights: Sequence[CheckedLight],
     textures: Float[Tensor, "textures rows cols channels"],
     *,
     maps: Sequence[str],

@@ -1,6 +1,6 @@
-"""Checks of arguments, for renderers to call before they render. Messages name the renderer by its entry point.
+"""Checks of a renderer's arguments, which `CheckedRenderer` makes before each call. Messages name the renderer.
 
-With the checks in `Environment`, `Material` and `View` themselves, these are all that the conformance kit demands.
+`Environment`, `Material` and `View` check the rest themselves.
 """
 
 from __future__ import annotations
@@ -16,26 +16,19 @@ from svbrdfgan.protocols import RendererCapabilities
 from svbrdfgan.types import Materials, View
 from svbrdfgan.types.material import CHANNELS
 
+_POWERS = {"transport": "transport", "pullback": "pullback", "deferred": "stored light"}
+"""Each optional power of `RendererCapabilities`, in words."""
 
-def check_render(
-    renderer: str,
-    capabilities: RendererCapabilities,
-    parts: Sequence[str],
-    materials: Materials,
-    *,
-    spp: int,
-    wrt: Set[str] = frozenset(),
+
+def check_materials(
+    renderer: str, capabilities: RendererCapabilities, parts: Sequence[str], materials: Materials
 ) -> None:
-    """Checks the arguments of `render`, `render_vjp` and `render_pullback`.
-
-    Args:
-        parts: the names of the surface's parts.
+    """Checks the materials of a surface whose parts have these names.
 
     Raises:
-        ConfigError: `spp` is below 1, or the number of materials is not that of the parts.
-        UnsupportedError: a map is not in `capabilities.maps`, or a name in `wrt` not in `capabilities.differentiable`.
+        ConfigError: the number of materials is not that of the parts.
+        UnsupportedError: a map is not in `capabilities.maps`.
     """
-    _check_samples(renderer, spp)
     if len(materials) != len(parts):
         raise ConfigError(
             f"{renderer} renderer: got {len(materials)} materials for a surface of {len(parts)} parts; "
@@ -47,48 +40,41 @@ def check_render(
                 f"{renderer} renderer: the material of part {part!r} has {', '.join(unread)}, but the renderer reads "
                 f"only {', '.join(sorted(capabilities.maps))}; drop the map or choose another renderer."
             )
+
+
+def check_differentiable(renderer: str, capabilities: RendererCapabilities, wrt: Set[str]) -> None:
+    """Checks that there are gradients for all of these inputs.
+
+    Raises:
+        UnsupportedError: a name is not in `capabilities.differentiable`.
+    """
     if unknown := sorted(wrt - capabilities.differentiable):
         raise UnsupportedError(
-            f"{renderer} renderer: it has no gradient for {', '.join(unknown)}; "
-            f"wrt may name {', '.join(sorted(capabilities.differentiable)) or 'nothing'}."
+            f"{renderer} renderer: it has no gradient for {', '.join(unknown)}, only for "
+            f"{', '.join(sorted(capabilities.differentiable)) or 'nothing'}; detach the input or choose another "
+            "renderer."
         )
 
 
-def check_transport(renderer: str, capabilities: RendererCapabilities, *, spp: int) -> None:
-    """Checks the arguments of `transport`. Call it outside a generator, whose body would run at the first sample only.
+def check_declared(renderer: str, capabilities: RendererCapabilities, power: str) -> None:
+    """Checks that the capabilities declare an optional power: "transport", "pullback" or "deferred".
 
     Raises:
-        ConfigError: `spp` is below 1.
-        UnsupportedError: `capabilities.transport` is false.
+        UnsupportedError: the power is not declared.
     """
-    if not capabilities.transport:
+    if not getattr(capabilities, power):
         raise UnsupportedError(
-            f"{renderer} renderer: it has no transport where max_bounces is {capabilities.max_bounces}; "
+            f"{renderer} renderer: it has no {_POWERS[power]} (max_bounces is {capabilities.max_bounces}); "
             "`svbrdfgan backends` shows which renderers have it."
         )
-    _check_samples(renderer, spp)
 
 
-def check_store_light(
-    renderer: str,
-    capabilities: RendererCapabilities,
-    parts: Sequence[str],
-    learnable: Sequence[int],
-    *,
-    hits: int,
-    spp: int,
-) -> None:
-    """Checks the arguments of `store_light`.
+def check_stored(renderer: str, parts: Sequence[str], learnable: Sequence[int], hits: int) -> None:
+    """Checks what `store_light` is to keep.
 
     Raises:
-        ConfigError: `spp` or `hits` is below 1, or `learnable` names a part twice or one that the surface lacks.
-        UnsupportedError: `capabilities.deferred` is false.
+        ConfigError: `hits` is below 1, or `learnable` names a part twice or one that the surface lacks.
     """
-    if not capabilities.deferred:
-        raise UnsupportedError(
-            f"{renderer} renderer: it stores no light; `svbrdfgan backends` shows which renderers do."
-        )
-    _check_samples(renderer, spp)
     if hits < 1:
         raise ConfigError(f"{renderer} renderer: hits is {hits}; wanted at least 1 for each pixel.")
     if len(set(learnable)) < len(learnable) or not set(learnable) <= set(range(len(parts))):
@@ -180,18 +166,11 @@ def check_radiance(radiance: Float[Tensor, "rows cols 3"]) -> None:
         raise AssetError("environment holds radiance that is negative or not finite; wanted light: clean the image.")
 
 
-def check_device(renderer: str, prepared: torch.device, device: torch.device) -> None:
-    """Checks that the surface was prepared on the renderer's device.
+def check_samples(renderer: str, spp: int) -> None:
+    """Checks the number of camera samples per pixel.
 
     Raises:
-        ConfigError: it was prepared on another.
+        ConfigError: `spp` is below 1.
     """
-    if prepared != device:
-        raise ConfigError(
-            f"{renderer} renderer: the surface was prepared on {prepared}; prepare it again for {device}."
-        )
-
-
-def _check_samples(renderer: str, spp: int) -> None:
     if spp < 1:
         raise ConfigError(f"{renderer} renderer: spp is {spp}; wanted at least 1 sample per pixel.")

@@ -24,7 +24,7 @@ _STAND_INS = {
 
 INK, LINE, *SERIES = _STAND_INS
 _FEW = 12
-"""Below this number of values, they are drawn as points."""
+"""The number of values below which they are drawn as points."""
 _IMAGES = "images seen"
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -100,11 +100,11 @@ def _recovered(log: MetricsLog, evaluation: Evaluation, images_per_step: int) ->
     if not scored:
         return None
     x, y = [line["step"] * images_per_step for line in scored], [line["recovered"] for line in scored]
-    levels = [Level(f"model on {evaluation.split}", evaluation.recovered, SERIES[1], x[y.index(max(y))])]
+    levels = [Level(f"model on {evaluation.split}", evaluation.generated.recovered, SERIES[1], x[y.index(max(y))])]
     if evaluation.oracle is not None:
-        levels.append(Level(f"oracle on {evaluation.split}", evaluation.oracle, INK))
+        levels.append(Level(f"oracle on {evaluation.split}", evaluation.oracle.recovered, INK))
     least = max(-0.25, min(y)) if max(y) > 0 else min(y)  # cuts off a bad start, but not a run that is bad throughout
-    low = min(0.0, least - 0.03, evaluation.recovered - 0.03)
+    low = min(0.0, least - 0.03, evaluation.generated.recovered - 0.03)
     return LineChart(
         title="Recovered",
         x_label=_IMAGES,

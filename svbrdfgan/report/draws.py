@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 import torch
 
-from svbrdfgan.evaluation.evaluate import Evaluated
-from svbrdfgan.networks import Draw
+from svbrdfgan.evaluation.evaluated import Evaluated
+from svbrdfgan.networks.draw import Draw
 from svbrdfgan.report.pictures import Picture, over_checker, upright
 from svbrdfgan.report.vehicles import Titled, Vehicle, subject_name
 from svbrdfgan.scene.description import SceneWeathering
+from svbrdfgan.types import Layer
 
 COLUMNS = 6
 
@@ -18,8 +19,8 @@ COLUMNS = 6
 def sheets(evaluated: Evaluated, indices: Sequence[int]) -> list[Vehicle]:
     """A sheet for the subject of each of these weathered exemplars; none if the generator paints one layer on each.
 
-    It has rows of draws beside the exemplar's true layer, of amounts from the least to the greatest that the model
-    knows, and a picture for each recipe.
+    A sheet has the exemplar's true layer, draws of seeds, amounts from the least to the greatest that the model knows,
+    and a picture for each recipe.
     """
     if evaluated.generator is None or not evaluated.generator.varies:
         return []
@@ -37,7 +38,7 @@ def _sheet(evaluated: Evaluated, index: int) -> Vehicle:
     def add(title: str, seed: int = 0, amount: float = amount, recipe: str = recipe) -> None:
         shown.append(Titled(title, _drawn(evaluated, index, seed, known.labels(amount, recipe))))
 
-    if evaluated.generator is not None and evaluated.generator.chance:
+    if evaluated.generator is not None and evaluated.generator.random_fields:
         for seed in range(COLUMNS - 1):
             add(f"Seed {seed}", seed)
     if known.amount is not None:
@@ -53,9 +54,9 @@ def _sheet(evaluated: Evaluated, index: int) -> Vehicle:
 def _drawn(evaluated: Evaluated, index: int, seed: int, labels: Sequence[float]) -> Picture:
     assert evaluated.generator is not None
     with torch.no_grad():
-        layer = Draw(evaluated.generator, seed, labels)(evaluated.source.geometry([index]))[0]
-    return _upright(evaluated, index, layer.cpu().float())
+        painted = Draw(evaluated.generator, seed, labels)(evaluated.source.geometry([index]))[0]
+    return _upright(evaluated, index, Layer(painted.cpu().float(), evaluated.generator.maps))
 
 
-def _upright(evaluated: Evaluated, index: int, layer: torch.Tensor) -> Picture:
+def _upright(evaluated: Evaluated, index: int, layer: Layer) -> Picture:
     return upright(over_checker(layer), evaluated.source.exemplars.subject(index).learnable_texels)

@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 from svbrdfgan.config.distributions import values_of
 from svbrdfgan.data.index import INDEX, DatasetIndex
-from svbrdfgan.evaluation.evaluate import Evaluated
-from svbrdfgan.evaluation.record import Evaluation
+from svbrdfgan.evaluation.evaluated import Evaluated
+from svbrdfgan.evaluation.record import Evaluation, OracleScores, Painter
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.run import RunConfig
 
 MetricsLog = list[dict[str, float]]
 HELD_OUT = {"train": "Training vehicles", "validation": "Validation vehicles", "test": "Held-out vehicles"}
+_PAINTED: Mapping[Painter, str] = MappingProxyType(
+    {
+        "constant": "best constant layer",
+        "generated": "learned",
+        "oracle": "oracle",
+        "truth": "truth itself (noise alone)",
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -36,38 +46,35 @@ class Bar:
 
 def verdict(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> list[KeyFigure]:
     """The figures at the head of the page; unknown ones are left out."""
+    mine, best = evaluation.generated, evaluation.oracle
     found = [
+        *_resemblances(evaluation),
         KeyFigure(
             "recovered",
-            f"{evaluation.recovered:.3f}",
+            f"{mine.recovered:.3f}",
             "How much of the true layers the generator learned from pictures alone: "
             "1 is all of it, 0 no better than one colour everywhere.",
-        )
+        ),
     ]
-    if evaluation.resemblance is not None and evaluation.draws is not None:
-        least = evaluation.draws.least
-        meaning = (
-            "How alike draws of the generator are to draws of the true layers: 1 is as alike as true draws are to each "
-            f"other, 0 one colour everywhere. Least alike: {least}, {evaluation.draws.parts[least]:.2f}. Recovered is "
-            "that of one draw, and says little."
-        )
-        found.insert(0, KeyFigure("resemblance", f"{evaluation.resemblance:.3f}", meaning))
-    if evaluation.draws_oracle is not None:
-        found[1:1] = _resemblance_of_the_oracle(evaluation)
-    if evaluation.oracle is not None:
-        found.append(KeyFigure("oracle", f"{evaluation.oracle:.3f}", _oracle_meaning(evaluation)))
+    if best is not None:
+        found.append(KeyFigure("oracle", f"{best.recovered:.3f}", _oracle_meaning(best)))
     if evaluation.fraction is not None:
-        meaning = "Recovered as a share of the oracle: what learning from pictures costs."
-        found.append(KeyFigure("of the oracle", f"{evaluation.fraction:.0%}", meaning))
+        found.append(
+            KeyFigure(
+                "of the oracle",
+                f"{evaluation.fraction:.0%}",
+                "Recovered as a share of the oracle: what learning from pictures costs.",
+            )
+        )
     found.append(
         KeyFigure(
             "FLIP",
-            f"{evaluation.flip:.3f}",
+            f"{mine.flip:.3f}",
             "How different renders look from the stored pictures, to the eye: 0 is no difference at all.",
         )
     )
-    if evaluation.relit_flip is not None:
-        found.append(KeyFigure("relit FLIP", f"{evaluation.relit_flip:.3f}", _relit_meaning(evaluation)))
+    if mine.relit_flip is not None:
+        found.append(KeyFigure("relit FLIP", f"{mine.relit_flip:.3f}", _relit_meaning(evaluation)))
     found.append(
         KeyFigure(
             "area seen",
@@ -79,63 +86,63 @@ def verdict(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> lis
     return found if half is None else [*found, half]
 
 
-def _resemblance_of_the_oracle(evaluation: Evaluation) -> list[KeyFigure]:
-    """What the oracle of a distribution reached, and the run's share of it."""
-    best, part = evaluation.draws_oracle, evaluation.resemblance_fraction
-    assert best is not None
-    meaning = (
-        "The same network trained adversarially on true layers instead of pictures, for as many steps. Least alike: "
-        f"{best.least}, {best.parts[best.least]:.2f}."
-    )
-    found = [KeyFigure("resemblance of the oracle", f"{best.resemblance:.3f}", meaning)]
-    if part is not None:
-        meaning = "Resemblance as a share of the oracle's: what learning from pictures costs."
-        found.append(KeyFigure("resemblance, of the oracle", f"{part:.0%}", meaning))
-    return found
+def _resemblances(evaluation: Evaluation) -> Iterator[KeyFigure]:
+    """The resemblance that the generator and the oracle of a distribution reached, and the run's share of it."""
+    mine, best = evaluation.generated.draws, None if evaluation.oracle is None else evaluation.oracle.draws
+    if mine is not None:
+        yield KeyFigure(
+            "resemblance",
+            f"{mine.resemblance:.3f}",
+            "How alike draws of the generator are to draws of the true layers: 1 is as alike as true draws are to each "
+            f"other, 0 one colour everywhere. Least alike: {mine.least}, {mine.parts[mine.least]:.2f}. Recovered is "
+            "that of one draw, and says little.",
+        )
+    if best is not None:
+        yield KeyFigure(
+            "resemblance of the oracle",
+            f"{best.resemblance:.3f}",
+            "The same network trained adversarially on true layers instead of pictures, for as many steps. Least "
+            f"alike: {best.least}, {best.parts[best.least]:.2f}.",
+        )
+    if evaluation.resemblance_fraction is not None:
+        yield KeyFigure(
+            "resemblance, of the oracle",
+            f"{evaluation.resemblance_fraction:.0%}",
+            "Resemblance as a share of the oracle's: what learning from pictures costs.",
+        )
 
 
 def half_way(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> KeyFigure | None:
     """Images and time until the validation score passed half the oracle's; None if it never did or is unknown."""
-    if evaluation.oracle_validation is None:
-        return None
     for line in log:
-        if line.get("recovered", -1.0) >= evaluation.oracle_validation / 2 > 0:
-            images = line["step"] * config.images_per_step
-            took = duration(line["seconds"])
+        if line.get("recovered", -1.0) >= evaluation.half_way > 0:
             return KeyFigure(
                 "images to half",
-                f"{images:,.0f}",
-                f"Seen until the validation score passed half the oracle's, in {took}.",
+                f"{line['step'] * config.images_per_step:,.0f}",
+                f"Seen until the validation score passed half the oracle's, in {duration(line['seconds'])}.",
             )
     return None
 
 
 def flip_bars(evaluation: Evaluation) -> list[Bar]:
     """FLIP of the pictures under each layer."""
-    found = (evaluation.flip_constant, evaluation.flip, evaluation.flip_oracle, evaluation.flip_truth)
-    return _bars(*found)
+    return _bars({painter: its.flip for painter, its in evaluation.painters.items()})
 
 
 def relit_bars(evaluation: Evaluation) -> list[Bar]:
     """Relit FLIP under each layer; none where it was not measured."""
-    its = evaluation
-    return _bars(its.relit_flip_constant, its.relit_flip, its.relit_flip_oracle, its.relit_flip_truth)
+    found = {painter: its.relit_flip for painter, its in evaluation.painters.items()}
+    return _bars({painter: value for painter, value in found.items() if value is not None})
 
 
-def _bars(constant: float | None, learned: float | None, oracle: float | None, truth: float | None) -> list[Bar]:
-    values = {
-        "best constant layer": constant,
-        "learned": learned,
-        "oracle": oracle,
-        "truth itself (noise alone)": truth,
-    }
-    known = {name: value for name, value in values.items() if value is not None}
-    longest = max([*known.values(), 1e-9])
-    return [Bar(name, f"{value:.3f}", 100 * (value / longest)) for name, value in known.items()]
+def _bars(values: Mapping[Painter, float]) -> list[Bar]:
+    longest = max([*values.values(), 1e-9])  # all may be 0
+    known = [(label, values[painter]) for painter, label in _PAINTED.items() if painter in values]
+    return [Bar(label, f"{value:.3f}", 100 * (value / longest)) for label, value in known]
 
 
 def title(config: RunConfig, plan: DatasetIndex | None) -> str:
-    """What was learned from what. The plan is None if the data set is gone."""
+    """The report's title: what was learned from what. The plan is None if the data set is gone."""
     what = _recipe(config).replace("-", " ").capitalize()
     if plan is None:
         return f"{what}, learned from pictures"
@@ -169,7 +176,7 @@ def _recipe(config: RunConfig) -> str:
 
 
 def duration(seconds: float) -> str:
-    """In seconds, minutes or hours, whichever suits."""
+    """The duration in seconds, minutes or hours, whichever suits."""
     if seconds < 120:
         return f"{seconds:.0f} s"
     minutes = seconds / 60
@@ -182,14 +189,13 @@ def _relit_meaning(evaluation: Evaluation) -> str:
     return f"The same in lights and from views that training never had.{compared}"
 
 
-def _oracle_meaning(evaluation: Evaluation) -> str:
-    ceiling = "The same network trained on the true layers themselves: the ceiling."
-    steps = "" if evaluation.oracle_steps is None else f" after {evaluation.oracle_steps:,} steps"
-    if evaluation.oracle_plateau is None:
-        return f"One draw of the same network trained{steps} on true layers instead of pictures; says as little."
-    if evaluation.oracle_plateau:
-        return f"{ceiling} At its plateau{steps}."
-    return f"{ceiling} Still rising{steps}, so the true ceiling is higher."
+def _oracle_meaning(oracle: OracleScores) -> str:
+    ceiling, after = "The same network trained on the true layers themselves: the ceiling.", f"{oracle.steps:,} steps"
+    if oracle.plateau is None:
+        return f"One draw of the same network trained after {after} on true layers instead of pictures; says as little."
+    if oracle.plateau:
+        return f"{ceiling} At its plateau after {after}."
+    return f"{ceiling} Still rising after {after}, so the true ceiling is higher."
 
 
 def _counts(plan: DatasetIndex | None, evaluation: Evaluation) -> str:

@@ -8,7 +8,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from svbrdfgan.evaluation.evaluate import Evaluated, pictures
+from svbrdfgan.evaluation.evaluated import Evaluated, pictures
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.metrics.flip import display
 from svbrdfgan.report.pictures import INK, PAPER, Picture, cell, font, framed, over_checker, signed_as_color, upright
@@ -18,16 +18,19 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 WIDTH = 1200
-_GAP, _HEAD, _BYTES = 12, 40, 400_000
+_GAP = 12  # between pictures, pixels
+_HEAD = 40  # height of the titles, pixels
+_BYTES = 400_000  # of the file, at most
 _TITLES = ("geometry", "truth", "learned from pictures", "layer painted")
-_WIDTHS, _HEIGHT = (232, 350, 350, 232), 234
-_WIDTHS_OF_FIVE, _HEIGHT_OF_FIVE = (180, 270, 270, 180, 252), 180
-"""Of columns and rows, in pixels; the further column comes last."""
+_WIDTHS = (232, 350, 350, 232)  # of the columns, pixels
+_HEIGHT = 234  # of a row, pixels
+_WIDTHS_OF_FIVE = (180, 270, 270, 180, 252)  # with a further column, which comes last
+_HEIGHT_OF_FIVE = 180
 
 
 @dataclass(frozen=True, eq=False)
 class FurtherColumn:
-    """A column of pictures beside those that every run has.
+    """A column of pictures in addition to those that every run has.
 
     Attributes:
         picture: of an exemplar of the evaluated split, by its index.
@@ -46,7 +49,7 @@ def write_overview(
         further: one more column.
 
     Raises:
-        AssetError: it cannot be written.
+        AssetError: the file cannot be written.
     """
     sheet_rows = []
     for index in choose_views(evaluated.source.exemplars, rows):
@@ -59,16 +62,16 @@ def write_overview(
 
 def _row(evaluated: Evaluated, index: int) -> tuple[Picture, ...]:
     exemplars = evaluated.source.exemplars
-    subject, layer = exemplars.subject(index), evaluated.layers_of(index)["generated"]
+    subject, layer = exemplars.subject(index), evaluated.learned(index)
     truth = display(exemplars.images[index].float(), coverage=exemplars.coverage[index].float())
-    learned = pictures(evaluated.source, index, {"generated": layer})["generated"]
+    (learned,) = pictures(evaluated.source, index, [layer])
     normal = upright(signed_as_color(subject.geometry[3:6].cpu()), subject.buffer.mask)
     coverage = exemplars.coverage[index]
     return (
         normal,
         framed(truth, coverage),
         framed(learned, coverage),
-        upright(over_checker(layer.cpu().float()), subject.learnable_texels),
+        upright(over_checker(layer), subject.learnable_texels),
     )
 
 

@@ -8,19 +8,21 @@ from typing import Any
 import yaml
 
 from svbrdfgan.config.models import StrictModel
-from svbrdfgan.evaluation.evaluate import Evaluated
-from svbrdfgan.evaluation.record import map_cells, of_split
+from svbrdfgan.evaluation.evaluated import Evaluated
+from svbrdfgan.evaluation.record import of_split
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.report.curves import charts, draw
 from svbrdfgan.report.draws import COLUMNS, sheets
 from svbrdfgan.report.facts import HELD_OUT, find_plan, flip_bars, relit_bars, summary, title, verdict
 from svbrdfgan.report.patches import patch_maps
 from svbrdfgan.report.pictures import data_uri
-from svbrdfgan.report.vehicles import choose_views, close_up, error_scale, relit, rendered, textured
+from svbrdfgan.report.vehicles import choose_views, close_up, compared, error_scale, rendered, textured
 from svbrdfgan.training.metrics_log import read_metrics
 
 REPORT = "report.html"
-_VEHICLES, _TEXTURES, _JUDGED = 6, 3, 3
+_VEHICLES = 6  # of which renders are shown
+_TEXTURES = 3  # the first of them, of which layers are shown too
+_JUDGED = 3  # and patch maps
 
 
 def write_report(run: Path, evaluated: Evaluated) -> Path:
@@ -54,10 +56,10 @@ def _contents(run: Path, evaluated: Evaluated) -> dict[str, Any]:
         "verdict": verdict(evaluation, config.train, log),
         "flip_bars": flip_bars(evaluation),
         "relit_bars": relit_bars(evaluation),
-        "maps": {name: map_cells(name, score) for name, score in evaluation.maps.items()},
+        "maps": evaluation.map_table(),
         "little_observed": evaluation.little_observed(),
         "vehicles": [rendered(evaluated, index) for index in views],
-        "relit": [relit(scene) for scene in evaluated.relit],
+        "relit": [compared(scene) for scene in evaluated.relit],
         "textures": [textured(evaluated, index, top) for index in textures],
         "error_top": f"{top:.2f}",
         "sheets": sheets(evaluated, textures),

@@ -1,4 +1,4 @@
-"""How real each patch looks to the discriminator (thesis figure 3-2: yellow is real, cyan is fake)."""
+"""Maps of how real each patch looks to the discriminator (thesis figure 3-2: yellow is real, cyan is fake)."""
 
 from __future__ import annotations
 
@@ -15,17 +15,19 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.errors import SvbrdfganError
-from svbrdfgan.evaluation.evaluate import Evaluated
-from svbrdfgan.io import luminance
+from svbrdfgan.evaluation.evaluated import Evaluated
+from svbrdfgan.io.image import luminance
 from svbrdfgan.metrics.flip import display
-from svbrdfgan.networks import Discriminator
+from svbrdfgan.networks.discriminator import Discriminator
 from svbrdfgan.report.pictures import Picture
 from svbrdfgan.report.vehicles import Titled, Vehicle, subject_name
 from svbrdfgan.training.state import checkpoints, load_discriminator
 from svbrdfgan.training.step import make_pair
 
-CYAN, YELLOW = (0.0, 0.78, 0.86), (1.0, 0.82, 0.05)
-_GREY, _TINT = 0.5, 0.85
+CYAN = (0.0, 0.78, 0.86)  # fake; sRGB
+YELLOW = (1.0, 0.82, 0.05)  # real
+_GREY = 0.5  # linear, of the background
+_TINT = 0.85  # share of the colour where the discriminator is sure
 
 log = logging.getLogger(__name__)
 
@@ -70,10 +72,10 @@ def patch_maps(run: Path, evaluated: Evaluated, indices: Sequence[int]) -> Patch
 def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> PatchLogits:
     """The logits of an exemplar, and of the generator's layer in the same scene with as many samples."""
     source, device = evaluated.source, evaluated.source.real.image.device
-    layers, background = evaluated.layers_of(index)["generated"].unsqueeze(0), torch.full((1, 3), _GREY, device=device)
+    layer, background = evaluated.learned(index), torch.full((1, 3), _GREY, device=device)
     with torch.no_grad():
         scenes = source.scenes([index], np.random.default_rng(0))
-        pair = make_pair(source, [index], scenes, layers.to(device))
+        pair = make_pair(source, [index], scenes, layer.values.unsqueeze(0).to(device))
         real, fake = (discriminator(side.tone_mapped(background))[0].cpu() for side in pair)
     first, second = (display(side.image[0].cpu().float(), _GREY, side.coverage[0].cpu().float()) for side in pair)
     return PatchLogits(first, second, real, fake)
@@ -81,10 +83,10 @@ def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> Pat
 
 @dataclass(frozen=True)
 class Scale:
-    """From logits to colours.
+    """The scale by which logits become colours.
 
     Attributes:
-        middle: the logit between real and fake. A critic's logits have no such value, so it is their mean.
+        middle: the logit between real and fake. A critic's logits have no such value: then their mean.
         reach: distance from the middle at which colours are full; nearly the largest of all patches.
     """
 
@@ -99,7 +101,7 @@ class Scale:
         fake = torch.cat([pair.fake_logits.flatten() for pair in judged])
         middle = {"vanilla": 0.0, "lsgan": 0.5}.get(loss, float(real.mean() + fake.mean()) / 2)
         reach = float(torch.quantile((torch.cat([real, fake]) - middle).abs(), 0.98))
-        return cls(loss, middle, max(reach, 1e-6))
+        return cls(loss, middle, max(reach, 1e-6))  # all logits may be equal
 
     @property
     def legend(self) -> str:
@@ -113,7 +115,7 @@ class Scale:
         return f"Under the {self.loss} loss logits have no zero of their own: grey is the mean, {far}."
 
     def leaning(self, logits: Tensor) -> Tensor:
-        """From -1 (fake) to 1 (real)."""
+        """The logits on a scale from -1 (fake) to 1 (real)."""
         return ((logits - self.middle) / self.reach).clamp(-1, 1)
 
     def note(self, logits: Tensor) -> str:

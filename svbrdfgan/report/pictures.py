@@ -13,15 +13,22 @@ from torch import Tensor
 
 from svbrdfgan.io.image import srgb_from_linear
 from svbrdfgan.rendering.compositing import composite
+from svbrdfgan.types import Layer
 
 if TYPE_CHECKING:
     from PIL.Image import Image
     from PIL.ImageFont import FreeTypeFont
 
 Picture = Float[Tensor, "height width channels"]
-PAPER, WELL, INK = (255, 255, 255), (238, 238, 240), (60, 60, 66)
-"""Colours of sheets of pictures: background, background of a cell, text."""
-_CHECKS, _DARK, _LIGHT = 16, 0.20, 0.32
+# Colours of sheets of pictures.
+PAPER = (255, 255, 255)
+WELL = (238, 238, 240)  # behind a picture in its cell
+INK = (60, 60, 66)
+
+# The checker behind layers.
+_CHECKS = 16  # along a side
+_DARK = 0.20  # linear grey
+_LIGHT = 0.32
 
 
 def to_pillow(picture: Picture, least: int = 256) -> Image:
@@ -51,7 +58,7 @@ def upright(texture: Float[Tensor, "rows cols 3"], shown: Bool[Tensor, "rows col
 def framed(picture: Picture, coverage: Float[Tensor, "height width"], aspect: float = 1.5) -> Picture:
     """The part of a picture that shows the surface, with a margin, as wide as `aspect` times its height.
 
-    Beyond the picture it has the colour of the picture's upper left corner.
+    Beyond the picture, that part has the colour of the picture's upper left corner.
     """
     used = coverage.cpu() > 0.05
     if not used.any():
@@ -71,9 +78,9 @@ def signed_as_color(values: Float[Tensor, "3 rows cols"]) -> Float[Tensor, "rows
     return (values * 0.5 + 0.5).clamp(0, 1).permute(1, 2, 0)
 
 
-def over_checker(layer: Float[Tensor, "rows cols channels"]) -> Float[Tensor, "rows cols 3"]:
-    """A layer of straight-alpha linear RGBA over a grey checker."""
-    rows, cols = layer.shape[:2]
+def over_checker(layer: Layer) -> Float[Tensor, "rows cols 3"]:
+    """The base colour of a layer over a grey checker."""
+    rows, cols = layer.alpha.shape
     row = torch.arange(rows) * _CHECKS // rows
     col = torch.arange(cols) * _CHECKS // cols
     odd = ((row[:, None] + col[None, :]) % 2).float()

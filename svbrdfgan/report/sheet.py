@@ -13,12 +13,15 @@ from svbrdfgan.inference.apply import Canvas, choose_draw
 from svbrdfgan.inference.export import Studio, developed
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.image import srgb_from_linear
-from svbrdfgan.networks import Draw
+from svbrdfgan.networks.draw import Draw
 from svbrdfgan.report.pictures import INK, PAPER, cell, font
 from svbrdfgan.training.run import Model
 
 COLUMNS = 6
-_CELL, _GAP, _LABEL, _HEAD = (320, 200), 8, 28, 44
+_CELL = (320, 200)  # width and height of a picture; pixels, as all sizes
+_GAP = 8  # between pictures
+_LABEL = 28  # height of the text below a picture
+_HEAD = 44  # height of a row's title
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +39,7 @@ class Row:
 def sheet_rows(
     model: Model, *, seed: int | None = None, amount: float | None = None, recipe: str | None = None
 ) -> list[Row]:
-    """Rows of seeds, amounts and recipes: what the model varies with. Else they have the words that are given.
+    """Rows of seeds, amounts and recipes: what the model varies with. Other conditions are those given.
 
     Args:
         seed, amount, recipe: as for `paint`. Seeds begin with this one.
@@ -60,8 +63,8 @@ def _rows(model: Model, seed: int | None, amount: float | None, recipe: str | No
 
     of_recipe = [] if recipe is None or not several else [recipe]
     of_amount = [] if known.amount is None else [f"amount {(draw().labels[0] + 1) / 2:.2f}"]
-    of_seed = [f"seed {seed or 0}"] if model.generator.chance else []
-    if model.generator.chance:
+    of_seed = [f"seed {seed or 0}"] if model.generator.random_fields else []
+    if model.generator.random_fields:
         seeds = range(seed or 0, (seed or 0) + COLUMNS)
         cells = tuple((f"seed {number}", draw(seed=number)) for number in seeds)
         yield Row(", ".join(["Seeds", *of_recipe, *of_amount]), cells)

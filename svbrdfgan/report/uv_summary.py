@@ -16,9 +16,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from svbrdfgan.geometry.bake import exposed_faces
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.metrics.uv import UVSummary, VisibleSurface, face_stretch, visible_surface
-from svbrdfgan.metrics.uv.distortion import singular_values
+from svbrdfgan.metrics.uv.distortion import face_stretch, singular_values
 from svbrdfgan.metrics.uv.layout import chart_of_faces, crowded_texels
+from svbrdfgan.metrics.uv.summary import UVSummary
+from svbrdfgan.metrics.uv.visibility import VisibleSurface, visible_surface
 from svbrdfgan.report.pictures import font as unicode_font
 from svbrdfgan.report.uv_views import Seen, checker, look, paint
 from svbrdfgan.types import Surface
@@ -27,13 +28,17 @@ _VIEWS = ((math.radians(38.0), math.radians(20.0)), (math.radians(218.0), math.r
 _SIZE = (560, 350)
 _ATLAS = 768
 _CARD = (1936, 960)
-_COLUMNS, _ROWS = (8, 576, 1160), (36, 480)  # pixels from the left and from the top; the atlas is in the last column
-_CAPTION, _SMALL = 17, 15  # sizes of text, pixels
+_COLUMNS = (8, 576, 1160)  # pixels from the left; the atlas is in the last one
+_ROWS = (36, 480)  # pixels from the top
+_CAPTION = 17  # size of captions, pixels
+_SMALL = 15  # size of other text, pixels
 _OCTAVES = 2.0  # of the scale of stretch, to each side
 _COOL_TO_WARM = np.array(
     [[0.23, 0.3, 0.75], [0.55, 0.69, 1.0], [0.87, 0.87, 0.87], [0.96, 0.6, 0.48], [0.71, 0.02, 0.15]]
 )
-_BORDER, _FLIPPED, _CROWDED = np.array([0.1, 0.1, 0.1]), np.array([0.85, 0.1, 0.1]), np.array([0.1, 0.1, 0.85])
+_BORDER = np.array([0.1, 0.1, 0.1])  # sRGB of charts' outlines in the atlas
+_FLIPPED = np.array([0.85, 0.1, 0.1])  # of mirrored texels
+_CROWDED = np.array([0.1, 0.1, 0.85])  # of texels that hold two places
 _LINES = (
     (("L2 stretch", "stretch_l2"), ("L-inf stretch", "stretch_linf"), ("stretch p99", "stretch_p99")),
     (("angles, mean", "angle_mean"), ("angles, p99", "angle_p99"), ("collapsed", "collapsed")),
@@ -134,7 +139,7 @@ class _Stretch:
 
     @classmethod
     def of(cls, surface: Surface, visible: VisibleSurface) -> _Stretch:
-        """Normalised as on the summary: by what is seen."""
+        """The stretch, normalised as on the summary: by what is seen."""
         largest, least = singular_values(surface.positions[surface.faces], surface.uv[surface.faces])
         scale = 1.0
         if len(visible.faces):
@@ -170,7 +175,7 @@ def atlas_picture(visible: VisibleSurface, texels: int = _ATLAS) -> Float[ndarra
 
 
 def _borders(chart: ndarray) -> Bool[ndarray, "rows cols"]:
-    """Texels of a chart beside one that is not of it."""
+    """Texels of a chart with a neighbour that is not of it."""
     border = np.zeros(chart.shape, dtype=bool)
     for axis in (0, 1):
         for step in (1, -1):

@@ -16,7 +16,7 @@ from svbrdfgan.types import Camera, Surface
 Rgb = Float[ndarray, "*n 3"]
 PAPER = np.array([1.0, 1.0, 1.0])
 UNSEEN = np.array([0.62, 0.62, 0.64])
-"""Of hidden parts, that no map is shown on."""
+"""The colour of hidden parts, on which no map is shown."""
 CHECKS = 32
 _SMOOTH = 2  # samples along a side of a pixel
 _MARGIN = 1.06
@@ -24,7 +24,7 @@ _MARGIN = 1.06
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What samples show: those of a whole picture, top row first, or any of them.
+    """The places that samples show: those of a whole picture, top row first, or any of them.
 
     Attributes:
         face: of the surface, -1 where there is none.

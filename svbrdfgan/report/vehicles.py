@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation.evaluate import Evaluated, pictures
-from svbrdfgan.evaluation.relight import RelitScene
+from svbrdfgan.evaluation.evaluated import Evaluated, pictures
+from svbrdfgan.evaluation.record import Painter
+from svbrdfgan.evaluation.relight import PaintedScene
 from svbrdfgan.metrics.flip import display, flip
+from svbrdfgan.metrics.recovered import shown_texels
 from svbrdfgan.rendering.compositing import composite
 from svbrdfgan.report.pictures import Picture, framed, heat, over_checker, signed_as_color, upright
 from svbrdfgan.scene.description import Scene, SceneWeathering
+
+_TITLES: Mapping[Painter, str] = MappingProxyType(
+    {"generated": "Learned", "oracle": "Oracle", "constant": "Best constant"}
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,37 +70,36 @@ def subject_name(scene: Scene) -> str:
 
 
 def rendered(evaluated: Evaluated, index: int) -> Vehicle:
-    """An exemplar beside renders of its scene under each layer, with the FLIP of each render."""
-    exemplars = evaluated.source.exemplars
-    truth = display(exemplars.images[index].float(), coverage=exemplars.coverage[index].float())
-    layers = evaluated.layers_of(index)
-    made = pictures(evaluated.source, index, {**layers, "bare": torch.zeros_like(layers["generated"])})
-    floor = f"noise alone {flip(truth, made['truth']):.3f}" if "truth" in made else ""
-    titles = {"generated": "Learned", "oracle": "Oracle", "constant": "Best constant", "bare": "Unweathered"}
+    """An exemplar and renders of its scene under each layer, with the FLIP of each render."""
+    exemplars, layers = evaluated.source.exemplars, evaluated.layers_of(index)
     coverage = exemplars.coverage[index]
-    columns = [Titled("Truth", framed(truth, coverage), floor)]
-    for name, title in titles.items():
-        if name in made:
-            columns.append(Titled(title, framed(made[name], coverage), f"FLIP {flip(truth, made[name]):.3f}"))
-    return Vehicle(subject_name(exemplars.scenes[index]), _scene_note(exemplars.scenes[index]), tuple(columns))
+    truth = display(exemplars.images[index].float(), coverage=coverage.float())
+    nothing = replace(layers["generated"], values=torch.zeros_like(layers["generated"].values))
+    *made, bare = pictures(evaluated.source, index, [*layers.values(), nothing])
+    vehicle = compared(PaintedScene(exemplars.scenes[index], coverage, truth, dict(zip(layers, made, strict=True))))
+    unweathered = Titled("Unweathered", framed(bare, coverage), f"FLIP {flip(truth, bare):.3f}")
+    return replace(vehicle, pictures=(*vehicle.pictures, unweathered))
 
 
-def relit(found: RelitScene) -> Vehicle:
-    """A vehicle in a light and from a view that training never had: the truth beside each layer, with its FLIP."""
-    titles = {"generated": "Learned", "oracle": "Oracle", "constant": "Best constant"}
-    flips, made = found.flips(), found.pictures
-    columns = [Titled("Truth", framed(made["reference"], found.coverage), f"noise alone {flips['truth']:.3f}")]
-    for name, title in titles.items():
-        if name in made:
-            columns.append(Titled(title, framed(made[name], found.coverage), f"FLIP {flips[name]:.3f}"))
+def compared(found: PaintedScene) -> Vehicle:
+    """A scene's reference beside its pictures under each layer, with their FLIP."""
+    flips = found.flips()
+    columns = [Titled("Truth", framed(found.reference, found.coverage), f"noise alone {flips['truth']:.3f}")]
+    for painter, title in _titles(found):
+        picture = framed(found.pictures[painter], found.coverage)
+        columns.append(Titled(title, picture, f"FLIP {flips[painter]:.3f}"))
     return Vehicle(subject_name(found.scene), _scene_note(found.scene), tuple(columns))
 
 
-def close_up(found: RelitScene) -> Vehicle:
+def close_up(found: PaintedScene) -> Vehicle:
     """A small part of a vehicle under each layer."""
-    titles = {"reference": "Truth", "generated": "Learned", "oracle": "Oracle"}
-    columns = [Titled(title, found.pictures[name]) for name, title in titles.items() if name in found.pictures]
-    return Vehicle(subject_name(found.scene), _weathering_note(found.scene), tuple(columns))
+    columns = [Titled(title, found.pictures[painter]) for painter, title in _titles(found)]
+    pictures = (Titled("Truth", found.reference), *columns)
+    return Vehicle(subject_name(found.scene), _weathering_note(found.scene), pictures)
+
+
+def _titles(found: PaintedScene) -> list[tuple[Painter, str]]:
+    return [(painter, title) for painter, title in _TITLES.items() if painter in found.pictures]
 
 
 def textured(evaluated: Evaluated, index: int, top: float) -> Vehicle:
@@ -101,7 +107,7 @@ def textured(evaluated: Evaluated, index: int, top: float) -> Vehicle:
     exemplars, number = evaluated.source.exemplars, int(evaluated.source.exemplars.subject_of[index])
     subject, truth = exemplars.subjects[number], exemplars.layers[index]
     assert truth is not None
-    made = evaluated.layers_of(index)["generated"].cpu().float()
+    made = evaluated.learned(index)
     surface, learnable = subject.buffer.mask, subject.learnable_texels
     scored, error = _error(evaluated, index)
     geometry = subject.geometry.cpu().float()
@@ -115,9 +121,9 @@ def textured(evaluated: Evaluated, index: int, top: float) -> Vehicle:
             Titled("Learned: layer of the generator", upright(over_checker(made), learnable)),
             Titled("Error of albedo", upright(heat(error, top), scored), f"mean {mean:.3f}"),
             Titled("Normal", upright(signed_as_color(geometry[3:6]), surface)),
-            Titled("Truth: alpha", upright(_grey(truth[..., 3]), learnable)),
-            Titled("Learned: alpha", upright(_grey(made[..., 3]), learnable)),
-            Titled("Error of alpha", upright(heat((made[..., 3] - truth[..., 3]).abs(), 1.0), scored)),
+            Titled("Truth: alpha", upright(_grey(truth.alpha), learnable)),
+            Titled("Learned: alpha", upright(_grey(made.alpha), learnable)),
+            Titled("Error of alpha", upright(heat((made.alpha - truth.alpha).abs(), 1.0), scored)),
         ),
     )
 
@@ -136,8 +142,8 @@ def _error(evaluated: Evaluated, index: int) -> tuple[Tensor, Tensor]:
     subject, truth = exemplars.subjects[number], exemplars.layers[index]
     assert truth is not None
     base = subject.base_albedo(exemplars.scenes[index].materials)
-    made = evaluated.layers_of(index)["generated"].cpu().float()
-    seen = torch.stack([evaluated.source.seen(view).cpu() > 0 for view in exemplars.views_of(number)]).any(dim=0)
+    made = evaluated.learned(index)
+    seen = shown_texels(exemplars, evaluated.source.seen, number)
     scored = seen & subject.learnable_texels & (subject.buffer.area > 0)
     return scored, (composite(base, made) - composite(base, truth)).abs().mean(dim=-1)
 

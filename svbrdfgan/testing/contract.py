@@ -14,14 +14,14 @@ import torch
 from numpy import ndarray
 from torch import Tensor
 
-from svbrdfgan.plugins import find_plugin, import_factory, make
+from svbrdfgan.plugins.registry import find_plugin, import_factory, make
 from svbrdfgan.testing.kit import Kit, check, declared
 
 LONGEST_REPR = 200
 
 
 class PluginKit(Kit):
-    """What the shared tests need to know of a kit's plugin.
+    """A kit with all that the shared tests need to know of its plugin.
 
     Attributes:
         group: of its entry point.
@@ -39,7 +39,7 @@ class PluginKit(Kit):
         raise NotImplementedError
 
     def results(self, plugin: Any) -> Mapping[str, Any]:
-        """Its results for fixed inputs, which must be the same bit for bit each time."""
+        """The plugin's results for fixed inputs, which must be the same bit for bit each time."""
         raise NotImplementedError
 
     def uses(self, plugin: Any) -> Iterator[object]:
@@ -59,12 +59,12 @@ class PluginTests(PluginKit):
     """Entry point, options, pickling, and the process's random generators and settings."""
 
     def test_its_entry_point_finds_it(self) -> None:
-        """Its entry point loads it, and its default options suffice."""
+        """The plugin's entry point loads it, and its default options suffice."""
         declared(self.installed, "an entry point")
         make(find_plugin(self.group, self.name))
 
     def test_options_have_types_and_defaults(self) -> None:
-        """Its constructor's parameters are named, annotated, and have defaults."""
+        """The constructor's parameters are named, annotated, and have defaults."""
         factory = import_factory(find_plugin(self.group, self.name)) if self.installed else type(self.make_plugin())
         for option in inspect.signature(factory).parameters.values():
             plain = option.kind in (option.POSITIONAL_OR_KEYWORD, option.KEYWORD_ONLY)
@@ -84,7 +84,7 @@ class PluginTests(PluginKit):
         check(not found, f"after pickle the same inputs give other {', '.join(found)}.")
 
     def test_its_repr_is_one_line(self) -> None:
-        """Its repr is one line of at most 200 characters with its class's name and no memory address."""
+        """The plugin's repr is one line of at most 200 characters with its class's name and no memory address."""
         plugin = self.make_plugin()
         text = repr(plugin)
         short = "\n" not in text and len(text) <= LONGEST_REPR
@@ -92,7 +92,7 @@ class PluginTests(PluginKit):
         check(short and named, f"its repr is {text[:300]!r}; wanted one such as a dataclass has.")
 
     def test_random_generators_are_left_alone(self) -> None:
-        """It does not advance or seed the random generators of torch, NumPy and Python."""
+        """The plugin does not advance or seed the random generators of torch, NumPy and Python."""
         with seeded(0):
             self.require_unchanged(
                 {
@@ -103,7 +103,7 @@ class PluginTests(PluginKit):
             )
 
     def test_random_seeds_of_the_caller_do_not_matter(self) -> None:
-        """Its results do not depend on the seeds of the global random generators."""
+        """The plugin's results do not depend on the seeds of the global random generators."""
         results = []
         for seed in (1, 2):
             with seeded(seed):
@@ -112,7 +112,7 @@ class PluginTests(PluginKit):
         check(not found, f"other seeds of torch, NumPy and random give other {', '.join(found)}.")
 
     def test_settings_of_torch_and_numpy_are_left_alone(self) -> None:
-        """It leaves the default dtype and device, grad mode, threads and error handling as they were."""
+        """The plugin leaves the default dtype and device, grad mode, threads and error handling as they were."""
         dtype, grad = torch.get_default_dtype(), torch.is_grad_enabled()
         try:
             with np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"):

@@ -1,8 +1,8 @@
-"""What a conformance kit is: a class of tests about one plugin, run by pytest or by `svbrdfgan check`.
+"""Conformance kits: classes of tests about one plugin, run by pytest or by `svbrdfgan check`.
 
-A test is a method named `test_*`, whose docstring says what holds. Where that does not hold it raises `AssertionError`,
-with the numbers. A test of a capability that a plugin may lack calls `declared` first. No test needs pytest: one that
-does not apply raises `unittest.SkipTest`, which pytest shows as skipped.
+A test is a method named `test_*`, whose docstring says what holds. Where that does not hold, the test raises
+`AssertionError`, with the numbers. A test of a capability that a plugin may lack calls `declared` first. No test needs
+pytest: one that does not apply raises `unittest.SkipTest`, which pytest shows as skipped.
 """
 
 from __future__ import annotations

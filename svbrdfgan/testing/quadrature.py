@@ -1,7 +1,7 @@
 """Direct light without random numbers: sums over a grid in each pixel and over cells of the environment.
 
 The reference for the kit, written from `docs/conventions.md` alone: the whole material, tilted normals, and parts that
-are not opaque. It tests every ray against every triangle, so it suits surfaces of a few triangles and environments of
+are not opaque. Every ray is tested against every triangle, which suits surfaces of a few triangles and environments of
 a few pixels. All in NumPy, in double precision.
 """
 
@@ -21,7 +21,8 @@ from svbrdfgan.testing.rays import Points, passing, seen
 from svbrdfgan.testing.reflection import Shades, reflected
 from svbrdfgan.types import Materials, Surface, View
 
-_POINTS_AT_ONCE, _STEP = 128, 1e-3
+_POINTS_AT_ONCE = 128  # camera hits, each with all cells of the environment: bounds the memory
+_STEP = 1e-3  # of central differences, in a map's own unit
 _ABSENT = {"base_color": (0.0, 0.0, 0.0), "roughness": (1.0,), "metallic": (0.0,), "normal": (0.0, 0.0, 1.0)}
 
 Gathered = tuple[Float[ndarray, "points 3"], Float[ndarray, "points 3"]]
@@ -52,7 +53,7 @@ class Quadrature:
         return self._film(np.ones((len(self.points.pixel), 1)))[..., 0]
 
     def texel_gradients(self, grad_image: Float[ndarray, "height width 3"]) -> list[Float[ndarray, "*shape"]]:
-        """For each part, the gradient of sum(image * grad_image) in its base colour, shaped as that."""
+        """The gradient of sum(image * grad_image) in each part's base colour, shaped as that."""
         return [self.map_gradients("base_color", (grad_image,), part)[0] for part in range(len(self.materials))]
 
     def map_gradients(
@@ -100,7 +101,7 @@ class Quadrature:
         return self._gather(self.points, [self._shades])[0]
 
     def _gather(self, points: Points, variants: Sequence[Shades]) -> list[Gathered]:
-        """What the points gather with each of these shades."""
+        """The light that the points gather with each of these shades."""
         direction, radiance = self._lights
         total = np.zeros((len(variants), 2, len(points.pixel), 3))
         for some in self._chunks(len(points.pixel)):

@@ -40,12 +40,12 @@ class Points:
     to_viewer: Float[ndarray, "points 3"]
 
     def at(self, some: slice | Bool[ndarray, " points"]) -> Points:
-        """Some of the points."""
+        """The points that `some` selects."""
         return Points(*(getattr(self, field.name)[some] for field in fields(self)))
 
 
 def seen(surface: Surface, view: View, grid: int) -> Points:
-    """Where a grid of rays in each pixel meets the surface."""
+    """The points where a grid of rays in each pixel meets the surface."""
     direction = _camera_directions(view, grid)
     ray, weight, face, at = _met(surface, np.array([view.camera.origin]), direction)
     to_viewer, corner = -direction[ray], surface.faces[face]

@@ -16,7 +16,7 @@ _LEAST = 1e-12  # below any cosine and length that matter
 
 @dataclass(frozen=True, eq=False)
 class Shades:
-    """What the maps are at points: looked up, and neither bounded nor normalised yet.
+    """Values of the maps at points: looked up, and neither bounded nor normalised yet.
 
     Attributes:
         glossy: whether the material has a `roughness`; without it roughness and metallic do not count.
@@ -30,7 +30,7 @@ class Shades:
     normal: Float[ndarray, "points 3"]
 
     def at(self, some: slice | Bool[ndarray, " points"]) -> Shades:
-        """Those of some of the points."""
+        """The values at the points that `some` selects."""
         rows = (self.base_color, self.roughness, self.metallic, self.normal)
         return Shades(self.glossy[some], *(values[some] for values in rows))
 
@@ -38,7 +38,7 @@ class Shades:
 def reflected(
     points: Points, shades: Shades, direction: Float[ndarray, "cells 3"]
 ) -> tuple[Float[ndarray, "points cells"], Float[ndarray, "points cells"]]:
-    """What each point reflects to the viewer of unit light along each direction, times n.w_i: q and c.
+    """The light that each point reflects to the viewer of unit light along each direction, times n.w_i: q and c.
 
     The reflection in each channel is q * base_color + c.
     """

@@ -15,7 +15,8 @@ from torch import Tensor
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.types import Camera, Environment, Material, Materials, Part, Rendering, Surface, View
 
-RED, GREEN = (0.8, 0.1, 0.1), (0.1, 0.8, 0.1)
+RED = (0.8, 0.1, 0.1)  # linear reflectance, as all colours here
+GREEN = (0.1, 0.8, 0.1)
 
 
 def surface_of(
@@ -151,7 +152,7 @@ def constant_light(radiance: float | tuple[float, float, float] = 1.0, rows: int
 
 
 def random_light(rows: int = 8, cols: int = 16, seed: int = 0, rotation: float = 0.0) -> Environment:
-    """Another radiance in every pixel and channel, in [0, 1)."""
+    """Light with a random radiance in every pixel and channel, in [0, 1)."""
     radiance = torch.rand((rows, cols, 3), generator=torch.Generator().manual_seed(seed))
     return Environment(radiance, rotation)
 
@@ -164,13 +165,13 @@ def sun(row: int, col: int, rows: int = 64, cols: int = 128, rotation: float = 0
 
 
 def sun_direction(row: int, col: int, rows: int = 64, cols: int = 128) -> Float[ndarray, 3]:
-    """Where the middle of an environment's pixel lies: row 0 is the zenith, the middle column -Z, +X to its right."""
+    """The direction to an environment's pixel: row 0 is the zenith, the middle column -Z, +X on its right."""
     theta, azimuth = np.pi * (row + 0.5) / rows, 2.0 * np.pi * ((col + 0.5) / cols - 0.5)
     return np.array([np.sin(theta) * np.sin(azimuth), np.cos(theta), -np.sin(theta) * np.cos(azimuth)])
 
 
 def _solid_angle(row: int, rows: int, cols: int) -> float:
-    """Of the bilinear tent about a pixel's centre, by the midpoint rule."""
+    """The solid angle of the bilinear tent about a pixel's centre, by the midpoint rule."""
     offset = (np.arange(200) + 0.5) / 100.0 - 1.0
     area = (1.0 - np.abs(offset)) * np.sin(np.pi * (row + 0.5 + offset) / rows) * 2.0 * np.pi**2 / (rows * cols)
     return float(area.sum() / 100.0)
@@ -187,7 +188,7 @@ def row_lights(*lit: int, rows: int = 16, cols: int = 8) -> Environment:
 def front_view(
     environment: Environment, distance: float = 3.0, width: int = 16, height: int = 16, vertical_fov: float = 0.8
 ) -> View:
-    """From +Z towards the origin: +X is to the right of the picture and +Y to its top."""
+    """The view from +Z towards the origin: +X is to the right of the picture and +Y to its top."""
     return View(Camera((0.0, 0.0, distance), vertical_fov=vertical_fov), environment, width, height)
 
 
@@ -230,7 +231,7 @@ def with_alpha(surface: Surface, *alphas: float | ndarray) -> Surface:
 
 
 def random_texture(rows: int, cols: int, seed: int = 0) -> Float[Tensor, "rows cols 3"]:
-    """Another colour in every texel, in [0.2, 0.9)."""
+    """A texture with a random colour in every texel, in [0.2, 0.9)."""
     return 0.2 + 0.7 * torch.rand((rows, cols, 3), generator=torch.Generator().manual_seed(seed))
 
 

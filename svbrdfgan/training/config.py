@@ -10,57 +10,83 @@ from pydantic import Field, model_validator
 from svbrdfgan.config.choices import PluginChoice, PluginField
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.data.config import CameraDistribution, EnvironmentSource
-from svbrdfgan.networks import GeneratorConfig, Norm
+from svbrdfgan.networks.layers import Norm
+from svbrdfgan.networks.saved import GeneratorConfig
 
 
 class DiscriminatorConfig(StrictModel):
-    """See `svbrdfgan.networks.Discriminator`. `guide` shows it a G-buffer: the position and normal of each pixel.
+    """The PatchGAN of thesis 4.3.1, which compares pictures (`svbrdfgan.networks.discriminator.Discriminator`)."""
 
-    `light` shows it a light buffer: how each picture's scene lights a matt and two metallic reference materials (see
-    `svbrdfgan.training.reference_pictures`). It is for pictures that cannot be divided by their light.
-
-    `sees: reflectance` removes light, camera and noise from the comparison (see `svbrdfgan.training.step.make_pair`);
-    `auto` decides between the two (see `resolved`).
-    """
-
-    width: int = Field(default=64, ge=4)
-    layers: int = Field(default=3, ge=1, le=5)
-    norm: Norm = "none"
-    guide: bool = True
-    light: bool = False
-    sees: Literal["auto", "radiance", "reflectance"] = "auto"
+    width: int = Field(default=64, ge=4, description="channels after its first convolution")
+    layers: int = Field(
+        default=3, ge=1, le=5, description="strided convolutions: patches have 70 pixels with 3, 34 with 2, 16 with 1"
+    )
+    norm: Norm = Field(default="none", description="a gradient penalty needs `group` or `none`")
+    gbuffer: bool = Field(
+        default=True,
+        description="shows it a G-buffer, the position and normal at each pixel; `false` by default with `rendering: "
+        "online`, where each fake in another camera costs three more pictures",
+    )
+    light_buffer: bool = Field(
+        default=False,
+        description="shows it a light buffer, for pictures that cannot be divided by their light (data sets with "
+        "`maps`, or `rendering: online`): how each picture's scene lights one matt and two metallic white materials; "
+        "with `online`, in scenes that are not matched, each fake costs three more pictures",
+    )
+    compares: Literal["auto", "radiance", "reflectance"] = Field(
+        default="auto",
+        description="`radiance`: the plain pictures; `reflectance`: pictures divided by their light and reprojected "
+        "into the exemplar's camera, without noise; `auto`: `radiance` if every fake has its exemplar's own scene and "
+        "`spp`, with `rendering: online`, or if the data set has `maps`; else `reflectance`",
+    )
 
 
 class LossConfig(StrictModel):
     """The GAN loss and its penalties (thesis 4.3.2, 5.3)."""
 
-    name: Literal["vanilla", "lsgan", "wgan", "relativistic"] = "vanilla"
-    r1: float = Field(default=0.1, ge=0, description="weight of half |gradient|^2 per logit on real pictures")
-    r2: float = Field(default=0.0, ge=0, description="likewise on fakes")
+    name: Literal["vanilla", "lsgan", "wgan", "relativistic"] = Field(
+        default="vanilla", description="`vanilla` is non-saturating"
+    )
+    r1: float = Field(default=0.1, ge=0, description="weight of half the squared gradient per logit on real pictures")
+    r2: float = Field(default=0.0, ge=0, description="the same on fakes")
     gradient_penalty: float = Field(default=0.0, ge=0, description="WGAN-GP's lambda")
-    penalty_every: int = Field(default=8, ge=1, description="steps; the weight grows likewise")
-    critic_steps: int = Field(default=1, ge=1, description="discriminator updates for each of the generator")
+    penalty_every: int = Field(
+        default=8, ge=1, description="steps between penalties; the weight of each is multiplied by this number"
+    )
+    critic_steps: int = Field(
+        default=1, ge=1, description="updates of the discriminator for each update of the generator"
+    )
 
 
 class OptimizerConfig(StrictModel):
     """Adam for both networks, and the generator's average."""
 
-    generator_rate: float = Field(default=2e-4, gt=0)
-    discriminator_rate: float = Field(default=2e-4, gt=0)
-    beta1: float = Field(default=0.5, ge=0, lt=1)
-    beta2: float = Field(default=0.99, ge=0, lt=1)
+    generator_rate: float = Field(default=2e-4, gt=0, description="learning rate")
+    discriminator_rate: float = Field(default=2e-4, gt=0, description="learning rate")
+    beta1: float = Field(default=0.5, ge=0, lt=1, description="decay of the mean of gradients")
+    beta2: float = Field(default=0.99, ge=0, lt=1, description="decay of the mean of their squares")
     ema_images: float = Field(
-        default=4000.0, ge=0, description="half-life of the averaged generator, in images; 0: none"
+        default=4000.0,
+        ge=0,
+        description="half-life, in images, of the averaged generator that is scored and kept; 0: no average",
     )
 
 
 class ScenesConfig(StrictModel):
     """The scenes that fakes are rendered in: those of the exemplars, perturbed (thesis 5.1, 5.2)."""
 
-    camera_noise_degrees: float = Field(default=0.0, ge=0, description="uniform, on azimuth and elevation, either way")
-    camera: CameraDistribution | None = Field(default=None, description="draws each camera, instead of the exemplar's")
-    environment: Literal["same", "redrawn"] | EnvironmentSource = "same"
-    pool: int = Field(default=1, ge=0, description="perturbed scenes stored per exemplar; 0: a new one at every visit")
+    camera_noise_degrees: float = Field(
+        default=0.0, ge=0, description="greatest error of azimuth and elevation, uniformly distributed, either way"
+    )
+    camera: CameraDistribution | None = Field(
+        default=None, description="each camera is drawn from this, instead of the exemplar's"
+    )
+    environment: Literal["same", "redrawn"] | EnvironmentSource = Field(
+        default="same", description="`redrawn`: from the data set's own light; or from another source"
+    )
+    pool: int = Field(
+        default=1, ge=0, description="perturbed scenes stored for each exemplar; 0: a new one at every visit"
+    )
 
     @property
     def same_camera(self) -> bool:
@@ -77,45 +103,68 @@ RECIPES: dict[str, dict[str, Any]] = {
     "thesis": {
         "batch_size": 1,
         "loss": {"name": "wgan", "r1": 0.0, "gradient_penalty": 10.0, "penalty_every": 1, "critic_steps": 5},
-        "discriminator": {"guide": False, "norm": "none", "sees": "radiance"},
+        "discriminator": {"gbuffer": False, "norm": "none", "compares": "radiance"},
         "generator": {"norm": "instance", "upsampling": "strided"},
         "optimizer": {"beta1": 0.5, "beta2": 0.999, "ema_images": 0.0},
     },
 }
 """Defaults of each recipe, for keys that the configuration leaves out."""
 
-_FRESH: dict[str, Any] = {"discriminator": {"guide": False}}
-"""Defaults of `rendering: fresh`, where a G-buffer costs three more pictures of each fake in another camera."""
+_ONLINE: dict[str, Any] = {"discriminator": {"gbuffer": False}}
+"""Defaults of `rendering: online`, where a G-buffer costs three more pictures of each fake in another camera."""
 
 
 class TrainConfig(StrictModel):
     """A whole training run. Keys that are left out have the defaults of the recipe and the rendering (`RECIPES`)."""
 
-    dataset: str
-    recipe: Literal["default", "thesis"] = "default"
-    seed: int = Field(default=0, ge=0, lt=2**63)
-    steps: int = Field(default=20000, ge=1)
-    minutes: float | None = Field(default=None, gt=0, description="stop earlier, after so much training time")
-    batch_size: int = Field(default=16, ge=1)
-    generator: GeneratorConfig = GeneratorConfig()
-    discriminator: DiscriminatorConfig = DiscriminatorConfig()
-    loss: LossConfig = LossConfig()
-    optimizer: OptimizerConfig = OptimizerConfig()
-    scenes: ScenesConfig = ScenesConfig()
-    renderer: PluginField = PluginChoice(name="auto")
-    rendering: Literal["transport", "fresh"] = "transport"
-    spp: int = Field(default=64, ge=1, description="samples per pixel of the pictures trained through")
-    hits: int = Field(default=64, ge=1, description="the most of them that are stored, for layers of whole materials")
-    spp_grad: int | None = Field(default=None, ge=1, description="of their gradients; fresh rendering only")
-    device: Literal["auto", "cpu", "cuda"] = "auto"
-    devices: int = Field(default=1, ge=1)
-    precision: Literal["auto", "32-true", "bf16-mixed"] = "auto"
-    score_every: int = Field(default=500, ge=1)
-    save_every: int = Field(default=1000, ge=1)
+    dataset: str = Field(description="the data set's folder, relative to this file")
+    recipe: Literal["default", "thesis"] = Field(
+        default="default",
+        description="the defaults of all other keys: `default` is this page's, `thesis` is WGAN-GP with batch 1 and "
+        "the thesis's networks",
+    )
+    seed: int = Field(default=0, ge=0, lt=2**63, description="seed of weights, batches and perturbations")
+    steps: int = Field(default=20000, ge=1, description="updates of the generator")
+    minutes: float | None = Field(default=None, gt=0, description="stops earlier, after this training time")
+    batch_size: int = Field(default=16, ge=1, description="exemplars in a step, over all devices")
+    generator: GeneratorConfig = Field(default=GeneratorConfig(), description="the network that paints layers")
+    discriminator: DiscriminatorConfig = Field(
+        default=DiscriminatorConfig(), description="the network that compares pictures"
+    )
+    loss: LossConfig = Field(default=LossConfig(), description="what both minimise")
+    optimizer: OptimizerConfig = Field(default=OptimizerConfig(), description="Adam, for both")
+    scenes: ScenesConfig = Field(default=ScenesConfig(), description="the scenes that fakes are rendered in")
+    renderer: PluginField = Field(default=PluginChoice(name="auto"), description="as in `dataset.yaml`")
+    rendering: Literal["stored", "online"] = Field(
+        default="stored",
+        description="`stored`: what does not depend on the layer is traced once and stored, which is fast: light "
+        "transport of base colour, and light of whole materials if the data set has `maps` "
+        "([more](commands.md#whole-materials)); `online`: online rendering at every step, with any renderer",
+    )
+    spp: int = Field(default=64, ge=1, description="samples per pixel of the fakes; best equal to the data set's")
+    hits: int = Field(
+        default=64,
+        ge=1,
+        description="only where light of whole materials is stored: the most samples kept in each pixel, 20 bytes "
+        "each; fakes have the exemplars' noise if it is at least `spp`",
+    )
+    spp_grad: int | None = Field(
+        default=None,
+        ge=1,
+        description="samples per pixel of the gradient, only with `rendering: online`; `null`: the picture's own "
+        "samples",
+    )
+    device: Literal["auto", "cpu", "cuda"] = Field(default="auto", description="`auto`: a GPU if there is one")
+    devices: int = Field(default=1, ge=1, description="processes, one for each GPU")
+    precision: Literal["auto", "32-true", "bf16-mixed"] = Field(
+        default="auto", description="`auto` is `bf16-mixed` on a GPU"
+    )
+    score_every: int = Field(default=500, ge=1, description="steps between scores on `validation`")
+    save_every: int = Field(default=1000, ge=1, description="steps between checkpoints; the latest two are kept")
 
     @model_validator(mode="after")
     def _filled(self) -> TrainConfig:
-        for defaults in (_FRESH if self.rendering == "fresh" else {}, RECIPES[self.recipe]):
+        for defaults in (_ONLINE if self.rendering == "online" else {}, RECIPES[self.recipe]):
             for name, default in defaults.items():
                 value = getattr(self, name)
                 if isinstance(value, StrictModel):
@@ -127,11 +176,11 @@ class TrainConfig(StrictModel):
 
     @model_validator(mode="after")
     def _possible(self) -> TrainConfig:
-        if self.rendering != "transport" and self.discriminator.sees == "reflectance":
-            raise ValueError("discriminator.sees: reflectance needs rendering: transport, which knows the light")
-        if self.spp_grad is not None and self.rendering == "transport":
+        if self.rendering != "stored" and self.discriminator.compares == "reflectance":
+            raise ValueError("discriminator.compares: reflectance needs rendering: stored, which knows the light")
+        if self.spp_grad is not None and self.rendering == "stored":
             raise ValueError(
-                "spp_grad needs rendering: fresh; stored light has a gradient on the picture's own samples"
+                "spp_grad needs rendering: online; stored light has a gradient on the picture's own samples"
             )
         if self.batch_size % self.devices:
             raise ValueError(f"batch_size {self.batch_size} cannot be shared out among {self.devices} devices evenly")
@@ -155,10 +204,10 @@ def train_config(data: dict[str, Any], source: str) -> TrainConfig:
 
 
 def resolved(config: TrainConfig, spp: int, maps: Collection[str] = ()) -> TrainConfig:
-    """The configuration with `discriminator.sees` decided.
+    """The configuration with `discriminator.compares` decided.
 
     `auto` means radiance where fakes have their exemplars' scenes and samples per pixel, since then only texture
-    tells them apart, and where pictures cannot be divided by their light: with `rendering: fresh`, or if layers paint
+    tells them apart, and where pictures cannot be divided by their light: with `rendering: online`, or if layers paint
     further maps. Elsewhere it means reflectance.
 
     Args:
@@ -166,9 +215,9 @@ def resolved(config: TrainConfig, spp: int, maps: Collection[str] = ()) -> Train
         maps: maps that layers paint beside base_color.
     """
     discriminator = config.discriminator
-    if discriminator.sees != "auto":
+    if discriminator.compares != "auto":
         return config
-    indivisible = bool(maps) or config.rendering != "transport"
+    indivisible = bool(maps) or config.rendering != "stored"
     plain = indivisible or (config.scenes.matched and config.spp == spp)
-    sees = "radiance" if plain else "reflectance"
-    return config.model_copy(update={"discriminator": discriminator.model_copy(update={"sees": sees})})
+    compares = "radiance" if plain else "reflectance"
+    return config.model_copy(update={"discriminator": discriminator.model_copy(update={"compares": compares})})

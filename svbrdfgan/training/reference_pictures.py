@@ -10,9 +10,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.data.generate import BRIGHTEST
+from svbrdfgan.data.exemplar_files import BRIGHTEST
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Environment, Material, Materials, Rendering, View
@@ -39,7 +39,7 @@ _DARK = 1e-3
 """Scales base colours that stand for numbers, so that light which is scattered twice hardly counts."""
 
 
-def require_reference_materials(renderer: Renderer[Any]) -> None:
+def require_reference_materials(renderer: CheckedRenderer) -> None:
     """Checks that a renderer can make light buffers.
 
     Raises:
@@ -48,8 +48,8 @@ def require_reference_materials(renderer: Renderer[Any]) -> None:
     needed = {name for material in REFERENCES.values() for name in material.maps}
     if lacking := sorted(needed - renderer.capabilities.maps):
         raise ConfigError(
-            f"discriminator.light shows light by white metal, and {type(renderer).__name__} cannot render "
-            f"{', '.join(lacking)}: set discriminator.light: false, or choose a renderer that can."
+            f"discriminator.light_buffer shows light by white metal, and {renderer.name} cannot render "
+            f"{', '.join(lacking)}: set discriminator.light_buffer: false, or choose a renderer that can."
         )
 
 
@@ -64,7 +64,7 @@ class ReferencePictures:
         spp: samples per pixel.
     """
 
-    renderer: Renderer[Any]
+    renderer: CheckedRenderer
     prepared: Any
     subject: Subject
     scene: Scene
@@ -74,10 +74,10 @@ class ReferencePictures:
     def light_buffer(self) -> Float[Tensor, "height width 9"]:
         """Diffuse irradiance (divided by pi), and reflections at roughness 0.3 and 0.6, as `REFERENCES` show them.
 
-        RGB each, linear, premultiplied, in half precision as exemplars are stored. Other parts look as in the scene. It
-        depends on geometry, camera and light, and not on the material of the learnable parts.
+        RGB each, linear, premultiplied, in half precision as exemplars are stored. Other parts look as in the scene.
+        The buffer depends on geometry, camera and light, and not on the material of the learnable parts.
         """
-        others = self.subject.materials(self.scene.materials, None, self.scene.maps).parts
+        others = self.subject.materials(None, self.scene.maps, base_colors=self.scene.materials).parts
         painted = self.subject.with_hidden_halves
         images = [
             self._render([white if part in painted else other for part, other in enumerate(others)]).image
@@ -119,5 +119,5 @@ class ReferencePictures:
 
 
 def _seed(seed: int) -> int:
-    """Another seed than the picture's, so that the noise of what stands beside a picture is not that of the picture."""
+    """A seed other than the picture's, so that the noise of what stands beside a picture is not that of the picture."""
     return (seed * 0x85EBCA6B + 0x5BD1E995) % 2**31

@@ -13,16 +13,17 @@ from svbrdfgan.data.conditions import conditions_of
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.networks import Conditions, GeneratorConfig
+from svbrdfgan.networks.conditions import Conditions
+from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
 
 
 @dataclass(frozen=True, eq=False)
 class ResolvedRun:
-    """What a run will do. Code below reads it, and opens and decides nothing again.
+    """A run with all that it will do decided. Code below reads it, and opens and decides nothing again.
 
     Attributes:
-        config: the configuration, with `discriminator.sees` and `discriminator.light` decided.
+        config: the configuration, with `discriminator.compares` and `discriminator.light_buffer` decided.
         dataset: the data set that it names, opened.
         base: the folder that file patterns of the configuration are relative to.
     """
@@ -34,11 +35,11 @@ class ResolvedRun:
     @property
     def deferred(self) -> bool:
         """Whether light is stored for layers of whole materials, in which pictures are not linear."""
-        return self.config.rendering == "transport" and bool(self.dataset.config.maps)
+        return self.config.rendering == "stored" and bool(self.dataset.config.maps)
 
     @property
     def conditions(self) -> Conditions:
-        """What generator and discriminator are told of each layer."""
+        """The facts of each layer that generator and discriminator are told."""
         return conditions_of(self.config.generator, self.dataset.config)
 
     @property
@@ -77,8 +78,8 @@ def seeds_vary(dataset: DatasetConfig) -> bool:
 
 
 def learns_distribution(generator: GeneratorConfig, dataset: DatasetConfig) -> bool:
-    """Whether a generator with chance learns from true layers that are a distribution."""
-    return generator.chance > 0 and seeds_vary(dataset)
+    """Whether a generator with random fields learns from true layers that are a distribution."""
+    return generator.random_fields > 0 and seeds_vary(dataset)
 
 
 def make_fabric(device: str, *, devices: int = 1, precision: str = "auto") -> Fabric:
@@ -98,15 +99,15 @@ def make_fabric(device: str, *, devices: int = 1, precision: str = "auto") -> Fa
 
 def _require_divisible(config: TrainConfig, dataset: DatasetConfig) -> None:
     """Pictures that are linear in their textures are divided by their light; the light of others can be shown."""
-    if config.rendering == "transport" and config.discriminator.light and not dataset.maps:
+    if config.rendering == "stored" and config.discriminator.light_buffer and not dataset.maps:
         raise ConfigError(
-            "discriminator.light: rendering: transport of base_color has discriminator.sees: reflectance instead; set "
-            "discriminator.light: false, or rendering: fresh."
+            "discriminator.light_buffer: rendering: stored of base_color has discriminator.compares: reflectance "
+            "instead; set discriminator.light_buffer: false, or rendering: online."
         )
-    if dataset.maps and config.discriminator.sees == "reflectance":
+    if dataset.maps and config.discriminator.compares == "reflectance":
         raise ConfigError(
-            "discriminator.sees: reflectance is for base_color alone, and the data set's layers paint "
-            f"{', '.join(dataset.maps)} too: set discriminator.sees: radiance."
+            "discriminator.compares: reflectance is for base_color alone, and the data set's layers paint "
+            f"{', '.join(dataset.maps)} too: set discriminator.compares: radiance."
         )
 
 

@@ -21,7 +21,7 @@ _MIX = np.array([0xBF58476D1CE4E5B9, 0x94D049BB133111EB], dtype=np.uint64)
 def gradient_noise(points: Float[ndarray, "points 3"], seed: int) -> Float[ndarray, " points"]:
     """Improved gradient noise (Perlin 2002) of unit wavelength, in [-1, 1], twice continuously differentiable.
 
-    It has mean zero, standard deviation 0.22, and is zero at lattice points. The 64-bit hash replaces Perlin's
+    The noise has mean zero, standard deviation 0.22, and is zero at lattice points. The 64-bit hash replaces Perlin's
     permutation table, so the noise does not repeat every 256 cells.
     """
     cell = np.floor(points)
@@ -62,7 +62,7 @@ def _fbm(points: Float[ndarray, "points 3"], seed: int, octaves: int) -> Float[n
 
 
 def _words(lattice: Int[ndarray, "points 3"]) -> tuple[tuple[ndarray, ndarray, ndarray], ...]:
-    """For the lower and the upper side of each point's cell: 64 bits of each coordinate of the lattice."""
+    """Words of 64 bits for each coordinate of the lattice, at the lower and the upper side of each point's cell."""
     sides = ((lattice.view(np.uint64) * _PRIMES).T, ((lattice + 1).view(np.uint64) * _PRIMES).T)
     return tuple((x, (y << np.uint64(21)) ^ (y >> np.uint64(43)), z) for x, y, z in sides)
 

@@ -1,7 +1,7 @@
 """Ambient-occlusion visibility and mean curvature of a surface at given points.
 
 Both use a point cloud that is spread evenly over the triangles. So they are robust to open shells, non-manifold edges,
-hidden interiors and badly shaped triangles. They take one to two seconds for 65,000 points and 30,000 faces.
+hidden interiors and badly shaped triangles. Both take one to two seconds for 65,000 points and 30,000 faces.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def scatter(
 ) -> tuple[Float[ndarray, "points 3"], Float[ndarray, "points 3"]]:
     """Points about `spacing` metres apart on the faces in the mask (default: all), and their unit shading normals.
 
-    Their number depends only on the area, not on the tessellation. They are evenly spread and deterministic.
+    The number of points depends only on the area, not on the tessellation. Points are evenly spread and deterministic.
     """
     corners = surface.faces if faces is None else surface.faces[faces]
     total = np.cumsum(face_areas(surface.positions, corners))
@@ -40,7 +40,7 @@ def ambient_visibility(
 ) -> Float[ndarray, " points"]:
     """Ambient-occlusion visibility (accessibility) at each point: 1 is unoccluded, 0 is enclosed.
 
-    This is the cosine-weighted share of the hemisphere around the normal that the surface does not occlude. It is
+    Visibility is the cosine-weighted share of the hemisphere around the normal that the surface does not occlude,
     computed from orthographic depth maps in 64 directions, with a soft comparison so that it varies smoothly. Gaps
     smaller than 2 % of the model's size are not resolved.
     """
@@ -50,7 +50,7 @@ def ambient_visibility(
     occluders = ((scatter(surface, 0.6 * cell * radius)[0] - centre) / radius).astype(np.float32)
     # a bias of more than a cell along the normal: without it the surface would occlude itself
     lifted = ((points - centre) / radius + 1.5 * cell * normals).astype(np.float32)
-    free, total = np.zeros(len(points)), np.full(len(points), 1e-12)
+    free, total = np.zeros(len(points)), np.full(len(points), 1e-12)  # a normal of zero faces no direction
     for frame in upper_frames(np.arange(_AXES)).astype(np.float32):
         cosine = np.einsum("pi,i->p", normals, frame[2])
         clearance = _clearance(_turn(occluders, frame), _turn(lifted, frame), cosine < 0.0)
@@ -64,8 +64,8 @@ def mean_curvature(
 ) -> Float[ndarray, " points"]:
     """Mean curvature times `radius`, over a ball of `radius` metres: positive on edges, negative in creases.
 
-    It is the least-squares slope of the normal against the position in the neighbourhood: exactly radius / R on a
-    sphere of radius R, zero on a plane. Hidden parts are ignored, and so are neighbours that face away, such as the
+    The result is the least-squares slope of the normal against the position in the neighbourhood: exactly radius / R on
+    a sphere of radius R, zero on a plane. Hidden parts are ignored, and so are neighbours that face away, such as the
     other side of a sheet.
     """
     hidden = np.array([part.hidden for part in surface.parts])[surface.face_part]
@@ -92,7 +92,8 @@ def _clearance(
 ) -> Float[ndarray, " points"]:
     """Signed distance of each point in front of the depth map along the third axis (its opposite where `backward`).
 
-    It is clipped and interpolated between the four nearest cells of the depth map; empty cells count as unoccluded.
+    The distance is clipped and interpolated between the four nearest cells of the depth map; empty cells count as
+    unoccluded.
     """
     depth = np.full((2, _GRID * _GRID), -1.0e3, dtype=np.float32)
     cells = _cells(np.floor((occluders[:, :2] + 1.0) * (_GRID / 2.0)).astype(np.int64))

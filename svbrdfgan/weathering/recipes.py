@@ -29,7 +29,7 @@ Values = Float[ndarray, " texels"]
 
 @dataclass(frozen=True, eq=False)
 class Coat:
-    """What a recipe paints at each texel.
+    """The maps that a recipe paints, at each texel.
 
     Attributes:
         color: linear RGB in [0, 1].

@@ -50,7 +50,7 @@ def test_a_renderer_that_holds() -> None:
     lines = result.stdout.splitlines()
     assert result.exit_code == 0
     assert "contract" in [line.strip() for line in lines]
-    assert any("Its repr is one line" in line and "passed" in line for line in lines)
+    assert any("repr is one line" in line and "passed" in line for line in lines)
     assert " passed" in lines[-1]
     assert "failed" not in lines[-1]
 

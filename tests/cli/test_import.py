@@ -16,15 +16,14 @@ from PIL import Image
 from svbrdfgan.cli import main
 from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.data.index import Dataset
-from svbrdfgan.data.photos.manifest import LookAtCamera, Manifest, PictureEntry, read_manifest
-from svbrdfgan.io import save_mesh_glb
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
-from svbrdfgan.scene.description import OrbitCamera
+from svbrdfgan.data.photos.manifest import read_manifest
+from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.training.config import train_config
 
 PAGE = Path(__file__).parents[2] / "docs" / "own-pictures.md"
 CAMERA: dict[str, Any] = {"azimuth_degrees": 90, "elevation_degrees": 10, "distance": 1.8}
-ROW = re.compile(r"^\| `([^`]+)` \| (.+?) \| .+ \|$", re.MULTILINE)
 
 
 @pytest.fixture(scope="module")
@@ -97,36 +96,6 @@ def test_both_commands_are_in_the_help() -> None:
     text = invoke("dataset", "import", "--help").stdout
     assert "Usage: svbrdfgan dataset import" in text.replace("main", "svbrdfgan")
     assert "--preview" in text
-
-
-def keys() -> dict[str, Any]:
-    """Every key of a manifest, with its default."""
-    found: dict[str, Any] = dict(Manifest.model_fields)
-    found |= {f"pictures.{name}": field for name, field in PictureEntry.model_fields.items()}
-    for camera in (OrbitCamera, LookAtCamera):
-        found |= {f"pictures.camera.{name}": field for name, field in camera.model_fields.items()}
-    return found
-
-
-def with_value(key: str, value: Any) -> Manifest:
-    """The smallest manifest, with one more value."""
-    data: dict[str, Any] = {"pictures": [{"file": "a.jpg", "mesh": "a.glb", "camera": dict(CAMERA)}]}
-    *above, name = key.split(".")
-    place = {(): data, ("pictures",): data["pictures"][0], ("pictures", "camera"): data["pictures"][0]["camera"]}
-    place[tuple(above)].setdefault(name, value)
-    return read_manifest(data, "page")
-
-
-def test_every_key_is_explained_with_its_default() -> None:
-    table = PAGE.read_text(encoding="utf-8").split("## Every key of a manifest")[1]
-    documented, found = dict(ROW.findall(table)), keys()
-    assert sorted(documented) == sorted(found)
-    assert {k for k, default in documented.items() if default == "required"} == {
-        k for k, field in found.items() if field.is_required()
-    }
-    shown = {key: yaml.safe_load(default.strip("`")) for key, default in documented.items() if default.startswith("`")}
-    assert len(shown) > 15
-    assert [key for key, value in shown.items() if with_value(key, value) != with_value("texture", 256)] == []
 
 
 def test_the_page_s_files_are_right() -> None:

@@ -19,9 +19,12 @@ from PIL import Image
 from svbrdfgan_numpy import NumpyRenderer
 
 from svbrdfgan.cli import main
-from svbrdfgan.data.exemplars import load_picture
-from svbrdfgan.io import load_mesh, save_environment, save_mesh_glb
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.data.exemplar_files import load_picture
+from svbrdfgan.io.environment import save_environment
+from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.protocols import RendererCapabilities
 
 Data = Callable[..., dict[str, Any]]
@@ -212,16 +215,16 @@ def test_what_failed_before_it_began_can_be_corrected(training_data: Data, tmp_p
     words = ("train", tmp_path / "train.yaml", "-o", tmp_path / "run")
     refused = invoke(*words, "renderer={name: numpy, max_bounces: 2}")
     assert refused.exit_code == 1
-    assert "set rendering: fresh or choose another renderer" in refused.stderr.splitlines()[-1]
+    assert "set rendering: online or choose another renderer" in refused.stderr.splitlines()[-1]
     assert "1 steps" in succeeded(invoke(*words))
 
 
 def test_evaluate(run: Path, tmp_path: Path) -> None:
     output = succeeded(invoke("evaluate", run, "--split", "validation", "--no-oracle", "--device", "cpu"))
     verdict = json.loads((run / "evaluation.validation.json").read_text())
-    assert f"recovered: {verdict['recovered']:.3f}" in output
+    assert f"recovered: {verdict['generated']['recovered']:.3f}" in output
     assert verdict["oracle"] is None
-    assert verdict["flip_truth"] < verdict["flip"]
+    assert verdict["truth"]["flip"] < verdict["generated"]["flip"]
     report = Path(output.splitlines()[-1])
     assert report.suffix == ".html"
     assert report.is_file()

@@ -48,7 +48,7 @@ def test_nothing_is_written_unasked(training_data: Data, tmp_path: Path) -> None
     [
         (("stesp=3",), "unknown key 'stesp'"),
         (("dataset=nowhere",), "is not a data set"),
-        (("renderer={name: numpy, max_bounces: 2}",), "set rendering: fresh or choose another renderer"),
+        (("renderer={name: numpy, max_bounces: 2}",), "set rendering: online or choose another renderer"),
     ],
 )
 def test_a_failure_is_one_sentence(words: tuple[str, ...], said: str, training_data: Data, tmp_path: Path) -> None:

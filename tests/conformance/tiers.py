@@ -37,8 +37,6 @@ IN_TOTAL = (
 
 CHANGED_BY_BOUNCES = (
     "test_capabilities_name_what_exists",
-    "test_transport_is_there_where_declared",
-    "test_maps_it_lacks_are_refused",
     "test_same_seed_same_picture",
     "test_a_pullback_keeps_what_it_was_given",
     "test_light_bounces_as_often_as_declared",

@@ -1,5 +1,6 @@
 """The public names are exactly those that docs/api.md lists."""
 
+import ast
 import importlib
 import pkgutil
 import re
@@ -10,6 +11,13 @@ from pathlib import Path
 import pytest
 
 import svbrdfgan
+
+LIST = Path(__file__).parents[1] / "public_names.txt"
+PUBLIC_MODULES = (
+    *("svbrdfgan", "svbrdfgan.errors", "svbrdfgan.protocols", "svbrdfgan.types", "svbrdfgan.testing"),
+    *("svbrdfgan.rendering.autograd_vjp", "svbrdfgan.geometry.cells", "svbrdfgan.geometry.normals"),
+    *("svbrdfgan.geometry.split", "svbrdfgan.geometry.subdivide", "svbrdfgan.geometry.tangents"),
+)
 
 
 def listed(repository: Path) -> list[str]:
@@ -31,13 +39,26 @@ def test_every_name_leads_somewhere(name: str) -> None:
 
 
 def test_type_checkers_see_the_same_names() -> None:
-    source = Path(svbrdfgan.__file__).read_text(encoding="utf-8")
-    block = source.split("if TYPE_CHECKING:\n")[1].split("\n\n")[0]
-    for module, names in re.findall(r"from (\S+) import (.+)", block):
-        for name in names.split(", "):
-            assert getattr(importlib.import_module(module), name) is getattr(svbrdfgan, name)
-    named = {name for _, names in re.findall(r"from (\S+) import (.+)", block) for name in names.split(", ")}
-    assert named | {"__version__"} == set(svbrdfgan.__all__)
+    source = ast.parse(Path(svbrdfgan.__file__).read_text(encoding="utf-8"))
+    (block,) = (node for node in source.body if isinstance(node, ast.If))
+    named = {alias.name: node.module for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names}
+    for name, module in named.items():
+        assert getattr(importlib.import_module(module), name) is getattr(svbrdfgan, name)
+    assert {*named, "__version__"} == set(svbrdfgan.__all__)
+
+
+def test_no_public_name_comes_or_goes_unannounced() -> None:
+    """`tests/public_names.txt` lists them all: the package's, and those of the modules that plugins import."""
+    found = "".join(f"{module}.{name}\n" for module in PUBLIC_MODULES for name in public_names(module))
+    wanted = LIST.read_text(encoding="utf-8")
+    assert found == wanted, f"public names changed: write them into {LIST.name}, docs/api.md and CHANGELOG.md"
+
+
+def public_names(module: str) -> list[str]:
+    """The names in `__all__`, or else those that the module itself defines, without a leading underscore."""
+    loaded = importlib.import_module(module)
+    own = (name for name, value in vars(loaded).items() if getattr(value, "__module__", None) == module)
+    return sorted(getattr(loaded, "__all__", (name for name in own if not name.startswith("_"))))
 
 
 def test_no_name_is_that_of_a_module() -> None:

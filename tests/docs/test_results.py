@@ -1,23 +1,47 @@
-"""The stored results behind docs/results.md belong to rows that are still declared."""
+"""The figures of docs/results.md are those of the stored results that it names."""
 
+import json
+import re
 import tarfile
+from collections import defaultdict
 from pathlib import Path
+from statistics import mean
+from typing import Any
 
-from svbrdfgan.experiments.definition import experiment_names
-from svbrdfgan.experiments.outcome import RunOutcome
-from svbrdfgan.experiments.run_matrix import RunMatrix, RunSpec
-from svbrdfgan.experiments.run_store import RunStore
+import pytest
 
-RESULTS = Path(__file__).parents[2] / "docs" / "results" / "gpu.tar.xz"
+ROW = re.compile(r"^\|[^|]+\|[^|]*\| `([\w-]+)` \|([^|]*)\|([^|]*)\|$", re.MULTILINE)
+OUTCOME = re.compile(r"^(?:\./)?runs/([\w-]+?)-(\d+)/outcome\.json$")
 
 
-def test_kept_results_are_those_of_declared_rows(tmp_path: Path) -> None:
-    """So `svbrdfgan experiment` can continue from them. After a default has changed, they must be run again."""
-    with tarfile.open(RESULTS) as archive:
-        archive.extractall(tmp_path, filter="data")
-    runs = RunStore(tmp_path / "runs", RunSpec)
-    kept = list((tmp_path / "runs").iterdir())
-    cells = [cell for name in experiment_names() for cell in RunMatrix.load(name, "gpu").cells()]
-    found = {runs.find(cell.spec) for cell in cells} - {None}
-    assert found == set(kept)
-    assert all(0 < RunOutcome.load(folder).evaluation.seen <= 1 for folder in kept)
+@pytest.fixture(scope="module")
+def page(repository: Path) -> str:
+    return (repository / "docs" / "results.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def fractions(repository: Path) -> dict[str, list[float]]:
+    """The fraction of the oracle of each seed, by run, such as `training-matched-default`."""
+    found: dict[str, list[float]] = defaultdict(list)
+    with tarfile.open(repository / "docs" / "lab" / "gpu.tar.xz") as archive:
+        for member in archive:
+            named, file = OUTCOME.match(member.name), archive.extractfile(member)
+            if named and file:
+                record: dict[str, Any] = json.load(file)
+                found[named[1]].append(record["evaluation"]["fraction"])
+    return found
+
+
+def test_each_figure_is_the_mean_of_the_stored_runs(page: str, fractions: dict[str, list[float]]) -> None:
+    rows = ROW.findall(page)
+    assert len(rows) >= 8
+    for run, *cells in rows:
+        for recipe, cell in zip(("thesis", "default"), cells, strict=True):
+            if cell.strip():
+                told = float(cell.replace("\\*", ""))
+                assert told == pytest.approx(mean(fractions[f"{run}-{recipe}"]), abs=0.006), (run, recipe)
+
+
+def test_figures_of_one_seed_are_marked(page: str, fractions: dict[str, list[float]]) -> None:
+    for run, _, ours in ROW.findall(page):
+        assert ("*" in ours) == (len(fractions[f"{run}-default"]) == 1), run

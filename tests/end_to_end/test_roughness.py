@@ -18,7 +18,8 @@ from svbrdfgan_numpy import NumpyRenderer
 
 from svbrdfgan.cli import main
 from svbrdfgan.data.config import dataset_config
-from svbrdfgan.data.exemplars import load_exemplars, load_picture
+from svbrdfgan.data.exemplar_files import load_picture
+from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
@@ -26,8 +27,9 @@ from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.inference.apply import paint
 from svbrdfgan.inference.export import write_weathered
-from svbrdfgan.io import load_image, load_mesh, load_texture, srgb_from_linear
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.io.image import load_image, load_texture, srgb_from_linear
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import RendererCapabilities
 from svbrdfgan.training.batches import make_batch_source
 from svbrdfgan.training.config import TrainConfig, train_config
@@ -36,13 +38,14 @@ from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.training.run import load_model
 from svbrdfgan.training.state import State
 from svbrdfgan.training.trainer import train
+from svbrdfgan.types import Layer
 
 Data = Callable[..., dict[str, Any]]
 Settings = Callable[..., TrainConfig]
 CPU = torch.device("cpu")
-FRESH: dict[str, Any] = {
-    "rendering": "fresh",
-    "discriminator": {"guide": False},
+ONLINE: dict[str, Any] = {
+    "rendering": "online",
+    "discriminator": {"gbuffer": False},
     "spp": 2,
     "batch_size": 1,
     "score_every": 10,
@@ -66,7 +69,7 @@ def folder(declared: Data, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def settings(training_data: Data, folder: Path) -> Settings:
-    return lambda **changes: train_config(training_data(**{"dataset": str(folder), **FRESH, **changes}), "here")
+    return lambda **changes: train_config(training_data(**{"dataset": str(folder), **ONLINE, **changes}), "here")
 
 
 @pytest.fixture(scope="module")
@@ -83,8 +86,8 @@ def test_exemplars_say_how_rough_paint_and_dirt_are(folder: Path) -> None:
     assert all(0.2 <= value <= 0.5 for value in bare)
     for layer in exemplars.layers:
         assert layer is not None
-        assert layer.shape == (32, 32, 5)
-        assert 0.85 <= layer[..., 4].min() < layer[..., 4].max() <= 0.95
+        assert layer.maps == ("roughness",)
+        assert 0.85 <= layer["roughness"].min() < layer["roughness"].max() <= 0.95
 
 
 def test_the_gradient_of_the_channel_is_alpha_times_that_of_the_map(settings: Settings, folder: Path) -> None:
@@ -100,7 +103,7 @@ def test_the_gradient_of_the_channel_is_alpha_times_that_of_the_map(settings: Se
     subject, scene = scenes.exemplars.subject(0), scenes.scenes[0]
     gradients = scenes.layer.renderer.render_vjp(
         scenes.prepared[0],
-        subject.materials(scene.materials, layers[0], scene.maps),
+        subject.materials(Layer(layers[0], ("roughness",)), scene.maps, base_colors=scene.materials),
         scenes.exemplars.loader.view(scene),
         cotangent[0],
         wrt=frozenset({"roughness"}),
@@ -121,7 +124,7 @@ def test_ten_steps_teach_the_channel(renderer: str, settings: Settings, run: Pat
             pytest.skip("the mitsuba renderer needs mitsuba")
         run = tmp_path / "run"
         train(settings(steps=10, renderer={"name": "mitsuba", "device": "cpu"}), run)
-    before = State.fresh(settings(steps=10), CPU, channels=5).generator.state_dict()
+    before = State.fresh(settings(steps=10), CPU, maps=("roughness",)).generator.state_dict()
     after = load_file(run / "checkpoints" / "step_00000010" / "state.safetensors")
     last = list(before)[-2]
     assert last.endswith("weight")
@@ -132,14 +135,14 @@ def test_ten_steps_teach_the_channel(renderer: str, settings: Settings, run: Pat
 
 def test_the_model_paints_and_exports_the_map(run: Path, folder: Path, tmp_path: Path) -> None:
     model = load_model(run)
-    assert model.generator.channels == 5
+    assert model.generator.maps == ("roughness",)
     assert model.config.maps == {"roughness": 0.35}
     subject, layer = paint(load_mesh(next((folder / "assets" / "meshes").iterdir())), model)
-    assert layer.shape == (32, 32, 5)
+    assert layer.values.shape == (32, 32, 5)
     write_weathered(tmp_path / "car.glb", subject, layer, model.config.maps)
     assert {path.name for path in tmp_path.iterdir()} == {"car.glb", "car.layer.png", "car.roughness.png"}
     stored = srgb_from_linear(load_texture(tmp_path / "car.roughness.png"))[..., 0]
-    alpha, value = layer[..., 3], layer[..., 4]
+    alpha, value = layer.alpha, layer["roughness"][..., 0]
     expected = 0.35 * (1 - alpha) + value * alpha
     torch.testing.assert_close(stored, expected, atol=0.6 / 255, rtol=0)
     scene = trimesh.load_scene(tmp_path / "car.glb")
@@ -154,18 +157,17 @@ def test_the_model_paints_and_exports_the_map(run: Path, folder: Path, tmp_path:
 @pytest.mark.full
 def test_the_verdict_names_the_map(run: Path) -> None:
     evaluated = evaluate(run, split="validation", device="cpu", schedule=OracleConfig(every=2, steps=4))
-    scores = evaluated.evaluation.maps
+    found = evaluated.evaluation
+    scores, worst = found.generated.maps, found.constant.errors["roughness"]
     assert scores.keys() == {"base_color", "roughness"}
-    rough = scores["roughness"]
-    assert rough.error is not None
-    assert rough.constant_error is not None
-    assert rough.area is not None
-    assert rough.recovered == pytest.approx(1 - rough.error / rough.constant_error)
-    assert 0.2 < rough.area <= evaluated.evaluation.seen == scores["base_color"].area
-    assert scores["base_color"].recovered == evaluated.evaluation.recovered
-    assert evaluated.evaluation.lines()[-1].startswith("roughness  ")
+    assert scores["roughness"].error is not None
+    assert worst is not None
+    assert scores["roughness"].recovered == pytest.approx(1 - scores["roughness"].error / worst)
+    assert 0.2 < found.areas["roughness"] <= found.seen == found.areas["base_color"]
+    assert scores["base_color"].recovered == found.generated.recovered
+    assert found.lines()[-1].startswith("roughness  ")
     assert all(layer.shape[1:] == (32, 32, 5) for layer in evaluated.layers.values())
-    assert evaluated.evaluation.flip_truth < evaluated.evaluation.flip_constant
+    assert found.truth.flip < found.constant.flip
 
 
 def test_the_model_is_chosen_by_the_mean_of_its_maps(run: Path) -> None:
@@ -185,8 +187,8 @@ def test_a_stored_scene_renders_again(folder: Path, tmp_path: Path) -> None:
 
 
 def test_a_renderer_that_stores_no_light_is_refused(settings: Settings, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"NumpyRenderer does not: set rendering: fresh or choose") as caught:
-        train(settings(rendering="transport", renderer="numpy"), tmp_path / "run")
+    with pytest.raises(ConfigError, match=r"NumpyRenderer does not: set rendering: online or choose") as caught:
+        train(settings(rendering="stored"), tmp_path / "run")
     assert len(str(caught.value).splitlines()) == 1
 
 

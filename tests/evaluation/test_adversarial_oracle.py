@@ -24,13 +24,13 @@ from svbrdfgan.evaluation.adversarial_oracle import Budget, TrueLayers, train_ad
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.evaluation.record import Evaluation, share
-from svbrdfgan.networks import Generator, make_generator
-from svbrdfgan.networks.saved import load_generator, save_generator
-from svbrdfgan.rendering.compositing import RGBA
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.saved import load_generator, make_generator, save_generator
 from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.training.metrics_log import read_metrics
 from svbrdfgan.training.run import LOG, ORACLE, ORACLE_NOTES, RunConfig
 from svbrdfgan.training.trainer import train
+from svbrdfgan.types import Layer
 
 CPU = torch.device("cpu")
 SIZE = 32
@@ -38,7 +38,7 @@ CONFIG = TrainConfig.model_validate(
     {
         "dataset": "none",
         "batch_size": 4,
-        "generator": {"width": 4, "blocks": 1, "chance": 2},
+        "generator": {"width": 4, "blocks": 1, "random_fields": 2},
         "discriminator": {"width": 8, "layers": 1},
         "optimizer": {"generator_rate": 2e-3, "discriminator_rate": 5e-3, "ema_images": 200},
     }
@@ -59,12 +59,14 @@ def even() -> TrueLayers:
     shown = torch.zeros(2, SIZE, SIZE, dtype=torch.bool)
     shown[:, SIZE // 2 :] = True
     geometry = torch.randn(2, 6, SIZE, SIZE, generator=torch.Generator().manual_seed(0))
-    return TrueLayers(geometry, shown, layers.half(), torch.arange(16) % 2, 2 * amounts[:, None] - 1, gbuffer=True)
+    return TrueLayers(
+        geometry, shown, Layer(layers.half()), torch.arange(16) % 2, 2 * amounts[:, None] - 1, gbuffer=True
+    )
 
 
 def generator_of(truth: TrueLayers) -> Generator:
     labels = 0 if truth.labels is None else truth.labels.shape[1]
-    return Generator(width=4, blocks=1, chance=2, labels=labels, channels=truth.layers.shape[-1])
+    return Generator(width=4, blocks=1, random_fields=2, labels=labels, maps=truth.layers.maps)
 
 
 def test_the_discriminator_sees_the_layers_where_pictures_show_them(even: TrueLayers, fabric: Fabric) -> None:
@@ -86,7 +88,7 @@ def test_what_is_not_shown_teaches_nothing(even: TrueLayers, fabric: Fabric) -> 
     def stub(*_: Tensor) -> Tensor:
         return painted
 
-    stub.chance = 0  # type: ignore[attr-defined]
+    stub.random_fields = 0  # type: ignore[attr-defined]
     even.batch(fabric, stub, [0, 1], np.random.default_rng(0)).fake.square().sum().backward()  # type: ignore[arg-type]
     assert painted.grad is not None
     assert not painted.grad[:, : SIZE // 2].any()
@@ -95,7 +97,8 @@ def test_what_is_not_shown_teaches_nothing(even: TrueLayers, fabric: Fabric) -> 
 
 def test_further_maps_are_judged_and_labels_may_be_missing(even: TrueLayers, fabric: Fabric) -> None:
     further = torch.full((16, SIZE, SIZE, 4), 0.5).half()  # roughness and normal
-    whole = replace(even, layers=torch.cat([even.layers, further], dim=-1), labels=None, gbuffer=False)
+    layers = Layer(torch.cat([even.layers.values, further], dim=-1), ("roughness", "normal"))
+    whole = replace(even, layers=layers, labels=None, gbuffer=False)
     batch = whole.batch(fabric, generator_of(whole), [0, 1, 2], np.random.default_rng(0))
     assert batch.real.shape == (3, whole.judged, SIZE, SIZE) == (3, 4 + 1 + 2, SIZE, SIZE)
 
@@ -122,7 +125,7 @@ def test_time_ends_it(even: TrueLayers, fabric: Fabric) -> None:
 
 
 def test_losses_that_are_not_finite_are_reported(even: TrueLayers, fabric: Fabric) -> None:
-    broken = replace(even, layers=torch.full_like(even.layers, torch.nan))
+    broken = replace(even, layers=Layer(torch.full_like(even.layers.values, torch.nan)))
     with pytest.raises(TrainingError, match="the oracle stopped at step 2: a loss or weight is not finite"):
         train_adversarial_oracle(fabric, CONFIG, broken, Budget(2))
 
@@ -137,8 +140,8 @@ def test_it_learns_from_as_many_layers_as_there_are_exemplars(varied_run: Path) 
         assert not truth.shown[number][~subject.learnable_texels].any()
     assert truth.labels is not None
     assert torch.equal(truth.labels, labels_of_scenes(config.conditions, exemplars.scenes))
-    for index, layer in enumerate(truth.layers):
-        assert torch.equal(layer, exemplars.layers[index].half())
+    for index, layer in enumerate(truth.layers.values):
+        assert torch.equal(layer, exemplars.layers[index].values.half())
     with pytest.raises(AssetError, match="nothing to learn from"):
         TrueLayers.of(exemplars, lambda index: torch.zeros(SIZE, SIZE), config, CPU)
 
@@ -147,33 +150,36 @@ def test_it_learns_from_as_many_layers_as_there_are_exemplars(varied_run: Path) 
 def test_evaluation_trains_it_for_a_run_that_learns_a_distribution(varied_run: Path, tmp_path: Path) -> None:
     run = shutil.copytree(varied_run, tmp_path / "run")
     found = evaluate(run, split="validation", device="cpu").evaluation
-    assert found.oracle_steps == 4  # as the run
-    assert found.oracle_plateau is found.oracle_validation is found.fraction is None
-    assert found.draws_oracle is not None
-    assert found.resemblance_oracle == found.draws_oracle.resemblance
-    assert found.resemblance_fraction == share(found.resemblance, found.resemblance_oracle)
-    assert set(found.figures) == {"generated", "oracle", "truth"}
+    best = found.oracle
+    assert best is not None
+    assert best.steps == 4  # as the run
+    assert best.plateau is best.validation is found.fraction is None
+    assert best.draws is not None
+    assert found.resemblance_fraction == share(found.generated.resemblance, best.resemblance)
+    drawn = {painter for painter, scores in found.painters.items() if scores.figures is not None}
+    assert drawn == {"generated", "oracle", "truth"}
     assert any(line.startswith("its oracle:") for line in found.lines())
     assert Evaluation.model_validate_json((run / "evaluation.validation.json").read_text()) == found
     generator, score = load_generator(run / ORACLE)
-    assert generator.chance == 3
+    assert generator.random_fields == 3
     assert score is None
     written = (run / ORACLE).stat().st_mtime_ns
     again = evaluate(run, split="validation", device="cpu").evaluation
-    assert again.oracle_steps == 4
-    assert again.resemblance_oracle == pytest.approx(found.resemblance_oracle, abs=1e-3)
+    assert again.oracle is not None
+    assert again.oracle.steps == 4
+    assert again.oracle.resemblance == pytest.approx(best.resemblance, abs=1e-3)
     assert (run / ORACLE).stat().st_mtime_ns == written
 
 
 @pytest.mark.full
 def test_a_run_that_was_continued_has_its_oracle_trained_anew(varied_run: Path, tmp_path: Path) -> None:
     run = shutil.copytree(varied_run, tmp_path / "run")
-    assert evaluate(run, split="validation", device="cpu").evaluation.oracle_steps == 4
+    assert evaluate(run, split="validation", device="cpu").evaluation.oracle.steps == 4
     last = read_metrics(run)[-1]
     with (run / LOG).open("a") as log:
         log.write(json.dumps({**last, "step": 6}) + "\n")
     for _ in range(2):
-        assert evaluate(run, split="validation", device="cpu").evaluation.oracle_steps == 6
+        assert evaluate(run, split="validation", device="cpu").evaluation.oracle.steps == 6
 
 
 def test_an_oracle_of_an_earlier_version_is_not_taken_for_it(
@@ -181,20 +187,21 @@ def test_an_oracle_of_an_earlier_version_is_not_taken_for_it(
 ) -> None:
     monkeypatch.setattr(true_draws, "_POINTS", 128)
     run = shutil.copytree(varied_run, tmp_path / "run")
-    earlier = RunConfig.load(run).train.generator.without_chance
-    save_generator(run / ORACLE, make_generator(earlier, RGBA), earlier, 0.1)
+    earlier = RunConfig.load(run).train.generator.without_random_fields
+    save_generator(run / ORACLE, make_generator(earlier), earlier, 0.1)
     (run / ORACLE_NOTES).write_text(json.dumps({"plateau": True, "steps": 300}))
-    assert evaluate(run, split="validation", device="cpu").evaluation.draws_oracle is not None
+    assert evaluate(run, split="validation", device="cpu").evaluation.oracle.draws is not None
 
 
 @pytest.mark.full
 def test_where_seeds_are_fixed_the_oracle_is_supervised(
     training_data: Callable[..., dict[str, Any]], tmp_path: Path
 ) -> None:
-    train(train_config(training_data(generator={"chance": 2}, steps=1), "here"), tmp_path)
+    train(train_config(training_data(generator={"random_fields": 2}, steps=1), "here"), tmp_path)
     quick = OracleConfig(rate=1e-2, every=10, steps=10)
     found = evaluate(tmp_path, split="validation", device="cpu", schedule=quick).evaluation
-    assert found.oracle_plateau is False
-    assert found.fraction == share(found.recovered, found.oracle)
-    assert found.draws_oracle is None
-    assert load_generator(tmp_path / ORACLE)[0].chance == 0
+    assert found.oracle is not None
+    assert found.oracle.plateau is False
+    assert found.fraction == share(found.generated.recovered, found.oracle.recovered)
+    assert found.oracle.draws is None
+    assert load_generator(tmp_path / ORACLE)[0].random_fields == 0

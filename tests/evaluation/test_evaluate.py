@@ -12,9 +12,10 @@ import pytest
 import torch
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.evaluation.evaluate import Evaluated, evaluate, pictures
+from svbrdfgan.evaluation.evaluate import evaluate
+from svbrdfgan.evaluation.evaluated import Evaluated, pictures
 from svbrdfgan.evaluation.oracle import OracleConfig
-from svbrdfgan.evaluation.record import Evaluation, share
+from svbrdfgan.evaluation.record import ConstantScores, Evaluation, LearnedScores, OracleScores, PainterScores
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.trainer import train
 
@@ -38,30 +39,29 @@ def test_the_verdict_is_written_down(run: Path, evaluated: Evaluated) -> None:
     assert not (run / "evaluation.json").exists()  # which is of the test split
     assert Evaluation.model_validate_json((run / "evaluation.validation.json").read_text()) == verdict
     assert (verdict.split, verdict.subjects, verdict.exemplars) == ("validation", 1, 2)
-    assert verdict.oracle is not None
-    assert verdict.fraction == share(verdict.recovered, verdict.oracle)
-    assert verdict.oracle_validation == pytest.approx(verdict.oracle, abs=1e-4)  # the split that is scored here
-    assert verdict.oracle_steps == 20
-    assert verdict.oracle_plateau is False
+    best = verdict.oracle
+    assert best is not None
+    assert verdict.fraction == (verdict.generated.recovered / best.recovered if best.recovered > 0 else None)
+    assert best.validation == pytest.approx(best.recovered, abs=1e-4)  # the split that is scored here
+    assert (best.steps, best.plateau) == (20, False)
     assert 0 < verdict.seen < 1
 
 
 def test_the_truth_looks_like_the_exemplars_but_for_noise(evaluated: Evaluated) -> None:
     verdict = evaluated.evaluation
-    assert 0 < verdict.flip_truth < min(verdict.flip, verdict.flip_constant)
+    assert 0 < verdict.truth.flip < min(verdict.generated.flip, verdict.constant.flip)
 
 
 def test_a_run_is_relit(evaluated: Evaluated) -> None:
     """Two scenes of the one vehicle, whose layer is not the truth in any light. base_color alone needs no table."""
     verdict = evaluated.evaluation
     assert len(evaluated.relit) == 2
-    assert verdict.relit_flip is not None
-    assert verdict.relit_flip_truth is not None
-    assert 0 < verdict.relit_flip_truth < verdict.relit_flip
-    assert verdict.relit_ratio == share(verdict.relit_flip, verdict.relit_flip_oracle)
+    relit = {painter: scores.relit_flip for painter, scores in verdict.painters.items()}
+    assert 0 < relit["truth"] < relit["generated"]
+    assert verdict.relit_ratio == relit["generated"] / relit["oracle"]
     shown = [scene.flips() for scene in evaluated.relit]
-    assert verdict.relit_flip_oracle == pytest.approx(sum(flips["oracle"] for flips in shown) / 2)
-    assert verdict.maps == {}
+    assert relit == pytest.approx({painter: sum(flips[painter] for flips in shown) / 2 for painter in relit})
+    assert verdict.map_table() == {}
 
 
 def test_pictures_have_the_samples_of_the_exemplars(
@@ -70,12 +70,14 @@ def test_pictures_have_the_samples_of_the_exemplars(
     """Whatever a run trained with, FLIP of its rows can be compared."""
     train(train_config(training_data(spp=1, steps=1), "here"), tmp_path)
     noisy = evaluate(tmp_path, split="validation", oracle=False, device="cpu")
-    assert noisy.evaluation.flip_truth == evaluated.evaluation.flip_truth
+    assert noisy.evaluation.truth.flip == evaluated.evaluation.truth.flip
 
 
 def test_the_validation_score_is_that_of_training(run: Path, evaluated: Evaluated) -> None:
     history = json.loads((sorted((run / "checkpoints").iterdir())[-1] / "state.json").read_text())["history"]
-    assert evaluated.evaluation.recovered == pytest.approx(max(entry["recovered"] for entry in history), abs=1e-5)
+    assert evaluated.evaluation.generated.recovered == pytest.approx(
+        max(entry["recovered"] for entry in history), abs=1e-5
+    )
 
 
 def test_layers_are_painted_on_every_subject(evaluated: Evaluated) -> None:
@@ -84,13 +86,14 @@ def test_layers_are_painted_on_every_subject(evaluated: Evaluated) -> None:
         assert layers.shape == (1, 32, 32, 4)
     constant = evaluated.layers["constant"].reshape(-1, 4)
     assert (constant == constant[0]).all()
-    assert constant[0].tolist() == pytest.approx(evaluated.evaluation.constant)
+    assert constant[0].tolist() == pytest.approx(evaluated.evaluation.constant.layer)
 
 
 def test_pictures_show_the_same_scene_under_each_layer(evaluated: Evaluated) -> None:
-    shown = pictures(evaluated.source, 1, evaluated.layers_of(1))
-    assert set(shown) == {"generated", "oracle", "constant", "truth"}
-    bare = evaluated.source.fake_scenes._stored((1, 0)).coverage == 0  # type: ignore[union-attr]
+    layers = evaluated.layers_of(1)
+    assert set(layers) == {"generated", "oracle", "constant", "truth"}
+    shown = dict(zip(layers, pictures(evaluated.source, 1, layers.values()), strict=True))
+    bare = evaluated.source.fake_scenes._stored((1, 0)).coverage == 0  # type: ignore[attr-defined]
     for picture in shown.values():
         assert picture.shape == (32, 32, 3)
         assert torch.equal(picture[bare], shown["truth"][bare])
@@ -100,8 +103,8 @@ def test_the_oracle_is_trained_once(run: Path, evaluated: Evaluated) -> None:
     written = (run / "oracle.safetensors").stat().st_mtime_ns
     again = evaluate(run, split="validation", device="cpu", schedule=OracleConfig(steps=1))
     assert (run / "oracle.safetensors").stat().st_mtime_ns == written
-    assert again.evaluation.oracle == pytest.approx(evaluated.evaluation.oracle, abs=1e-4)
-    assert again.evaluation.oracle_steps == 20
+    assert again.evaluation.oracle.recovered == pytest.approx(evaluated.evaluation.oracle.recovered, abs=1e-4)
+    assert again.evaluation.oracle.steps == 20
 
 
 def test_lights_of_the_training_need_not_be_found_again(
@@ -116,14 +119,20 @@ def test_lights_of_the_training_need_not_be_found_again(
     train(config, tmp_path / "run", base=tmp_path)
     shutil.rmtree(tmp_path / "lights")
     verdict = evaluate(tmp_path / "run", split="validation", oracle=False, device="cpu").evaluation
-    assert verdict.oracle is verdict.fraction is verdict.oracle_plateau is None
+    assert verdict.oracle is verdict.fraction is None
 
 
 def test_what_is_told() -> None:
     verdict = Evaluation(
-        split="test", recovered=0.5, oracle=0.8, fraction=0.625, oracle_plateau=True, oracle_steps=300, flip=0.1,
-        flip_oracle=0.05, flip_constant=0.2, flip_truth=0.02, seen=0.75, constant=(0, 0, 0, 0), subjects=3, exemplars=6,
-    )  # fmt: skip
+        split="test",
+        subjects=3,
+        exemplars=6,
+        areas={"base_color": 0.75},
+        generated=LearnedScores(recovered=0.5, flip=0.1),
+        oracle=OracleScores(recovered=0.8, flip=0.05, steps=300, plateau=True),
+        constant=ConstantScores(flip=0.2, layer=(0, 0, 0, 0)),
+        truth=PainterScores(flip=0.02),
+    )
     told = "\n".join(verdict.lines())
     for word in ("0.500", "0.800", "0.625", "at its plateau after 300 steps", "75%", "3 test subjects"):
         assert word in told

@@ -1,46 +1,68 @@
-"""The record of an evaluation: what it says, and that earlier ones can still be read."""
+"""The record of an evaluation: what it says of each painter, and of the generator beside the oracle."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from svbrdfgan.evaluation.record import Evaluation, MapScore, share
+from svbrdfgan.evaluation.record import Evaluation, share
 from svbrdfgan.io.records import load_record
 
-EARLIER = {
-    "split": "test", "recovered": 0.5, "oracle": 0.8, "fraction": 0.625, "oracle_plateau": True, "oracle_steps": 300,
-    "flip": 0.1, "flip_oracle": 0.05, "flip_constant": 0.2, "flip_truth": 0.02, "seen": 0.75,
-    "constant": (0.0, 0.0, 0.0, 0.0), "subjects": 3, "exemplars": 6,
+SCORES = {
+    "split": "test", "subjects": 3, "exemplars": 6, "areas": {"base_color": 0.75},
+    "generated": {"recovered": 0.5, "flip": 0.1},
+    "oracle": {"recovered": 0.8, "flip": 0.05, "plateau": True, "steps": 300},
+    "constant": {"flip": 0.2, "layer": (0.0, 0.0, 0.0, 0.0)},
+    "truth": {"flip": 0.02},
 }  # fmt: skip
-RELIT = {"relit_flip": 0.12, "relit_flip_oracle": 0.1, "relit_flip_constant": 0.3, "relit_flip_truth": 0.03}
+RELIT = {"generated": 0.12, "oracle": 0.1, "constant": 0.3, "truth": 0.03}
 MAPS = {
-    "base_color": MapScore(recovered=0.5, oracle=0.8, fraction=0.625, error=0.05, constant_error=0.1, area=0.75),
-    "metallic": MapScore(error=0.0, constant_error=0.0, area=0.7),
-    "normal": MapScore(recovered=0.25, oracle=0.5, fraction=0.5, error=6.0, constant_error=8.0, area=0.13),
+    "areas": {"metallic": 0.7, "normal": 0.13},
+    "generated": {
+        "maps": {
+            "base_color": {"recovered": 0.5, "error": 0.05},
+            "metallic": {"error": 0.0},
+            "normal": {"recovered": 0.25, "error": 6.0},
+        }
+    },
+    "oracle": {"maps": {"base_color": {"recovered": 0.8}, "normal": {"recovered": 0.5}}},
+    "constant": {"errors": {"base_color": 0.1, "metallic": 0.0, "normal": 8.0}},
 }
 
 
-def test_earlier_records_are_read(tmp_path: Path) -> None:
-    (tmp_path / "evaluation.json").write_text(json.dumps(EARLIER | {"maps": {"roughness": 0.12}}))
-    found = load_record(Evaluation, tmp_path / "evaluation.json")
-    assert found.maps == {"roughness": MapScore(error=0.12)}
-    assert found.relit_flip is found.relit_ratio is None
-    told = found.lines()
-    assert not any("relit" in line for line in told)
-    assert told[-1].split() == ["roughness", "-", "-", "-", "0.120", "-", "-"]
+def evaluation(*changes: dict[str, Any]) -> Evaluation:
+    """The scores above, with what these dictionaries add to each painter's."""
+    said: dict[str, Any] = dict(SCORES)
+    for change in changes:
+        said |= {painter: said[painter] | scores for painter, scores in change.items()}
+    return Evaluation.model_validate(said)
+
+
+def relit() -> dict[str, Any]:
+    return {painter: {"relit_flip": flip} for painter, flip in RELIT.items()}
 
 
 def test_what_is_saved_is_read(tmp_path: Path) -> None:
-    evaluation = Evaluation.model_validate(EARLIER | RELIT | {"maps": MAPS})
-    evaluation.save(tmp_path)
-    assert load_record(Evaluation, tmp_path / "evaluation.json") == evaluation
+    found = evaluation(relit(), MAPS)
+    found.save(tmp_path)
+    assert load_record(Evaluation, tmp_path / "evaluation.json") == found
+
+
+def test_ratios_are_to_the_oracle() -> None:
+    found = evaluation(relit(), MAPS)
+    assert (found.fraction, found.relit_ratio, found.half_way) == (0.625, pytest.approx(1.2), 0)
+    assert found.of_oracle(lambda its: its.of_map("normal").recovered) == 0.5
+    assert found.of_oracle(lambda its: its.of_map("roughness").recovered) is None
+    alone = found.model_copy(update={"oracle": None})
+    assert alone.fraction is alone.relit_ratio is alone.resemblance_fraction is None
+    assert evaluation({"oracle": {"plateau": None}}).fraction is None
+    assert evaluation({"oracle": {"validation": 0.9}}).half_way == 0.45
 
 
 def test_maps_are_a_table_with_a_warning_of_what_can_hardly_be_observed() -> None:
-    told = Evaluation.model_validate(EARLIER | RELIT | {"maps": MAPS}).lines()
+    told = evaluation(relit(), MAPS).lines()
     assert told[-6] == (
         "relit:     FLIP 0.120, 1.20 times the oracle's (oracle 0.100, constant layer 0.300, noise alone 0.030)"
     )
@@ -53,7 +75,7 @@ def test_maps_are_a_table_with_a_warning_of_what_can_hardly_be_observed() -> Non
 
 
 def test_base_color_alone_has_no_table() -> None:
-    told = Evaluation.model_validate(EARLIER | RELIT).lines()
+    told = evaluation(relit()).lines()
     assert told[-1].startswith("relit:")
     assert len(told) == 5
 
@@ -80,13 +102,18 @@ def test_a_distribution_has_its_oracle_and_its_figures() -> None:
         "draws": 16,
     }
     figures = {"deviation": 0.8, "mean_correlation": 0.7, "power": (0.9, 1.1)}
-    said = EARLIER | {"oracle_plateau": None, "fraction": None, "resemblance": 0.4, "draws": draws}
-    said |= {"resemblance_oracle": 0.8, "draws_oracle": draws, "resemblance_fraction": 0.5}
-    told = Evaluation.model_validate(said | {"figures": {"generated": figures}}).lines()
+    changes = {
+        "generated": {"draws": draws | {"deviation": 0.25}, "figures": figures},
+        "oracle": {"draws": draws, "plateau": None},
+        "truth": {"figures": figures | {"deviation": 1.0}},
+    }
+    told = evaluation(changes).lines()
     assert told[1] == "oracle:    0.800 (one draw of it after 300 steps)"
-    assert told[-3:] == [
-        "its oracle:  0.800 (least: deviation 0.50; 300 steps)",
-        "fraction:    0.500 of the oracle",
+    assert told[-4:] == [
+        "its oracle:  0.891 (least: deviation 0.50; 300 steps)",
+        "fraction:    0.891 of the oracle",
+        "truth: deviation 1.00 of the truth's; mean maps correlate 0.70; power 0.90, 1.10 of the truth's, finest "
+        "octave first",
         "generated: deviation 0.80 of the truth's; mean maps correlate 0.70; power 0.90, 1.10 of the truth's, finest "
         "octave first",
     ]

@@ -14,10 +14,10 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.evaluation.evaluate import by_subject
+from svbrdfgan.evaluation.evaluated import by_subject
 from svbrdfgan.evaluation.relight import Relight, Relighter, Relit
-from svbrdfgan.io import save_environment
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.io.environment import save_environment
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import Renderer
 
 
@@ -30,7 +30,7 @@ def renderer(cpu_renderer: Renderer[Any]) -> Renderer[Any]:
 def layers(glossy_exemplars: Exemplars) -> dict[str, Tensor]:
     """The truth, and layers at growing distances from it."""
     truths = [glossy_exemplars.layers[glossy_exemplars.views_of(n)[0]] for n in range(2)]
-    truth = torch.stack([layer for layer in truths if layer is not None])
+    truth = torch.stack([layer.values for layer in truths if layer is not None])
     wrong = torch.tensor([0.9, 0.1, 0.8, 1.0, 0.1, 0.9, 0.3, 0.0, 0.95]).expand_as(truth)
     return {"near": truth, "further": truth + 0.3 * (wrong - truth), "far": wrong}
 
@@ -69,8 +69,8 @@ def test_two_scenes_for_each_vehicle_that_training_never_had(
         assert scene.environment.asset.sha256 not in trained
         assert scene.camera.azimuth_degrees != own.camera.azimuth_degrees
         assert (scene.spp, scene.weathering, scene.materials) == (own.spp, own.weathering, own.materials)
-        assert set(shown.pictures) == {"reference", "near", "further", "far", "truth"}
-        assert not torch.equal(shown.pictures["reference"], shown.pictures["truth"])
+        assert set(shown.pictures) == {"near", "further", "far", "truth"}
+        assert not torch.equal(shown.reference, shown.pictures["truth"])
     assert len({scene.scene.environment.asset.path for scene in found.scenes}) > 1
 
 

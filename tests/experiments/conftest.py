@@ -11,11 +11,12 @@ from typing import Any
 import pytest
 import yaml
 
-from svbrdfgan.evaluation.record import Evaluation
-from svbrdfgan.experiments.outcome import Ceiling, RunOutcome, ScorePoint
-from svbrdfgan.experiments.processes import Schedule
+from svbrdfgan.evaluation.record import ConstantScores, Evaluation, LearnedScores, OracleScores, PainterScores
+from svbrdfgan.experiments.outcome import RunOutcome, ScorePoint
+from svbrdfgan.experiments.processes import Schedule, Task
 from svbrdfgan.experiments.run_matrix import RunMatrix
-from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask, Task
+from svbrdfgan.experiments.tasks import CEILING, DatasetTask, OracleTask, RunTask
+from svbrdfgan.io.records import save_record
 from svbrdfgan.utils.display import Display
 
 EXPERIMENT: dict[str, Any] = {
@@ -42,10 +43,15 @@ def make_outcome(
 ) -> RunOutcome:
     """An outcome; the history holds images, seconds and score."""
     evaluation = Evaluation(
-        split="test", recovered=recovered, oracle=oracle, fraction=recovered / oracle, oracle_validation=oracle,
-        oracle_plateau=plateau, oracle_steps=300, flip=0.1, flip_oracle=0.05, flip_constant=0.2, flip_truth=0.02,
-        seen=0.9, constant=(0, 0, 0, 0), subjects=3, exemplars=6,
-    )  # fmt: skip
+        split="test",
+        subjects=3,
+        exemplars=6,
+        areas={"base_color": 0.9},
+        generated=LearnedScores(recovered=recovered, flip=0.1),
+        oracle=OracleScores(recovered=oracle, flip=0.05, steps=300, plateau=plateau, validation=oracle),
+        constant=ConstantScores(flip=0.2, layer=(0, 0, 0, 0)),
+        truth=PainterScores(flip=0.02),
+    )
     points = tuple(ScorePoint(images=i, seconds=s, recovered=r) for i, s, r in history)
     return RunOutcome(evaluation=evaluation, history=points, device="CPU", jobs=jobs, versions={})
 
@@ -100,7 +106,7 @@ class FakeExecute:
                 case DatasetTask():
                     (task.path / "made").touch()
                 case OracleTask():
-                    Ceiling(evaluation=make_outcome().evaluation).save(task.path)
+                    save_record(task.path / CEILING, make_outcome().evaluation.oracle)
                 case RunTask():
                     make_outcome(0.5 + 0.1 * task.spec.train.seed, jobs=jobs).save(task.path)
             yield from schedule.end(task, None)

@@ -46,8 +46,8 @@ def test_an_experiment_from_nothing_to_a_table(tmp_path: Path) -> None:
     for outcome in results.outcomes:
         assert 6 <= outcome.seconds < 60
         assert outcome.evaluation.split == "test"
-        assert math.isfinite(outcome.evaluation.recovered)
-        assert outcome.evaluation.oracle_steps == 100
+        assert math.isfinite(outcome.evaluation.generated.recovered)
+        assert outcome.evaluation.oracle.steps == 100
         assert "unseen" in outcome.measures
     folder = tmp_path / "training"
     assert "| matched | thesis | 1 |" in (folder / "table.md").read_text()
@@ -89,9 +89,9 @@ def test_a_distribution_from_nothing_to_a_table(tmp_path: Path) -> None:
     assert results.failures == []
     (outcome,) = results.outcomes
     evaluation = outcome.evaluation
-    assert evaluation.oracle_plateau is None
-    assert evaluation.oracle_steps == 6
-    assert set(evaluation.figures) == {"generated", "oracle", "truth"}
-    assert evaluation.figures["generated"].amount is not None
-    assert evaluation.draws_oracle is not None
+    assert evaluation.oracle.plateau is None
+    assert evaluation.oracle.steps == 6
+    assert evaluation.oracle.draws is not None
+    assert evaluation.generated.figures.amount is not None
+    assert evaluation.truth.figures is not None
     assert "resemblance of the oracle" in (tmp_path / "variety" / "table.md").read_text()

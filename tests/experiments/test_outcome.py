@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.evaluation.record import MapScore
 from svbrdfgan.experiments.columns import verdicts
-from svbrdfgan.experiments.outcome import Ceiling, RunOutcome
+from svbrdfgan.experiments.outcome import RunOutcome
 from svbrdfgan.metrics.draw_figures import AmountFigures, DrawFigures
 from svbrdfgan.metrics.draw_statistics import PARTS
 from svbrdfgan.metrics.resemblance import Resemblance
@@ -18,6 +19,13 @@ DRAWS = Resemblance(**dict.fromkeys(PARTS, 0.5) | {"joint": 0.25}, subjects=2, d
 FIGURES = DrawFigures(
     deviation=0.8, mean_correlation=0.7, power=(0.4, 0.9, 1.3), amount=AmountFigures(correlation=0.95, error=0.05)
 )
+
+
+def changed(outcome: RunOutcome, **scores: dict[str, Any]) -> RunOutcome:
+    """The outcome with other scores, by painter."""
+    before = outcome.evaluation
+    update = {painter: before.painters[painter].model_copy(update=each) for painter, each in scores.items()}
+    return outcome.model_copy(update={"evaluation": before.model_copy(update=update)})
 
 
 def test_it_is_read_as_written(outcome, tmp_path: Path) -> None:
@@ -46,37 +54,14 @@ def test_what_it_took_is_the_end_of_its_history(outcome) -> None:
     assert (outcome().images, outcome().seconds) == (300, 30.0)
 
 
-def test_a_ceiling_is_put_over_a_verdict(outcome, tmp_path: Path) -> None:
-    """The oracle's scores come from the ceiling, all others stay."""
-    Ceiling(evaluation=outcome(0.0, oracle=0.9, plateau=False).evaluation).save(tmp_path)
-    verdict = outcome(0.45, oracle=0.5).evaluation
-    lacking = ("oracle", "fraction", "oracle_validation", "oracle_plateau", "flip_oracle")
-    alone = verdict.model_copy(update=dict.fromkeys(lacking))
-    over = Ceiling.load(tmp_path).over(alone)
-    assert (over.recovered, over.oracle, over.fraction) == (0.45, 0.9, pytest.approx(0.5))
-    assert (over.oracle_validation, over.oracle_plateau) == (0.9, False)
-    assert (over.flip, over.flip_oracle, over.oracle_steps) == (verdict.flip, 0.05, 300)
-    with pytest.raises(AssetError):
-        Ceiling.load(tmp_path / "elsewhere")
-
-
-def test_a_ceiling_is_put_over_each_map(outcome) -> None:
-    relit = {"relit_flip": 0.3, "relit_flip_oracle": 0.2}
-    its = {"maps": {"roughness": MapScore(recovered=0.0, oracle=0.8)}, "relit_flip_oracle": 0.15}
-    ceiling = Ceiling(evaluation=outcome().evaluation.model_copy(update=its))
-    own = {"roughness": MapScore(recovered=0.4, area=0.7), "metallic": MapScore(recovered=0.3)}
-    over = ceiling.over(outcome().evaluation.model_copy(update={"maps": own, **relit}))
-    assert over.maps["roughness"] == MapScore(recovered=0.4, oracle=0.8, fraction=0.5, area=0.7)
-    assert over.maps["metallic"] == MapScore(recovered=0.3)
-    assert over.relit_ratio == pytest.approx(2.0)
-
-
 def test_maps_and_relit_pictures_have_columns_where_there_are_any(outcome) -> None:
     assert not {"relit_flip", "relit_ratio"} & {column.key for column in verdicts((), [outcome()])}
-    found = outcome()
-    maps = {"base_color": MapScore(recovered=0.6), "roughness": MapScore(recovered=0.4, fraction=0.5)}
-    update = {"maps": maps | {"metallic": MapScore(error=0.0)}, "relit_flip": 0.3, "relit_flip_oracle": 0.2}
-    glossy = found.model_copy(update={"evaluation": found.evaluation.model_copy(update=update)})
+    maps = {"base_color": MapScore(recovered=0.6), "roughness": MapScore(recovered=0.4), "metallic": MapScore(error=0)}
+    glossy = changed(
+        outcome(),
+        generated={"maps": maps, "relit_flip": 0.3},
+        oracle={"maps": {"roughness": MapScore(recovered=0.8)}, "relit_flip": 0.2},
+    )
     columns = {column.key: column.over([glossy]) for column in verdicts((), [outcome(), glossy])}
     further = {key: value.mean for key, value in columns.items() if value is not None and key not in ("recovered",)}
     wanted = {"recovered_roughness": 0.4, "fraction_roughness": 0.5, "relit_flip": 0.3, "relit_ratio": 1.5}
@@ -84,28 +69,15 @@ def test_maps_and_relit_pictures_have_columns_where_there_are_any(outcome) -> No
     assert not {"recovered_base_color", "recovered_metallic"} & columns.keys()
 
 
-def test_the_ceiling_of_a_distribution_is_that_of_resemblance(outcome) -> None:
-    """`recovered` of one draw is no yardstick for another."""
-    its = {"oracle_plateau": None, "resemblance_oracle": 0.8, "draws_oracle": DRAWS, "figures": {"oracle": FIGURES}}
-    ceiling = Ceiling(evaluation=outcome().evaluation.model_copy(update=its))
-    own = {"resemblance": 0.6, "draws": DRAWS, "figures": {"generated": FIGURES}}
-    over = ceiling.over(outcome().evaluation.model_copy(update=own))
-    assert over.fraction is None
-    assert over.resemblance_fraction == pytest.approx(0.75)
-    assert (over.resemblance_oracle, over.draws_oracle) == (0.8, DRAWS)
-    assert over.figures == {"generated": FIGURES, "oracle": FIGURES}
-
-
 def test_draws_have_columns_where_there_are_any(outcome) -> None:
     assert not any("resemblance" in column.key for column in verdicts((), [outcome()]))
-    found = outcome()
-    update = {"resemblance": 0.6, "resemblance_oracle": 0.8, "resemblance_fraction": 0.75, "draws": DRAWS}
-    varied = found.evaluation.model_copy(update=update | {"figures": {"generated": FIGURES}})
-    outcomes = [found.model_copy(update={"evaluation": varied})]
+    best = DRAWS.model_copy(update={"joint": 0.5})
+    outcomes = [changed(outcome(), generated={"draws": DRAWS, "figures": FIGURES}, oracle={"draws": best})]
     columns = {column.key: column.over(outcomes) for column in verdicts((), outcomes)}
     numbers = {key: value.mean for key, value in columns.items() if value is not None}
     wanted = {
-        "resemblance": 0.6, "resemblance_least": 0.25, "resemblance_oracle": 0.8, "resemblance_fraction": 0.75,
+        "resemblance": DRAWS.resemblance, "resemblance_least": 0.25, "resemblance_oracle": 0.5,
+        "resemblance_fraction": DRAWS.resemblance / 0.5,
         "resemblance_joint": 0.25, "resemblance_mean": 0.5, "deviation_ratio": 0.8, "mean_correlation": 0.7,
         "power_least": 0.4, "power_greatest": 1.3, "amount_correlation": 0.95, "amount_error": 0.05,
     }  # fmt: skip

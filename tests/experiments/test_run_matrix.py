@@ -76,10 +76,14 @@ def test_an_oracle_depends_on_data_and_generator_alone(make_matrix: MakeMatrix) 
 
 
 def test_the_oracle_of_a_distribution_trains_as_its_runs_do(make_matrix: MakeMatrix) -> None:
-    seeds = {"dataset": {"weathering.seed": {"uniform": [0, 9]}}, "train": {"generator.chance": 2}}
+    seeds = {"dataset": {"weathering.seed": {"uniform": [0, 9]}}, "train": {"generator.random_fields": 2}}
     rows = {
         "drawn": {"about": ".", **seeds},
-        "lsgan": {"about": ".", "dataset": seeds["dataset"], "train": {"generator.chance": 2, "loss.name": "lsgan"}},
+        "lsgan": {
+            "about": ".",
+            "dataset": seeds["dataset"],
+            "train": {"generator.random_fields": 2, "loss.name": "lsgan"},
+        },
         "fixed": {"about": ".", "train": seeds["train"]},
         "even": {"about": ".", "dataset": seeds["dataset"]},
     }
@@ -93,7 +97,7 @@ def test_the_oracle_of_a_distribution_trains_as_its_runs_do(make_matrix: MakeMat
     assert (drawn.oracle.train.steps, drawn.oracle.train.minutes) == (1, None)
     assert drawn.oracle.train.discriminator == drawn.train.discriminator
     assert cells["lsgan", 0].oracle.train.loss.name == "lsgan"
-    for row in ("fixed", "even"):  # regression finds the one layer, or what is best without chance
+    for row in ("fixed", "even"):  # regression finds the one layer, or what is best without random fields
         assert cells[row, 0].oracle.minutes is None
         assert cells[row, 0].oracle.steps == make_matrix().profile.oracle_steps
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import torch
 
-from svbrdfgan.networks import Draw, Generator
+from svbrdfgan.networks.draw import Draw
+from svbrdfgan.networks.generator import Generator
 
 
 def test_a_draw_is_the_generator_at_its_seed_and_labels() -> None:
-    generator, geometry = Generator(width=4, blocks=0, chance=2, labels=1), torch.rand(2, 6, 16, 16)
+    generator, geometry = Generator(width=4, blocks=0, random_fields=2, labels=1), torch.rand(2, 6, 16, 16)
     wanted = generator(geometry, torch.tensor([7, 7]), torch.tensor([[0.5], [0.5]]))
     assert torch.equal(Draw(generator, 7, [0.5])(geometry), wanted)
     assert not torch.equal(Draw(generator, 8, [0.5])(geometry), wanted)
@@ -20,7 +21,7 @@ def test_without_chance_it_is_the_generator_itself() -> None:
 
 
 def test_a_finer_draw_is_the_generator_s_finer_layer() -> None:
-    generator, geometry = Generator(width=4, blocks=0, chance=2, labels=1), torch.rand(1, 6, 16, 16)
+    generator, geometry = Generator(width=4, blocks=0, random_fields=2, labels=1), torch.rand(1, 6, 16, 16)
     wanted = generator(geometry, torch.tensor([7]), torch.tensor([[0.5]]), 2)
     assert wanted.shape == (1, 32, 32, 4)
     assert torch.equal(Draw(generator, 7, [0.5])(geometry, 2), wanted)

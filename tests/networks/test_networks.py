@@ -6,9 +6,9 @@ import pytest
 import torch
 from torch import nn
 
-from svbrdfgan.networks import Discriminator, Generator, ResidualBlock, initialise
-from svbrdfgan.networks.generator import PreActConv, Upsampling
-from svbrdfgan.networks.layers import Norm
+from svbrdfgan.networks.discriminator import Discriminator
+from svbrdfgan.networks.generator import Generator, PreActConv, ResidualBlock, Upsampling
+from svbrdfgan.networks.layers import Norm, initialise
 
 
 @pytest.mark.parametrize("size", [(16, 16), (32, 64)])
@@ -20,20 +20,25 @@ def test_layer_has_the_buffer_s_size_and_range(size: tuple[int, int], norm: str)
 
 
 def test_a_layer_has_a_channel_for_each_value_of_its_maps() -> None:
-    assert Generator(width=4, blocks=0, channels=6)(torch.randn(1, 6, 16, 16)).shape == (1, 16, 16, 6)
+    assert Generator(width=4, blocks=0, maps=("roughness", "metallic"))(torch.randn(1, 6, 16, 16)).shape == (
+        1,
+        16,
+        16,
+        6,
+    )
 
 
-@pytest.mark.parametrize("channels", [7, 8, 9])
-def test_normals_tilt_to_all_sides_and_are_flat_at_first(channels: int) -> None:
-    generator = Generator(width=4, blocks=0, channels=channels)
+@pytest.mark.parametrize("gloss", [(), ("roughness",), ("roughness", "metallic")])
+def test_normals_tilt_to_all_sides_and_are_flat_at_first(gloss: tuple[str, ...]) -> None:
+    generator = Generator(width=4, blocks=0, maps=(*gloss, "normal"))
     initialise(generator, torch.Generator().manual_seed(0))
     geometry = torch.randn(1, 6, 16, 16)
     with torch.no_grad():
         generator.last.convolve.weight *= 1e-3
         first = generator(geometry)
         torch.testing.assert_close(first[..., -3:], torch.tensor([0, 0, 0.5]).expand(1, 16, 16, 3), atol=0.02, rtol=0)
-        others = torch.full((channels - 3,), 0.5)
-        if channels == 9:
+        others = torch.full((4 + len(gloss),), 0.5)
+        if "metallic" in gloss:
             others[-1] = 0.0474  # metallic, after roughness
         torch.testing.assert_close(first[..., :-3], others.expand(1, 16, 16, -1), atol=0.02, rtol=0)
         generator.last.convolve.weight *= 1e6
@@ -46,7 +51,7 @@ def test_normals_tilt_to_all_sides_and_are_flat_at_first(channels: int) -> None:
 
 def test_training_starts_with_normals_that_lean_by_a_few_degrees() -> None:
     """Relief leans by a few, too; the raw output would by more than twenty."""
-    generator = Generator(width=16, blocks=2, channels=9)
+    generator = Generator(width=16, blocks=2, maps=("roughness", "metallic", "normal"))
     initialise(generator, torch.Generator().manual_seed(0))
     with torch.no_grad():
         normal = generator(torch.randn(2, 6, 32, 32))[..., -3:]
@@ -66,7 +71,7 @@ def test_thesis_generator() -> None:
 @pytest.mark.parametrize(("downsamplings", "upsampling"), [(1, "nearest"), (3, "strided"), (4, "nearest")])
 def test_more_downsamplings_keep_the_blocks(downsamplings: int, upsampling: Upsampling) -> None:
     """With half the width for each, blocks have the channels and the resolution that they had for fewer texels."""
-    generator = Generator(4 << (4 - downsamplings), 1, downsamplings, upsampling=upsampling, chance=2)
+    generator = Generator(4 << (4 - downsamplings), 1, downsamplings, upsampling=upsampling, random_fields=2)
     block = generator.blocks[0]
     assert isinstance(block, ResidualBlock)
     assert block.first.convolve.in_channels == 64
@@ -125,8 +130,8 @@ def test_initial_weights_depend_on_the_seed_alone() -> None:
 
 
 def _drawing(seed: int = 0, **options: int) -> Generator:
-    """A generator with chance and one label, as it might be after some training."""
-    generator = Generator(width=8, blocks=1, **{"chance": 3, "labels": 1, **options})
+    """A generator with random fields and one label, as it might be after some training."""
+    generator = Generator(width=8, blocks=1, **{"random_fields": 3, "labels": 1, **options})
     rng = torch.Generator().manual_seed(seed)
     initialise(generator, rng)
     with torch.no_grad():
@@ -161,7 +166,7 @@ def test_a_generator_starts_as_a_function_of_geometry_and_fields() -> None:
 
 def test_without_chance_nothing_is_built_for_it() -> None:
     names = set(Generator(width=4, blocks=1).state_dict())
-    assert names < set(Generator(width=4, blocks=1, chance=2).state_dict())
+    assert names < set(Generator(width=4, blocks=1, random_fields=2).state_dict())
     assert not any(name.startswith("modulation") for name in names)
 
 

@@ -11,10 +11,12 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import UnsupportedError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import Pullback, Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
 from svbrdfgan.rendering.render_layer import RenderLayer
-from svbrdfgan.rendering.transport import TransportBatch, build_transport
+from svbrdfgan.rendering.transport.build import build_transport
+from svbrdfgan.rendering.transport.product import TransportBatch
 from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, View
 
 SPP, SEED, TEXELS = 4, 5, 32
@@ -24,8 +26,8 @@ SPP, SEED, TEXELS = 4, 5, 32
 class Stage:
     """A car with glass, its paint textured, before a small camera."""
 
-    renderer: Renderer[Any]
-    prepared: Any
+    renderer: CheckedRenderer
+    prepared: PreparedSurface
     view: View
     colors: tuple[Tensor, ...]
     learnable: int
@@ -177,7 +179,7 @@ def test_equals_the_light_transport(name: str, tiny_exemplars: Exemplars) -> Non
 
 @dataclass
 class Watched:
-    """A renderer that records its calls."""
+    """A plugin that records its calls."""
 
     inner: Renderer[Any]
     asked: list[frozenset[str]] = field(default_factory=list)
@@ -201,9 +203,14 @@ class Watched:
         return self.inner.render_vjp(*args, wrt=wrt, spp=spp, seed=seed)
 
 
+def seen_through(stage: Stage, plugin: Watched) -> Stage:
+    """The stage with this plugin behind the core's checks, by the name of the one that prepared the surface."""
+    return replace(stage, renderer=replace(stage.renderer, plugin=plugin))
+
+
 def test_gradients_that_are_not_needed_are_not_requested(stage: Stage) -> None:
-    watched = Watched(stage.renderer)
-    under_watch = replace(stage, renderer=watched)
+    watched = Watched(stage.renderer.plugin)
+    under_watch = seen_through(stage, watched)
     assert not picture(under_watch, {}).requires_grad
     color = stage.colors[stage.learnable].clone().requires_grad_(True)
     picture(under_watch, {stage.learnable: color}).sum().backward()
@@ -237,17 +244,18 @@ class Seeing(Watched):
 
 
 def test_gradients_of_maps_that_the_renderer_lacks_are_refused(stage: Stage) -> None:
+    blind = seen_through(stage, Seeing(stage.renderer.plugin)).renderer
     rough = torch.tensor([0.5], requires_grad=True)
     parts = list(stage.materials({}).parts)
     parts[0] = Material({"base_color": torch.ones(3), "roughness": rough})
-    with pytest.raises(UnsupportedError, match="Seeing has no gradients for roughness"):
-        RenderLayer(Seeing(stage.renderer), SPP)(stage.prepared, Materials(tuple(parts)), stage.view, seed=SEED)
+    with pytest.raises(UnsupportedError, match="numpy renderer: it has no gradient for roughness"):
+        RenderLayer(blind, SPP)(stage.prepared, Materials(tuple(parts)), stage.view, seed=SEED)
 
 
 def test_a_missing_gradient_is_refused_before_rendering(stage: Stage) -> None:
-    blind = replace(stage, renderer=Seeing(stage.renderer))
+    blind = seen_through(stage, Seeing(stage.renderer.plugin))
     color = stage.colors[stage.learnable].clone().requires_grad_(True)
-    with pytest.raises(UnsupportedError, match="Seeing has no gradients for base_color"):
+    with pytest.raises(UnsupportedError, match="numpy renderer: it has no gradient for base_color"):
         picture(blind, {stage.learnable: color})
     with torch.no_grad():
         assert picture(blind, {stage.learnable: color}).max() > 0
@@ -272,8 +280,8 @@ class Keeping(Watched):
 
 
 def test_the_gradient_reuses_the_samples_of_the_image(stage: Stage) -> None:
-    keeping, gradients = Keeping(stage.renderer), []
-    for renderer in (stage.renderer, keeping):
+    keeping, gradients = Keeping(stage.renderer.plugin), []
+    for renderer in (stage.renderer, seen_through(stage, keeping).renderer):
         color = stage.colors[stage.learnable].clone().requires_grad_(True)
         picture(replace(stage, renderer=renderer), {stage.learnable: color}).backward(random(10, 12, 3))
         gradients.append(color.grad)
@@ -282,8 +290,8 @@ def test_the_gradient_reuses_the_samples_of_the_image(stage: Stage) -> None:
 
 
 def test_the_gradient_s_own_samples_are_traced(stage: Stage) -> None:
-    keeping, color = Keeping(stage.renderer), stage.colors[stage.learnable].clone().requires_grad_(True)
-    picture(replace(stage, renderer=keeping), {stage.learnable: color}, spp_grad=2).sum().backward()
+    keeping, color = Keeping(stage.renderer.plugin), stage.colors[stage.learnable].clone().requires_grad_(True)
+    picture(seen_through(stage, keeping), {stage.learnable: color}, spp_grad=2).sum().backward()
     with torch.no_grad():
-        picture(replace(stage, renderer=keeping), {stage.learnable: color})
+        picture(seen_through(stage, keeping), {stage.learnable: color})
     assert (keeping.pulled, keeping.asked) == (0, [frozenset({"base_color"})])

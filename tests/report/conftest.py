@@ -11,18 +11,18 @@ import torch.nn.functional as F
 
 from svbrdfgan.data.config import DatasetConfig, MeshSource, SplitConfig
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation.evaluate import Evaluated, by_subject
-from svbrdfgan.evaluation.record import Evaluation
+from svbrdfgan.evaluation.evaluated import Evaluated, by_subject
+from svbrdfgan.evaluation.record import ConstantScores, Evaluation, LearnedScores, OracleScores, PainterScores
 from svbrdfgan.geometry.bake import bake
 from svbrdfgan.geometry.rasterize import Fragments
-from svbrdfgan.networks import GeneratorConfig
+from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.scene.description import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.batches import BatchSource
 from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.run import RunConfig
-from svbrdfgan.types import Part, Surface
+from svbrdfgan.types import Layer, Part, Surface
 
 TEXELS, HEIGHT, WIDTH = 32, 32, 40
 
@@ -99,7 +99,7 @@ def make_evaluated(names: tuple[str, ...] = ("sedan_1", "van_2"), views: int = 2
         scenes=tuple(make_scene(names[n]) for n in owner.tolist()),
         subjects=(subject,) * count,
         subject_of=owner,
-        layers=tuple(truth[n] for n in owner.tolist()),
+        layers=tuple(Layer(truth[n]) for n in owner.tolist()),
         loader=SimpleNamespace(),
     )
     gbuffers = torch.zeros(count * views, HEIGHT, WIDTH, 6)
@@ -112,11 +112,15 @@ def make_evaluated(names: tuple[str, ...] = ("sedan_1", "van_2"), views: int = 2
         "constant": torch.tensor(constant).expand_as(truth),
     }
     evaluation = Evaluation(
-        split="test", recovered=0.6123, oracle=0.8741, fraction=0.6123 / 0.8741,
-        oracle_validation=0.8, oracle_plateau=True, oracle_steps=2300,
-        flip=0.0432, flip_oracle=0.0311, flip_constant=0.0811, flip_truth=0.0205, seen=0.83, constant=constant,
-        subjects=count, exemplars=count * views,
-    )  # fmt: skip
+        split="test",
+        subjects=count,
+        exemplars=count * views,
+        areas={"base_color": 0.83},
+        generated=LearnedScores(recovered=0.6123, flip=0.0432),
+        oracle=OracleScores(recovered=0.8741, flip=0.0311, steps=2300, plateau=True, validation=0.8),
+        constant=ConstantScores(flip=0.0811, layer=constant),
+        truth=PainterScores(flip=0.0205),
+    )
     train = TrainConfig(
         dataset="dirty-cars",
         batch_size=4,
@@ -129,11 +133,10 @@ def make_evaluated(names: tuple[str, ...] = ("sedan_1", "van_2"), views: int = 2
 
 
 def without_oracle(evaluated: Evaluated) -> Evaluated:
-    unknown = dict.fromkeys(("oracle", "fraction", "oracle_plateau", "oracle_steps", "flip_oracle"))
     layers = {name: layer for name, layer in evaluated.layers.items() if name != "oracle"}
     return replace(
         evaluated,
-        evaluation=evaluated.evaluation.model_copy(update=unknown),
+        evaluation=evaluated.evaluation.model_copy(update={"oracle": None}),
         layers=layers,
         layers_of=by_subject(evaluated.source.exemplars, layers),
     )

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from svbrdfgan.evaluation.record import MapScore
-from svbrdfgan.evaluation.relight import RelitScene
+from svbrdfgan.evaluation.relight import PaintedScene
 from svbrdfgan.report.page import write_report
 from svbrdfgan.training.state import State
 
@@ -99,12 +99,17 @@ def test_the_learned_layer_stands_beside_the_truth_and_the_oracle(whole: Page) -
 
 
 def test_maps_and_relit_pictures_are_shown(run: Path, evaluated) -> None:
-    maps = {"base_color": MapScore(recovered=0.6123, area=0.83), "normal": MapScore(recovered=0.4, error=7.8, area=0.1)}
-    numbers = {"relit_flip": 0.1234, "relit_flip_oracle": 0.1, "relit_flip_constant": 0.2, "relit_flip_truth": 0.05}
+    before = evaluated.evaluation
+    maps = {"base_color": MapScore(recovered=0.6123), "normal": MapScore(recovered=0.4, error=7.8)}
+    update = {
+        "areas": {"base_color": 0.83, "normal": 0.1},
+        "generated": before.generated.model_copy(update={"relit_flip": 0.1234, "maps": maps}),
+        "oracle": before.oracle.model_copy(update={"relit_flip": 0.1}),
+    }
     grey = torch.full((40, 60, 3), 0.5)
-    pictures = {name: grey + n / 10 for n, name in enumerate(("reference", "generated", "constant", "truth"))}
-    scene = RelitScene(evaluated.source.exemplars.scenes[0], torch.ones(40, 60), pictures)
-    verdict = evaluated.evaluation.model_copy(update={"maps": maps, **numbers})
+    pictures = {painter: grey + n / 10 for n, painter in enumerate(("generated", "constant", "truth"), 1)}
+    scene = PaintedScene(evaluated.source.exemplars.scenes[0], torch.ones(40, 60), grey, pictures)
+    verdict = before.model_copy(update=update)
     page = write(run, replace(evaluated, evaluation=verdict, relit=(scene,)))
     assert page.headings[3] == "Relit"
     for told in ("0.123", "1.23 times", "7.8 degrees", "normal can be observed on only 10%"):
@@ -115,8 +120,8 @@ def test_maps_and_relit_pictures_are_shown(run: Path, evaluated) -> None:
 
 
 def test_a_rising_oracle_is_called_so(run: Path, evaluated) -> None:
-    rising = evaluated.evaluation.model_copy(update={"oracle_plateau": False})
-    page = write(run, replace(evaluated, evaluation=rising))
+    rising = evaluated.evaluation.oracle.model_copy(update={"plateau": False})
+    page = write(run, replace(evaluated, evaluation=evaluated.evaluation.model_copy(update={"oracle": rising})))
     assert "Still rising after 2,300 steps" in page.words
     assert "At its plateau" not in page.words
 
@@ -143,7 +148,7 @@ def test_a_checkpoint_of_other_networks_is_left_out(run: Path, evaluated) -> Non
 
 @pytest.mark.full
 def test_a_run_with_further_maps_shows_what_its_discriminator_thinks(run: Path, evaluated) -> None:
-    State.fresh(evaluated.config.train, torch.device("cpu"), channels=5).save(run)
+    State.fresh(evaluated.config.train, torch.device("cpu"), maps=("roughness",)).save(run)
     page = write(run, evaluated)
     assert "no checkpoint that can be read" not in page.words
     assert "Fake, judged" in page.source

@@ -7,7 +7,8 @@ import matplotlib
 import pytest
 import torch
 
-from svbrdfgan.evaluation.evaluate import by_subject
+from svbrdfgan.evaluation.evaluated import by_subject
+from svbrdfgan.metrics.draw_statistics import PARTS
 from svbrdfgan.metrics.resemblance import Resemblance
 from svbrdfgan.report.curves import Curve, Level, LineChart, charts, draw
 from svbrdfgan.report.facts import duration, flip_bars, half_way, relit_bars, summary, verdict
@@ -111,7 +112,8 @@ def test_a_bad_run_is_shown_and_a_bad_beginning_is_cut_off(evaluated) -> None:
 
     def low(scores: list[float], recovered: float) -> float | None:
         journal = [{"step": float(n), "recovered": score} for n, score in enumerate(scores)]
-        found = charts(journal, verdict.model_copy(update={"recovered": recovered}), train)
+        mine = verdict.generated.model_copy(update={"recovered": recovered})
+        found = charts(journal, verdict.model_copy(update={"generated": mine}), train)
         return found[0].limits[0]
 
     assert low([-5.0, 0.2, 0.6], 0.6) == pytest.approx(-0.28)
@@ -152,15 +154,19 @@ def test_half_the_oracle_is_where_validation_first_passes_it(evaluated) -> None:
 
 
 def test_the_oracle_of_a_distribution_is_beside_resemblance(evaluated) -> None:
-    draws = Resemblance(patches=0.5, mean=0.5, deviation=0.5, spectrum=0.5, joint=0.2, amount=0.5, subjects=1, draws=2)
-    update = {"resemblance": 0.4, "draws": draws, "resemblance_oracle": 0.8, "draws_oracle": draws}
-    update |= {"resemblance_fraction": 0.5, "oracle": -0.1, "oracle_plateau": None, "fraction": None}
-    found = verdict(evaluated.evaluation.model_copy(update=update), evaluated.config.train, [])
+    draws = Resemblance(**dict.fromkeys(PARTS, 0.5) | {"joint": 0.2}, subjects=1, draws=2)
+    learned = Resemblance(**dict.fromkeys(PARTS, 0.2), subjects=1, draws=2)
+    before = evaluated.evaluation
+    update = {
+        "generated": before.generated.model_copy(update={"draws": learned}),
+        "oracle": before.oracle.model_copy(update={"recovered": -0.1, "plateau": None, "draws": draws}),
+    }
+    found = verdict(before.model_copy(update=update), evaluated.config.train, [])
     assert [(figure.label, figure.value) for figure in found[:5]] == [
-        ("resemblance", "0.400"),
+        ("resemblance", "0.200"),
         ("resemblance of the oracle", f"{draws.resemblance:.3f}"),
-        ("resemblance, of the oracle", "50%"),
-        ("recovered", f"{evaluated.evaluation.recovered:.3f}"),
+        ("resemblance, of the oracle", f"{0.2 / draws.resemblance:.0%}"),
+        ("recovered", f"{before.generated.recovered:.3f}"),
         ("oracle", "-0.100"),
     ]
     assert "Least alike: joint, 0.20" in found[1].meaning
@@ -175,8 +181,10 @@ def test_the_longest_bar_is_full(evaluated) -> None:
 
 def test_relit_bars_are_those_of_relit_pictures(evaluated) -> None:
     assert relit_bars(evaluated.evaluation) == []
-    numbers = {"relit_flip": 0.1, "relit_flip_constant": 0.2, "relit_flip_truth": 0.02}
-    bars = relit_bars(evaluated.evaluation.model_copy(update=numbers))
+    before = evaluated.evaluation
+    relit = {"constant": 0.2, "generated": 0.1, "truth": 0.02}
+    update = {name: before.painters[name].model_copy(update={"relit_flip": flip}) for name, flip in relit.items()}
+    bars = relit_bars(before.model_copy(update=update))
     wanted = [("best constant layer", "0.200"), ("learned", "0.100"), ("truth itself (noise alone)", "0.020")]
     assert [(bar.label, bar.value) for bar in bars] == wanted
     assert [bar.percent for bar in bars] == pytest.approx([100, 50, 10])

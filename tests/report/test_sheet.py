@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.networks import Generator
+from svbrdfgan.networks.generator import Generator
 from svbrdfgan.report.sheet import COLUMNS, sheet_rows
 from svbrdfgan.training.run import Model, RunConfig, load_model
 
@@ -41,5 +41,5 @@ def test_a_model_of_one_layer_has_nothing_to_compare(model: Model) -> None:
 
 
 def without_conditions(config: RunConfig) -> RunConfig:
-    generator = config.train.generator.without_chance
+    generator = config.train.generator.without_random_fields
     return config.model_copy(update={"train": config.train.model_copy(update={"generator": generator})})

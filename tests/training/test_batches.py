@@ -14,7 +14,7 @@ import pytest
 import torch
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.training.batches import BatchSource, _by_subject, load_seen_texels, make_batch_source
 from svbrdfgan.training.cached_rendering import CachedRendering
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, train_config
@@ -45,8 +45,8 @@ def test_a_held_out_split_is_never_perturbed(
     assert (coverage - source.real.coverage.float()).abs().mean() < 0.03
 
 
-def test_guides_are_of_the_exemplars_own_scenes(
-    config: Callable[..., TrainConfig], cpu_renderer: Any, source: BatchSource, tiny_dataset: Path
+def test_gbuffers_are_of_the_exemplars_own_scenes(
+    config: Callable[..., TrainConfig], source: BatchSource, tiny_dataset: Path
 ) -> None:
     """However fakes are perturbed, the discriminator sees real pictures beside their own geometry."""
     perturbed = config(scenes={"camera_noise_degrees": 20.0})
@@ -66,7 +66,7 @@ def traced(monkeypatch: pytest.MonkeyPatch, source: BatchSource, dataset_copy: P
     """The exemplars whose scenes would have been traced, their own or others; none is stored."""
     shutil.rmtree(dataset_copy / "cache" / "transports", ignore_errors=True)
     found: list[int] = []
-    stored = source.own_scenes.batch([0]).transports[0]  # type: ignore[union-attr]
+    stored = source.own_scenes._stored((0, 0))  # type: ignore[attr-defined]
     monkeypatch.setattr(CachedRendering, "_trace", lambda self, index, scene: found.append(index) or stored)
     return found
 
@@ -74,9 +74,9 @@ def traced(monkeypatch: pytest.MonkeyPatch, source: BatchSource, dataset_copy: P
 @pytest.mark.parametrize(
     ("discriminator", "own"),
     [
-        ({"guide": False, "sees": "radiance"}, 0),
-        ({"guide": True, "sees": "radiance"}, 6),
-        ({"guide": False, "sees": "reflectance"}, 6),
+        ({"gbuffer": False, "compares": "radiance"}, 0),
+        ({"gbuffer": True, "compares": "radiance"}, 6),
+        ({"gbuffer": False, "compares": "reflectance"}, 6),
     ],
 )
 def test_own_scenes_are_traced_where_something_looks_at_them(
@@ -92,8 +92,8 @@ def test_own_scenes_are_traced_where_something_looks_at_them(
     )
     source = make_batch_source(resolve_run(chosen), "train", cpu_renderer, CPU)
     assert sorted(traced) == sorted([*range(6), *range(own)])
-    held = source.own_scenes._cache  # type: ignore[union-attr]
-    assert len(held) == (6 if discriminator["sees"] == "reflectance" else min(own, 1))
+    held = source.own_scenes._transports.held  # type: ignore[attr-defined]
+    assert len(held) == (6 if discriminator["compares"] == "reflectance" else min(own, 1))
     assert source.seen(0).max() > 0
     assert len(traced) == 6 + max(own, 1)
 
@@ -102,7 +102,10 @@ def test_what_is_held_out_is_traced_once_and_when_asked_for(
     config: Callable[..., TrainConfig], cpu_renderer: Any, dataset_copy: Path, traced: list[int]
 ) -> None:
     chosen = config(
-        dataset=str(dataset_copy), discriminator={"sees": "reflectance"}, scenes={"camera_noise_degrees": 20.0}, spp=1
+        dataset=str(dataset_copy),
+        discriminator={"compares": "reflectance"},
+        scenes={"camera_noise_degrees": 20.0},
+        spp=1,
     )
     exemplars, seen = load_seen_texels(resolve_run(chosen), "validation", cpu_renderer)
     assert traced == []
@@ -115,8 +118,8 @@ def test_what_is_held_out_is_traced_once_and_when_asked_for(
 def test_a_fresh_stage_renders_each_layer_once(
     config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    renderer, rendered = cpu_renderer, []
-    source = make_batch_source(resolve_run(config(rendering="fresh")), "train", renderer, CPU)
+    renderer, rendered = load_renderer("numpy"), []
+    source = make_batch_source(resolve_run(config(rendering="online")), "train", renderer, CPU)
     render = type(renderer).render
     monkeypatch.setattr(
         type(renderer), "render", lambda self, *args, **how: rendered.append(1) or render(self, *args, **how)
@@ -127,7 +130,7 @@ def test_a_fresh_stage_renders_each_layer_once(
     assert coverage.max() == 1
 
 
-LIT: dict[str, Any] = {"rendering": "fresh", "discriminator": {"guide": True, "light": True}}
+LIT: dict[str, Any] = {"rendering": "online", "discriminator": {"gbuffer": True, "light_buffer": True}}
 
 
 @pytest.fixture(scope="module")
@@ -171,7 +174,9 @@ def test_a_fake_in_other_light_carries_its_own_scenes_light(lit: BatchSource) ->
     assert isinstance(scenes, OnlineSceneBatch)
     there = replace(source.exemplars, scenes=(*source.exemplars.scenes[:2], *scenes.scenes))
     assert isinstance(source.own_scenes, OnlineRendering)
-    assert torch.equal(replace(source.own_scenes, exemplars=there).light_buffer(2), fake.light_buffer[0])
+    real_there = replace(source.own_scenes, exemplars=there).first_scenes([2])
+    assert real_there.light_buffer is not None
+    assert torch.equal(real_there.light_buffer, fake.light_buffer)
 
 
 def test_a_fake_in_another_camera_carries_both_its_own_buffers(lit: BatchSource) -> None:
@@ -191,9 +196,9 @@ def test_pictures_of_gloss_are_not_divided_by_their_light(config: Callable[..., 
     """Whatever the rendering, in one sentence."""
     gloss = SimpleNamespace(maps={"roughness": 0.5, "metallic": 0.0})
     with pytest.raises(ConfigError, match=r"reflectance is for base_color alone.* roughness, metallic too"):
-        _require_divisible(config(discriminator={"sees": "reflectance"}), gloss)  # type: ignore[arg-type]
-    _require_divisible(config(discriminator={"sees": "radiance"}), gloss)  # type: ignore[arg-type]
-    _require_divisible(config(discriminator={"sees": "reflectance"}), SimpleNamespace(maps={}))  # type: ignore[arg-type]
+        _require_divisible(config(discriminator={"compares": "reflectance"}), gloss)  # type: ignore[arg-type]
+    _require_divisible(config(discriminator={"compares": "radiance"}), gloss)  # type: ignore[arg-type]
+    _require_divisible(config(discriminator={"compares": "reflectance"}), SimpleNamespace(maps={}))  # type: ignore[arg-type]
 
 
 def test_no_buffer_is_rendered_that_is_not_shown(
@@ -201,8 +206,8 @@ def test_no_buffer_is_rendered_that_is_not_shown(
 ) -> None:
     for name in ("gbuffer", "light_buffer"):
         monkeypatch.setattr(ReferencePictures, name, lambda self: pytest.fail("nobody looks at it"))
-    plain = config(rendering="fresh", scenes={"camera_noise_degrees": 20.0})
-    source = make_batch_source(resolve_run(plain), "train", cpu_renderer, CPU)
+    plain = config(rendering="online", scenes={"camera_noise_degrees": 20.0})
+    source = make_batch_source(resolve_run(plain), "train", load_renderer("numpy"), CPU)
     real, fake = make_pair(source, [0], source.scenes([0], np.random.default_rng(0)), torch.zeros(1, 32, 32, 4))
     assert (real.gbuffer, real.light_buffer, fake.gbuffer, fake.light_buffer) == (None,) * 4
 

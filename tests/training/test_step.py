@@ -15,6 +15,7 @@ from torch import Tensor
 
 from svbrdfgan.data.conditions import labels_of_scenes
 from svbrdfgan.errors import AssetError, ConfigError, TrainingError
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.training.discriminator_batch import ImageBatch
@@ -85,7 +86,7 @@ def test_the_discriminator_learns_to_tell(
     config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path
 ) -> None:
     """Against a generator that stands still."""
-    rates, plain = {"generator_rate": 1e-12, "discriminator_rate": 3e-3}, {"sees": "radiance"}
+    rates, plain = {"generator_rate": 1e-12, "discriminator_rate": 3e-3}, {"compares": "radiance"}
     chosen = config(optimizer=rates, loss={"r1": 0.0}, discriminator=plain)
     source = make_batch_source(resolve_run(chosen), "train", cpu_renderer, CPU)
     reports = run_steps(chosen, State.fresh(chosen, CPU), source, 80)
@@ -116,12 +117,10 @@ def test_the_same_seed_gives_the_same_run(config: Callable[..., TrainConfig], so
     assert not torch.equal(elsewhere.generator.first.weight, State.fresh(config(), CPU).generator.first.weight)
 
 
-@pytest.mark.parametrize("sees", ["radiance", "reflectance"])
-def test_chance_and_conditions_learn(
-    sees: str, config: Callable[..., TrainConfig], cpu_renderer: Any, varied_dataset: Path
-) -> None:
+@pytest.mark.parametrize("compares", ["radiance", "reflectance"])
+def test_chance_and_conditions_learn(compares: str, config: Callable[..., TrainConfig], varied_dataset: Path) -> None:
     """Both sides are shown the exemplar's own conditions, and each step draws other seeds."""
-    small, plain = {"width": 4, "blocks": 1, "chance": 2}, {"sees": sees}
+    small, plain = {"width": 4, "blocks": 1, "random_fields": 2}, {"compares": compares}
     chosen = config(dataset=str(varied_dataset), generator=small, discriminator=plain)
     resolved = resolve_run(chosen)
     source = make_batch_source(resolved, "train", cpu_renderer, CPU)
@@ -207,11 +206,13 @@ def test_labels_are_planes_after_the_buffers() -> None:
     assert torch.equal(shown[:, 3:], labels.flip(0)[:, :, None, None].expand(2, 2, 4, 4))
 
 
-@pytest.mark.parametrize(("guide", "light", "channels"), [(False, False, 3), (True, False, 9), (True, True, 18)])
+@pytest.mark.parametrize(
+    ("gbuffer", "light_buffer", "channels"), [(False, False, 3), (True, False, 9), (True, True, 18)]
+)
 def test_the_discriminator_has_channels_for_what_it_is_shown(
-    guide: bool, light: bool, channels: int, config: Callable[..., TrainConfig]
+    gbuffer: bool, light_buffer: bool, channels: int, config: Callable[..., TrainConfig]
 ) -> None:
-    chosen = config(rendering="fresh", discriminator={"guide": guide, "light": light})
+    chosen = config(rendering="online", discriminator={"gbuffer": gbuffer, "light_buffer": light_buffer})
     first = next(m for m in State.fresh(chosen, CPU).discriminator.modules() if isinstance(m, torch.nn.Conv2d))
     assert first.in_channels == channels
 
@@ -220,8 +221,8 @@ def test_a_step_in_other_light_is_taken_beside_the_light_buffer(
     config: Callable[..., TrainConfig], cpu_renderer: Any
 ) -> None:
     chosen = config(
-        rendering="fresh",
-        discriminator={"guide": True, "light": True},
+        rendering="online",
+        discriminator={"gbuffer": True, "light_buffer": True},
         scenes={"environment": "redrawn"},
         spp=2,
     )
@@ -252,12 +253,12 @@ def test_fresh_rendering_has_the_gradient_of_the_transport(
 ) -> None:
     """The same scenes drawn, the same samples: the same pictures, and the same first gradient of the generator."""
     kinds = {
-        "transport": config(
+        "stored": config(
             scenes={"pool": 0},
-            discriminator={"guide": False, "sees": "radiance"},
+            discriminator={"gbuffer": False, "compares": "radiance"},
             optimizer={"discriminator_rate": 1e-12},
         ),
-        "fresh": config(rendering="fresh", discriminator={"guide": False}, optimizer={"discriminator_rate": 1e-12}),
+        "online": config(rendering="online", discriminator={"gbuffer": False}, optimizer={"discriminator_rate": 1e-12}),
     }
     gradients, pictures = [], []
     for chosen in kinds.values():
@@ -278,7 +279,7 @@ def test_fresh_rendering_has_the_gradient_of_the_transport(
 
 def test_a_matched_fake_of_the_truth_is_the_exemplar_but_for_noise(source: BatchSource) -> None:
     """G0's own layer through the training transports gives back the stored pictures: nothing is turned or shifted."""
-    layers = torch.stack([layer for layer in source.exemplars.layers if layer is not None])
+    layers = torch.stack([layer.values for layer in source.exemplars.layers if layer is not None])
     scenes = source.scenes(range(6), np.random.default_rng(0))
     fake, coverage = scenes.render(layers)
     noise = (fake - source.real.image.float()).abs().mean()

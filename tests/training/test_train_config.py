@@ -20,8 +20,8 @@ def test_the_thesis_recipe_is_wgan_gp_of_batch_one() -> None:
     assert (thesis.loss.name, thesis.loss.gradient_penalty, thesis.loss.critic_steps) == ("wgan", 10.0, 5)
     assert (thesis.loss.r1, thesis.loss.r2) == (0.0, 0.0)
     assert (thesis.generator.width, thesis.generator.blocks, thesis.generator.norm) == (64, 6, "instance")
-    assert (thesis.discriminator.guide, thesis.discriminator.norm) == (False, "none")
-    assert (thesis.discriminator.sees, thesis.loss.penalty_every) == ("radiance", 1)
+    assert (thesis.discriminator.gbuffer, thesis.discriminator.norm) == (False, "none")
+    assert (thesis.discriminator.compares, thesis.loss.penalty_every) == ("radiance", 1)
     assert (thesis.optimizer.beta1, thesis.optimizer.beta2, thesis.optimizer.ema_images) == (0.5, 0.999, 0.0)
 
 
@@ -32,14 +32,14 @@ def test_what_is_said_goes_before_what_a_recipe_says() -> None:
 
 
 @pytest.mark.parametrize("recipe", ["default", "thesis"])
-def test_fresh_rendering_shows_no_guide_unless_told(recipe: str) -> None:
-    fresh = config(recipe=recipe, rendering="fresh", discriminator={"width": 32}).discriminator
-    assert (fresh.width, fresh.guide) == (32, False)
+def test_online_rendering_shows_no_gbuffer_unless_told(recipe: str) -> None:
+    online = config(recipe=recipe, rendering="online", discriminator={"width": 32}).discriminator
+    assert (online.width, online.gbuffer) == (32, False)
 
 
 def test_python_fills_in_what_a_file_does() -> None:
     assert TrainConfig(dataset="somewhere", recipe="thesis") == config(recipe="thesis")
-    assert TrainConfig(dataset="somewhere", rendering="fresh") == config(rendering="fresh")
+    assert TrainConfig(dataset="somewhere", rendering="online") == config(rendering="online")
     said = {"loss": LossConfig(gradient_penalty=1.0), "discriminator": DiscriminatorConfig(width=8)}
     mine = TrainConfig(dataset="somewhere", recipe="thesis", **said)  # type: ignore[arg-type]
     assert mine == config(recipe="thesis", loss={"gradient_penalty": 1.0}, discriminator={"width": 8})
@@ -51,7 +51,7 @@ def test_a_step_shows_a_batch_to_each_update_of_the_discriminator() -> None:
 
 
 @pytest.mark.parametrize(
-    ("data", "sees"),
+    ("data", "compares"),
     [
         ({}, "radiance"),
         ({"scenes": {"pool": 3}}, "radiance"),
@@ -59,19 +59,19 @@ def test_a_step_shows_a_batch_to_each_update_of_the_discriminator() -> None:
         ({"scenes": {"environment": "redrawn"}}, "reflectance"),
         ({"scenes": {"camera_noise_degrees": 1}}, "reflectance"),
         ({"scenes": {"camera": {}}}, "reflectance"),
-        ({"scenes": {"environment": "redrawn"}, "rendering": "fresh"}, "radiance"),
+        ({"scenes": {"environment": "redrawn"}, "rendering": "online"}, "radiance"),
         ({"scenes": {"environment": "redrawn"}, "recipe": "thesis"}, "radiance"),
-        ({"discriminator": {"sees": "reflectance"}}, "reflectance"),
-        ({"scenes": {"environment": "redrawn"}, "discriminator": {"sees": "radiance"}}, "radiance"),
+        ({"discriminator": {"compares": "reflectance"}}, "reflectance"),
+        ({"scenes": {"environment": "redrawn"}, "discriminator": {"compares": "radiance"}}, "radiance"),
     ],
 )
-def test_plain_pictures_are_seen_where_only_texture_differs(data: dict[str, Any], sees: str) -> None:
-    assert resolved(config(**data), spp=64).discriminator.sees == sees
+def test_plain_pictures_are_seen_where_only_texture_differs(data: dict[str, Any], compares: str) -> None:
+    assert resolved(config(**data), spp=64).discriminator.compares == compares
 
 
 def test_pictures_of_further_maps_are_never_divided_by_their_light() -> None:
     unmatched = config(spp=16, scenes={"environment": "redrawn"})
-    assert resolved(unmatched, 64, ("roughness",)).discriminator.sees == "radiance"
+    assert resolved(unmatched, 64, ("roughness",)).discriminator.compares == "radiance"
 
 
 def test_a_recipe_stays_as_it_is() -> None:
@@ -104,18 +104,25 @@ def test_json_and_back() -> None:
         ({"scenes": {"pool": -1}}, r"scenes\.pool"),
         ({"scenes": {"camera": {"distance": {"uniform": [2, 1]}}}}, r"scenes\.camera\.distance"),
         ({"rendering": "fast"}, "rendering"),
-        ({"discriminator": {"light": "maybe"}}, r"discriminator\.light"),
+        ({"discriminator": {"light_buffer": "maybe"}}, r"discriminator\.light_buffer"),
         (
-            {"rendering": "fresh", "discriminator": {"sees": "reflectance"}},
-            "discriminator.sees: reflectance needs rendering: transport",
+            {"rendering": "online", "discriminator": {"compares": "reflectance"}},
+            "discriminator.compares: reflectance needs rendering: stored",
         ),
-        ({"spp_grad": 4}, "spp_grad needs rendering: fresh"),
+        ({"spp_grad": 4}, "spp_grad needs rendering: online"),
         (
             {"loss": {"gradient_penalty": 10.0}, "discriminator": {"norm": "instance"}},
             "gradient_penalty needs discriminator.norm none or group",
         ),
         ({"batch_size": 3, "devices": 2}, "batch_size 3 cannot be shared out among 2 devices"),
         ({"minutes": 0}, "minutes"),
+        ({"discriminator": {"guide": True}}, r"^train.yaml: discriminator\.guide is now discriminator\.gbuffer\.$"),
+        ({"discriminator": {"light": True}}, r"discriminator\.light is now discriminator\.light_buffer\.$"),
+        ({"discriminator": {"sees": "auto"}}, r"discriminator\.sees is now discriminator\.compares\.$"),
+        ({"generator": {"chance": 2}}, r"generator\.chance is now generator\.random_fields\.$"),
+        ({"rendering": "fresh"}, r"rendering: 'fresh' is not allowed; .*; 'fresh' is now 'online'\.$"),
+        ({"rendering": "transport"}, r"rendering: 'transport' is not allowed; .*; 'transport' is now 'stored'\.$"),
+        ({"sees": "radiance"}, "unknown key 'sees'"),  # an earlier name elsewhere
     ],
 )
 def test_a_mistake_is_one_line_with_its_key(data: dict[str, Any], said: str) -> None:

@@ -22,8 +22,8 @@ from torch import Tensor
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.errors import AssetError, ConfigError, TrainingError
 from svbrdfgan.inference.apply import paint
-from svbrdfgan.io import load_mesh
-from svbrdfgan.networks import Conditions
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.networks.saved import load_generator
 from svbrdfgan.training import trainer
 from svbrdfgan.training.config import TrainConfig, resolved, train_config
@@ -31,7 +31,8 @@ from svbrdfgan.training.metrics_log import read_metrics
 from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.training.run import MODEL, RunConfig, load_model
 from svbrdfgan.training.state import State, checkpoints, step_of
-from svbrdfgan.training.trainer import batch_indices, train
+from svbrdfgan.training.step import batch_indices
+from svbrdfgan.training.trainer import train
 
 Data = Callable[..., dict[str, Any]]
 COMMAND = "from svbrdfgan.cli import main; main()"
@@ -154,12 +155,12 @@ def test_a_finished_run_resumed_stays_as_it_is(config: Callable[..., TrainConfig
 def test_a_run_with_chance_and_conditions_goes_on_bit_for_bit(
     config: Callable[..., TrainConfig], varied_dataset: Path, tmp_path: Path
 ) -> None:
-    varied = {"dataset": str(varied_dataset), "generator": {"width": 4, "blocks": 1, "chance": 2}}
+    varied = {"dataset": str(varied_dataset), "generator": {"width": 4, "blocks": 1, "random_fields": 2}}
     train(config(**varied, steps=4), tmp_path / "whole")
     train(config(**varied, steps=2), tmp_path / "parts")
     state = train(config(**varied, steps=4), tmp_path / "parts", resume=True)
     assert_same_weights(tmp_path / "whole", tmp_path / "parts")
-    assert (state.generator.chance, state.generator.labels) == (2, 3)
+    assert (state.generator.random_fields, state.generator.labels) == (2, 3)
     model = load_model(tmp_path / "whole")
     assert model.config.conditions == Conditions((0.2, 1.0), ("rust", "dust"))
     assert model.score is None
@@ -174,8 +175,8 @@ def test_conditions_are_told_with_chance_or_when_asked_for(
         small = {"width": 4, "blocks": 1}
         return resolve_run(config(dataset=str(varied_dataset), generator=small | generator)).conditions
 
-    assert known().size == known(chance=2, conditions=False).size == 0
-    assert known(chance=2).size == known(conditions=True).size == 3
+    assert known().size == known(random_fields=2, conditions=False).size == 0
+    assert known(random_fields=2).size == known(conditions=True).size == 3
 
 
 def test_a_run_is_not_overwritten(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
@@ -300,11 +301,11 @@ def test_without_a_validation_split_the_last_model_is_the_model(
         {"scenes": {"pool": 0, "camera_noise_degrees": 2.0}},
         {"scenes": {"environment": "redrawn", "pool": 2}},
         {"scenes": {"environment": {"procedural": {"count": 2, "seed": 8}}}},
-        {"rendering": "fresh", "discriminator": {"guide": False}, "spp": 2, "spp_grad": 1},
+        {"rendering": "online", "discriminator": {"gbuffer": False}, "spp": 2, "spp_grad": 1},
         {"recipe": "thesis", "generator": {"norm": "instance"}, "loss": {"critic_steps": 2}},
         {"loss": {"name": "relativistic", "r2": 0.1}},
     ],
-    ids=["pool 0", "redrawn", "other lights", "fresh", "thesis", "relativistic"],
+    ids=["pool 0", "redrawn", "other lights", "online", "thesis", "relativistic"],
 )
 def test_it_trains(
     changes: dict[str, Any], config: Callable[..., TrainConfig], dataset_copy: Path, tmp_path: Path
@@ -359,6 +360,6 @@ def test_a_generator_paints_a_mesh_of_ones_own(
     model = load_model(tmp_path / "run")
     mesh = DatasetIndex.load(tiny_dataset).meshes["validation"][0]
     subject, layer = paint(load_mesh(tiny_dataset / mesh.asset.path), model)
-    assert layer.shape == (32, 32, 4)
-    assert not layer.requires_grad
-    assert torch.equal(layer, model.generator(subject.geometry.unsqueeze(0))[0])
+    assert layer.values.shape == (32, 32, 4)
+    assert not layer.values.requires_grad
+    assert torch.equal(layer.values, model.generator(subject.geometry.unsqueeze(0))[0])

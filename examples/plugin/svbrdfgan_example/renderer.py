@@ -14,7 +14,7 @@ from torch import Tensor
 
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.protocols import RendererCapabilities
-from svbrdfgan.rendering.validation import check_cotangent, check_radiance, check_render, check_transport
+from svbrdfgan.rendering.autograd_vjp import autograd_vjp
 from svbrdfgan.types import Gradients, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan_example.grid import Grid, meet
 from svbrdfgan_example.light import Light, bilinear
@@ -28,7 +28,6 @@ class Prepared:
     normals: Tensor
     uv: Tensor
     part: Tensor
-    parts: tuple[str, ...]
     repeat: tuple[bool, bool]
 
 
@@ -64,20 +63,12 @@ class GridRenderer:
             torch.from_numpy(a[surface.faces]).double() for a in (surface.positions, surface.normals, surface.uv)
         )
         grid = Grid.of_triangles(positions, self.density)
-        part, names = torch.tensor(surface.face_part), tuple(part.name for part in surface.parts)
-        return Prepared(grid, normals, uv, part, names, surface.repeat)
+        return Prepared(grid, normals, uv, torch.tensor(surface.face_part), surface.repeat)
 
     def render(self, prepared: Prepared, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
         """The picture: transport, times the textures."""
-        check_render("grid", self.capabilities, prepared.parts, materials, spp=spp)
-        film = torch.zeros(view.height * view.width, 4, dtype=torch.float64)
         with torch.no_grad():
-            colors = _base_colors(materials)
-            for samples in self._samples(prepared, view, _radiance(view), spp, seed):
-                seen = torch.cat([samples.weight * _albedo(prepared, colors, samples), samples.share], dim=1)
-                film.index_add_(0, samples.pixel, seen)
-        film = film.float().reshape(view.height, view.width, 4)
-        return Rendering(film[..., :3].contiguous(), film[..., 3].clamp(max=1.0))
+            return self._picture(prepared, materials, view, spp, seed)
 
     def render_vjp(
         self,
@@ -90,34 +81,34 @@ class GridRenderer:
         spp: int,
         seed: int,
     ) -> Gradients:
-        """By torch's own differentiation of the lookups; directions are constants."""
-        check_render("grid", self.capabilities, prepared.parts, materials, spp=spp, wrt=wrt)
-        check_cotangent("grid", view, grad_image)
-        grad = grad_image.detach().cpu().double().reshape(-1, 3)
-        colors = [color.requires_grad_("base_color" in wrt) for color in _base_colors(materials)]
-        light = _radiance(view).requires_grad_("environment" in wrt)
-        inputs = [value for value in (*colors, light) if value.requires_grad]
-        totals = [torch.zeros_like(value) for value in inputs]
-        with torch.enable_grad():
-            for samples in self._samples(prepared, view, light, spp, seed):
-                product = (samples.weight * _albedo(prepared, colors, samples) * grad[samples.pixel]).sum()
-                if inputs:
-                    parts = torch.autograd.grad(product, inputs, materialize_grads=True)
-                    totals = [total + part for total, part in zip(totals, parts, strict=True)]
-        found = iter(total.float() for total in totals)
-        maps = tuple({"base_color": next(found)} if "base_color" in wrt else {} for _ in colors)
-        return Gradients(maps, next(found) if "environment" in wrt else None)
+        """The gradient by torch's own differentiation of the lookups; directions are constants."""
+        return autograd_vjp(
+            lambda given, lit: self._picture(prepared, given, lit, spp, seed).image,
+            materials,
+            view,
+            grad_image,
+            wrt=wrt,
+        )
 
     def transport(self, prepared: Prepared, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
         """The samples that `render` multiplies with the textures."""
-        check_transport("grid", self.capabilities, spp=spp)
-        samples = self._samples(prepared, view, _radiance(view), spp, seed)
-        return (TransportSamples(s.pixel, s.part, s.uv.float(), s.weight.float()) for s in samples)
+        samples = self._samples(prepared, view, spp, seed)
+        return (TransportSamples(s.pixel, s.part, s.uv.float(), s.weight.detach().float()) for s in samples)
 
-    def _samples(self, prepared: Prepared, view: View, radiance: Tensor, spp: int, seed: int) -> Iterator[_Samples]:
+    def _picture(self, prepared: Prepared, materials: Materials, view: View, spp: int, seed: int) -> Rendering:
+        """The picture, differentiable in base colours and radiance."""
+        film = torch.zeros(view.height * view.width, 4, dtype=torch.float64)
+        colors = [material.base_color.cpu().double() for material in materials.parts]
+        for samples in self._samples(prepared, view, spp, seed):
+            seen = torch.cat([samples.weight * _albedo(prepared, colors, samples), samples.share], dim=1)
+            film = film.index_add(0, samples.pixel, seen)
+        film = film.float().reshape(view.height, view.width, 4)
+        return Rendering(film[..., :3].contiguous(), film[..., 3].clamp(max=1.0))
+
+    def _samples(self, prepared: Prepared, view: View, spp: int, seed: int) -> Iterator[_Samples]:
         mixed = np.random.SeedSequence(seed % 2**64).generate_state(1)  # torch alone takes only the lower 32 bits
         rng = torch.Generator().manual_seed(int(mixed[0]))
-        light = Light.of(view.environment, radiance)
+        light = Light.of(view.environment, view.environment.radiance.cpu().double())
         total = view.height * view.width * spp
         for start in range(0, total, self.chunk):
             pixel = torch.arange(start, min(start + self.chunk, total)) // spp
@@ -183,13 +174,3 @@ def _albedo(prepared: Prepared, colors: list[Tensor], samples: _Samples) -> Tens
             )
             albedo = albedo.index_put((mine,), found)
     return albedo
-
-
-def _base_colors(materials: Materials) -> list[Tensor]:
-    """Of each part, in double precision, apart from the caller's tensors."""
-    return [material.base_color.detach().cpu().double().clone() for material in materials.parts]
-
-
-def _radiance(view: View) -> Tensor:
-    check_radiance(view.environment.radiance)
-    return view.environment.radiance.detach().cpu().double().clone()

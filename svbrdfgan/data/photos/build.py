@@ -1,4 +1,4 @@
-"""From a manifest to the folder of a data set, which appears whole or not at all."""
+"""Makes the folder of a data set from a manifest. The folder appears whole or not at all."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from svbrdfgan.data.gather import INDEX, gather_environments, match_files
+from svbrdfgan.data.gather import gather_environments, match_files
+from svbrdfgan.data.index import INDEX
 from svbrdfgan.data.photos.check import (
     ErrorCollector,
     ImportJob,
@@ -25,15 +26,17 @@ from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.photos.overlay import contact_sheet
 from svbrdfgan.data.sampler import EnvironmentAsset
 from svbrdfgan.errors import AssetError, ConfigError
-from svbrdfgan.plugins import load_embedding
+from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.utils.display import Display, SilentDisplay
 
-OVERLAYS, SHEET, RECORD = "overlay", "contact-sheet.png", "imported.json"
+OVERLAYS = "overlay"
+SHEET = "contact-sheet.png"
+RECORD = "imported.json"
 
 
 @dataclass(frozen=True)
 class ImportedPicture:
-    """The record of one imported picture.
+    """The record of an imported picture.
 
     Attributes:
         file: as the manifest names it.

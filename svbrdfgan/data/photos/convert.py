@@ -15,17 +15,17 @@ from torch import Tensor
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.config.distributions import mean
 from svbrdfgan.data.config import Split
+from svbrdfgan.data.exemplar_files import exemplar_paths, save_exemplar
 from svbrdfgan.data.gather import environment_asset, mesh_asset
-from svbrdfgan.data.generate import exemplar_paths, save_exemplar
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.photos.check import ImportJob, RectifiedPhoto
 from svbrdfgan.data.photos.exposure import exposure_factor, mean_light
 from svbrdfgan.data.photos.light import GLOSS, environment, estimate_weights, evidence_size, gather_evidence, white
 from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.sampler import EnvironmentAsset, MeshAsset
-from svbrdfgan.io import load_environment
+from svbrdfgan.io.environment import load_environment
 from svbrdfgan.plugins.select import resolve_renderer
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene, SceneEnvironment
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.types import Environment, Materials, Mesh, Rendering, View
@@ -33,7 +33,12 @@ from svbrdfgan.types import Environment, Materials, Mesh, Rendering, View
 Place = tuple[Split, int]
 """Where an exemplar lies in its data set."""
 
-_SPP, _SMOOTH_SPP, _LIGHT_SPP = 64, 1024, 16
+_SPP = 64
+"""Samples per pixel of the clean rendering; the noise of as many is measured."""
+_SMOOTH_SPP = 1024
+"""Samples per pixel of renderings that count as free of noise."""
+_LIGHT_SPP = 16
+"""Samples per pixel of each lobe of light: estimates are sums over many pixels."""
 _WHOLE = 0.99
 """Coverage from which a pixel counts as filled."""
 _EROSION = 1 / 64
@@ -98,7 +103,7 @@ class _Converter:
 
     manifest: Manifest
     loader: SceneLoader
-    renderer: Renderer[Any]
+    renderer: CheckedRenderer
     chosen: PluginChoice
     meshes: dict[str, MeshAsset]
     lights: dict[str | None, SceneEnvironment]
@@ -146,7 +151,7 @@ class _Converter:
             return _on_cpu(self.renderer.render(prepared, materials, view, spp=_LIGHT_SPP, seed=seed))
 
         evidence = gather_evidence(
-            exposed, render, subject.materials(scene.materials, None), subject.learnable, self.mean
+            exposed, render, subject.materials(base_colors=scene.materials), subject.learnable, self.mean
         )
         radiance = environment(self.mean, estimate_weights(evidence, self.manifest.weathering_color))
         rows, folder = self.manifest.environment_rows, self.loader.folder
@@ -175,7 +180,7 @@ class _Converter:
 
     def _render_clean(self, scene: Scene) -> Rendering:
         """The scene without weathering."""
-        return self._render(scene, self.loader.subject(scene).materials(scene.materials, None), _SPP)
+        return self._render(scene, self.loader.subject(scene).materials(base_colors=scene.materials), _SPP)
 
     def _gloss(self, scene: Scene) -> Float[Tensor, "height width 3"]:
         """The radiance that gloss of the learnable parts adds to the picture, approximately."""

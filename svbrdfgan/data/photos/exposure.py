@@ -4,7 +4,7 @@ A picture alone does not separate exposure, light and reflectance; the mesh's ba
 picture is multiplied by one factor, which makes the median of its luminance relative to the unweathered mesh, rendered
 under the mean of the pool's lights, equal to one. It is the median, since weathering may make paint many times
 brighter: where more than half of the visible surface is nearly clean, the median is right and the mean is too high
-(`docs/own-pictures.md` has the numbers). Colour is kept.
+(`docs/lab/own-pictures.md` has the numbers). Colour is kept.
 """
 
 from __future__ import annotations
@@ -19,10 +19,14 @@ from torch import Tensor
 
 from svbrdfgan.data.sampler import ConfigSampler
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io import load_environment, luminance
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.image import luminance
 from svbrdfgan.types import Rendering
 
-_ROWS, _DRAWS = 32, 512
+_ROWS = 32
+"""Rows of the mean light."""
+_DRAWS = 512
+"""Lights that the mean is taken over."""
 _FULL = 0.99
 """Coverage from which a pixel counts as filled."""
 

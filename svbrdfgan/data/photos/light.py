@@ -33,13 +33,19 @@ _SHARPNESS = 14.0
 GLOSS = 0.02
 """The reflectance that gloss adds under smooth light."""
 
-_RIDGE, _ROUNDS = 0.03, 8
-_SMALL, _DARK = 0.05, 0.3
-"""`_SMALL`: the residual, relative to the clean image, below which squares count. `_DARK` is added to the clean image
-for that, relative to its median; else the darkest pixels would dominate."""
+_RIDGE = 0.03
+"""Weight of the penalty on the distance from the prior, against a mean of squares of residuals."""
+_ROUNDS = 8
+"""Rounds of reweighted least squares."""
+_SMALL = 0.05
+"""Residual, relative to the clean image, below which squares count."""
+_DARK = 0.3
+"""Share of the clean image's median that is added to it for `_SMALL`: else the darkest pixels would dominate."""
 
-_FULL, _LEAST = 0.9, 20
-"""Coverage from which a pixel counts as filled, and how many filled pixels are needed."""
+_FULL = 0.9
+"""Coverage from which a pixel counts as filled."""
+_LEAST = 20
+"""Filled pixels that are needed."""
 
 Light = Float[Tensor, "rows cols 3"]
 Render = Callable[[Materials, Light], Rendering]
@@ -116,7 +122,7 @@ def environment(mean: Light, weights: Float[ndarray, "3 lobes"]) -> Light:
 
 
 def estimate_weights(evidence: Evidence, dirt: tuple[float, float, float]) -> Float[ndarray, "3 lobes"]:
-    """Each lobe's weight in each channel, one where it is as bright as in the mean light.
+    """The weight of each lobe in each channel; 1 is as bright as in the mean light.
 
     Args:
         dirt: approximate linear reflectance of the layer that weathering adds.

@@ -1,4 +1,4 @@
-"""The manifest of pictures to import: their meshes and cameras. `docs/own-pictures.md` explains every key."""
+"""The manifest of pictures to import: their meshes and cameras. `docs/configuration.md` lists every key."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from svbrdfgan.config.choices import PartSelection, PluginChoice, PluginField
-from svbrdfgan.config.distributions import Fixed, Number, Uniform
 from svbrdfgan.config.models import StrictModel, validate
-from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, MeshSource, ProceduralSkies, Split, SplitConfig
+from svbrdfgan.data.config import DatasetConfig, MeshSource, SharedConfig, Split, SplitConfig
 from svbrdfgan.scene.description import OrbitCamera
 from svbrdfgan.types import Camera
 
@@ -22,9 +20,11 @@ Reflectance = tuple[Share, Share, Share]
 class LookAtCamera(StrictModel):
     """A level camera by its position and the point in the middle of its picture, in metres of the mesh."""
 
-    position: tuple[float, float, float]
-    look_at: tuple[float, float, float]
-    vertical_fov_degrees: float = Field(default=35.0, gt=0, lt=180)
+    position: tuple[float, float, float] = Field(description="where the camera stands")
+    look_at: tuple[float, float, float] = Field(description="the point in the middle of the picture")
+    vertical_fov_degrees: float = Field(
+        default=35.0, gt=0, lt=180, description="full angle over the height of the whole picture"
+    )
 
     def camera(self) -> Camera:
         return Camera(self.position, self.look_at, vertical_fov=math.radians(self.vertical_fov_degrees))
@@ -42,15 +42,18 @@ PictureCamera = Annotated[
 
 
 class PictureEntry(StrictModel):
-    """One picture. Files are relative to the manifest."""
+    """A picture. Files are relative to the manifest."""
 
-    file: str
-    mesh: str
-    camera: PictureCamera
-    mask: str | None = None
-    paint: Reflectance | None = None
-    environment: str | None = None
-    environment_rotation_degrees: float = 0.0
+    file: str = Field(description="the picture: PNG, JPEG or EXR")
+    mesh: str = Field(description="the mesh's file")
+    camera: PictureCamera = Field(description="by angles and distance from a target, or by `position` and `look_at`")
+    mask: str | None = Field(default=None, description="an image of the same size, white where the object is")
+    paint: Reflectance | None = Field(
+        default=None,
+        description="linear base colour of the learnable parts in this picture; `null`: that of the manifest's `paint`",
+    )
+    environment: str | None = Field(default=None, description="the light, where it is known")
+    environment_rotation_degrees: float = Field(default=0.0, description="its turn about the vertical")
 
     @model_validator(mode="after")
     def _turns_something(self) -> PictureEntry:
@@ -59,25 +62,26 @@ class PictureEntry(StrictModel):
         return self
 
 
-class Manifest(StrictModel):
-    """The pictures, and the data set made of them. Keys that `DatasetConfig` has too have the same meaning."""
+class Manifest(SharedConfig):
+    """The pictures to import, and the data set made of them."""
 
-    pictures: tuple[PictureEntry, ...]
-    test: tuple[str, ...] = Field(default=(), description="meshes whose pictures are kept from training")
-    paint: dict[str, Reflectance] = Field(default={}, description="by mesh, of its learnable parts")
-    light: Literal["estimated", "mean"] = Field(default="estimated", description="where a picture names none")
-    weathering_color: Reflectance = Field(
-        default=(0.18, 0.18, 0.18), description="approximate; separates light from weathering"
+    pictures: tuple[PictureEntry, ...] = Field(description="the pictures")
+    test: tuple[str, ...] = Field(
+        default=(), description="meshes whose pictures are kept from training, as split `test`"
     )
-    image: tuple[Annotated[int, Field(ge=8, le=8192)], Annotated[int, Field(ge=8, le=8192)]] = (256, 256)
-    texture: int = Field(default=256, ge=16, le=4096, multiple_of=4)
-    renderer: PluginField = PluginChoice(name="auto")
-    embedding: PluginField = PluginChoice(name="hemispherical")
-    learnable: PartSelection = PartSelection()
-    environments: EnvironmentSource = EnvironmentSource(procedural=ProceduralSkies(count=8))
-    environment_rotation_degrees: Number = Uniform(uniform=(0.0, 360.0))
-    environment_rows: int = Field(default=256, ge=8)
-    environment_brightness: Number = Fixed[float](fixed=1.0)
+    paint: dict[str, Reflectance] = Field(
+        default={},
+        description="by mesh, the linear base colour of its learnable parts; others keep the mesh's own material",
+    )
+    light: Literal["estimated", "mean"] = Field(
+        default="estimated",
+        description="the light of pictures that name no `environment`: `estimated` for each, or `mean`, that of the "
+        "pool `environments`",
+    )
+    weathering_color: Reflectance = Field(
+        default=(0.18, 0.18, 0.18),
+        description="rough linear colour of the weathering; it helps to separate light from weathering",
+    )
 
     @model_validator(mode="after")
     def _fits_together(self) -> Manifest:
@@ -105,7 +109,7 @@ class Manifest(StrictModel):
     def config(self) -> DatasetConfig:
         """The configuration that `dataset.json` stores; it has no weathering recipe, which is unknown."""
         splits: tuple[Split, ...] = ("train", "test")
-        shared = {name: getattr(self, name) for name in Manifest.model_fields if name in DatasetConfig.model_fields}
+        shared = {name: getattr(self, name) for name in SharedConfig.model_fields}
         shared |= {"paint": None, "weathering": None}
         sources = {split: MeshSource(files=self.meshes(split)) for split in splits if self.meshes(split)}
         return DatasetConfig(**shared, splits={split: SplitConfig(meshes=source) for split, source in sources.items()})

@@ -23,8 +23,16 @@ if TYPE_CHECKING:
 
 NO_PART = -1
 _SIDE = 640
-_MESH, _PARTS, _MASK = (255, 220, 0), (255, 120, 0), (0, 220, 255)
-_CELL, _CAPTION, _COLUMNS, _PAPER, _INK = (240, 180), 16, 5, (255, 255, 255), (40, 40, 40)
+_YELLOW = (255, 220, 0)
+_ORANGE = (255, 120, 0)
+_CYAN = (0, 220, 255)
+_CELL = (240, 180)
+"""Width and height of a thumbnail, pixels."""
+_CAPTION = 16
+"""Height of a caption, pixels."""
+_COLUMNS = 5
+_WHITE = (255, 255, 255)
+_GREY = (40, 40, 40)
 
 
 def visible_parts(mesh: Mesh, camera: Camera, width: int, height: int) -> Int[ndarray, "height width"]:
@@ -74,9 +82,9 @@ def overlay(
     from PIL import Image as PillowImage
 
     pixels = np.array(picture(_exposed(shown).permute(1, 2, 0)))
-    outlines = [(_borders(parts), _PARTS), (_thickened(_borders(parts != NO_PART)), _MESH)]
+    outlines = [(_borders(parts), _ORANGE), (_thickened(_borders(parts != NO_PART)), _YELLOW)]
     if mask is not None:
-        outlines.insert(1, (_thickened(_borders(mask)), _MASK))
+        outlines.insert(1, (_thickened(_borders(mask)), _CYAN))
     for line, color in outlines:
         pixels[line] = color
     return PillowImage.fromarray(pixels)
@@ -90,12 +98,12 @@ def contact_sheet(overlays: Sequence[Image], captions: Sequence[str]) -> Image:
     columns = min(_COLUMNS, len(overlays))
     width, height = _CELL
     rows = math.ceil(len(overlays) / columns)
-    sheet = PillowImage.new("RGB", (columns * width, rows * (height + _CAPTION)), _PAPER)
+    sheet = PillowImage.new("RGB", (columns * width, rows * (height + _CAPTION)), _WHITE)
     draw = ImageDraw.Draw(sheet)
     for number, (image, caption) in enumerate(zip(overlays, captions, strict=True)):
         left, top = number % columns * width, number // columns * (height + _CAPTION)
-        sheet.paste(ImageOps.pad(image, _CELL, color=_PAPER), (left, top))
-        draw.text((left + 4, top + height + 2), caption, fill=_INK)
+        sheet.paste(ImageOps.pad(image, _CELL, color=_WHITE), (left, top))
+        draw.text((left + 4, top + height + 2), caption, fill=_GREY)
     return sheet
 
 

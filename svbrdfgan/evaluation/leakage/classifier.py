@@ -19,16 +19,19 @@ from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.discriminator_batch import DiscriminatorBatch, ImageBatch, composite_pair
 from svbrdfgan.training.state import make_discriminator
 
-_STEPS, _EVERY, _PATIENCE = 200, 10, 5
-_BATCH, _RATE = 16, 3e-4
-_SURE = 0.01
-_BACKGROUNDS = 4
-_PROBES = 3
-_LEARN, _CHOOSE, _JUDGE = range(3)
+_STEPS = 200  # of a classifier, at most
+_EVERY = 10  # steps between two looks at the pairs that choose when it stops
+_PATIENCE = 5  # looks without an improvement after which it stops
+_BATCH = 16  # pairs in a step
+_RATE = 3e-4  # AdamW's learning rate
+_SURE = 0.01  # loss on the choosing pairs below which it stops: nothing is left to learn
+_BACKGROUNDS = 4  # random ones over which margins are averaged
+_PROBES = 3  # classifiers whose margins are added
+_LEARN, _CHOOSE, _JUDGE = range(3)  # the roles of `Roles`
 _DEALT = (_LEARN, _JUDGE, _LEARN, _JUDGE, _CHOOSE)
 
 Margins = Float[Tensor, " pairs"]
-"""For each pair, by how much the exemplar's picture looks more real than the fake."""
+"""The logit of the exemplar's picture less that of the fake, for each pair; summed over classifiers when judged."""
 
 
 @dataclass(frozen=True, eq=False)

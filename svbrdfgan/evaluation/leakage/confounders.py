@@ -6,19 +6,20 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Literal, get_args
 
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.training.config import ScenesConfig
+from svbrdfgan.training.resolve import ResolvedRun
 
 Confounder = Literal["pose", "light", "noise", "renderer"]
 CONFOUNDERS: tuple[Confounder, ...] = get_args(Confounder)
 
 REMEDIES: Mapping[Confounder, str] = MappingProxyType(
     {
-        "pose": "Let the discriminator see reflectance (discriminator.sees), carried to the exemplar's camera, where "
-        "layers paint base_color alone; or draw the fakes' cameras from the distribution of the exemplars' own "
+        "pose": "Let the discriminator see reflectance (discriminator.compares), carried to the exemplar's camera, "
+        "where layers paint base_color alone; or draw the fakes' cameras from the distribution of the exemplars' own "
         "(scenes.camera).",
-        "light": "Let the discriminator see reflectance (discriminator.sees), where the exemplars' light is known and "
-        "layers paint base_color alone; or give the fakes lights that cover theirs (scenes.environment).",
+        "light": "Let the discriminator see reflectance (discriminator.compares), where the exemplars' light is known "
+        "and layers paint base_color alone; or give the fakes lights that cover theirs (scenes.environment).",
         "noise": "Where the discriminator sees radiance, train with the exemplars' samples per pixel (spp, hits); or "
         "let it see reflectance: there, exemplars of more samples have less noise, which hardly hinders learning.",
         "renderer": "Train through the renderer that made the exemplars, with as many bounces; where that cannot be, "
@@ -29,7 +30,7 @@ REMEDIES: Mapping[Confounder, str] = MappingProxyType(
 
 
 def find_confounders(
-    run: ResolvedRun, exemplar_renderer: Renderer[Any], renderer: Renderer[Any]
+    run: ResolvedRun, exemplar_renderer: CheckedRenderer, renderer: CheckedRenderer
 ) -> dict[Confounder, str]:
     """The confounders of this run's configuration, and how the two sides differ in each, in words.
 
@@ -39,11 +40,11 @@ def find_confounders(
     """
     config, exemplar_spp = run.config, run.dataset.config.spp
     found: dict[Confounder, str] = {"pose": _pose(config.scenes), "light": _light(config.scenes)}
-    if config.discriminator.sees == "reflectance":
+    if config.discriminator.compares == "reflectance":
         found["noise"] = f"{exemplar_spp} samples per pixel in exemplars, no noise in fakes"
     elif exemplar_spp != run.fake_spp:
         found["noise"] = f"{exemplar_spp} samples per pixel in exemplars, {run.fake_spp} in fakes"
-    if (type(exemplar_renderer), exemplar_renderer.capabilities) != (type(renderer), renderer.capabilities):
+    if (exemplar_renderer.name, exemplar_renderer.capabilities) != (renderer.name, renderer.capabilities):
         found["renderer"] = f"{_title(exemplar_renderer)} for exemplars, {_title(renderer)} for fakes"
     return {name: how for name, how in found.items() if how}
 
@@ -72,6 +73,6 @@ def _light(scenes: ScenesConfig) -> str:
     return "fakes are lit from another source"
 
 
-def _title(renderer: Renderer[Any]) -> str:
+def _title(renderer: CheckedRenderer) -> str:
     bounces = renderer.capabilities.max_bounces
-    return f"{type(renderer).__name__} with {bounces} bounce{'s' if bounces > 1 else ''}"
+    return f"{renderer.name} with {bounces} bounce{'s' if bounces > 1 else ''}"

@@ -17,7 +17,7 @@ from svbrdfgan.evaluation.leakage.classifier import Margins, Roles, Trial
 from svbrdfgan.evaluation.leakage.confounders import CONFOUNDERS, REMEDIES, Confounder, find_confounders
 from svbrdfgan.evaluation.leakage.rendered_pairs import Confounders, RenderedPairs
 from svbrdfgan.evaluation.leakage.report import Finding, LeakageReport
-from svbrdfgan.io import save_image
+from svbrdfgan.io.image import save_image
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.training.config import TrainConfig
@@ -33,7 +33,7 @@ _SHOWN = 8
 
 @dataclass(frozen=True, eq=False)
 class ProbeResult:
-    """What the probe found, and a picture of it.
+    """The findings of a probe, and a picture of them.
 
     Attributes:
         pairs: the judged pairs with the largest margins, linear: clean exemplars above, fakes below.
@@ -53,9 +53,9 @@ def probe_shortcuts(
 ) -> ProbeResult:
     """Finds what a discriminator could tell real from fake by if there were no texture to look at.
 
-    It trains classifiers on clean, unweathered renders of the exemplars' own scenes and of the scenes that training
-    would render fakes in; then again for each confounder that differs, with the others removed. It renders at most 1024
-    exemplars, evenly chosen, and stores the light transports that training will need.
+    The probe trains classifiers on clean, unweathered renders of the exemplars' own scenes and of the scenes that
+    training would render fakes in; then again for each confounder that differs, with the others removed. The probe
+    renders at most 1024 exemplars, evenly chosen, and stores the light transports that training will need.
 
     Args:
         base: the folder that paths of the configuration are relative to.
@@ -100,7 +100,7 @@ def _open(config: TrainConfig, base: Path, display: Display) -> tuple[RenderedPa
     recorded = exemplars.scenes[0].renderer
     exemplar_renderer = renderer if recorded == choice else resolve_renderer(recorded, device)[0]
     _require_known(exemplars)
-    if run.config.discriminator.light:
+    if run.config.discriminator.light_buffer:
         require_reference_materials(renderer)
     chosen = np.unique(np.linspace(0, len(exemplars) - 1, min(len(exemplars), _MOST)).round().astype(int)).tolist()
     pairs = RenderedPairs(run, exemplars, chosen, renderer, exemplar_renderer, device, display.advance)

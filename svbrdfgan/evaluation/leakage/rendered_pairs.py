@@ -1,40 +1,34 @@
-"""Rendered pairs: clean pictures of both sides. They show no weathering, so what tells them apart is a confounder."""
+"""Rendered pairs: pictures of both sides without weathering, so that only confounders tell the sides apart."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from svbrdfgan.data.exemplar_files import BRIGHTEST
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.data.generate import BRIGHTEST, render_scene
+from svbrdfgan.data.generate import render_scene
 from svbrdfgan.evaluation.leakage.confounders import Confounder, scenes_with
-from svbrdfgan.protocols import Renderer
-from svbrdfgan.rendering.compositing import layer_channels
-from svbrdfgan.training.batches import (
-    BatchSource,
-    SceneRendering,
-    exemplar_spp,
-    make_scenes,
-    own_buffers,
-    stack_inputs,
-)
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
+from svbrdfgan.training.batches import BatchSource, exemplar_spp, make_scenes, own_buffers, stack_inputs
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.resolve import ResolvedRun
+from svbrdfgan.training.scene_batch import SceneRendering
 from svbrdfgan.training.step import make_pair
+from svbrdfgan.types.layer import layer_channels
 
 _CHUNK = 8
 
 Confounders = frozenset[Confounder]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class RenderedPairs:
     """Renders both sides' clean pictures, with any of the configuration's confounders present or removed.
 
@@ -47,13 +41,15 @@ class RenderedPairs:
         renderer: the training's renderer.
         exemplar_renderer: the data set's renderer.
         progress: called with the number of pictures rendered since the last call.
+        _rendered: a cache of the exemplars' images and coverage, by which of noise and renderer is present.
+        _buffers: a cache of the exemplars' G-buffers and light buffers; empty until they are rendered.
     """
 
     run: ResolvedRun
     exemplars: Exemplars
     chosen: Sequence[int]
-    renderer: Renderer[Any]
-    exemplar_renderer: Renderer[Any]
+    renderer: CheckedRenderer
+    exemplar_renderer: CheckedRenderer
     device: torch.device
     progress: Callable[[int], None]
     _rendered: dict[Confounders, tuple[Tensor, Tensor]] = field(default_factory=dict)
@@ -87,7 +83,7 @@ class RenderedPairs:
 
     @property
     def _demodulated(self) -> bool:
-        return self.run.config.discriminator.sees == "reflectance"
+        return self.run.config.discriminator.compares == "reflectance"
 
     def _scenes(self, scenes: ScenesConfig, spp: int) -> SceneRendering:
         if scenes.matched:  # training stores these too, whatever its pool
@@ -110,7 +106,7 @@ class RenderedPairs:
         return self._rendered[present]
 
     def _traced(self, present: Confounders) -> Iterator[tuple[Tensor, Tensor]]:
-        """Rendered and rounded as exemplars are stored, with their own seeds."""
+        """Yields images and coverage, rendered and rounded as exemplars are stored, with their own seeds."""
         renderer = self.exemplar_renderer if "renderer" in present else self.renderer
         prepared, last = None, -1
         for index in self.chosen:
@@ -124,7 +120,7 @@ class RenderedPairs:
             self.progress(1)
 
     def _exact(self, own_scenes: SceneRendering) -> Iterator[tuple[Tensor, Tensor]]:
-        """By the light transport of the exemplars' own scenes."""
+        """Yields images and coverage by the light transport of the exemplars' own scenes."""
         for index in self.chosen:
             image, coverage = own_scenes.scenes([index], np.random.default_rng(0)).render(self._nothing(1))
             yield image[0], coverage[0]

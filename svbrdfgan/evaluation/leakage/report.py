@@ -32,7 +32,7 @@ class Share(StrictModel):
 
     @classmethod
     def of(cls, margins: Float[Tensor, " pairs"]) -> Share:
-        """From how much more real each exemplar's picture looked than its fake."""
+        """The share by the classifiers' margins: how much more real each exemplar's picture looked than its fake."""
         count, square = len(margins), _DEVIATIONS**2
         value = float(((margins > 0) + 0.5 * (margins == 0)).double().mean())
         centre = value + square / (2 * count)
@@ -42,7 +42,7 @@ class Share(StrictModel):
 
     @property
     def leaks(self) -> bool:
-        """Whether it is above chance."""
+        """Whether the share is above chance."""
         return self.low > 0.5
 
     @property
@@ -67,7 +67,7 @@ class Finding(StrictModel):
 
     @classmethod
     def of(cls, differs: str, margins: Float[Tensor, " pairs"], remedy: str | None = None) -> Finding:
-        """From the classifiers' margins."""
+        """The finding from the classifiers' margins."""
         share = Share.of(margins)
         return cls(differs=differs, share=share, verdict=share.verdict, remedy=remedy if share.leaks else None)
 

@@ -23,7 +23,7 @@ def norm_act_pad(
     spec: NormActPad,
     residual: Float[Tensor, "batch channels rows cols"] | None = None,
 ) -> Features:
-    """What `spec` makes of `x` and the residual, by Triton kernels where they apply, else by the reference.
+    """The result of `spec` for `x` and the residual, by Triton kernels where they apply, else by the reference.
 
     The kernels' results have autocast's precision, must not be changed in place, and differentiate once only.
     """

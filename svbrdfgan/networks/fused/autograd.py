@@ -30,14 +30,14 @@ class Tile:
     warps: int
 
     def shape(self, channels: int) -> tuple[int, int]:
-        """Its texels and channels, both powers of two."""
+        """Texels and channels of the tile, both powers of two."""
         cols = min(triton.next_power_of_2(channels), MOST_CHANNELS)
         return min(self.values // cols, MOST_TEXELS), cols
 
 
-# `benchmarks/fused_norm.py` measures them. 128 channels of bf16 are 256 bytes in one piece, which a warp reads at once;
-# several hundred texels in one program spill registers.
-MOST_CHANNELS, MOST_TEXELS = 128, 128
+# `benchmarks/fused_norm.py` measures these sizes.
+MOST_CHANNELS = 128  # of bf16 these are 256 bytes in one piece, which a warp reads at once
+MOST_TEXELS = 128  # several hundred texels in one program spill registers
 # The statistics read one tensor and hold less at a time than the others, which read up to three.
 STATISTICS = Tile(8192, 8)
 FORWARD = Tile(4096, 4)
@@ -52,7 +52,7 @@ def norm_act_pad_triton(
     spec: NormActPad,
     residual: Float[Tensor, "batch channels rows cols"] | None = None,
 ) -> Features:
-    """What `norm_act_pad_reference` gives, in autocast's precision where that is on; differentiable once."""
+    """The result of `norm_act_pad_reference`, in autocast's precision where that is on; differentiable once."""
     kind = x.device.type
     dtype = torch.get_autocast_dtype(kind) if torch.is_autocast_enabled(kind) else x.dtype
     return Features(*_NormActPad.apply(x, residual, spec, dtype))

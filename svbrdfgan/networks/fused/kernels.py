@@ -30,8 +30,8 @@ def partial_offset(sample, channels, channel):
 
 @triton.jit
 def statistics(x, partials, texels, channels, TEXELS: tl.constexpr, CHANNELS: tl.constexpr):
-    """Each tile's mean, and its sum of squared differences from that mean."""
-    # not sums of squares, which cancel: beside a mean of 1,000 they lose most digits of a variance of 1
+    """Stores each tile's mean, and its sum of squared differences from that mean."""
+    # not sums of squares, which cancel: with a mean of 1,000 they lose most digits of a variance of 1
     sample, texel, channel, mask = tile_indices(texels, channels, TEXELS, CHANNELS)
     x += sample * texels * channels
     values = tl.load(x + texel[:, None] * channels + channel[None, :], mask=mask, other=0).to(tl.float32)
@@ -191,7 +191,7 @@ def backward_sums(
         values = tl.load(x + start + offset, mask=mask, other=0).to(tl.float32)
         values, _ = normalise(values, moments, sample, channel, channels, NORM)
         if RELU:
-            slope = tl.where(values <= 0, 0, slope)
+            slope = tl.where(values <= 0, 0, slope)  # 0 at 0 too, as torch's
         partial = partial_offset(sample, channels, channel)
         tl.store(partials + partial, tl.sum(slope, axis=0), mask=channel < channels)
         tl.store(partials + partial + channels, tl.sum(slope * values, axis=0), mask=channel < channels)

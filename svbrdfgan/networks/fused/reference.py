@@ -33,7 +33,7 @@ class Features(NamedTuple):
 
     Attributes:
         padded: the input of the next convolution.
-        features: the values before upsampling and padding, for a skip connection. It may be a view of `padded`.
+        features: the values before upsampling and padding, for a skip connection; possibly a view of `padded`.
     """
 
     padded: Float[Tensor, "batch channels padded_rows padded_cols"]
@@ -41,7 +41,7 @@ class Features(NamedTuple):
 
 
 def norm_act_pad_reference(x: Tensor, spec: NormActPad, residual: Tensor | None = None) -> Features:
-    """What `norm_act_pad` gives, differentiable any number of times."""
+    """The result of `norm_act_pad`, differentiable any number of times."""
     features = instance_norm(x) if spec.norm else x
     if spec.relu:
         features = F.relu(features, inplace=spec.norm)  # without the norm it would overwrite the caller's x

@@ -21,7 +21,7 @@ from torch import Tensor
 from svbrdfgan.rendering.transport.light_transport import LightTransport
 from svbrdfgan.utils.copy_async import copy_async
 
-# docs/performance.md has the times of both on an H200. One warp takes 8 pixels, and 16 entries of each at a time: a
+# docs/lab/performance.md has both times on an H200. One warp takes 8 pixels, and 16 entries of each at a time: a
 # tile runs until its pixel with most entries is done, so that more pixels would mean more idle lanes.
 PICTURE = {"ROWS": 8, "LANES": 16, "num_warps": 1}
 # A program takes the entries of 2^HALVINGS pixels, 256 at a time, whichever pixel they belong to.

@@ -65,7 +65,7 @@ class LightTransport:
 
         A weight's error is at most 2^-11 of itself, or 2^-40 of the largest weight where that is more. That also bounds
         the relative error of an image of non-negative reflectances, since all weights are positive; 4e-4 at most was
-        measured (`docs/performance.md`).
+        measured (`docs/lab/performance.md`).
         """
         largest = (self.weight.float().abs().max() if len(self.weight) else self.scale.new_ones(())) * self.scale
         scale = (largest / _HALF_LIMIT).clamp(min=torch.finfo(torch.float32).tiny)

@@ -22,7 +22,7 @@ class ContractTests(PluginTests, EmbeddingKit):
     """An embedding conforms to `svbrdfgan.protocols.UVEmbedding`."""
 
     def test_is_an_embedding(self) -> None:
-        """It has the members of the protocol, and its capabilities are a `UVCapabilities` of two booleans."""
+        """The embedding has the protocol's members, and its capabilities are a `UVCapabilities` of two booleans."""
         check(isinstance(self.embedding, UVEmbedding), f"{self.embedding!r} lacks `capabilities` or `embed`.")
         record = self.capabilities
         check(isinstance(record, UVCapabilities), f"capabilities are {record!r}; wanted a UVCapabilities.")

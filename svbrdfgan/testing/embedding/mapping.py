@@ -19,17 +19,17 @@ from svbrdfgan.testing.embedding.surface import turns
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.types import Mesh, Surface
 
-_TEXELS = 64
-_LEAST_FILLED = 0.1
-_MOST_OVERLAPPING = 0.005
-_MOST_COLLAPSED = 0.01
+_TEXELS = 64  # along a side
+_LEAST_FILLED = 0.1  # of the texels
+_MOST_OVERLAPPING = 0.005  # of the texels in use
+_MOST_COLLAPSED = 0.01  # of the area
 _MOST_MIRRORED = 0.6  # a projection of both sides of a body from one side mirrors half of them
 _SAME_UV = 1e-3  # a quarter of a texel at 256
-_FEW = 0.01
+_FEW = 0.01  # of points, texels or area: for rounding at borders
 
 
 class MappingTests(EmbeddingKit):
-    """Conditions on any embedding. Its author tests whether it follows its own formula."""
+    """Conditions on any embedding; the author of one tests whether it follows its own formula."""
 
     def test_the_square_is_used(self) -> None:
         """A closed body covers at least a tenth of the texels."""
@@ -37,7 +37,7 @@ class MappingTests(EmbeddingKit):
         check(filled >= _LEAST_FILLED, f"{filled:.1%} of the texels show the body; wanted {_LEAST_FILLED:.0%}.")
 
     def test_one_to_one_means_no_overlap(self) -> None:
-        """Under an injective embedding, at most one texel centre in 200 lies in two faces, by rounding at borders."""
+        """An injective embedding puts at most one texel centre in 200 into two faces, by rounding at borders."""
         declared(self.capabilities.injective, "injective")
         for name, _, surface in self.surfaces():
             layers = Fragments.of(surface, 4 * _TEXELS, 4 * _TEXELS).layers
@@ -45,7 +45,7 @@ class MappingTests(EmbeddingKit):
             check(share <= _MOST_OVERLAPPING, f"{name}: {share:.1%} of the texels in use lie in two faces or more.")
 
     def test_one_to_one_means_no_face_collapses(self) -> None:
-        """Under an injective embedding, faces that make up 99 % of the area keep an area in UV."""
+        """Faces that make up 99 % of the area keep an area in UV under an injective embedding."""
         declared(self.capabilities.injective, "injective")
         for name, _, surface in self.surfaces():
             area = face_areas(surface.positions, surface.faces)
@@ -61,7 +61,7 @@ class MappingTests(EmbeddingKit):
         )
 
     def test_no_face_is_smeared_across_the_square(self) -> None:
-        """On a sphere, no piece of a face (a 432nd of it) is more than half the square wide: seams are cut."""
+        """No piece of a face of a sphere (a 432nd of it) is more than half the square wide: seams are cut."""
         surface = self.embedding.embed(sphere(6))
         extent = np.ptp(surface.uv[surface.faces], axis=1).max(axis=1)
         check(
@@ -71,7 +71,7 @@ class MappingTests(EmbeddingKit):
         )
 
     def test_outer_sides_lie_on_top(self) -> None:
-        """Where both sides of a closed body share texels, the side seen from outside has the greater elevation."""
+        """The side of a closed body that is seen from outside has the greater elevation where both share texels."""
         declared(not self.capabilities.injective, "sharing of texels")
         mirrored = self._share_mirrored()
         # if the shell is partly mirrored, winding does not tell the inside from the outside
@@ -85,7 +85,7 @@ class MappingTests(EmbeddingKit):
         )
 
     def test_what_encloses_lies_on_top(self) -> None:
-        """Where nested bodies share texels, the outer one has the greater elevation, and the inner one is hidden."""
+        """The outer one of nested bodies has the greater elevation where both share texels; the inner one is hidden."""
         declared(not self.capabilities.injective, "sharing of texels")
         mesh = nested()
         surface = self.embedding.embed(mesh)
@@ -113,7 +113,7 @@ class MappingTests(EmbeddingKit):
         self._check_same_map(with_unused_vertices(body(), 50.0), "a body with unused vertices 50 m away")
 
     def test_textures_repeat_only_where_the_map_does(self) -> None:
-        """Along an axis declared to repeat, the map reaches both borders of the square, which meet there."""
+        """The map reaches both borders of the square, which meet there, along an axis declared to repeat."""
         declared(self._repeats(body), "repeating")
         surface = self.embedding.embed(body())
         for axis, repeats in zip("uv", surface.repeat, strict=True):
@@ -152,7 +152,7 @@ def _unmirrored(surface: Surface) -> Float[ndarray, " faces"]:
 
 
 def _inner(surface: Surface, mesh: Mesh) -> Bool[ndarray, " faces"]:
-    """Which faces of a surface of `nested` belong to the inner body."""
+    """The mask of those faces of a surface of `nested` that belong to the inner body."""
     return mesh.face_part[surface.source_face] == 0
 
 

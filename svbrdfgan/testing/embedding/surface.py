@@ -65,7 +65,7 @@ class SurfaceTests(EmbeddingKit):
             )
 
     def test_faces_are_cut_only_if_declared(self) -> None:
-        """Without `subdivides`, a surface has one face for each face of the mesh, with the same corners."""
+        """A surface without `subdivides` has one face for each face of the mesh, with the same corners."""
         declared(not self.capabilities.subdivides, "keeping faces whole")
         for name, mesh, surface in self.surfaces():
             good = _has_area(mesh)[surface.source_face]
@@ -85,7 +85,7 @@ class SurfaceTests(EmbeddingKit):
         """A piece is in the part of the face that it lies in, or in its hidden half."""
         for name, mesh, surface in self.surfaces():
             wanted = [mesh.parts[part].name for part in mesh.face_part[surface.source_face]]
-            found = [surface.parts[part].name.removesuffix(" (hidden)") for part in surface.face_part]
+            found = [surface.parts[part].mesh_part for part in surface.face_part]
             wrong = sum(a != b for a, b in zip(wanted, found, strict=True))
             check(not wrong, f"{name}: {wrong} of {len(found)} pieces are in another part than their faces.")
 

@@ -34,13 +34,13 @@ class Runs:
         return estimate(list(self.values @ cells.members))
 
     def joined(self, more: Runs) -> Runs:
-        """These and other runs, of as many samples each."""
+        """The runs with others, of as many samples each."""
         return Runs(np.concatenate([self.values, more.values]), self.samples + more.samples)
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """What is tested of a quantity: its sum, each block that is not small, and the small ones pooled.
+    """The tested parts of a quantity: its sum, each block that is not small, and the small ones pooled.
 
     Attributes:
         members: 1 where a block belongs to a cell. The first cell is the sum.
@@ -131,6 +131,7 @@ def compare(
     size = 0.5 * np.abs(found_a.mean + found_b.mean)
     apart = difference(found_a, found_b)
     error = np.hypot(apart.error, _ROUNDING * size[0])
+    # Cells of nothing, in scenes of nothing, have neither size nor error to divide by.
     size, error = np.maximum(size, 1e-12 * size[0] + 1e-300), np.maximum(error, 1e-300)
     relative = Estimate(apart.mean / size, error / size, apart.freedom)
     limit, power = limits(relative, family)
@@ -146,7 +147,7 @@ def compare(
 
 
 def limits(found: Estimate, family: int) -> tuple[Float[ndarray, " cells"], Float[ndarray, " cells"]]:
-    """In standard errors: how far chance may take a difference, and how much further a bias lies to be found."""
+    """The limit of a difference by chance, and how much further a bias lies to be found; both in standard errors."""
     confidence = 1.0 - FALSE_ALARMS * found.mean.size / family
     unit = Estimate(found.mean, np.ones_like(found.error), found.freedom)
     chance = margin(unit, confidence)

@@ -1,6 +1,6 @@
 """`python -m svbrdfgan.testing.pairs.make_reference`: makes or continues the stored reference of a slow renderer.
 
-It samples where most runs are missing for the slow profile, and stops when none is missing or the time is up.
+The program samples where most runs are missing for the slow profile, and stops when none is missing or the time is up.
 Another run with the same file continues from there.
 """
 

@@ -19,16 +19,19 @@ from torch import Tensor
 
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.geometry.layers import hide_inner_layers
-from svbrdfgan.io import load_environment, load_mesh
-from svbrdfgan.plugins import load_embedding
-from svbrdfgan.procedural import SkyParameters, build_sky, build_vehicle, sample_vehicle
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.plugins.registry import load_embedding
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.sky import SkyParameters, build_sky
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.testing.scenes import bowl, corner_box, floor, joined, quad, random_light, random_texture
 from svbrdfgan.testing.scenes import sphere as ball
 from svbrdfgan.types import Camera, Environment, Material, Materials, Mesh, Surface, View
 
-ASSETS = "SVBRDFGAN_ASSETS"
-FILM = 64
-TEXTURE = 16
+ASSETS = "SVBRDFGAN_ASSETS"  # the variable that names the folder of real cars and lights
+FILM = 64  # pixels along a side
+TEXTURE = 16  # texels along a side
 _REAL_CAR = ("cars/quaternius_real_normalcar1.glb", "envmaps/pmndrs_sunset.hdr")
 _REFINED = 32  # resolution of the embedding of vehicles: coarse, so that the slowest renderer can follow
 _SAME = 5e-5  # by how much measures of one scene may differ
@@ -65,7 +68,7 @@ class PairScene:
 
     @property
     def maps(self) -> frozenset[str]:
-        """What a renderer must read."""
+        """The maps that a renderer must read."""
         return frozenset[str]().union(*(material.maps for material in self.materials.parts))
 
     def fingerprint(self) -> str:
@@ -90,8 +93,8 @@ class PairScene:
 def same_scene(one: str, other: str) -> bool:
     """Whether two fingerprints are of one scene, as different processors make it.
 
-    They round differently, and where two diagonals of a quad are equally good, a procedural vehicle then gets the other
-    one: 63 of 8,066 triangles without AVX2, which moved no measure by more than 2e-5.
+    Processors round differently, and where two diagonals of a quad are equally good, a procedural vehicle then gets the
+    other one: 63 of 8,066 triangles without AVX2, which moved no measure by more than 2e-5.
     """
     (digest, *measures), (others, *expected) = one.split(), other.split()
     if digest != others or len(measures) != len(expected):
@@ -274,7 +277,7 @@ def make_scene(name: str) -> PairScene:
 
     Raises:
         ConfigError: there is none of that name.
-        SceneUnavailableError: it needs files that this machine does not have.
+        SceneUnavailableError: the scene needs files that this machine does not have.
     """
     if name not in SCENES:
         raise ConfigError(f"scene {name!r} is unknown; known are {', '.join(SCENES)}.")

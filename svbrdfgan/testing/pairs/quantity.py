@@ -16,14 +16,14 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
-from svbrdfgan.protocols import Renderer, TransportRenderer
-from svbrdfgan.rendering.texture_filter import bilinear_taps
+from svbrdfgan.geometry.texels import bilinear_taps
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.testing.pairs.pair_scene import TEXTURE, PairScene
 from svbrdfgan.testing.statistics import numbers
 from svbrdfgan.types import TransportSamples
 
 BLOCKS = 4
-"""Along each side of the film, of each texture, and of the environment."""
+"""The number of blocks along each side of the film, of each texture, and of the environment."""
 
 _CELLS = BLOCKS * BLOCKS
 _SIGNS = (1.0, -1.0, 1.0)  # of cotangents, by channel
@@ -35,7 +35,7 @@ class RenderedScene:
     """A renderer with a scene prepared."""
 
     name: str
-    renderer: Renderer[Any]
+    renderer: CheckedRenderer
     prepared: Any
     scene: PairScene
 
@@ -76,7 +76,7 @@ class Quantity:
         return int(np.prod(self.shape(scene)))
 
     def label(self, scene: PairScene, block: int) -> str:
-        """Where a block is, such as "pixels 2,1 part 1 texels 0,3": rows and columns of blocks."""
+        """The place of a block in words, such as "pixels 2,1 part 1 texels 0,3": rows and columns of blocks."""
         at = np.unravel_index(block, self.shape(scene))
         return " ".join(self.place(axis, int(index)) for axis, index in enumerate(at))
 
@@ -88,8 +88,8 @@ class Quantity:
         return f"part {index}" if name == "part" else f"{name} {index // BLOCKS},{index % BLOCKS}"
 
 
-def offered(renderer: Renderer[Any], quantity: Quantity) -> bool:
-    """Whether the renderer can give it."""
+def offered(renderer: CheckedRenderer, quantity: Quantity) -> bool:
+    """Whether the renderer can give the quantity."""
     return not quantity.needs or quantity.needs in renderer.capabilities.differentiable
 
 
@@ -114,7 +114,7 @@ def _environment(rendered: RenderedScene, spp: int, seed: int) -> Float[ndarray,
 
 def _jacobian(rendered: RenderedScene, spp: int, seed: int) -> Float[ndarray, " blocks"]:
     lambertian = rendered.scene.maps == {"base_color"}  # what transport is made for
-    if lambertian and isinstance(rendered.renderer, TransportRenderer) and rendered.renderer.capabilities.transport:
+    if lambertian and rendered.renderer.capabilities.transport:
         return jacobian_of_transport(rendered, spp, seed).ravel()
     return jacobian_of_vjps(rendered, spp, seed).ravel()
 
@@ -122,9 +122,8 @@ def _jacobian(rendered: RenderedScene, spp: int, seed: int) -> Float[ndarray, " 
 def jacobian_of_transport(rendered: RenderedScene, spp: int, seed: int) -> Float[ndarray, "cells _ cells"]:
     """The Jacobian of the sum over each image block, in one channel, by the sum over each texel block, in the same.
 
-    From image block i it takes channel i % 3: no renderer mixes channels, and so three blocks fit in one cotangent.
+    Image block i counts in channel i % 3: no renderer mixes channels, and so three blocks fit in one cotangent.
     """
-    assert isinstance(rendered.renderer, TransportRenderer)
     scene, groups = rendered.scene, torch.tensor(rendered.scene.groups)
     shape = (_CELLS, scene.group_count, _CELLS)
     total = np.zeros(int(np.prod(shape)))
@@ -185,7 +184,11 @@ def block_sums(values: Float[Tensor, "rows cols channels"]) -> Float[ndarray, "c
     return total
 
 
-_PIXELS, _TEXELS, _PART, _CHANNEL = ("pixels", _CELLS), ("texels", _CELLS), ("part", 0), ("channel", _CHANNELS)
+# Axes of `Quantity`.
+_PIXELS = ("pixels", _CELLS)
+_TEXELS = ("texels", _CELLS)
+_PART = ("part", 0)  # 0: as many as the scene has groups
+_CHANNEL = ("channel", _CHANNELS)
 
 QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
     {

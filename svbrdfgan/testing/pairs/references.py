@@ -50,10 +50,10 @@ class Stored:
         return Runs(self.values, len(self.rounds) * RUNS * self.samples)
 
     def joined(self, other: Stored) -> Stored:
-        """Both together.
+        """The runs of both together.
 
         Raises:
-            AssetError: they share a round, which would be counted twice, or differ in samples.
+            AssetError: both share a round, which would be counted twice, or differ in samples.
         """
         if self.rounds & other.rounds or self.samples != other.samples:
             raise AssetError("two references share rounds or differ in samples; start one of them at another round.")
@@ -87,7 +87,7 @@ class Reference:
         return found, ""
 
     def joined(self, other: Reference) -> Reference:
-        """Both together; where they differ about a scene, the other's replaces this one's."""
+        """The runs of both together; of a scene about which they differ, only those of `other`."""
         theirs = other.fingerprints
         kept = {name for name, print_ in self.fingerprints.items() if same_scene(theirs.get(name, print_), print_)}
         stored = {key: value for key, value in self.stored.items() if key[0] in kept}
@@ -109,7 +109,7 @@ class Reference:
 
 
 def load_reference(path: Path = SHIPPED) -> Reference:
-    """What `Reference.save` wrote.
+    """The reference that `Reference.save` wrote.
 
     Raises:
         AssetError: the file is missing, damaged, or of another kind.

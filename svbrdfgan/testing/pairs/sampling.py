@@ -1,4 +1,4 @@
-"""As many runs of a renderer as the wanted test needs, judged by their standard errors.
+"""The number of runs of a renderer that a test needs, judged by their standard errors.
 
 The errors decide when to stop, never the differences, so stopping does not bias the test.
 """

@@ -29,7 +29,7 @@ CAPTION = (
     "Picture apart: of its sum, with the standard error.  Finds: the least bias found with 95 % power, in the worst "
     "sum and in the worst block of at least 1 %.  Samples: of each, for the quantity that took most."
 )
-"""What the columns mean."""
+"""The meaning of the columns."""
 
 
 def rich_table(rows: Iterable[Row], width: int) -> RichTable:
@@ -55,7 +55,7 @@ def markdown(rows: Iterable[Row]) -> str:
 
 
 def explanations(rows: Iterable[Row]) -> Iterator[str]:
-    """For every row that was skipped or failed, one line or more that say why."""
+    """Yields one line or more for every row that was skipped or failed, which say why."""
     for row in rows:
         name = f"{row.scene}, {' and '.join(row.pair)}" if row.pair else row.scene
         if row.reason:

@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.plugins import RENDERERS, list_plugins, load_renderer
 from svbrdfgan.plugins.probe import probe_all
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.plugins.registry import RENDERERS, list_plugins, load_renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.testing.pairs.compare import Comparison, Runs, compare
 from svbrdfgan.testing.pairs.pair_scene import SCENES, PairScene, SceneUnavailableError, make_scene
 from svbrdfgan.testing.pairs.quantity import QUANTITIES, RenderedScene, offered
@@ -31,7 +31,7 @@ LIVE_SCENES = ("convex", "occluding")
 _LIVE = Profile("live", of_sum=0.01, of_block=np.inf, runs=24, limit=2**21)
 
 Measured = Mapping[str, Runs]  # by quantity
-Maker = Callable[[int], "Renderer[Any] | None"]
+Maker = Callable[[int], "CheckedRenderer | None"]
 """Makes a renderer with this `max_bounces`; None if it cannot."""
 
 
@@ -171,9 +171,9 @@ def installed_renderers(device: str | None = None) -> dict[str, Maker]:
 
 
 def maker(name: str, options: Mapping[str, object]) -> Maker:
-    """A maker of the installed renderer of that name. It returns None if the renderer cannot do `max_bounces`."""
+    """A maker of the installed renderer of that name; returns None if the renderer cannot do `max_bounces`."""
 
-    def make(max_bounces: int) -> Renderer[Any] | None:
+    def make(max_bounces: int) -> CheckedRenderer | None:
         try:
             renderer = load_renderer(name, {**options, "max_bounces": max_bounces})
         except ConfigError:  # it has no such option, or not that far

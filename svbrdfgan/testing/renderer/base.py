@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
-from svbrdfgan.plugins import RENDERERS, load_renderer
+from svbrdfgan.plugins.registry import RENDERERS, load_renderer
 from svbrdfgan.protocols import Renderer, RendererCapabilities
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer, checked
 from svbrdfgan.testing.contract import PluginKit
 from svbrdfgan.testing.renderer.fixtures import ExampleScene
 from svbrdfgan.types import Materials, Rendering, Surface, View
@@ -23,7 +24,7 @@ class RendererKit(PluginKit):
         return load_renderer(self.name, self.options)
 
     def make_plugin(self) -> Renderer[Any]:
-        return self.make_renderer()
+        return checked(self.make_renderer()).plugin
 
     @property
     def installed(self) -> bool:
@@ -31,16 +32,17 @@ class RendererKit(PluginKit):
 
     def results(self, plugin: Renderer[Any]) -> dict[str, Any]:
         """A picture; gradients are left out, as some devices do not reproduce them bit for bit."""
-        rendering = ExampleScene().render(plugin)
+        rendering = ExampleScene().render(checked(plugin))
         return {"image": rendering.image, "coverage": rendering.coverage}
 
     def uses(self, plugin: Renderer[Any]) -> Iterator[object]:
         """Picture, gradients and transport."""
-        return ExampleScene().uses(plugin)
+        return ExampleScene().uses(checked(plugin))
 
     @cached_property
-    def renderer(self) -> Renderer[Any]:
-        return self.make_renderer()
+    def renderer(self) -> CheckedRenderer:
+        """The renderer as the core calls it, behind its checks."""
+        return checked(self.make_renderer())
 
     @property
     def capabilities(self) -> RendererCapabilities:

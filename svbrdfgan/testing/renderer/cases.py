@@ -14,7 +14,8 @@ from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor
 
-from svbrdfgan.protocols import Renderer, RendererCapabilities
+from svbrdfgan.protocols import RendererCapabilities
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.statistics import numbers
 from svbrdfgan.types import Camera, Environment, Gradients, Material, Materials, Surface, View
@@ -55,7 +56,7 @@ class Case:
 class RenderedCase:
     """A renderer with the surface of a case prepared. It returns NumPy arrays in double precision."""
 
-    renderer: Renderer[Any]
+    renderer: CheckedRenderer
     case: Case
 
     @cached_property

@@ -12,16 +12,14 @@ from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor
 
-from svbrdfgan.errors import SvbrdfganError, UnsupportedError
-from svbrdfgan.protocols import StoredLight
+from svbrdfgan.rendering.checked_renderer import CheckedLight, checked
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.testing.quadrature import Quadrature
 from svbrdfgan.testing.renderer import cases, stored_light
 from svbrdfgan.testing.renderer.cases import Case
-from svbrdfgan.testing.renderer.contract import require_refused
 from svbrdfgan.testing.renderer.statistical_assertions import Known, StatisticalKit, exactly
-from svbrdfgan.testing.renderer.stored_light import StoredCase, deferred, shade_together
+from svbrdfgan.testing.renderer.stored_light import StoredCase, shade_together
 from svbrdfgan.testing.statistics import block_sums, numbers
 from svbrdfgan.types.material import CHANNELS
 
@@ -41,7 +39,7 @@ Summary = Callable[[Float[ndarray, "rows cols channels"]], Float[ndarray, "*shap
 
 
 class DeferredTests(StatisticalKit):
-    """`store_light` and `shade`. What they refuse beside `render` is tested here, the rest in the contract."""
+    """`store_light` and `shade`."""
 
     def test_stored_light_gives_the_picture(self) -> None:
         """Shaded pictures, and those of all other parts, add up to the picture, to 3 % in every block.
@@ -89,7 +87,7 @@ class DeferredTests(StatisticalKit):
         """Whichever visits came before, a visit's picture is that of light stored anew."""
         stored = StoredCase(self.renderer, stored_light.lidded(self._all_maps()), (0,))
 
-        def fresh() -> StoredLight:
+        def fresh() -> CheckedLight:
             return stored.store(hits=6, spp=_SPP, seed=3)
 
         visited = fresh()
@@ -126,7 +124,7 @@ class DeferredTests(StatisticalKit):
         image, pullback = stored.shade(light, textures=textures.clone(), visit=3, seed=2)
         grad = torch.randn(image.shape, generator=torch.Generator().manual_seed(0)).to(image.device)
         wanted = pullback(grad)
-        again = StoredCase(self.make_renderer(), case, (0, 1))
+        again = StoredCase(checked(self.make_renderer()), case, (0, 1))
         same = again.shade(again.store(hits=_FEW, spp=_SPP, seed=1), textures=textures.clone(), visit=3, seed=2)[0]
         self._require_same("the picture, by a second renderer,", same, image)
         other = stored.shade(light, visit=3, seed=2**40)[0]
@@ -156,49 +154,6 @@ class DeferredTests(StatisticalKit):
         dark, pullback = unseen.shade(lights[0])
         check(not dark.any() and not pullback(dark).any(), "a view of nothing, by itself, is not black.")
         check(lights[1].nbytes > 0, f"nbytes of a view is {lights[1].nbytes}.")
-
-    def test_what_cannot_be_stored_is_refused(self) -> None:
-        """No hits, and parts that are named twice or that do not exist, are refused in a sentence."""
-        stored = StoredCase(self.renderer, stored_light.strips(self._all_maps()), (0,))
-        view, prepared = stored.case.view, stored.rendered.prepared
-        store = deferred(self.renderer).store_light
-        for hits, learnable in ((0, (0,)), (-1, (0,)), (4, (0, 0)), (4, (3,)), (4, (-1,))):
-            require_refused(
-                SvbrdfganError,
-                f"store_light with hits {hits} and learnable {learnable}",
-                lambda: store(prepared, view, learnable=learnable, hits=hits, spp=4, seed=0),  # noqa: B023
-            )
-
-    def test_what_cannot_be_shaded_is_refused(self) -> None:
-        """Maps that it lacks, textures of other views, no view, films of two sizes, and no such visit are refused."""
-        maps = self._all_maps()
-        stored = StoredCase(self.renderer, stored_light.strips(maps), (0, 1))
-        wide = replace(stored, case=replace(stored.case, view=replace(stored.case.view, width=5)))
-        (one, two), textures = [each.store(hits=4, spp=4, seed=0) for each in (stored, wide)], stored.textures
-
-        def shading(lights: Sequence[StoredLight], textures: Tensor, names: Sequence[str], visit: int = 0) -> Callable:
-            return lambda: deferred(self.renderer).shade(lights, textures, maps=names, visit=visit, seed=0)
-
-        wrong: dict[str, Callable[[], object]] = {
-            "no view": shading([], textures[:0], maps),
-            "films of two sizes": shading([one, two], torch.cat([textures, textures]), maps),
-            "a texture too few": shading([one], textures[:1], maps),
-            "a channel too many": shading([one], torch.cat([textures, textures[..., :1]], dim=-1), maps),
-            "textures without rows": shading([one], textures[0], maps),
-            "no maps": shading([one], textures[..., :0], ()),
-            "a map given twice": shading([one], torch.cat([textures[..., :3], textures], -1), ("base_color", *maps)),
-            "a visit before the first": shading([one], textures, maps, visit=-1),
-        }
-        for what, call in wrong.items():
-            require_refused(SvbrdfganError, f"shade with {what}", call)
-        lacking = [*sorted(CHANNELS.keys() - self.capabilities.maps), "height"]
-        for name in lacking:
-            values = torch.full((2, 1, 1, 3 + CHANNELS.get(name, 1)), 0.5)
-            require_refused(UnsupportedError, f"shade with {name}", shading([one], values, ("base_color", name)))
-        _, pullback = stored.shade(one)
-        for shape in ((4, 4, 3), (1, 3, 4, 4), (1, 4, 4, 1)):
-            grad = torch.ones(shape)
-            require_refused(SvbrdfganError, f"a gradient of shape {shape}", lambda: pullback(grad))  # noqa: B023
 
     def _require_pictures(self, *views: tuple[Case, tuple[int, ...]]) -> None:
         """Fails unless these views are right; by turns few hits of each pixel are kept, and all."""

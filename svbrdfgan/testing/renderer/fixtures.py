@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from svbrdfgan.protocols import Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.testing import scenes
 from svbrdfgan.types import Gradients, Rendering, Surface
 
@@ -34,7 +34,7 @@ class ExampleScene:
         }
         return tensors | {f"surface.{name}": torch.from_numpy(array) for name, array in arrays.items()}
 
-    def render(self, renderer: Renderer[Any]) -> Rendering:
+    def render(self, renderer: CheckedRenderer) -> Rendering:
         """The picture."""
         return renderer.render(renderer.prepare(self.surface), self.materials, self.view, spp=2, seed=1)
 

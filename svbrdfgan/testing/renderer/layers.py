@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import torch
 from jaxtyping import Float
 from numpy import ndarray
 
-from svbrdfgan.protocols import PullbackRenderer, Renderer, TransportRenderer
+from svbrdfgan.geometry.texels import sample_texture
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.render_layer import RenderLayer
-from svbrdfgan.rendering.texture_filter import sample_texture
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.testing.renderer import cases
 from svbrdfgan.testing.renderer.base import RendererKit
@@ -44,11 +43,10 @@ class LayerTests(RendererKit):
     def test_pullback_is_the_gradient(self) -> None:
         """What `render_pullback` gives is `render`'s picture, and `render_vjp`'s gradient of every cotangent."""
         declared(self.capabilities.pullback, "pullback")
-        assert isinstance(self.renderer, PullbackRenderer)
         able = cases.differentiable(self.capabilities)
         for maps in {frozenset({"base_color"}), self.capabilities.maps}:
             for wrt in (able, *([name] for name in able)):
-                self._require_pullback(self.renderer, cases.rich(maps), frozenset(wrt))
+                self._require_pullback(cases.rich(maps), frozenset(wrt))
 
     def test_render_layer_gives_torch_these_gradients(self) -> None:
         """`RenderLayer` gives torch the picture, and `render_vjp` as its gradient."""
@@ -69,9 +67,9 @@ class LayerTests(RendererKit):
             assert leaf.grad is not None
             exactly(f"torch's gradient for {place}", numbers(leaf.grad), wanted)
 
-    def _require_pullback(self, renderer: PullbackRenderer[Any], case: Case, wrt: frozenset[str]) -> None:
-        rendered = RenderedCase(renderer, case)
-        rendering, pullback = renderer.render_pullback(
+    def _require_pullback(self, case: Case, wrt: frozenset[str]) -> None:
+        rendered = RenderedCase(self.renderer, case)
+        rendering, pullback = self.renderer.render_pullback(
             rendered.prepared, case.materials, case.view, wrt=wrt, spp=4, seed=3
         )
         exactly("picture", numbers(rendering.image), rendered.image())
@@ -89,11 +87,9 @@ class LayerTests(RendererKit):
 
 
 def _from_samples(
-    renderer: Renderer[Any], rendered: RenderedCase, grad: Picture | None = None
+    renderer: CheckedRenderer, rendered: RenderedCase, grad: Picture | None = None
 ) -> tuple[Picture, Float[ndarray, "height width"], list[ndarray]]:
     """The picture and its coverage, by the samples of `transport`; and for each part the base colour's gradient."""
-    check(isinstance(renderer, TransportRenderer), "transport is declared, but there is no such method.")
-    assert isinstance(renderer, TransportRenderer)
     case, (height, width) = rendered.case, (rendered.case.view.height, rendered.case.view.width)
     colors = [material.base_color.double().requires_grad_() for material in case.materials.parts]
     image, count = (torch.zeros(height * width, n, dtype=torch.float64) for n in (3, 1))

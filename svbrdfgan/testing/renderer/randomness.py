@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float
 from numpy import ndarray
 
+from svbrdfgan.rendering.checked_renderer import checked
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.testing.renderer import cases
@@ -135,7 +136,7 @@ class RandomnessTests(StatisticalKit):
         case = cases.rich(self.capabilities.maps)
         wrt, found = cases.differentiable(self.capabilities), []
         for seed in (one, other):
-            rendered = RenderedCase(self.make_renderer(), case)
+            rendered = RenderedCase(checked(self.make_renderer()), case)
             gradients = flat(rendered.gradients(case.random(), *wrt, seed=seed))
             found.append(
                 {"the picture": rendered.image(seed=seed)} | {f"the gradient of {n}": g for n, g in gradients.items()}

@@ -11,7 +11,6 @@ from typing import Any
 
 import torch
 
-from svbrdfgan.protocols import PullbackRenderer
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.testing.renderer import cases
@@ -74,7 +73,6 @@ class SideEffectTests(RendererKit):
     def test_a_pullback_keeps_what_it_was_given(self) -> None:
         """Textures and light may be written into between a picture and its pullback."""
         declared(self.capabilities.pullback, "pullback")
-        assert isinstance(self.renderer, PullbackRenderer)
         wrt, gloss = cases.differentiable(self.capabilities), "roughness" in self.capabilities.maps
         case = cases.glossy(torch.full((2, 3, 1), 0.4)) if gloss else cases.sheet()
         rendered, grad = RenderedCase(self.renderer, case), case.random()

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor
 
-from svbrdfgan.protocols import DeferredRenderer, Renderer, StoredLight
+from svbrdfgan.rendering.checked_renderer import CheckedLight, CheckedRenderer
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.renderer import cases
 from svbrdfgan.testing.renderer.cases import Case, Picture, RenderedCase
@@ -35,7 +35,7 @@ class StoredCase:
         learnable: parts with a texture for each map, all of one size.
     """
 
-    renderer: Renderer[object]
+    renderer: CheckedRenderer
     case: Case
     learnable: tuple[int, ...]
 
@@ -55,15 +55,15 @@ class StoredCase:
         parts = (self.case.materials[part].maps for part in self.learnable)
         return torch.stack([torch.cat([maps[name] for name in self.maps], dim=-1) for maps in parts])
 
-    def store(self, *, hits: int, spp: int, seed: int) -> StoredLight:
-        return deferred(self.renderer).store_light(
+    def store(self, *, hits: int, spp: int, seed: int) -> CheckedLight:
+        return self.renderer.store_light(
             self.rendered.prepared, self.case.view, learnable=self.learnable, hits=hits, spp=spp, seed=seed
         )
 
-    def shade(self, *lights: StoredLight, textures: Tensor | None = None, visit: int = 0, seed: int = 0) -> Shaded:
+    def shade(self, *lights: CheckedLight, textures: Tensor | None = None, visit: int = 0, seed: int = 0) -> Shaded:
         """The pictures of views of this case, all with its own textures unless others are given, and the pullback."""
         values = self.textures.repeat(len(lights), 1, 1, 1) if textures is None else textures
-        return deferred(self.renderer).shade(lights, values, maps=self.maps, visit=visit, seed=seed)
+        return self.renderer.shade(lights, values, maps=self.maps, visit=visit, seed=seed)
 
     def beside(self, *, spp: int, seed: int) -> Picture:
         """The picture of the parts that are not learnable."""
@@ -71,18 +71,13 @@ class StoredCase:
         return self.rendered.image(replace(self.case, materials=Materials(tuple(parts))), spp=spp, seed=seed)
 
 
-def deferred(renderer: Renderer[object]) -> DeferredRenderer[object]:
-    assert isinstance(renderer, DeferredRenderer)
-    return renderer
-
-
 def shade_together(
-    stored: Sequence[StoredCase], lights: Sequence[StoredLight], *, visit: int, seed: int
+    stored: Sequence[StoredCase], lights: Sequence[CheckedLight], *, visit: int, seed: int
 ) -> Float[ndarray, "views height width 3"]:
     """One batch of views of different cases, which have the same maps."""
     values = torch.cat([each.textures for each in stored])
     first = stored[0]
-    images, _ = deferred(first.renderer).shade(lights, values, maps=first.maps, visit=visit, seed=seed)
+    images, _ = first.renderer.shade(lights, values, maps=first.maps, visit=visit, seed=seed)
     return numbers(images)
 
 

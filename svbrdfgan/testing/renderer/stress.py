@@ -6,12 +6,11 @@ import ctypes
 import dataclasses
 import gc
 import unittest
-from typing import Any
 
 import numpy as np
 import torch
 
-from svbrdfgan.protocols import DeferredRenderer, PullbackRenderer, Renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check
 from svbrdfgan.testing.renderer.base import RendererKit
@@ -91,7 +90,7 @@ class StressTests(RendererKit):
             )
 
 
-def _round(renderer: Renderer[Any], number: int) -> int:
+def _round(renderer: CheckedRenderer, number: int) -> int:
     """Renders and differentiates new scenes, of the same sizes in each round; returns the bytes of the pictures."""
     made = 0
     for size in range(SCENES):
@@ -103,10 +102,10 @@ def _round(renderer: Renderer[Any], number: int) -> int:
         rendering = renderer.render(prepared, materials, view, spp=1, seed=seed)
         film, wrt = dataclasses.replace(view, width=16, height=16), renderer.capabilities.differentiable
         renderer.render_vjp(prepared, materials, film, torch.ones(16, 16, 3), wrt=wrt, spp=1, seed=seed)
-        if isinstance(renderer, PullbackRenderer) and renderer.capabilities.pullback:
+        if renderer.capabilities.pullback:
             _, pullback = renderer.render_pullback(prepared, materials, view, wrt=wrt, spp=1, seed=seed)
             pullback(torch.ones(96 + size, 96, 3))
-        if isinstance(renderer, DeferredRenderer) and renderer.capabilities.deferred:
+        if renderer.capabilities.deferred:
             stored = renderer.store_light(prepared, view, learnable=(0,), hits=1, spp=1, seed=seed)
             images, to_textures = renderer.shade([stored], texture[None], maps=("base_color",), visit=0, seed=seed)
             to_textures(images)
@@ -118,7 +117,7 @@ def _view(seed: int) -> View:
     return scenes.front_view(scenes.random_light(6 + seed, 9, seed), width=8 + 3 * seed, height=7)
 
 
-def _image(renderer: Renderer[Any], prepared: object, view: View) -> torch.Tensor:
+def _image(renderer: CheckedRenderer, prepared: PreparedSurface, view: View) -> torch.Tensor:
     return renderer.render(prepared, scenes.lambertian(scenes.RED), view, spp=2, seed=3).image
 
 

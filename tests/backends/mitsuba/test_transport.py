@@ -5,8 +5,7 @@ import torch
 from svbrdfgan_mitsuba import MitsubaRenderer, prepared_scene
 from svbrdfgan_mitsuba.prepared_scene import PreparedSurface
 
-from svbrdfgan.errors import UnsupportedError
-from svbrdfgan.rendering.texture_filter import sample_texture
+from svbrdfgan.geometry.texels import sample_texture
 from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, Materials, Surface, TransportSamples, View
 
@@ -73,10 +72,3 @@ def test_shadowed_samples_are_recorded_with_no_weight(renderer: MitsubaRenderer)
     assert len(samples.pixel) == 64
     assert (samples.weight.sum(dim=0) < 0.05).all()
     assert samples.pixel.dtype == samples.part.dtype == torch.int64
-
-
-def test_beyond_direct_light_there_is_no_transport() -> None:
-    renderer = MitsubaRenderer("cpu", max_bounces=2)
-    assert not renderer.capabilities.transport
-    with pytest.raises(UnsupportedError, match="max_bounces is 2"):
-        renderer.transport(renderer.prepare(scenes.plane()), VIEW, spp=1, seed=0)

@@ -4,8 +4,8 @@ import pytest
 import torch
 from svbrdfgan_numpy import NumpyRenderer
 
-from svbrdfgan.errors import ConfigError, UnsupportedError
-from svbrdfgan.protocols import Renderer, TransportRenderer
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.protocols import Renderer
 from svbrdfgan.testing import scenes
 
 RENDERER = NumpyRenderer()
@@ -17,7 +17,6 @@ ONES = torch.ones(16, 16, 3)
 
 def test_it_is_a_renderer_with_transport() -> None:
     assert isinstance(RENDERER, Renderer)
-    assert isinstance(RENDERER, TransportRenderer)
     assert RENDERER.device == torch.device("cpu")
     maps = {"base_color", "roughness", "metallic", "normal"}
     assert RENDERER.capabilities.maps == maps
@@ -35,23 +34,3 @@ def test_impossible_bounces_are_refused(max_bounces: int) -> None:
 def test_impossible_chunks_are_refused() -> None:
     with pytest.raises(ConfigError, match="chunk_vertices"):
         NumpyRenderer(chunk_vertices=0)
-
-
-def test_no_samples_are_refused() -> None:
-    with pytest.raises(ConfigError, match="spp is 0"):
-        RENDERER.render(PREPARED, WHITE, VIEW, spp=0, seed=0)
-
-
-def test_materials_must_fit_the_parts() -> None:
-    with pytest.raises(ConfigError, match="2 materials for a surface of 1 parts"):
-        RENDERER.render(PREPARED, scenes.lambertian(scenes.RED, scenes.GREEN), VIEW, spp=1, seed=0)
-
-
-def test_a_gradient_it_does_not_have_is_refused() -> None:
-    with pytest.raises(UnsupportedError, match="no gradient for camera"):
-        RENDERER.render_vjp(PREPARED, WHITE, VIEW, ONES, wrt=frozenset({"camera"}), spp=1, seed=0)
-
-
-def test_a_gradient_of_another_film_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"wanted \(16, 16, 3\)"):
-        RENDERER.render_vjp(PREPARED, WHITE, VIEW, ONES[:4], wrt=frozenset({"base_color"}), spp=1, seed=0)

@@ -1,11 +1,9 @@
 """The transport is the picture without materials, and its transpose is the gradient."""
 
-import pytest
 import torch
 from svbrdfgan_numpy import NumpyRenderer
 from torch import Tensor
 
-from svbrdfgan.errors import UnsupportedError
 from svbrdfgan.testing import scenes
 
 SPP, SEED = 5, 11
@@ -52,10 +50,3 @@ def test_a_sample_in_the_dark_is_still_a_sample() -> None:
     samples = list(renderer.transport(renderer.prepare(scenes.plane()), view, spp=2, seed=0))
     assert sum(len(chunk.pixel) for chunk in samples) == 2 * 16 * 16
     assert all((chunk.weight == 0.0).all() for chunk in samples)
-
-
-def test_interreflection_has_no_transport() -> None:
-    renderer = NumpyRenderer(max_bounces=2)
-    assert not renderer.capabilities.transport
-    with pytest.raises(UnsupportedError, match="max_bounces is 2"):
-        renderer.transport(renderer.prepare(scenes.plane()), scenes.front_view(scenes.constant_light()), spp=1, seed=0)

@@ -8,10 +8,9 @@ import warp as wp
 from svbrdfgan_warp import WarpRenderer
 from svbrdfgan_warp.prepared_scene import PreparedSurface
 
-from svbrdfgan.errors import AssetError, ConfigError, UnsupportedError
-from svbrdfgan.protocols import Renderer, TransportRenderer
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.protocols import Renderer
 from svbrdfgan.testing import scenes
-from svbrdfgan.types import Environment
 
 WHITE = scenes.lambertian((1.0, 1.0, 1.0))
 VIEW = scenes.front_view(scenes.random_light(), width=48, height=48)
@@ -33,7 +32,6 @@ def threads() -> Iterator[None]:
 def test_it_is_a_renderer_with_transport(device: str) -> None:
     renderer = WarpRenderer(device)
     assert isinstance(renderer, Renderer)
-    assert isinstance(renderer, TransportRenderer)
     assert renderer.capabilities.transport
     assert renderer.device.type == device
     assert renderer == WarpRenderer(device)
@@ -66,37 +64,9 @@ def test_auto_prefers_cuda() -> None:
     assert WarpRenderer().device.type == ("cuda" if torch.cuda.is_available() else "cpu")
 
 
-def test_materials_must_be_as_many_as_parts(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
-    with pytest.raises(ConfigError, match="2 materials for a surface of 1 parts"):
-        renderer.render(prepared, scenes.lambertian(scenes.RED, scenes.GREEN), VIEW, spp=1, seed=0)
-
-
 def test_it_reads_every_map(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
     assert renderer.capabilities.maps == {"base_color", "roughness", "metallic", "normal"}
     assert renderer.capabilities.differentiable == renderer.capabilities.maps | {"environment"}
-
-
-def test_gradients_that_are_not_declared_are_refused(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
-    with pytest.raises(UnsupportedError, match="no gradient for alpha; wrt may name base_color, environment"):
-        renderer.render_vjp(prepared, WHITE, VIEW, ONES, wrt=frozenset({"base_color", "alpha"}), spp=1, seed=0)
-
-
-def test_a_gradient_of_another_film_is_refused(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
-    with pytest.raises(ConfigError, match="grad_image"):
-        renderer.render_vjp(prepared, WHITE, VIEW, ONES[:5], wrt=frozenset({"base_color"}), spp=1, seed=0)
-
-
-def test_no_samples_are_refused(renderer: WarpRenderer, prepared: PreparedSurface) -> None:
-    with pytest.raises(ConfigError, match="spp is 0"):
-        renderer.transport(prepared, VIEW, spp=0, seed=0)
-
-
-@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
-def test_impossible_light_is_refused(renderer: WarpRenderer, prepared: PreparedSurface, value: float) -> None:
-    radiance = torch.ones(4, 8, 3)
-    radiance[1, 2, 0] = value
-    with pytest.raises(AssetError, match="negative or not finite"):
-        renderer.render(prepared, WHITE, scenes.front_view(Environment(radiance)), spp=1, seed=0)
 
 
 def test_the_number_of_threads_changes_nothing(threads: None) -> None:

@@ -12,7 +12,7 @@ import pytest
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.generate import generate
-from svbrdfgan.io import save_mesh_glb
+from svbrdfgan.io.gltf import save_mesh_glb
 from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.types import Mesh, Part
 
@@ -72,9 +72,16 @@ def fill_with_boxes(data: dict[str, Any], base: Path, count: int = 20) -> None:
 def training(request: pytest.FixtureRequest) -> Callable[..., TrainConfig]:
     """How to train on the boxes with a tiny discriminator, with changes."""
 
-    def changed(sees: str = "radiance", guide: bool = True, light: bool = False, **changes: object) -> TrainConfig:
-        discriminator = {"width": 8, "layers": 2, "sees": sees, "guide": guide, "light": light}
-        chosen = {"dataset": changes.get("dataset") or str(request.getfixturevalue("boxes"))}
-        return train_config({"discriminator": discriminator, **TRAINING, **changes, **chosen}, "here")
+    def changed(
+        compares: str = "radiance", gbuffer: bool = True, light_buffer: bool = False, **changes: object
+    ) -> TrainConfig:
+        discriminator = {
+            "width": 8,
+            "layers": 2,
+            "compares": compares,
+            "gbuffer": gbuffer,
+            "light_buffer": light_buffer,
+        }
+        return train_config({"dataset": str(boxes), "discriminator": discriminator, **TRAINING, **changes}, "here")
 
     return changed

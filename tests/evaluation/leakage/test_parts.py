@@ -18,15 +18,16 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.leakage.classifier import Roles, Trial
 from svbrdfgan.evaluation.leakage.confounders import CONFOUNDERS, REMEDIES, find_confounders, scenes_with
 from svbrdfgan.evaluation.leakage.report import Finding, LeakageReport, Share
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, train_config
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.resolve import ResolvedRun
 
 
-def config(sees: str = "radiance", **changes: object) -> TrainConfig:
+def config(compares: str = "radiance", **changes: object) -> TrainConfig:
     return train_config(
-        {"dataset": "d", "discriminator": {"width": 8, "layers": 1, "guide": False, "sees": sees}, **changes}, "here"
+        {"dataset": "d", "discriminator": {"width": 8, "layers": 1, "gbuffer": False, "compares": compares}, **changes},
+        "here",
     )
 
 
@@ -99,19 +100,17 @@ def test_what_differs_is_said(dataset_data: Callable[..., dict[str, object]]) ->
     )
     one, two = load_renderer("numpy"), load_renderer("numpy", {"max_bounces": 3})
 
-    def said(sees: str = "radiance", dataset: Dataset = matt, **changes: object) -> dict[str, str]:
-        run = ResolvedRun(config(sees, **changes), dataset)
+    def said(compares: str = "radiance", dataset: Dataset = matt, **changes: object) -> dict[str, str]:
+        run = ResolvedRun(config(compares, **changes), dataset)
         return dict(find_confounders(run, two if changes.get("seed") else one, one))
 
     assert said(spp=8) == {}
     assert said(spp=9) == {"noise": "8 samples per pixel in exemplars, 9 in fakes"}
     assert said(spp=8, hits=4) == {}  # there is no stored light of which to keep less
     assert said(spp=8, hits=4, dataset=glossy) == {"noise": "8 samples per pixel in exemplars, 4 in fakes"}
-    assert said(spp=8, hits=4, dataset=glossy, rendering="fresh") == {}
+    assert said(spp=8, hits=4, dataset=glossy, rendering="online") == {}
     assert said("reflectance", spp=8) == {"noise": "8 samples per pixel in exemplars, no noise in fakes"}
-    assert said(spp=8, seed=1) == {
-        "renderer": "NumpyRenderer with 3 bounces for exemplars, NumpyRenderer with 1 bounce for fakes"
-    }
+    assert said(spp=8, seed=1) == {"renderer": "numpy with 3 bounces for exemplars, numpy with 1 bounce for fakes"}
     assert said(spp=8, scenes={"camera_noise_degrees": 2.5}) == {"pose": "fakes' cameras are off by up to 2.5 degrees"}
     assert said(spp=8, scenes={"camera": {}, "environment": "redrawn"}) == {
         "pose": "fakes' cameras are drawn from another distribution",

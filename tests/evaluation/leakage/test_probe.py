@@ -14,12 +14,14 @@ import torch
 
 from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.evaluation.leakage import probe, probe_shortcuts
+from svbrdfgan.evaluation.leakage import probe
 from svbrdfgan.evaluation.leakage.classifier import Trial
 from svbrdfgan.evaluation.leakage.confounders import REMEDIES
+from svbrdfgan.evaluation.leakage.probe import probe_shortcuts
 from svbrdfgan.evaluation.leakage.report import LeakageReport
-from svbrdfgan.io import load_image, save_environment
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.io.environment import save_environment
+from svbrdfgan.io.image import load_image
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.training.batches import make_scenes, own_buffers
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.resolve import resolve_run
@@ -37,10 +39,9 @@ def tried(report: LeakageReport) -> set[str]:
     return {name for name, finding in report.alone.items() if finding.share}
 
 
-@pytest.mark.full
-@pytest.mark.parametrize("guide", [True, False])
-def test_matched_scenes_come_out_at_chance(guide: bool, training: Training) -> None:
-    report = probe_shortcuts(training(guide=guide)).report
+@pytest.mark.parametrize("gbuffer", [pytest.param(True, marks=pytest.mark.full), False])
+def test_matched_scenes_come_out_at_chance(gbuffer: bool, training: Training) -> None:
+    report = probe_shortcuts(training(gbuffer=gbuffer)).report
     share = report.together.share
     assert share is not None
     assert not share.leaks
@@ -75,7 +76,7 @@ def test_other_light_is_told_and_named(training: Training, red: Path) -> None:
 
 @pytest.mark.full
 def test_neither_light_nor_pose_is_told_by_reflectance(training: Training, red: Path) -> None:
-    """Nor by its guide, where cameras differ as much as the light."""
+    """Nor by its G-buffer, where cameras differ as much as the light."""
     scenes = LIT_RED | HIGH
     report = probe_shortcuts(training("reflectance", dataset="dataset", scenes=scenes), base=red).report
     assert tried(report) == {"pose", "light", "noise"}
@@ -100,14 +101,14 @@ def test_other_samples_are_told_and_named(training: Training) -> None:
 
 @pytest.mark.full
 def test_other_cameras_are_told_without_transports_too(training: Training) -> None:
-    fresh = training(scenes=HIGH, rendering="fresh", guide=False)
-    assert leaking(probe_shortcuts(fresh).report) == {"pose"}
+    online = training(scenes=HIGH, rendering="online", gbuffer=False)
+    assert leaking(probe_shortcuts(online).report) == {"pose"}
 
 
 @pytest.mark.full
 def test_matched_scenes_of_gloss_come_out_at_chance(training: Training, glossy: Path) -> None:
     """Beside a light buffer that both sides share, so that its noise tells nothing either."""
-    report = probe_shortcuts(training(dataset=str(glossy), rendering="fresh", guide=True, light=True)).report
+    report = probe_shortcuts(training(dataset=str(glossy), rendering="online", gbuffer=True, light_buffer=True)).report
     share = report.together.share
     assert share is not None
     assert not share.leaks
@@ -122,10 +123,12 @@ def test_the_probe_shows_the_buffers_that_training_shows(
     trials: list[Trial] = []
     monkeypatch.setattr(probe, "_MOST", 10)
     monkeypatch.setattr(Trial, "judge", lambda trial, _: trials.append(trial) or torch.zeros(len(trial.roles.judge)))
-    other = training(dataset=str(glossy), rendering="fresh", scenes={"environment": "redrawn"}, guide=True, light=True)
+    other = training(
+        dataset=str(glossy), rendering="online", scenes={"environment": "redrawn"}, gbuffer=True, light_buffer=True
+    )
     probe_shortcuts(other)
     (trial,) = trials
-    assert trial.config.discriminator.light is True
+    assert trial.config.discriminator.light_buffer is True
     run = resolve_run(other)
     exemplars, warp = load_exemplars(run.dataset, "train"), load_renderer("warp", {"device": "cpu"})
     scenes = make_scenes(run, exemplars, "train", warp, torch.device("cpu"))

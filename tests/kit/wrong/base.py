@@ -14,9 +14,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.errors import PluginError, UnsupportedError
-from svbrdfgan.plugins import load_renderer
-from svbrdfgan.protocols import DeferredRenderer, Pullback, Renderer, RendererCapabilities, StoredLight
+from svbrdfgan.errors import PluginError
+from svbrdfgan.plugins.registry import load_renderer
+from svbrdfgan.protocols import Pullback, RendererCapabilities
+from svbrdfgan.rendering.checked_renderer import CheckedLight, CheckedRenderer
 from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
 
 COLOR_ALONE: Mapping[str, Any] = MappingProxyType(
@@ -30,7 +31,7 @@ COLOR_ALONE: Mapping[str, Any] = MappingProxyType(
 
 
 @functools.cache
-def fast_renderer() -> Renderer[Any]:
+def fast_renderer() -> CheckedRenderer:
     """The fastest that there is on any machine."""
     try:
         return load_renderer("warp", {"device": "cpu"})
@@ -39,7 +40,7 @@ def fast_renderer() -> Renderer[Any]:
 
 
 @functools.cache
-def slow_renderer(max_bounces: int) -> Renderer[Any]:
+def slow_renderer(max_bounces: int) -> CheckedRenderer:
     """The one that can be read, and bent."""
     return load_renderer("numpy", {"max_bounces": max_bounces})
 
@@ -88,7 +89,7 @@ class Right:
         return samples
 
     @property
-    def right(self) -> Renderer[Any]:
+    def right(self) -> CheckedRenderer:
         return fast_renderer()
 
     @property
@@ -126,8 +127,6 @@ class Right:
     def render_pullback(
         self, prepared: Any, materials: Materials, view: View, *, wrt: frozenset[str], spp: int, seed: int
     ) -> tuple[Rendering, Pullback]:
-        if not self.capabilities.pullback:
-            raise UnsupportedError("this renderer has no pullback.")
         owned = self.kept(materials, view)
 
         def pullback(grad_image: Float[Tensor, "height width 3"]) -> Gradients:
@@ -141,15 +140,13 @@ class Right:
         light = replace(view.environment, radiance=view.environment.radiance.detach().clone())
         return Materials(tuple(map(Material, maps))), replace(view, environment=light)
 
-    def vjp(self, call: Call, renderer: Renderer[Any] | None = None) -> Gradients:
+    def vjp(self, call: Call, renderer: CheckedRenderer | None = None) -> Gradients:
         """The right gradient."""
         c, right = call, renderer or self.right
         assert c.grad_image is not None
         return right.render_vjp(c.prepared, c.materials, c.view, c.grad_image, wrt=c.wrt, spp=c.spp, seed=c.seed)
 
     def transport(self, prepared: Any, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
-        if not self.capabilities.transport:
-            raise UnsupportedError("this renderer has no transport.")
         call = Call(*prepared, Materials(()), view, spp, seed)
         c = self.asked(call)
         found = self.right.transport(c.prepared, c.view, spp=c.spp, seed=c.seed)
@@ -157,25 +154,19 @@ class Right:
 
     def store_light(
         self, prepared: Any, view: View, *, learnable: Sequence[int], hits: int, spp: int, seed: int
-    ) -> StoredLight:
-        return self._deferring.store_light(prepared[1], view, learnable=learnable, hits=hits, spp=spp, seed=seed)
+    ) -> CheckedLight:
+        return self.right.store_light(prepared[1], view, learnable=learnable, hits=hits, spp=spp, seed=seed)
 
     def shade(
         self,
-        lights: Sequence[StoredLight],
+        lights: Sequence[CheckedLight],
         textures: Float[Tensor, "textures rows cols channels"],
         *,
         maps: Sequence[str],
         visit: int,
         seed: int,
     ) -> tuple[Float[Tensor, "views height width 3"], Callable[[Tensor], Tensor]]:
-        return self._deferring.shade(lights, textures, maps=maps, visit=visit, seed=seed)
-
-    @property
-    def _deferring(self) -> DeferredRenderer[Any]:
-        if not self.capabilities.deferred or not isinstance(self.right, DeferredRenderer):
-            raise UnsupportedError("this renderer stores no light.")
-        return self.right
+        return self.right.shade(lights, textures, maps=maps, visit=visit, seed=seed)
 
 
 def each_map(gradients: Gradients, change: Callable[[Tensor], Tensor]) -> Gradients:
@@ -205,7 +196,7 @@ class OnNumpy(Right):
     bounces: ClassVar[int] = 1
 
     @property
-    def right(self) -> Renderer[Any]:
+    def right(self) -> CheckedRenderer:
         return slow_renderer(self.bounces)
 
 

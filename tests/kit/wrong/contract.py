@@ -1,4 +1,4 @@
-"""Transport, refusals, records, types, and memory."""
+"""Transport, records, types, and memory."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any
 from torch import Tensor
 
 from svbrdfgan.protocols import RendererCapabilities
-from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, TransportSamples, View
-from wrong.base import COLOR_ALONE, Call, Right, light_of
+from svbrdfgan.types import Gradients, Rendering, TransportSamples, View
+from wrong.base import Call, Right, light_of
 from wrong.table import caught_by
 
 
@@ -50,44 +50,6 @@ class TransportNotDivided(Right):
 
     def samples(self, samples: TransportSamples, call: Call) -> TransportSamples:
         return replace(samples, weight=samples.weight * call.spp)
-
-
-@caught_by("test_maps_it_lacks_are_refused")
-class IgnoresUnknownMaps(Right):
-    """Maps that it does not read are dropped in silence."""
-
-    claims = COLOR_ALONE
-
-    def asked(self, call: Call) -> Call:
-        known = self.capabilities.maps
-        parts = [Material({n: v for n, v in m.maps.items() if n in known}) for m in call.materials.parts]
-        return replace(call, materials=Materials(tuple(parts)))
-
-
-@caught_by("test_gradients_it_lacks_are_refused")
-class IgnoresUnknownWrt(Right):
-    """What it cannot differentiate is dropped in silence."""
-
-    def asked(self, call: Call) -> Call:
-        return replace(call, wrt=call.wrt & self.capabilities.differentiable)
-
-
-@caught_by("test_no_samples_are_refused", "test_impossible_light_is_refused", reason="One call, two refusals.")
-class TransportRefusesLate(Right):
-    """What it refuses of transport it refuses when the first sample is asked for."""
-
-    def transport(self, prepared: Any, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
-        yield from super().transport(prepared, view, spp=max(spp, 1), seed=seed)
-
-
-@caught_by("test_impossible_light_is_refused")
-class RendersImpossibleLight(Right):
-    """Radiance that is no light is taken for what comes next to it."""
-
-    def asked(self, call: Call) -> Call:
-        radiance = call.view.environment.radiance
-        possible = bool(radiance.isfinite().all() and (radiance >= 0.0).all())
-        return call if possible else call.seen_with(Environment(radiance.detach().nan_to_num(posinf=9.0).clamp(min=0)))
 
 
 @caught_by("test_gradients_are_of_what_is_asked")

@@ -1,17 +1,16 @@
-"""Pullbacks that are not the gradient, remember what they should not, or take what `render_vjp` refuses."""
+"""Pullbacks that are not the gradient, or remember what they should not."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from svbrdfgan.protocols import Pullback
-from svbrdfgan.types import Gradients, Material, Materials, Rendering, View
-from wrong.base import COLOR_ALONE, Right
+from svbrdfgan.types import Gradients, Materials, Rendering, View
+from wrong.base import Right
 from wrong.table import caught_by
 
 
@@ -49,38 +48,20 @@ class PullsBackOnce(Right):
 
 
 class PullsBack(Right):
-    """A right renderer, whose heirs change what its pullback is given."""
+    """A right renderer, whose heirs change what its pullback is given or shows."""
 
     def render_pullback(
         self, prepared: Any, materials: Materials, view: View, *, wrt: frozenset[str], spp: int, seed: int
     ) -> tuple[Rendering, Pullback]:
-        asked, known, count = self.known_wrt(wrt), self.known_maps(materials), self.count(spp)
-        rendering, right = super().render_pullback(prepared, known, view, wrt=asked, spp=count, seed=seed)
-        film = (view.height, view.width, 3)
-        return self.shown(rendering, materials), lambda grad_image: right(self.fitted(grad_image, film))
+        asked = self.known_wrt(wrt)
+        rendering, right = super().render_pullback(prepared, materials, view, wrt=asked, spp=spp, seed=seed)
+        return self.shown(rendering, materials), right
 
     def known_wrt(self, wrt: frozenset[str]) -> frozenset[str]:
         return wrt
 
-    def known_maps(self, materials: Materials) -> Materials:
-        return materials
-
-    def count(self, spp: int) -> int:
-        return spp
-
-    def fitted(self, grad_image: Tensor, film: tuple[int, ...]) -> Tensor:
-        return grad_image
-
     def shown(self, rendering: Rendering, materials: Materials) -> Rendering:
         return rendering
-
-
-@caught_by("test_gradients_it_lacks_are_refused")
-class PullsBackUnknownWrt(PullsBack):
-    """What it cannot differentiate its pullback drops in silence."""
-
-    def known_wrt(self, wrt: frozenset[str]) -> frozenset[str]:
-        return wrt & self.capabilities.differentiable
 
 
 @caught_by("test_gradients_are_of_what_is_asked")
@@ -91,34 +72,6 @@ class PullsBackEverything(PullsBack):
         return wrt | self.capabilities.differentiable
 
 
-@caught_by("test_maps_it_lacks_are_refused")
-class PullsBackUnknownMaps(PullsBack):
-    """Maps that it does not read its pullback drops in silence."""
-
-    claims = MappingProxyType({**PullsBack.claims, **COLOR_ALONE})
-
-    def known_maps(self, materials: Materials) -> Materials:
-        known = self.capabilities.maps
-        maps = [{name: value for name, value in m.maps.items() if name in known} for m in materials.parts]
-        return Materials(tuple(map(Material, maps)))
-
-
-@caught_by("test_no_samples_are_refused")
-class PullsBackNoSamples(PullsBack):
-    """Where no samples are asked for it takes one."""
-
-    def count(self, spp: int) -> int:
-        return max(spp, 1)
-
-
-@caught_by("test_gradients_of_another_film_are_refused")
-class PullsBackAnyFilm(PullsBack):
-    """A gradient of another film is taken for one of its own."""
-
-    def fitted(self, grad_image: Tensor, film: tuple[int, ...]) -> Tensor:
-        return grad_image if grad_image.shape == film else torch.ones(film)
-
-
 @caught_by("test_results_carry_no_autograd_graph")
 class PullsBackAGraph(PullsBack):
     """The picture beside its pullback has a graph."""
@@ -126,19 +79,6 @@ class PullsBackAGraph(PullsBack):
     def shown(self, rendering: Rendering, materials: Materials) -> Rendering:
         graph = any(value.requires_grad for m in materials.parts for value in m.maps.values())
         return replace(rendering, image=rendering.image.requires_grad_(graph))
-
-
-@caught_by("test_pullback_is_there_where_declared")
-class PullsBackUndeclared(Right):
-    """It has a pullback, and does not say so."""
-
-    claims = MappingProxyType({"pullback": False})
-
-    def render_pullback(self, *scene: Any, wrt: frozenset[str], spp: int, seed: int) -> tuple[Rendering, Pullback]:
-        def pullback(grad_image: Tensor) -> Gradients:
-            return self.render_vjp(*scene, grad_image, wrt=wrt, spp=spp, seed=seed)
-
-        return self.render(*scene, spp=spp, seed=seed), pullback
 
 
 @caught_by("test_a_pullback_keeps_what_it_was_given")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any
 from unittest import mock
 
 import torch
 from torch import Tensor
 
-from svbrdfgan.protocols import StoredLight
+from svbrdfgan.rendering.checked_renderer import CheckedLight
 from svbrdfgan.types import View
 from svbrdfgan.types.material import CHANNELS
 from wrong.base import Right
@@ -39,7 +38,7 @@ class Shading:
 class Deferring(Right):
     """A right renderer, whose heirs are wrong in one of the steps of stored light below."""
 
-    def stored(self, prepared: Any, view: View, **how: Any) -> StoredLight:
+    def stored(self, prepared: Any, view: View, **how: Any) -> CheckedLight:
         return super().store_light(prepared, view, **how)
 
     def shaded(self, s: Shading) -> Shaded:
@@ -50,11 +49,11 @@ class Deferring(Right):
 
     def store_light(
         self, prepared: Any, view: View, *, learnable: Sequence[int], hits: int, spp: int, seed: int
-    ) -> StoredLight:
+    ) -> CheckedLight:
         return self.stored(prepared, view, learnable=learnable, hits=hits, spp=spp, seed=seed)
 
     def shade(
-        self, lights: Sequence[StoredLight], textures: Tensor, *, maps: Sequence[str], visit: int, seed: int
+        self, lights: Sequence[CheckedLight], textures: Tensor, *, maps: Sequence[str], visit: int, seed: int
     ) -> Shaded:
         asked = Shading(tuple(lights), textures, tuple(maps), visit, seed)
         images, pullback = self.shaded(asked)
@@ -69,7 +68,7 @@ CLEAR = "test_stored_light_behind_clear_parts_gives_the_picture"
 class WeighsKeptHits(Deferring):
     """Each kept hit counts as one camera sample, however many were found."""
 
-    def stored(self, prepared: Any, view: View, **how: Any) -> StoredLight:
+    def stored(self, prepared: Any, view: View, **how: Any) -> CheckedLight:
         from svbrdfgan_warp import stored_light
 
         right = stored_light._kept
@@ -86,7 +85,7 @@ class WeighsKeptHits(Deferring):
 class StoredLightIsOpaque(Deferring):
     """Where light is stored alpha is ignored."""
 
-    def stored(self, prepared: Any, view: View, **how: Any) -> StoredLight:
+    def stored(self, prepared: Any, view: View, **how: Any) -> CheckedLight:
         surface = prepared[0]
         opaque = replace(surface, parts=tuple(replace(part, alpha=1.0) for part in surface.parts))
         return super().stored((opaque, self.right.prepare(opaque)), view, **how)
@@ -106,8 +105,8 @@ class ForgetsSkippedVisits(Deferring):
 
     def shaded(self, s: Shading) -> Shaded:
         for light in s.lights:
-            if 0 <= light.visit < s.visit:
-                light.visit = s.visit - 1
+            if 0 <= light.value.visit < s.visit:
+                light.value.visit = s.visit - 1
         return super().shaded(s)
 
 
@@ -117,7 +116,7 @@ class RaysSharedByViews(Deferring):
 
     def shaded(self, s: Shading) -> Shaded:
         images, right = super().shaded(s)
-        parts = s.textures.split([light.textures for light in s.lights])
+        parts = s.textures.split([light.learnable for light in s.lights])
         alone = [
             super(RaysSharedByViews, self).shaded(replace(s, lights=(light,), textures=part))
             for light, part in zip(s.lights, parts, strict=True)
@@ -206,31 +205,3 @@ class ShadesWhatIsThereNow(Deferring):
 
     def shaded(self, s: Shading) -> Shaded:
         return super().shaded(s)[0], lambda grad_images: super(ShadesWhatIsThereNow, self).shaded(s)[1](grad_images)
-
-
-@caught_by("test_what_cannot_be_shaded_is_refused")
-class ShadesAnyFilm(Deferring):
-    """A gradient of other pictures than the shaded ones is taken for one of theirs."""
-
-    def shaded(self, s: Shading) -> Shaded:
-        images, right = super().shaded(s)
-        return images, lambda grad: right(grad if grad.shape == images.shape else torch.ones_like(images))
-
-
-@caught_by("test_what_cannot_be_stored_is_refused")
-class StoresWhatItCan(Deferring):
-    """Where no hits are asked for it keeps one, and parts that do not exist it leaves out."""
-
-    def stored(self, prepared: Any, view: View, **how: Any) -> StoredLight:
-        known = sorted({part for part in how["learnable"] if 0 <= part < len(prepared[0].parts)})
-        return super().stored(prepared, view, **{**how, "learnable": known, "hits": max(how["hits"], 1)})
-
-
-@caught_by("test_stored_light_is_there_where_declared")
-class StoresUndeclared(Right):
-    """It stores light, and does not say so."""
-
-    claims = MappingProxyType({"deferred": False})
-
-    def store_light(self, prepared: Any, view: View, **how: Any) -> StoredLight:
-        return self.right.store_light(prepared[1], view, **how)  # type: ignore[attr-defined, no-any-return]
