@@ -14,7 +14,9 @@ from filelock import FileLock
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before torch loads: threads that wait for a busy core cost fiftyfold
 
-QUICK_RENDERER: dict[str, Any] = {"name": "warp", "device": "cpu"} if importlib.util.find_spec("warp") else {"name": "numpy"}
+QUICK_RENDERER: dict[str, Any] = (
+    {"name": "warp", "device": "cpu"} if importlib.util.find_spec("warp") else {"name": "numpy"}
+)
 """The quickest renderer of direct light on this machine's processor."""
 
 TINY_DATASET: dict[str, Any] = {

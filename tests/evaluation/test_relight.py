@@ -17,7 +17,6 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.evaluated import by_subject
 from svbrdfgan.evaluation.relight import Relight, Relighter, Relit
 from svbrdfgan.io.environment import save_environment
-from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import Renderer
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from svbrdfgan.evaluation import true_draws
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.networks.generator import Generator

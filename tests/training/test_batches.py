@@ -118,7 +118,7 @@ def test_what_is_held_out_is_traced_once_and_when_asked_for(
 def test_a_fresh_stage_renders_each_layer_once(
     config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    renderer, rendered = load_renderer("numpy"), []
+    renderer, rendered = cpu_renderer, []
     source = make_batch_source(resolve_run(config(rendering="online")), "train", renderer, CPU)
     render = type(renderer).render
     monkeypatch.setattr(
@@ -207,7 +207,7 @@ def test_no_buffer_is_rendered_that_is_not_shown(
     for name in ("gbuffer", "light_buffer"):
         monkeypatch.setattr(ReferencePictures, name, lambda self: pytest.fail("nobody looks at it"))
     plain = config(rendering="online", scenes={"camera_noise_degrees": 20.0})
-    source = make_batch_source(resolve_run(plain), "train", load_renderer("numpy"), CPU)
+    source = make_batch_source(resolve_run(plain), "train", cpu_renderer, CPU)
     real, fake = make_pair(source, [0], source.scenes([0], np.random.default_rng(0)), torch.zeros(1, 32, 32, 4))
     assert (real.gbuffer, real.light_buffer, fake.gbuffer, fake.light_buffer) == (None,) * 4
 

@@ -205,10 +205,10 @@ def test_training_of_all_maps_resumes_to_the_bit(glossy_training: Data, tmp_path
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     changes: dict[str, Any] = {
         "save_every": 1,
-        "score_every": 4,
+        "score_every": 2,
         "discriminator": {"gbuffer": True, "light_buffer": True},
     }
-    config = train_config(glossy_training(steps=4, **changes), "here")
+    config = train_config(glossy_training(steps=2, **changes), "here")
     train(config, whole)
     train(config.model_copy(update={"steps": 1}), parts)
     train(config, parts, resume=True)

@@ -15,7 +15,6 @@ from torch import Tensor
 
 from svbrdfgan.data.conditions import labels_of_scenes
 from svbrdfgan.errors import AssetError, ConfigError, TrainingError
-from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.training.discriminator_batch import ImageBatch
@@ -118,7 +117,9 @@ def test_the_same_seed_gives_the_same_run(config: Callable[..., TrainConfig], so
 
 
 @pytest.mark.parametrize("compares", ["radiance", "reflectance"])
-def test_chance_and_conditions_learn(compares: str, config: Callable[..., TrainConfig], varied_dataset: Path) -> None:
+def test_chance_and_conditions_learn(
+    compares: str, config: Callable[..., TrainConfig], cpu_renderer: Any, varied_dataset: Path
+) -> None:
     """Both sides are shown the exemplar's own conditions, and each step draws other seeds."""
     small, plain = {"width": 4, "blocks": 1, "random_fields": 2}, {"compares": compares}
     chosen = config(dataset=str(varied_dataset), generator=small, discriminator=plain)

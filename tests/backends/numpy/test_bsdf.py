@@ -141,9 +141,7 @@ def _about_mirror(view: ndarray, directions: ndarray) -> tuple[ndarray, ndarray]
     return np.arctan2(np.hypot(x, y), z), np.arctan2(y, x)
 
 
-def _share(
-    bsdf: Bsdf, view: ndarray, ring: tuple[float, float], sector: tuple[float, float], nodes: int = 80
-) -> float:
+def _share(bsdf: Bsdf, view: ndarray, ring: tuple[float, float], sector: tuple[float, float], nodes: int = 80) -> float:
     """The integral of the density over a piece of a ring, by midpoints in the logarithm of the angle."""
     middle = (np.arange(nodes) + 0.5) / nodes
     angle, azimuth = np.meshgrid(ring[0] * (ring[1] / ring[0]) ** middle, sector[0] + (sector[1] - sector[0]) * middle)

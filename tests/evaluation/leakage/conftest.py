@@ -82,6 +82,7 @@ def training(request: pytest.FixtureRequest) -> Callable[..., TrainConfig]:
             "gbuffer": gbuffer,
             "light_buffer": light_buffer,
         }
-        return train_config({"dataset": str(boxes), "discriminator": discriminator, **TRAINING, **changes}, "here")
+        chosen = {"dataset": changes.get("dataset") or str(request.getfixturevalue("boxes"))}
+        return train_config({"discriminator": discriminator, **TRAINING, **changes, **chosen}, "here")
 
     return changed

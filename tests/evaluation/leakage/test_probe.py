@@ -39,7 +39,8 @@ def tried(report: LeakageReport) -> set[str]:
     return {name for name, finding in report.alone.items() if finding.share}
 
 
-@pytest.mark.parametrize("gbuffer", [pytest.param(True, marks=pytest.mark.full), False])
+@pytest.mark.full
+@pytest.mark.parametrize("gbuffer", [True, False])
 def test_matched_scenes_come_out_at_chance(gbuffer: bool, training: Training) -> None:
     report = probe_shortcuts(training(gbuffer=gbuffer)).report
     share = report.together.share
