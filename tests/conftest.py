@@ -92,7 +92,7 @@ def quick_renderer() -> str:
 @pytest.fixture(scope="session")
 def cpu_renderer() -> Any:
     """Likewise, made for the processor."""
-    from svbrdfgan.plugins import load_renderer
+    from svbrdfgan.plugins.registry import load_renderer
 
     options = dict(QUICK_RENDERER)
     return load_renderer(options.pop("name"), options)

@@ -46,7 +46,7 @@ def test_a_held_out_split_is_never_perturbed(
 
 
 def test_gbuffers_are_of_the_exemplars_own_scenes(
-    config: Callable[..., TrainConfig], source: BatchSource, tiny_dataset: Path
+    config: Callable[..., TrainConfig], cpu_renderer: Any, source: BatchSource, tiny_dataset: Path
 ) -> None:
     """However fakes are perturbed, the discriminator sees real pictures beside their own geometry."""
     perturbed = config(scenes={"camera_noise_degrees": 20.0})
