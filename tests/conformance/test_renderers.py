@@ -22,7 +22,12 @@ from svbrdfgan.testing.kit import FAST
 REQUIRED = os.environ.get("SVBRDFGAN_REQUIRED_BACKENDS", "").split()
 INSTALLED = {plugin.name for plugin in list_plugins(RENDERERS)}
 SLOW_WITHOUT_BOUNCES = ("test_memory_does_not_grow",)
-SLOW_WITH_BOUNCES = ("test_pullback_is_the_gradient", "test_interreflection_behind_clear_parts_as_numpy")
+SLOW_WITH_BOUNCES = (
+    "test_environment_moves_the_picture",
+    "test_pullback_is_the_gradient",
+    "test_interreflection_of_metal_as_numpy",
+    "test_interreflection_behind_clear_parts_as_numpy",
+)
 SLOW_WITH_STORED_LIGHT = ("test_stored_light_behind_clear_parts_gives_the_picture",)
 
 
@@ -48,7 +53,7 @@ class TestNumpy(Backend):
     name, power = "numpy", FAST
 
 
-@only(*CHANGED_BY_BOUNCES)
+@only(*(test for test in CHANGED_BY_BOUNCES if test not in SLOW_WITH_BOUNCES))
 class TestNumpyBounces(Backend):
     name, power = "numpy", FAST
     options: ClassVar[Mapping[str, object]] = {"max_bounces": 3}
@@ -79,7 +84,7 @@ class TestNumpyFull(Backend):
 
 
 @pytest.mark.full
-@without(*set(CHANGED_BY_BOUNCES) - set(AT_POWER))
+@without(*set(CHANGED_BY_BOUNCES) - set(AT_POWER) - set(SLOW_WITH_BOUNCES))
 class TestNumpyBouncesFull(Backend):
     name = "numpy"
     options: ClassVar[Mapping[str, object]] = {"max_bounces": 3}

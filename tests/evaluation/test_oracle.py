@@ -76,7 +76,7 @@ def test_further_maps_are_learned_and_decide(toy: tuple[list[Target], Scorer]) -
         for n, (name, row) in enumerate(zip(targets[0].names, best_constants(targets), strict=True))
     }
     scorer = Scorer(toy[1].geometry, targets, errors)
-    oracle, seen = trained((targets, scorer), rate=1e-2, every=20, steps=100)
+    oracle, seen = trained((targets, scorer), rate=1e-2, every=20, steps=60)
     each = scorer.each_recovered_by(scorer.layers(oracle.generator))
     assert each["metallic"] is not None
     assert each["metallic"] > 0.2

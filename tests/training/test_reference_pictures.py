@@ -141,7 +141,7 @@ def test_light_that_is_scattered_twice_does_not_blur_the_gbuffer(
     setting: Setting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Parts are painted so dark that painting them a hundred times darker changes nothing."""
-    several = replace(setting, renderer=load_renderer("numpy", {"max_bounces": 3}))
+    several = replace(setting, renderer=load_renderer("numpy", {"max_bounces": 2}))
     made = several.pictures().gbuffer()
     monkeypatch.setattr(reference_pictures, "_DARK", 1e-5)
     torch.testing.assert_close(several.pictures().gbuffer(), made, rtol=0.0, atol=2e-3)

@@ -43,6 +43,7 @@ def test_the_one_that_pip_brings_is_found() -> None:
     assert llvm.choose_library(None) in set(llvm.installed_libraries())
 
 
+@pytest.mark.full
 def test_dr_jit_works_with_it_and_the_variable_is_not_left_set() -> None:
     done = process(
         f"import os; {MAKE}; print(os.environ.get({llvm.VARIABLE!r}), sys_version())".replace(

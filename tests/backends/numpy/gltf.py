@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import torch
 from jaxtyping import Float
@@ -36,6 +38,7 @@ def specular(
     return ((1.0 - metallic) * dielectric + metallic * metal) * facets
 
 
+@functools.cache
 def albedo(cosine: float, base_color: float, roughness: float, metallic: float = 0.0, nodes: int = 400) -> float:
     """The radiance reflected in uniform light of radiance 1, seen at an angle to the normal.
 

@@ -15,6 +15,7 @@ from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
+from svbrdfgan.evaluation.leakage import classifier
 from svbrdfgan.evaluation.leakage.classifier import Roles, Trial
 from svbrdfgan.evaluation.leakage.confounders import CONFOUNDERS, REMEDIES, find_confounders, scenes_with
 from svbrdfgan.evaluation.leakage.report import Finding, LeakageReport, Share
@@ -53,8 +54,9 @@ def test_few_subjects_are_dealt_by_picture() -> None:
         Roles.deal([0, 1, 2, 3], seed=0)
 
 
-def test_judged_pairs_teach_nothing() -> None:
+def test_judged_pairs_teach_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever some of them hold, the probe that judges the others is the same."""
+    monkeypatch.setattr(classifier, "_PROBES", 1)
     roles = Roles(learn=range(20), choose=range(20, 30), judge=range(30, 50))
     real, fake = noise(50, 0, 0.6), noise(50, 1)
     altered = ImageBatch(real.image.clone(), real.coverage, None)
