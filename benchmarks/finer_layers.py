@@ -30,10 +30,13 @@ from torch import Tensor
 
 from svbrdfgan.inference.apply import choose_draw, prepare
 from svbrdfgan.metrics.texture_pyramid import octaves, premultiplied
-from svbrdfgan.networks import Draw
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.networks.draw import Draw
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.run import Model, load_model
+from svbrdfgan.types import Layer
+from svbrdfgan.types.layer import layer_channels
 
 VEHICLES = (("sedan", 9), ("van", 5), ("pickup", 4))
 
@@ -63,22 +66,22 @@ def measure(model: Model, draw: Draw, factor: int, kind: str, seed: int) -> dict
     mesh, size = build_vehicle(sample_vehicle(kind, seed)), model.config.dataset.texture
     trained, finer = (prepare(mesh, model, resolution=resolution) for resolution in (size, size * factor))
     coarse, fine = trained.paint(draw), finer.subject.geometry[None]
+    stack = coarse.values.permute(2, 0, 1)[None]
     ways = {
-        "ours": finer.paint(draw),
-        "interpolated": F.interpolate(coarse.permute(2, 0, 1)[None], scale_factor=factor, mode="bilinear")[0].permute(
-            1, 2, 0
-        ),
+        "ours": finer.paint(draw).values,
+        "interpolated": F.interpolate(stack, scale_factor=factor, mode="bilinear")[0].permute(1, 2, 0),
         "plain": draw(fine)[0],
         "phases": phases(draw, fine, factor, 0.5),
         "blended": phases(draw, fine, factor, 1.0),
     }
-    return {name: columns(finer.subject, layer, trained.subject, coarse, factor) for name, layer in ways.items()}
+    layers = {name: Layer(values, coarse.maps) for name, values in ways.items()}
+    return {name: columns(finer.subject, layer, trained.subject, coarse, factor) for name, layer in layers.items()}
 
 
 def phases(draw: Draw, geometry: Tensor, factor: int, reach: float) -> Tensor:
     """The mean of all shifts within `reach` trained texels; farther ones have less weight."""
     rows, size = geometry.shape[-1], geometry.shape[-1] // factor
-    total, weights = torch.zeros(rows, rows, draw.generator.channels), torch.zeros(rows, rows, 1)
+    total, weights = torch.zeros(rows, rows, layer_channels(draw.generator.maps)), torch.zeros(rows, rows, 1)
     for down, row_weight in shifts(factor, reach):
         for right, col_weight in shifts(factor, reach):
             row, col = (torch.arange(size) * factor + shift for shift in (down, right))
@@ -97,12 +100,12 @@ def shifts(factor: int, reach: float) -> Iterator[tuple[int, float]]:
             yield place, 1.0 - distance if reach > 0.5 else 1.0
 
 
-def columns(subject: Subject, layer: Tensor, trained: Subject, coarse: Tensor, factor: int) -> dict[str, Tensor]:
-    seen, alpha = subject.learnable_texels, layer[..., 3]
+def columns(subject: Subject, layer: Layer, trained: Subject, coarse: Layer, factor: int) -> dict[str, Tensor]:
+    seen, alpha = subject.learnable_texels, layer.alpha
     fine_power, power = octave_power(subject, layer), octave_power(trained, coarse)
     extra = len(fine_power) - len(power)
     step = alpha.diff(dim=0).abs()[seen[1:] & seen[:-1]]
-    off = (F.avg_pool2d(alpha[None], factor)[0] - coarse[..., 3]).abs()[trained.learnable_texels]
+    off = (F.avg_pool2d(alpha[None], factor)[0] - coarse.alpha).abs()[trained.learnable_texels]
     return {
         "shared": (fine_power[extra:] / power)[:4],
         "finer": fine_power[:extra] / power[0],
@@ -113,9 +116,11 @@ def columns(subject: Subject, layer: Tensor, trained: Subject, coarse: Tensor, f
     }
 
 
-def octave_power(subject: Subject, layer: Tensor) -> Tensor:
+def octave_power(subject: Subject, layer: Layer) -> Tensor:
     weight = torch.where(subject.learnable_texels, subject.buffer.area, 0.0)
-    return torch.stack([octave.power()[0] for octave in octaves(premultiplied(layer[None]), weight)])
+    return torch.stack(
+        [octave.power()[0] for octave in octaves(premultiplied(Layer(layer.values[None], layer.maps)), weight)]
+    )
 
 
 def grid(values: Tensor, factor: int) -> Tensor:

@@ -47,10 +47,10 @@ from rich.table import Table
 from torch import Tensor
 from torch.utils.benchmark import Timer
 
-from svbrdfgan.networks import Generator, initialise
 from svbrdfgan.networks.fused import Features, NormActPad
 from svbrdfgan.networks.fused.reference import norm_act_pad_reference
-from svbrdfgan.networks.layers import EPSILON
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.layers import EPSILON, initialise
 from svbrdfgan.utils.triton_works import triton_works
 
 Operation = Callable[[], tuple[Tensor, list[Tensor]]]

@@ -42,7 +42,7 @@ from torch import Tensor
 
 from svbrdfgan import load_embedding, load_environment, load_mesh, load_renderer
 from svbrdfgan.geometry.split import surface_over
-from svbrdfgan.io import save_image
+from svbrdfgan.io.image import save_image
 from svbrdfgan.types import Camera, Environment, FileMap, Material, Materials, Surface, View
 
 Look = dict[str, Float[Tensor, "*shape"]]

@@ -19,7 +19,7 @@ from svbrdfgan_igl import LscmEmbedding, StretchEmbedding
 
 from svbrdfgan.cli.display import print_table, progress
 from svbrdfgan.errors import SvbrdfganError
-from svbrdfgan.io import load_mesh
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.metrics.uv.compare import mesh_files, sample_pairs
 from svbrdfgan.metrics.uv.neighbours import similarity
 from svbrdfgan.metrics.uv.summary import UVSummary

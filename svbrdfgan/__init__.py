@@ -17,17 +17,23 @@ if TYPE_CHECKING:
     from svbrdfgan.data.generate import generate
     from svbrdfgan.errors import ConfigError, SvbrdfganError
     from svbrdfgan.evaluation.evaluate import evaluate
-    from svbrdfgan.evaluation.leakage import probe_shortcuts
+    from svbrdfgan.evaluation.leakage.probe import probe_shortcuts
     from svbrdfgan.inference.apply import paint
     from svbrdfgan.inference.export import write_picture, write_weathered
-    from svbrdfgan.io import load_environment, load_mesh, save_image
-    from svbrdfgan.plugins import load_embedding, load_renderer
-    from svbrdfgan.procedural import build_sky, build_vehicle, sample_sky, sample_vehicle
+    from svbrdfgan.io.environment import load_environment
+    from svbrdfgan.io.image import save_image
+    from svbrdfgan.io.mesh import load_mesh
+    from svbrdfgan.plugins.registry import load_embedding, load_renderer
+    from svbrdfgan.procedural.kinds import sample_vehicle
+    from svbrdfgan.procedural.sky import build_sky, sample_sky
+    from svbrdfgan.procedural.vehicle import build_vehicle
     from svbrdfgan.protocols import Renderer, RendererCapabilities, UVEmbedding
     from svbrdfgan.rendering.checked_renderer import CheckedRenderer
     from svbrdfgan.rendering.compositing import composite, over
     from svbrdfgan.rendering.render_layer import RenderLayer
-    from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
+    from svbrdfgan.rendering.transport.build import build_transport
+    from svbrdfgan.rendering.transport.light_transport import LightTransport
+    from svbrdfgan.rendering.transport.product import TransportBatch
     from svbrdfgan.report.page import write_report
     from svbrdfgan.scene.description import Scene
     from svbrdfgan.scene.subject import Subject, make_subject
@@ -38,6 +44,7 @@ if TYPE_CHECKING:
         Camera,
         Environment,
         Gradients,
+        Layer,
         Material,
         Materials,
         Mesh,
@@ -46,7 +53,8 @@ if TYPE_CHECKING:
         Surface,
         View,
     )
-    from svbrdfgan.weathering import ChippedPaint, Dust, RoadDirt, Rust, weather
+    from svbrdfgan.weathering.layer import weather
+    from svbrdfgan.weathering.recipes import ChippedPaint, Dust, RoadDirt, Rust
 
 __all__ = [
     "Camera",
@@ -57,6 +65,7 @@ __all__ = [
     "Dust",
     "Environment",
     "Gradients",
+    "Layer",
     "LightTransport",
     "Material",
     "Materials",
@@ -112,6 +121,7 @@ _MODULES = {
             "Camera",
             "Environment",
             "Gradients",
+            "Layer",
             "Material",
             "Materials",
             "Mesh",
@@ -122,20 +132,27 @@ _MODULES = {
         ),
     ),
     "protocols": ("Renderer", "RendererCapabilities", "UVEmbedding"),
-    "io": ("load_environment", "load_mesh", "save_image"),
-    "procedural": ("build_sky", "build_vehicle", "sample_sky", "sample_vehicle"),
-    "plugins": ("load_embedding", "load_renderer"),
+    "io.environment": ("load_environment",),
+    "io.image": ("save_image",),
+    "io.mesh": ("load_mesh",),
+    "procedural.kinds": ("sample_vehicle",),
+    "procedural.sky": ("build_sky", "sample_sky"),
+    "procedural.vehicle": ("build_vehicle",),
+    "plugins.registry": ("load_embedding", "load_renderer"),
     "scene.subject": ("Subject", "make_subject"),
-    "weathering": ("ChippedPaint", "Dust", "RoadDirt", "Rust", "weather"),
+    "weathering.layer": ("weather",),
+    "weathering.recipes": ("ChippedPaint", "Dust", "RoadDirt", "Rust"),
     "rendering.compositing": ("composite", "over"),
     "rendering.checked_renderer": ("CheckedRenderer",),
     "rendering.render_layer": ("RenderLayer",),
-    "rendering.transport": ("LightTransport", "TransportBatch", "build_transport"),
+    "rendering.transport.build": ("build_transport",),
+    "rendering.transport.light_transport": ("LightTransport",),
+    "rendering.transport.product": ("TransportBatch",),
     "config.choices": ("PartSelection",),
     "data.config": ("DatasetConfig", "dataset_config"),
     "scene.description": ("Scene",),
     "data.generate": ("generate",),
-    "evaluation.leakage": ("probe_shortcuts",),
+    "evaluation.leakage.probe": ("probe_shortcuts",),
     "training.config": ("TrainConfig", "train_config"),
     "training.trainer": ("train",),
     "training.run": ("load_model",),

@@ -3,7 +3,8 @@
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -19,23 +20,64 @@ FOR_BACKENDS = (*CONTRACT, "svbrdfgan.geometry.tangents", "svbrdfgan.rendering.a
 FOR_EMBEDDINGS = (*CONTRACT, *(f"svbrdfgan.geometry.{name}" for name in ("cells", "normals", "split", "subdivide")))
 
 ROOMS = (
-    *("errors", "types", "protocols", "utils", "config", "io", "rendering", "geometry", "plugins", "procedural"),
+    *("errors", "types", "protocols", "utils", "config", "geometry", "io", "rendering", "plugins", "procedural"),
     *("networks", "weathering", "scene", "data", "metrics", "training", "evaluation", "inference", "report"),
     *("experiments", "bench", "testing", "cli"),
 )
 """The rooms of the core, lowest first: each imports only from itself and from those before it."""
 
 
-def imports(source: str, module: str, is_package: bool = False) -> Iterator[str]:
-    """The modules, and the names in them, that a module imports anywhere, written out in full."""
+LONGEST_CHAIN = 20
+"""The most modules that may import one another in a row when they are loaded."""
+
+
+def imports(
+    source: str,
+    module: str,
+    is_package: bool = False,
+    nodes: Callable[[ast.AST], Iterable[ast.AST]] = ast.walk,
+) -> Iterator[str]:
+    """The modules, and the names in them, that a module imports anywhere, or in these nodes; written out in full."""
     package = module.split(".") if is_package else module.split(".")[:-1]
-    for node in ast.walk(ast.parse(source)):
+    for node in nodes(ast.parse(source)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             start = package[: len(package) - node.level + 1] if node.level else []
             base = ".".join([*start, *filter(None, [node.module])])
             yield from (f"{base}.{alias.name}" for alias in node.names)
+
+
+def at_load(tree: ast.AST) -> Iterator[ast.AST]:
+    """The nodes that run when a module is loaded: none in functions, and none for type checkers alone."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            yield from at_load(ast.Module(node.orelse, []))
+        elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            yield node
+            yield from at_load(node)
+
+
+def loaded(source: str, module: str, known: Iterable[str], is_package: bool = False) -> set[str]:
+    """The known modules that a module imports when it is loaded, without the packages that it is in itself.
+
+    `from a.b import c` counts as an import of `a.b`, and of `a.b.c` if that is a module.
+    """
+    names = list(imports(source, module, is_package, at_load))
+    found = {*names, *(name.rpartition(".")[0] for name in names)} & set(known)
+    return {name for name in found if not within(module, name)}
+
+
+def longest_chain(graph: Mapping[str, Iterable[str]]) -> list[str]:
+    """The longest chain of modules in which each imports the next.
+
+    Raises:
+        CycleError: modules import each other in a circle.
+    """
+    chains: dict[str, list[str]] = {}
+    for module in TopologicalSorter(graph).static_order():
+        chains[module] = [module, *max((chains[name] for name in graph.get(module, ())), key=len, default=[])]
+    return max(chains.values(), key=len)
 
 
 def within(name: str, *allowed: str) -> bool:
@@ -95,6 +137,17 @@ def test_every_room_has_its_place() -> None:
     assert entries == set(ROOMS)
 
 
+def test_no_chain_of_imports_is_long() -> None:
+    folders = (REPOSITORY / "svbrdfgan", *PLUGINS)
+    known = {module: path for folder in folders for module, path in modules(folder)}
+    graph = {
+        module: loaded(path.read_text(encoding="utf-8"), module, known, path.name == "__init__.py")
+        for module, path in known.items()
+    }
+    chain = longest_chain(graph)
+    assert len(chain) <= LONGEST_CHAIN, f"{len(chain)} modules import one another in a row: {' > '.join(chain)}"
+
+
 @pytest.mark.parametrize("folder", PLUGINS, ids=lambda folder: folder.name)
 def test_a_plugin_imports_the_contract_alone(folder: Path) -> None:
     allowed = FOR_EMBEDDINGS if folder.parent.name == "parameterizations" else FOR_BACKENDS
@@ -143,3 +196,30 @@ def test_the_rule_for_the_core_bites(module: str, source: str, found: list[str])
 def test_the_rule_for_backends_bites(source: str, found: list[str]) -> None:
     names = imports(source, "svbrdfgan_numpy.renderer")
     assert forbidden_in_plugin("svbrdfgan_numpy", names, FOR_BACKENDS) == found
+
+
+def test_the_rule_for_chains_bites() -> None:
+    graph = {f"a.m{number}": {f"a.m{number + 1}"} for number in range(LONGEST_CHAIN)} | {"a.short": {"a.m7"}}
+    assert longest_chain(graph) == [f"a.m{number}" for number in range(LONGEST_CHAIN + 1)]
+    with pytest.raises(CycleError):
+        longest_chain({**graph, f"a.m{LONGEST_CHAIN}": {"a.m0"}})
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ("from a.b import c", {"a.b", "a.b.c"}),
+        ("from a.b import name", {"a.b"}),
+        ("from .b.c import name\nimport a.d", {"a.b.c", "a.d"}),
+        ("try:\n    import a.d\nexcept ImportError:\n    from a.b import c", {"a.b", "a.b.c", "a.d"}),
+        ("class K:\n    import a.d", {"a.d"}),
+        ("def f():\n    import a.d", set()),
+        (
+            "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import a.d\nelse:\n    import a.b.c",
+            {"a.b", "a.b.c"},
+        ),
+        ("from a import d", {"a.d"}),
+    ],
+)
+def test_what_a_module_loads(source: str, found: set[str]) -> None:
+    assert loaded(source, "a.m", {"a", "a.b", "a.b.c", "a.d", "a.m"}) == found

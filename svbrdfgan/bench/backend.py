@@ -14,7 +14,7 @@ import torch
 from svbrdfgan.bench.bench_scene import BenchScene
 from svbrdfgan.bench.time_renderer import measure
 from svbrdfgan.errors import SvbrdfganError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 
 
 def figures(name: str, scene: BenchScene, spp: int, batch: int, repeats: int) -> dict[str, object]:

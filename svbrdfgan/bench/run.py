@@ -12,8 +12,8 @@ from svbrdfgan.bench.bench_scene import BenchScene
 from svbrdfgan.bench.cases import Case
 from svbrdfgan.bench.programs import Figures, Program, faster
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.plugins import RENDERERS, find_plugin, list_plugins
 from svbrdfgan.plugins.probe import probe_all
+from svbrdfgan.plugins.registry import RENDERERS, find_plugin, list_plugins
 from svbrdfgan.utils.display import Display
 
 SLOW = ("numpy",)

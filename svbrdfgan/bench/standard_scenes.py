@@ -22,7 +22,8 @@ from svbrdfgan.bench.cases import PIXELS, TEXELS, VERTICES
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.data.sampler import fit_distance
 from svbrdfgan.geometry.normals import corner_normals
-from svbrdfgan.io import load_environment, load_mesh
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.types import Camera, Environment, Mesh, Part, Surface, View

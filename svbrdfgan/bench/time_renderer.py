@@ -16,7 +16,9 @@ from svbrdfgan.bench.meter import Meter
 from svbrdfgan.rendering.checked_renderer import CheckedLight, CheckedRenderer, PreparedSurface
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.rendering.shade_layer import shade
-from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
+from svbrdfgan.rendering.transport.build import build_transport
+from svbrdfgan.rendering.transport.light_transport import LightTransport
+from svbrdfgan.rendering.transport.product import TransportBatch
 from svbrdfgan.types import Material, Materials, View
 
 TOLERANCE = 1e-3

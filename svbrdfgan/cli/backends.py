@@ -11,8 +11,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from svbrdfgan.cli.display import print_table, progress
-from svbrdfgan.plugins import EMBEDDINGS, RENDERERS, Plugin, list_plugins
 from svbrdfgan.plugins.probe import Probe, probe_all
+from svbrdfgan.plugins.registry import EMBEDDINGS, RENDERERS, Plugin, list_plugins
 
 _STYLES = {"ok": "green", "missing": "yellow", "broken": "red"}
 

@@ -28,10 +28,11 @@ def command(mesh: Path, embedding: str, options: tuple[str, ...], resolution: in
     mirrored and overlapping area, coverage, seams, and whether neighbours stay neighbours.
     """
     with _without_collection(), progress(f"loading {mesh}") as display:
-        from svbrdfgan.geometry.bake import bake, write_bake
+        from svbrdfgan.geometry.bake import bake
         from svbrdfgan.geometry.layers import embed_and_rasterize
-        from svbrdfgan.io import load_mesh
-        from svbrdfgan.plugins import load_embedding
+        from svbrdfgan.io.mesh import load_mesh
+        from svbrdfgan.plugins.registry import load_embedding
+        from svbrdfgan.report.baked_files import write_bake
         from svbrdfgan.report.uv_summary import write_summary
 
         loaded = load_mesh(mesh)

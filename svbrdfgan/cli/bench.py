@@ -98,7 +98,7 @@ def _makers(
     """Functions that make the scenes, by their names; that of a mesh is the name of its file."""
     from svbrdfgan.bench.cases import GLOSSY, STANDARD, VERTICES
     from svbrdfgan.bench.standard_scenes import glossy_scene, standard_scene, vehicle_scene
-    from svbrdfgan.plugins import load_embedding
+    from svbrdfgan.plugins.registry import load_embedding
 
     def standard(case: Case) -> BenchScene:
         return standard_scene(case.vertices or VERTICES, case.pixels, texels)

@@ -17,7 +17,7 @@ from rich.text import Text
 from svbrdfgan.cli.display import output_console, print_table, progress
 from svbrdfgan.cli.options import key_values
 from svbrdfgan.errors import ConfigError, PluginError
-from svbrdfgan.plugins import EMBEDDINGS, RENDERERS, Plugin, find_plugin, list_plugins
+from svbrdfgan.plugins.registry import EMBEDDINGS, RENDERERS, Plugin, find_plugin, list_plugins
 
 if TYPE_CHECKING:
     from svbrdfgan.testing import Outcome
@@ -144,8 +144,8 @@ def _plugin(name: str, kind: str | None) -> Plugin:
 
 def _kit(plugin: Plugin, options: dict[str, Any], power: float) -> type[Kit]:
     """The tests of the plugin, after it was made with the options in a process of its own and in this one."""
-    from svbrdfgan.plugins import make
     from svbrdfgan.plugins.probe import probe
+    from svbrdfgan.plugins.registry import make
 
     outcome = probe(plugin)
     if outcome.status != "ok":

@@ -109,7 +109,7 @@ def _dry_run(path: Path, overrides: tuple[str, ...]) -> None:
 def _preview(path: Path, overrides: tuple[str, ...], out: Path) -> None:
     with progress("rendering the preview"):
         from svbrdfgan.data.estimate import preview
-        from svbrdfgan.io import save_image
+        from svbrdfgan.io.image import save_image
 
         save_image(out / "preview.png", preview(_read(path, overrides), path.parent))
     click.echo(str(out / "preview.png"))

@@ -12,14 +12,10 @@ from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
 from svbrdfgan.errors import ConfigError
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
-    from torch import Tensor
-
     from svbrdfgan.config.choices import PartSelection
     from svbrdfgan.inference.export import Studio
     from svbrdfgan.scene.subject import Subject
-
-    Layer = Float[Tensor, "rows cols channels"]
+    from svbrdfgan.types import Layer
 
 Command = TypeVar("Command", bound=Callable[..., None])
 _SKY_SEED = 7  # of the cloudy sky that lights pictures by default
@@ -106,9 +102,9 @@ def studio_maker(
 
     from svbrdfgan.config.choices import PluginChoice
     from svbrdfgan.inference.export import Studio
-    from svbrdfgan.io import load_environment
+    from svbrdfgan.io.environment import load_environment
     from svbrdfgan.plugins.select import resolve_renderer
-    from svbrdfgan.procedural import build_sky, sample_sky
+    from svbrdfgan.procedural.sky import build_sky, sample_sky
 
     chosen, _ = resolve_renderer(PluginChoice(name=renderer), maps=maps)
     light = build_sky(sample_sky(_SKY_SEED)) if environment is None else load_environment(environment)

@@ -38,7 +38,7 @@ def command(
     KEY=VALUE replaces a value of CONFIG.
     """
     with progress("opening the data set") as display:
-        from svbrdfgan.evaluation.leakage import probe_shortcuts
+        from svbrdfgan.evaluation.leakage.probe import probe_shortcuts
         from svbrdfgan.training.config import train_config
 
         words = (*overrides, f"device={device}") if device else overrides

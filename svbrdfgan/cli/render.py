@@ -59,8 +59,8 @@ def _save(path: Path, rendering: Rendering) -> None:
     """Writes the picture by its suffix: premultiplied EXR, JPEG on black, else straight alpha."""
     import torch
 
-    from svbrdfgan.data.generate import save_exemplar
-    from svbrdfgan.io import save_image
+    from svbrdfgan.data.exemplar_files import save_exemplar
+    from svbrdfgan.io.image import save_image
 
     if path.suffix.lower() == ".exr":
         save_exemplar(path, rendering)

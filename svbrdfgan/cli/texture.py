@@ -70,7 +70,7 @@ def command(
         require_apart(mesh, path)
     with progress(f"loading {run}") as display:
         from svbrdfgan.inference.apply import choose_draw, explain_memory, finer_factor, prepare
-        from svbrdfgan.io import load_mesh
+        from svbrdfgan.io.mesh import load_mesh
         from svbrdfgan.report.sheet import sheet_rows, write_sheet
         from svbrdfgan.training.run import load_model
 

@@ -16,7 +16,7 @@ from svbrdfgan.cli.options import key_values
 from svbrdfgan.errors import PluginError
 from svbrdfgan.metrics.uv.compare import Measured, as_json, measure_embedding, mesh_files
 from svbrdfgan.metrics.uv.xatlas_baseline import NAME, XatlasBaseline, xatlas_installed
-from svbrdfgan.plugins import EMBEDDINGS, list_plugins, load_embedding
+from svbrdfgan.plugins.registry import EMBEDDINGS, list_plugins, load_embedding
 from svbrdfgan.protocols import UVEmbedding
 
 log = logging.getLogger(__name__)

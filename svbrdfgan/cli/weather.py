@@ -63,12 +63,12 @@ def command(
         raise click.UsageError("--map and --base-color-only exclude each other.")
     with progress(f"loading {mesh}") as display:
         from svbrdfgan.config.choices import PartSelection
-        from svbrdfgan.io import load_mesh
-        from svbrdfgan.plugins import load_embedding
+        from svbrdfgan.io.mesh import load_mesh
+        from svbrdfgan.plugins.registry import load_embedding
         from svbrdfgan.rendering.compositing import BARE
         from svbrdfgan.scene.description import map_values
         from svbrdfgan.scene.subject import make_subject
-        from svbrdfgan.weathering import recipe_from_options, weather
+        from svbrdfgan.weathering.layer import recipe_from_options, weather
 
         bare: dict[str, float | None] = {**map_values(key_values(maps), "--map")}
         if not maps and not base_color_only:

@@ -9,16 +9,13 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from svbrdfgan.config.models import StrictModel
 from svbrdfgan.types import Part
-from svbrdfgan.types.material import CHANNELS
-
-FURTHER_MAPS = tuple(name for name in CHANNELS if name != "base_color")
-"""Maps that layers may have besides base_color."""
+from svbrdfgan.types.layer import FURTHER_MAPS
 
 T = TypeVar("T")
 
 
 def _in_order(maps: dict[str, T]) -> dict[str, T]:
-    """The maps in the order of `CHANNELS`, which is the order of a layer's channels."""
+    """The maps in the order of a layer's channels."""
     for name in maps:
         if name not in FURTHER_MAPS:
             raise ValueError(

@@ -10,7 +10,8 @@ from torch import Tensor
 
 from svbrdfgan.config.distributions import limits, values_of
 from svbrdfgan.data.config import DatasetConfig, WeatheringDistribution
-from svbrdfgan.networks import Conditions, GeneratorConfig
+from svbrdfgan.networks.conditions import Conditions
+from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.scene.description import Scene, SceneWeathering
 
 

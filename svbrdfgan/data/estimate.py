@@ -13,9 +13,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.data.config import DatasetConfig
-from svbrdfgan.data.generate import render_scene, resolve_plugins, save_exemplar
-from svbrdfgan.data.index import make_index
+from svbrdfgan.data.exemplar_files import save_exemplar
+from svbrdfgan.data.generate import render_scene, resolve_plugins
 from svbrdfgan.data.labels import make_labels, save_labels
+from svbrdfgan.data.make_index import make_index
 from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import over

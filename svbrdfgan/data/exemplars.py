@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -12,13 +11,13 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from svbrdfgan.data.config import Split
-from svbrdfgan.data.generate import exemplar_paths
+from svbrdfgan.data.exemplar_files import exemplar_paths, load_picture
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io.exr import load_exr
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader, subject_key
 from svbrdfgan.scene.subject import Subject
+from svbrdfgan.types import Layer
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +40,7 @@ class Exemplars:
     scenes: tuple[Scene, ...]
     subjects: tuple[Subject, ...]
     subject_of: Int[Tensor, " exemplars"]
-    layers: Sequence[Float[Tensor, "rows cols channels"] | None]
+    layers: Sequence[Layer | None]
     loader: SceneLoader
 
     def __len__(self) -> int:
@@ -107,12 +106,3 @@ class _StoredLayers(Sequence[Any]):
         if isinstance(index, slice):
             return _StoredLayers(self._loader, self._scenes[index])
         return self._loader.layer(self._scenes[index])
-
-
-def load_picture(path: Path) -> Float[Tensor, "height width 4"]:
-    """An exemplar's picture as stored: premultiplied RGB and coverage, half precision."""
-    channels = load_exr(path)
-    try:
-        return torch.stack([channels[name] for name in "RGBA"], dim=-1).half()
-    except KeyError as error:
-        raise AssetError(f"{path} has no channel {error}; it is not an exemplar's picture.") from error

@@ -13,14 +13,20 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, MeshSource
+from svbrdfgan.data.index import INDEX
 from svbrdfgan.data.sampler import EnvironmentAsset, MeshAsset
 from svbrdfgan.errors import AssetError, ConfigError
-from svbrdfgan.io import load_environment, load_mesh, luminance, save_environment, save_mesh_glb
-from svbrdfgan.procedural import build_room, build_sky, build_vehicle, sample_sky, sample_vehicle
+from svbrdfgan.io.environment import load_environment, save_environment
+from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.image import luminance
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.room import build_room
+from svbrdfgan.procedural.sky import build_sky, sample_sky
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.description import AssetRef
 from svbrdfgan.types import Mesh
 
-INDEX = "dataset.json"
 _SEED_STRIDE = 100_003
 """Distance between the first seeds of two sources: a prime above any count, so that sources share no asset."""
 

@@ -14,23 +14,21 @@ from lightning_fabric import Fabric
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.config.distributions import values_of
 from svbrdfgan.data.config import DatasetConfig, Split
-from svbrdfgan.data.index import Dataset, DatasetIndex, make_index
+from svbrdfgan.data.exemplar_files import exemplar_paths, save_exemplar
+from svbrdfgan.data.index import Dataset, DatasetIndex
 from svbrdfgan.data.labels import make_labels, save_labels
+from svbrdfgan.data.make_index import make_index
 from svbrdfgan.data.prebake import prebake
 from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.io.exr import save_exr
-from svbrdfgan.plugins import load_embedding
+from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.types import Rendering
 from svbrdfgan.utils.display import Display, SilentDisplay
-from svbrdfgan.weathering import recipe_from_options
-
-BRIGHTEST = 60000.0
-"""Stored pictures are clamped to this radiance, since half-precision floats end at 65504."""
+from svbrdfgan.weathering.layer import recipe_from_options
 
 log = logging.getLogger(__name__)
 
@@ -71,12 +69,6 @@ def generate(
     return dataset.index
 
 
-def exemplar_paths(folder: Path, split: Split, index: int) -> tuple[Path, Path]:
-    """The files of an exemplar's picture and scene. The scene is written last: it marks a whole picture."""
-    stem = folder / split / f"{index:06d}"
-    return stem.with_suffix(".exr"), stem.with_suffix(".json")
-
-
 def missing(index: DatasetIndex, folder: Path) -> Iterator[tuple[Split, int]]:
     """Split and number of each exemplar that is not rendered yet; those of a mesh follow each other."""
     for split in index.config.splits:
@@ -91,14 +83,8 @@ def render_scene(
     """The picture of a scene with its weathering."""
     subject = loader.subject(scene)
     surface = renderer.prepare(subject.surface) if prepared is None else prepared
-    materials = subject.materials(scene.materials, loader.layer(scene), scene.maps)
+    materials = subject.materials(loader.layer(scene), scene.maps, base_colors=scene.materials)
     return renderer.render(surface, materials, loader.view(scene), spp=scene.spp, seed=scene.seed)
-
-
-def save_exemplar(path: Path, rendering: Rendering) -> None:
-    """Writes premultiplied linear radiance and coverage as a half-float RGBA picture."""
-    red, green, blue = rendering.image.clamp(max=BRIGHTEST).unbind(-1)
-    save_exr(path, {"R": red, "G": green, "B": blue, "A": rendering.coverage}, half=True)
 
 
 def resolve_plugins(config: DatasetConfig, device: torch.device | None = None) -> tuple[CheckedRenderer, PluginChoice]:

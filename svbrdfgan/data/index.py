@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from svbrdfgan.config.models import StrictModel, differences, validate
-from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, MeshSource, Split
-from svbrdfgan.data.gather import INDEX, gather_environments, gather_meshes, match_files
+from svbrdfgan.config.models import StrictModel, validate
+from svbrdfgan.data.config import DatasetConfig, Split
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset, MeshAsset
-from svbrdfgan.data.trained_model import gather_model, warn_of_new_model
-from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.errors import AssetError
 from svbrdfgan.io.records import load_json, save_record
-from svbrdfgan.scene.description import AssetRef, SceneModel
+from svbrdfgan.scene.description import SceneModel
 
+INDEX = "dataset.json"
 FORMAT = "svbrdfgan data set 1"
-_RUN = "config.json"
-"""The configuration in a run's folder: `svbrdfgan.training.run.CONFIG`, which this room may not import."""
-
-log = logging.getLogger(__name__)
 
 
 class DatasetIndex(StrictModel):
@@ -79,123 +71,3 @@ class Dataset:
     @property
     def config(self) -> DatasetConfig:
         return self.index.config
-
-
-def make_index(config: DatasetConfig, folder: Path, base: Path) -> DatasetIndex:
-    """The index of the data set in the folder. If there is none yet, it gathers the assets of all splits and writes it.
-
-    Args:
-        base: the folder that file patterns are relative to.
-
-    Raises:
-        ConfigError: the folder holds a data set of another configuration, or a pattern matches nothing.
-        AssetError: an asset cannot be read, or the model.
-    """
-    if (folder / _RUN).is_file():
-        raise ConfigError(f"{folder} holds a run; choose another folder for the data set.")
-    if (folder / INDEX).is_file():
-        index = DatasetIndex.load(folder)
-        if index.config == config:
-            _warn_of_new_files(index, folder, base)
-            warn_of_new_model(index.model, config, base)
-            return index
-        if any(next((folder / split).glob("*.json"), None) for split in index.config.splits):
-            changed = "; ".join(differences(index.config.model_dump(), config.model_dump()))
-            raise ConfigError(
-                f"{folder} holds a data set of another configuration ({changed}); choose another folder or delete it."
-            )
-        (folder / INDEX).unlink()  # it has no exemplar yet
-    files = _match_all(config, base)  # all of them before the first asset is stored
-    meshes = {
-        split: gather_meshes(source.meshes, files[f"splits.{split}.meshes"], config, folder)
-        for split, source in config.splits.items()
-    }
-    environments = {
-        split: gather_environments(source, files[key], config.environment_rows, folder)
-        for split, (key, source) in _environment_sources(config).items()
-    }
-    _require_distinct(mesh.asset for pool in meshes.values() for mesh in pool)
-    _require_distinct(environment.asset for pool in environments.values() for environment in pool)
-    _require_held_out(meshes)
-    index = DatasetIndex(
-        config=config,
-        meshes=meshes,
-        environments=environments,
-        model=gather_model(config, folder, base),
-        parts=_part_ids(meshes) if "parts" in config.labels else {},
-    )
-    index.save(folder)
-    return index
-
-
-def _part_ids(meshes: Mapping[Split, tuple[MeshAsset, ...]]) -> dict[int, str]:
-    """Names of parts by their ids in labels, from 1 on; parts of one name have one id in all meshes. 0 is no part."""
-    names = {part for pool in meshes.values() for mesh in pool for part in mesh.parts}
-    return dict(enumerate(sorted(names), start=1))
-
-
-def _environment_sources(config: DatasetConfig) -> dict[Split, tuple[str, EnvironmentSource]]:
-    """The source of each split's environments, and the key that declares it."""
-    return {
-        split: ("environments", config.environments)
-        if source.environments is None
-        else (f"splits.{split}.environments", source.environments)
-        for split, source in config.splits.items()
-    }
-
-
-def _match_all(config: DatasetConfig, base: Path) -> dict[str, list[Path]]:
-    """The files of every source that some split uses, by its key.
-
-    Raises:
-        ConfigError: a pattern matches nothing; the message opens with its key.
-    """
-    sources: dict[str, MeshSource | EnvironmentSource] = {
-        f"splits.{split}.meshes": source.meshes for split, source in config.splits.items()
-    }
-    sources |= dict(_environment_sources(config).values())
-    files = {}
-    for key, source in sources.items():
-        try:
-            files[key] = match_files(source.files, base)
-        except ConfigError as error:
-            raise ConfigError(f"{key}.files: {error}") from error
-    return files
-
-
-def _require_distinct(assets: Iterable[AssetRef]) -> None:
-    """Refuses different assets of one name: the last would replace the first. Splits may share an asset."""
-    first: dict[str, AssetRef] = {}
-    for asset in assets:
-        if first.setdefault(asset.path, asset) != asset:
-            raise ConfigError(
-                f"different files of two splits share the name {Path(asset.path).stem!r}; rename one, "
-                "since a data set stores assets by name."
-            )
-
-
-def _require_held_out(meshes: Mapping[Split, tuple[MeshAsset, ...]]) -> None:
-    """Refuses a data set that would be scored on meshes that it trains on."""
-    trained = {mesh.asset.sha256 for mesh in meshes.get("train", ())}
-    for split, pool in meshes.items():
-        for mesh in pool if split != "train" else ():
-            if mesh.asset.sha256 in trained:
-                raise ConfigError(
-                    f"the mesh {mesh.name!r} is in the splits train and {split}, which would be scored on what it was "
-                    "trained on: name other files, or give 'procedural' another seed."
-                )
-
-
-def _warn_of_new_files(index: DatasetIndex, folder: Path, base: Path) -> None:
-    """Warns of files that the patterns match now, but did not when the assets were gathered."""
-    environments = _environment_sources(index.config)
-    for split, source in index.config.splits.items():
-        stored = {mesh.name for mesh in index.meshes[split]} | {light.name for light in index.environments[split]}
-        for files in (source.meshes.files, environments[split][1].files):
-            with suppress(ConfigError):  # the files may be gone, since the folder has copies
-                new = sorted({path.stem for path in match_files(files, base)} - stored)
-                if new:
-                    log.warning(
-                        "%s was begun without %s, which %s files match now: choose another folder to have them in.",
-                        *(folder, ", ".join(new), split),
-                    )

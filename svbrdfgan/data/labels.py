@@ -17,13 +17,12 @@ from torch import Tensor
 
 from svbrdfgan.data.config import Label
 from svbrdfgan.geometry.camera_hits import CameraHits, camera_hits
-from svbrdfgan.io import save_codes
+from svbrdfgan.geometry.texels import sample_texture
 from svbrdfgan.io.exr import save_exr
-from svbrdfgan.rendering.compositing import RGBA
-from svbrdfgan.rendering.texture_filter import sample_texture
+from svbrdfgan.io.image import save_codes
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
-from svbrdfgan.types import Surface
+from svbrdfgan.types import Layer, Surface
 
 _POINTS = 3
 """Points along a side of a pixel at which the layer's alpha is looked up. Odd, so that one is the pixel's centre."""
@@ -88,19 +87,16 @@ def save_labels(picture: Path, channels: Mapping[str, Float[Tensor, "height widt
         save_codes(picture.with_suffix(".parts.png"), channels[_PART].int(), 16)
 
 
-def _alpha_seen(
-    hits: CameraHits, learnable: Collection[int], layer: Float[Tensor, "rows cols channels"]
-) -> Float[ndarray, "rows cols"]:
+def _alpha_seen(hits: CameraHits, learnable: Collection[int], layer: Layer) -> Float[ndarray, "rows cols"]:
     """The layer's alpha at each hit of a part that carries it; 0 elsewhere."""
     alpha, carries = np.zeros(hits.face.shape), np.isin(hits.part, list(learnable))
     corners = hits.surface.uv[hits.surface.faces[hits.face[carries]]]
     uv = torch.from_numpy(np.einsum("nj,nji->ni", hits.barycentric[carries], corners))
-    alpha[carries] = sample_texture(layer[..., RGBA - 1 : RGBA], uv, hits.surface.repeat)[:, 0].numpy()
+    alpha[carries] = sample_texture(layer["alpha"], uv, hits.surface.repeat)[:, 0].numpy()
     return alpha
 
 
 def _ids(surface: Surface, ids: Mapping[int, str]) -> Int[ndarray, " parts_and_none"]:
     """The id of each part of a surface; then 0, which index -1 finds. A hidden half has the id of its part."""
     of_name = {name: number for number, name in ids.items()}
-    names = [part.name.removesuffix(" (hidden)") if part.hidden else part.name for part in surface.parts]
-    return np.array([*(of_name[name] for name in names), 0])
+    return np.array([*(of_name[part.mesh_part] for part in surface.parts), 0])

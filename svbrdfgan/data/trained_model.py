@@ -15,13 +15,14 @@ from svbrdfgan.config.distributions import Fixed, UniformInteger, limits, mean, 
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.conditions import conditions_of
 from svbrdfgan.data.config import DatasetConfig, WeatheringDistribution
-from svbrdfgan.data.gather import INDEX, reference
+from svbrdfgan.data.gather import reference
+from svbrdfgan.data.index import INDEX
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.records import load_json
-from svbrdfgan.networks import Conditions, GeneratorConfig
+from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.networks.random_fields import MOST_SEEDS
-from svbrdfgan.networks.saved import load_generator
+from svbrdfgan.networks.saved import GeneratorConfig, load_generator
 from svbrdfgan.scene.description import SceneModel
 
 _CONFIG = "config.json"

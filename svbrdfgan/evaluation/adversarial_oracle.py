@@ -22,15 +22,15 @@ from svbrdfgan.data.conditions import labels_of_scenes
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.metrics.recovered import SeenTexels, shown_texels
-from svbrdfgan.metrics.texture_pyramid import premultiplied
-from svbrdfgan.networks import GEOMETRY_CHANNELS, Generator
+from svbrdfgan.metrics.texture_pyramid import premultiplied, premultiplied_values
+from svbrdfgan.networks.generator import GEOMETRY_CHANNELS, Generator
 from svbrdfgan.training.batches import stack_inputs
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.discriminator_batch import DiscriminatorBatch, Pictures, tone_curve
 from svbrdfgan.training.run import RunConfig
 from svbrdfgan.training.state import State
-from svbrdfgan.training.step import Diagnostics, adversarial_step, draw_seeds
-from svbrdfgan.training.trainer import batch_indices
+from svbrdfgan.training.step import Diagnostics, adversarial_step, batch_indices, draw_seeds
+from svbrdfgan.types import Layer
 from svbrdfgan.utils.copy_async import copy_async
 
 Watch = Callable[[int], None]
@@ -67,7 +67,7 @@ class TrueLayers:
 
     geometry: Float[Tensor, "subjects inputs rows cols"]
     shown: Bool[Tensor, "subjects rows cols"]
-    layers: Float[Tensor, "exemplars rows cols channels"]
+    layers: Layer
     subject_of: Int[Tensor, " exemplars"]
     labels: Float[Tensor, "exemplars labels"] | None
     gbuffer: bool
@@ -89,24 +89,24 @@ class TrueLayers:
         views = [v for number, texels in enumerate(shown) if texels.any() for v in exemplars.views_of(number)]
         if not views:
             raise AssetError("the oracle has nothing to learn from: no picture shows a learnable part.")
-        layers = [exemplars.layers[view] for view in views]
+        layers = torch.stack([layer.values.half() for view in views if (layer := exemplars.layers[view]) is not None])
         labels = labels_of_scenes(config.conditions, [exemplars.scenes[view] for view in views])
         return cls(
             stack_inputs(exemplars, device),
             torch.stack(shown).to(device),
-            torch.stack([layer.half() for layer in layers if layer is not None]),
+            Layer(layers, tuple(config.dataset.maps)),
             exemplars.subject_of[views],
             None if labels is None else labels.to(device),
             config.train.discriminator.gbuffer,
         )
 
     def __len__(self) -> int:
-        return len(self.layers)
+        return len(self.subject_of)
 
     @property
     def judged(self) -> int:
         """Channels of a layer as the discriminator sees it."""
-        return premultiplied(self.layers[:1]).shape[1]
+        return 1 + sum(premultiplied_values(name) for name in ("base_color", *self.layers.maps))
 
     def batch(
         self, fabric: Fabric, generator: Generator, indices: Sequence[int], rng: np.random.Generator
@@ -118,7 +118,7 @@ class TrueLayers:
         seeds = draw_seeds(rng, len(indices), device) if generator.random_fields else None
         with fabric.autocast():
             made = generator(self.geometry[subjects], seeds, labels)
-        true = copy_async(self.layers[chosen], device).float()
+        true = copy_async(self.layers.values[chosen], device).float()
         return DiscriminatorBatch(*(self._seen(layers, subjects, labels) for layers in (true, made)))
 
     def _seen(
@@ -129,7 +129,7 @@ class TrueLayers:
         The discriminator sees alpha, and the maps times alpha, as `resemblance` does: sets that agree in these agree
         over every paint, so no paint need be drawn. Colours have the tone curve of pictures.
         """
-        alpha, color, further = premultiplied(layers).split([1, 3, self.judged - 4], dim=1)
+        alpha, color, further = premultiplied(Layer(layers, self.layers.maps)).split([1, 3, self.judged - 4], dim=1)
         channels = [2 * alpha - 1, tone_curve(color), further]
         if self.gbuffer:
             channels.append(self.geometry[subjects, :GEOMETRY_CHANNELS])
@@ -174,7 +174,7 @@ def _fresh_state(config: TrainConfig, truth: TrueLayers) -> State:
     return State.fresh(
         config.model_copy(update={"discriminator": discriminator}),
         truth.geometry.device,
-        truth.layers.shape[-1],
+        truth.layers.maps,
         labels=labels,
         judged=truth.judged,
     )

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
-from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation.record import Painter
@@ -16,7 +14,7 @@ from svbrdfgan.geometry.camera_hits import camera_hits
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import SceneWeathering
 from svbrdfgan.scene.subject import Subject
-from svbrdfgan.types import Camera, View
+from svbrdfgan.types import Camera, Layer, View
 
 _COUNT = 3  # vehicles, at most
 _ZOOM = 4.0  # the field of view is divided by it
@@ -25,7 +23,7 @@ _ZOOM = 4.0  # the field of view is divided by it
 def close_ups(
     exemplars: Exemplars,
     renderer: CheckedRenderer,
-    layers_of: Callable[[int], Mapping[Painter, Float[Tensor, "rows cols channels"]]],
+    layers_of: Callable[[int], Mapping[Painter, Layer]],
 ) -> tuple[PaintedScene, ...]:
     """Close-ups of up to three vehicles: the middle of the exemplar with the greatest amount, four times nearer.
 
@@ -41,7 +39,7 @@ def close_ups(
     for exemplar in (chosen[n] for n in spread):
         scene, subject = exemplars.scenes[exemplar], exemplars.subject(exemplar)
         view = _nearer(subject, exemplars.loader.view(scene))
-        layers: dict[Painter, Tensor] = {by: layer for by, layer in layers_of(exemplar).items() if by != "constant"}
+        layers: dict[Painter, Layer] = {by: layer for by, layer in layers_of(exemplar).items() if by != "constant"}
         found.append(render_under(scene, view, subject, renderer, renderer.prepare(subject.surface), layers))
     return tuple(found)
 

@@ -18,10 +18,11 @@ from svbrdfgan.metrics.draw_figures import DrawFigures, amount_figures, draw_fig
 from svbrdfgan.metrics.draw_statistics import Draws, ScoredSurface
 from svbrdfgan.metrics.recovered import Scorer
 from svbrdfgan.metrics.resemblance import Resemblance, Resembler
-from svbrdfgan.networks import Draw, Generator
-from svbrdfgan.rendering.compositing import RGBA
+from svbrdfgan.networks.draw import Draw
+from svbrdfgan.networks.generator import Generator
 from svbrdfgan.training.batches import Progress
 from svbrdfgan.training.run import RunConfig
+from svbrdfgan.types import Layer
 
 DRAWS = 16
 """Layers of each vehicle, in each of three sets: true ones, other true ones, and a generator's."""
@@ -96,7 +97,8 @@ def compare_draws(
         weight = weights[vehicle.number]
         parts = exemplars.subjects[vehicle.number].buffer.part
         surfaces.append(ScoredSurface(weight, parts.to(weight.device)))
-        first, again = torch.from_numpy(drawn.layers).to(weight.device).chunk(2)
+        halves, maps = torch.from_numpy(drawn.layers).to(weight.device).chunk(2), tuple(config.dataset.maps)
+        first, again = (Layer(half, maps) for half in halves)
         truth.append(first)
         sets["truth"].append(again)
         painted["truth"] += [torch.from_numpy(row) for row in drawn.amounts]
@@ -130,7 +132,7 @@ def _generated(generator: Generator, config: RunConfig, fabric: Fabric, asked: _
         labels = config.conditions.labels(wanted.amount, wanted.recipe)
         with torch.no_grad(), fabric.autocast():
             layers.append(Draw(generator, seed, labels)(asked.geometry.unsqueeze(0))[0].float())
-    return torch.stack(layers)
+    return Layer(torch.stack(layers), generator.maps)
 
 
 def _generated_amounts(
@@ -146,7 +148,7 @@ def _generated_amounts(
             geometry = asked.geometry.expand(len(seeds), -1, -1, -1)
             with torch.no_grad(), fabric.autocast():
                 layers = generator(geometry, seeds, labels.expand(len(seeds), -1))
-            total += (layers[..., RGBA - 1].float() * asked.area).sum()
+            total += (Layer(layers, generator.maps).alpha.float() * asked.area).sum()
         return float(total) / count
 
     sweeps = asked.vehicle.sweeps

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import logging
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from lightning_fabric import Fabric
@@ -18,63 +16,32 @@ from torch import Tensor
 
 from svbrdfgan.data.conditions import labels_of_scenes
 from svbrdfgan.data.config import Split
-from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.data.gather import INDEX
-from svbrdfgan.data.index import Dataset
+from svbrdfgan.data.index import INDEX, Dataset
 from svbrdfgan.errors import AssetError
 from svbrdfgan.evaluation.adversarial_oracle import Budget
 from svbrdfgan.evaluation.close_up import close_ups
 from svbrdfgan.evaluation.distribution import Comparison, compare_draws
+from svbrdfgan.evaluation.evaluated import Evaluated, LayersOf, by_subject, pictures
 from svbrdfgan.evaluation.findings import Findings
 from svbrdfgan.evaluation.observable_texels import Observation
 from svbrdfgan.evaluation.oracle import LoadedSplit, OracleConfig, oracle_of
-from svbrdfgan.evaluation.record import Evaluation, Painter
-from svbrdfgan.evaluation.relight import PaintedScene, Relight, Relighter
+from svbrdfgan.evaluation.record import Painter
+from svbrdfgan.evaluation.relight import Relight, Relighter
 from svbrdfgan.metrics.constant_layer import constant_layers
 from svbrdfgan.metrics.flip import display as as_displayed
 from svbrdfgan.metrics.flip import flip
 from svbrdfgan.metrics.recovered import Observed, Scorer
-from svbrdfgan.networks import Draw, Generator
+from svbrdfgan.networks.draw import Draw
+from svbrdfgan.networks.generator import Generator
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, seeds_vary
 from svbrdfgan.training.run import RunConfig, load_model
+from svbrdfgan.types import Layer
 from svbrdfgan.utils.display import Display, SilentDisplay
 
 log = logging.getLogger(__name__)
-
-LayersOf = Callable[[int], dict[Painter, Float[Tensor, "rows cols channels"]]]
-"""The layers of a weathered exemplar, by painter; a generator's layer has the exemplar's own amount and recipe."""
-
-
-@dataclass(frozen=True, eq=False)
-class Evaluated:
-    """The score of a run, and what pictures of it need.
-
-    Attributes:
-        config: the run's.
-        source: the scored split.
-        layers: the layers of each subject, of all painters but the truth. A generator with conditions paints the middle
-            amount of the first recipe.
-        layers_of: the layers of an exemplar; for pictures next to it.
-        relit: a few of the scenes that the run was relit in, with their pictures.
-        close_ups: small parts of a few vehicles, if the generator varies.
-        generator: the run's, on the device of the layers; for draws of it.
-    """
-
-    evaluation: Evaluation
-    config: RunConfig
-    source: BatchSource
-    layers: dict[Painter, Float[Tensor, "subjects rows cols channels"]]
-    layers_of: LayersOf
-    relit: tuple[PaintedScene, ...] = ()
-    close_ups: tuple[PaintedScene, ...] = ()
-    generator: Generator | None = None
-
-    def learned(self, index: int) -> Float[Tensor, "rows cols channels"]:
-        """The generator's layer of a weathered exemplar, on the CPU."""
-        return self.layers_of(index)["generated"].cpu().float()
 
 
 def evaluate(
@@ -200,17 +167,6 @@ def _layers(
         return scorer.layers(Draw(generator.to(fabric.device), labels=labels))
 
 
-def by_subject(exemplars: Exemplars, layers: Mapping[Painter, Tensor]) -> LayersOf:
-    """The layers of each exemplar's subject, and the exemplar's true one."""
-
-    def layers_of(index: int) -> dict[Painter, Tensor]:
-        subject, truth = int(exemplars.subject_of[index]), exemplars.layers[index]
-        assert truth is not None
-        return {name: painted[subject] for name, painted in layers.items()} | {"truth": truth}
-
-    return layers_of
-
-
 def _with_own_conditions(
     layers_of: LayersOf, generators: Mapping[Painter, Generator], config: RunConfig, fabric: Fabric, source: BatchSource
 ) -> LayersOf:
@@ -218,13 +174,13 @@ def _with_own_conditions(
     if not config.conditions.size:
         return layers_of
 
-    def layers(index: int) -> dict[Painter, Tensor]:
+    def layers(index: int) -> dict[Painter, Layer]:
         labels = labels_of_scenes(config.conditions, [source.exemplars.scenes[index]])
         assert labels is not None
         found, geometry = layers_of(index), source.geometry([index])
         with torch.no_grad(), fabric.autocast():
             drawn = {name: Draw(each, 0, labels[0].tolist())(geometry)[0].float() for name, each in generators.items()}
-        return found | drawn
+        return found | {name: Layer(values, generators[name].maps) for name, values in drawn.items()}
 
     return layers
 
@@ -240,15 +196,3 @@ def _flips(source: BatchSource, layers_of: LayersOf, shown: Display) -> dict[Pai
             totals[name] += flip(truth, picture)
         shown.advance(1)
     return {name: total / max(len(weathered), 1) for name, total in totals.items()}
-
-
-def pictures(
-    source: BatchSource, index: int, layers: Iterable[Float[Tensor, "rows cols channels"]]
-) -> list[Float[Tensor, "height width 3"]]:
-    """Display-referred pictures of an exemplar's scene, one under each layer."""
-    scenes, shown = source.scenes([index], np.random.default_rng(0)), []
-    for layer in layers:
-        with torch.no_grad():
-            image, coverage = scenes.render(layer.unsqueeze(0).to(source.buffers.device))
-        shown.append(as_displayed(image[0].cpu(), coverage=coverage[0].cpu().float()))
-    return shown

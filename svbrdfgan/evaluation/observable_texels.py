@@ -59,7 +59,7 @@ class Observation:
         exemplars, scene = self.exemplars, self.exemplars.scenes[index]
         spp = _SAMPLES * scene.spp
         subject, view = exemplars.subject(index), exemplars.loader.view(scene)
-        true = subject.materials(scene.materials, exemplars.layers[index], scene.maps)
+        true = subject.materials(exemplars.layers[index], scene.maps, base_colors=scene.materials)
 
         def brightness(materials: Materials) -> Tensor:
             picture = self.renderer.render(prepared, materials, view, spp=spp, seed=scene.seed)

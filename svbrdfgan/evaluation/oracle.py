@@ -24,8 +24,9 @@ from svbrdfgan.evaluation.adversarial_oracle import Budget, TrueLayers, train_ad
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.metrics.map_errors import LEAST_ERRORS
 from svbrdfgan.metrics.recovered import Scorer, SeenTexels, Target, make_targets
-from svbrdfgan.networks import Generator, initialise, make_generator
-from svbrdfgan.networks.saved import load_generator, save_generator
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.layers import initialise
+from svbrdfgan.networks.saved import load_generator, make_generator, save_generator
 from svbrdfgan.training.batches import stack_inputs
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.metrics_log import read_metrics
@@ -102,7 +103,7 @@ def train_oracle(
     The error of a map counts relative to its constant layer's, as in `recovered`, in units of base_color's. The oracle
     has neither random fields nor conditions: where the truth varies it learns one layer between the true ones.
     """
-    generator = make_generator(config.generator.without_random_fields, targets[0].truth.shape[-1])
+    generator = make_generator(config.generator.without_random_fields, targets[0].truth.maps)
     initialise(generator, torch.Generator().manual_seed(config.seed))
     generator.to(geometry.device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
     adam = torch.optim.Adam(generator.parameters(), schedule.rate, betas=(0.9, 0.99), fused=True)

@@ -20,13 +20,13 @@ from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.record import Painter
-from svbrdfgan.io import load_environment
+from svbrdfgan.io.environment import load_environment
 from svbrdfgan.metrics.flip import display, flip
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.scene.subject import Subject
-from svbrdfgan.types import View
+from svbrdfgan.types import Layer, View
 
 _SEED = 7919
 """Seed of the scenes and of the procedural lights: far from the seeds that data sets use."""
@@ -106,7 +106,7 @@ class Relighter:
         exemplars: Exemplars,
         sampler: ConfigSampler,
         renderer: CheckedRenderer,
-        layers_of: Callable[[int], Mapping[Painter, Float[Tensor, "rows cols channels"]]],
+        layers_of: Callable[[int], Mapping[Painter, Layer]],
         progress: Callable[[int], None],
     ) -> Relit:
         """Renders the layers of all weathered subjects in new scenes, and compares them with G0's.
@@ -153,7 +153,7 @@ def render_under(
     subject: Subject,
     renderer: CheckedRenderer,
     prepared: Any,
-    layers: Mapping[Painter, Float[Tensor, "rows cols channels"]],
+    layers: Mapping[Painter, Layer],
 ) -> PaintedScene:
     """The scene from a view, under each layer. The pictures that are compared with the reference share random numbers.
 
@@ -161,8 +161,8 @@ def render_under(
         layers: the true one is among them.
     """
 
-    def show(layer: Tensor, seed: int) -> tuple[Tensor, Tensor]:
-        materials = subject.materials(scene.materials, layer.float(), scene.maps)
+    def show(layer: Layer, seed: int) -> tuple[Tensor, Tensor]:
+        materials = subject.materials(layer, scene.maps, base_colors=scene.materials)
         rendering = renderer.render(prepared, materials, view, spp=scene.spp, seed=seed)
         coverage = rendering.coverage.cpu()
         return display(rendering.image.cpu(), coverage=coverage), coverage

@@ -16,7 +16,6 @@ from numpy import ndarray
 
 from svbrdfgan.data.config import WeatheringDistribution
 from svbrdfgan.errors import AssetError
-from svbrdfgan.rendering.compositing import RGBA
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader, recipe_of
 
@@ -94,7 +93,7 @@ def _layers(vehicle: Vehicle, loader: SceneLoader) -> Float[ndarray, "draws rows
     rng, layers = np.random.default_rng([1, vehicle.number]), []
     for scene in vehicle.scenes * 2:
         drawn = weathering_of(scene).model_copy(update={"seed": vehicle.declared.seed.sample(rng)})
-        layers.append(loader.paint(scene, drawn).numpy())
+        layers.append(loader.paint(scene, drawn).values.numpy())
     return np.stack(layers)
 
 
@@ -109,7 +108,7 @@ def _amounts(
     def covered(drawn: SceneWeathering) -> float:
         if drawn.model is None:
             return float(recipe_of(drawn).paint(site).alpha.mean())
-        return float((loader.paint(scene, drawn)[..., RGBA - 1].numpy() * area).sum())
+        return float((loader.paint(scene, drawn).alpha.numpy() * area).sum())
 
     def mean_alpha(amount: float, recipe: str) -> float:
         asked = {"amount": amount, "recipe": recipe}

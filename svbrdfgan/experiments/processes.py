@@ -13,16 +13,42 @@ import sys
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import torch
 
-from svbrdfgan.experiments.tasks import TASK, Task
+from svbrdfgan.config.models import StrictModel
 from svbrdfgan.utils.display import Display
 from svbrdfgan.utils.processes import cores, import_path
 
 OUTPUT = "output.txt"
 _POLL_SECONDS = 0.2
 _VISIBLE = "CUDA_VISIBLE_DEVICES"
+
+
+class Task(StrictModel):
+    """A task that writes its results into a folder.
+
+    Attributes:
+        title: name of the task, for display.
+        root: folder of all experiments, which holds data sets, oracles and runs.
+        folder: relative to the root.
+        assets: folder that file patterns are relative to.
+    """
+
+    title: str
+    root: str
+    folder: str
+    assets: str
+
+    @property
+    def path(self) -> Path:
+        return Path(self.root) / self.folder
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Folders of the tasks that must be done before this one."""
+        return ()
 
 
 class Schedule:
@@ -137,6 +163,6 @@ def _start(task: Task, jobs: int, gpu: str | None) -> _Child:
             process_group=0 if os.name == "posix" else None,  # so that `terminate` ends its children too
         )
     assert process.stdin is not None
-    process.stdin.write(TASK.dump_json(task))
+    process.stdin.write(task.model_dump_json().encode())
     process.stdin.close()
     return _Child(task, process, gpu)

@@ -13,14 +13,12 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.evaluation.evaluate import Evaluated
+from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.experiments.definition import Measure
 from svbrdfgan.metrics.recovered import SeenTexels, make_targets, mean_error, shown_texels
 from svbrdfgan.report.vehicles import choose_views
 from svbrdfgan.training.batches import BatchSource
-from svbrdfgan.training.cached_rendering import CachedRendering
 from svbrdfgan.training.config import ScenesConfig
-from svbrdfgan.training.online_rendering import OnlineRendering
 
 _VIEWS = 4  # scenes over which gradient noise is summed
 _DRAWS = 16  # gradients of each scene
@@ -34,9 +32,7 @@ def measure(evaluated: Evaluated) -> dict[Measure, float]:
             found["shown"] = recovered_where(evaluated, seen, lambda shown: shown)
         with suppress(AssetError):  # raised if the pictures show all texels
             found["unseen"] = recovered_where(evaluated, seen, lambda shown: ~shown)
-    scenes = evaluated.source.fake_scenes
-    if isinstance(scenes, OnlineRendering):
-        as_trained = replace(scenes, layer=replace(scenes.layer, spp=evaluated.config.train.spp))
+    if (as_trained := evaluated.source.fake_scenes.resampled(evaluated.config.train.spp)) is not None:
         source = replace(evaluated.source, fake_scenes=as_trained)
         found["gradient_noise"] = gradient_noise(source, evaluated.layers["generated"])
     return found
@@ -45,16 +41,14 @@ def measure(evaluated: Evaluated) -> dict[Measure, float]:
 def seen_by_training(evaluated: Evaluated) -> SeenTexels | None:
     """The texels of the scored split that cameras of the training split's distribution would see.
 
-    None if the scored split has cameras of another distribution and its scenes are rendered online: then only the
-    texels that its own exemplars show are known.
+    None if the scored split has cameras of another distribution and no light transport of its scenes is stored: then
+    only the texels that its own exemplars show are known.
     """
     source, declared = evaluated.source, evaluated.config.dataset
-    camera, own = declared.camera_of("train"), source.own_scenes
+    camera = declared.camera_of("train")
     if camera == declared.camera_of(evaluated.evaluation.split):
         return source.seen
-    if not isinstance(own, CachedRendering):
-        return None
-    return replace(own, device=torch.device("cpu")).in_scenes(ScenesConfig(camera=camera), own.spp).seen
+    return source.own_scenes.seen_in(ScenesConfig(camera=camera))
 
 
 def recovered_where(evaluated: Evaluated, seen: SeenTexels, chosen: Callable[[Bool[Tensor, "*size"]], Tensor]) -> float:

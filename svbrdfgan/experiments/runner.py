@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.experiments.processes import Execute, Schedule, execute, gpus
+from svbrdfgan.experiments.processes import Execute, Schedule, Task, execute, gpus
 from svbrdfgan.experiments.results import FAILED, Results, gather
 from svbrdfgan.experiments.run_matrix import Cell, DatasetSpec, OracleSpec, RunMatrix, RunSpec, select_cells
 from svbrdfgan.experiments.run_store import RunStore, record_provenance
 from svbrdfgan.experiments.table import write_results
-from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask, Task
+from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask
 from svbrdfgan.utils.display import Display, SilentDisplay
 from svbrdfgan.utils.processes import cores
 
@@ -98,7 +98,9 @@ def _work(cells: Sequence[Cell], root: Path, runs: RunStore[RunSpec], assets: Pa
 
 def _missing(work: Iterable[_Work], jobs: int) -> list[Task]:
     """The tasks that are not done, each once, in the order of the runs. Data sets made at once share the cores."""
-    tasks: dict[str, Task] = {task.folder: task for each in work for task in (each.dataset, each.oracle, each.run)}
+    tasks: dict[str, DatasetTask | OracleTask | RunTask] = {
+        task.folder: task for each in work for task in (each.dataset, each.oracle, each.run)
+    }
     missing = [task for task in tasks.values() if not task.done()]
     datasets = sum(isinstance(task, DatasetTask) for task in missing)
     workers = max(1, cores() // max(1, min(jobs, datasets)))

@@ -11,16 +11,17 @@ from typing import Annotated, Literal
 import torch
 from pydantic import Field, TypeAdapter
 
-from svbrdfgan.config.models import StrictModel
 from svbrdfgan.data.config import DatasetConfig, EnvironmentSource
 from svbrdfgan.data.generate import generate, missing
 from svbrdfgan.data.index import INDEX, DatasetIndex
 from svbrdfgan.evaluation.adversarial_oracle import Budget
-from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
+from svbrdfgan.evaluation.evaluate import evaluate
+from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.evaluation.record import OracleScores
 from svbrdfgan.experiments.contact_strip import CONTACT_STRIP, write_contact_strip
 from svbrdfgan.experiments.outcome import OUTCOME, RunOutcome, ScorePoint
+from svbrdfgan.experiments.processes import Task
 from svbrdfgan.experiments.run_matrix import OracleSpec, RunSpec
 from svbrdfgan.experiments.run_metrics import measure
 from svbrdfgan.io.records import load_record, save_record
@@ -35,32 +36,7 @@ CEILING = "ceiling.json"
 """The scores of an oracle, for evaluating runs if its weights are missing."""
 
 
-class _Task(StrictModel):
-    """A task that writes its results into a folder.
-
-    Attributes:
-        title: name of the task, for display.
-        root: folder of all experiments, which holds data sets, oracles and runs.
-        folder: relative to the root.
-        assets: folder that file patterns are relative to.
-    """
-
-    title: str
-    root: str
-    folder: str
-    assets: str
-
-    @property
-    def path(self) -> Path:
-        return Path(self.root) / self.folder
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """Folders of the tasks that must be done before this one."""
-        return ()
-
-
-class DatasetTask(_Task):
+class DatasetTask(Task):
     """A data set; `workers` processes unwrap and bake meshes."""
 
     kind: Literal["dataset"] = "dataset"
@@ -74,7 +50,7 @@ class DatasetTask(_Task):
         generate(self.config, self.path, base=Path(self.assets), workers=self.workers)
 
 
-class OracleTask(_Task):
+class OracleTask(Task):
     """The oracle of a data set and a generator, made by evaluating a run of one step."""
 
     kind: Literal["oracle"] = "oracle"
@@ -98,7 +74,7 @@ class OracleTask(_Task):
         _forget_checkpoints(self.path)
 
 
-class RunTask(_Task):
+class RunTask(Task):
     """A run, and its evaluation against the oracle; `jobs` runs share the device."""
 
     kind: Literal["run"] = "run"
@@ -143,9 +119,9 @@ class RunTask(_Task):
         return replace(evaluated, evaluation=evaluation)
 
 
-Task = Annotated[DatasetTask | OracleTask | RunTask, Field(discriminator="kind")]
+_AnyTask = Annotated[DatasetTask | OracleTask | RunTask, Field(discriminator="kind")]
 
-TASK: TypeAdapter[Task] = TypeAdapter(Task)
+TASK: TypeAdapter[_AnyTask] = TypeAdapter(_AnyTask)
 """Reads and writes a task of any kind as JSON."""
 
 

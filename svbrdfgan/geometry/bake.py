@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -14,15 +11,10 @@ from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.geometry.bake_materials import bake_base_color, nearest_texels
-from svbrdfgan.geometry.layers import centroid_texels
 from svbrdfgan.geometry.normals import face_areas, face_normals, unit
 from svbrdfgan.geometry.rasterize import Fragments, Raster
-from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.io.exr import save_exr
-from svbrdfgan.io.gltf import save_glb
-from svbrdfgan.io.image import linear_from_srgb, save_texture
-from svbrdfgan.types import Mesh, Surface
+from svbrdfgan.geometry.texels import centroid_texels, nearest_texels
+from svbrdfgan.types import Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,53 +81,6 @@ def bake(fragments: Fragments) -> GeometryBuffer:
     )
 
 
-def write_bake(
-    directory: str | os.PathLike[str], mesh: Mesh, fragments: Fragments, buffer: GeometryBuffer
-) -> dict[str, float | int]:
-    """Writes the geometry buffer (EXR), previews (PNG), the mesh with new UVs (GLB) and metrics; returns the metrics.
-
-    Raises:
-        AssetError: the folder or a file cannot be written.
-    """
-    folder = Path(directory)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise AssetError(f"{folder} cannot be made a folder ({error.strerror}); choose another.") from error
-    save_exr(folder / "geometry_buffer.exr", _channels(buffer), uv_map=True)
-    low, high = buffer.bounds
-    save_texture(
-        folder / "position.png", _preview((buffer.position - low) / (high - low).clamp(min=1e-12), buffer.mask)
-    )
-    save_texture(folder / "normal.png", _preview(0.5 + 0.5 * buffer.normal, buffer.mask))
-    base = bake_base_color(mesh, fragments)
-    textures = {part: map_ for part, map_ in enumerate(base) if map_.ndim == 3}
-    save_glb(folder / "surface.glb", fragments.surface, textures)
-    metrics = bake_metrics(mesh, fragments, buffer)
-    with atomic_path(folder / "metrics.json") as temporary:
-        temporary.write_text(json.dumps(metrics, indent=2) + "\n")
-    return metrics
-
-
-def bake_metrics(mesh: Mesh, fragments: Fragments, buffer: GeometryBuffer) -> dict[str, float | int]:
-    """Measures of the embedding: face counts, UV coverage, layers per texel, exposed and outermost area shares."""
-    surface, layers = fragments.surface, fragments.layers
-    raster = fragments.outermost()
-    area, exposed = face_areas(surface.positions, surface.faces), exposed_faces(surface)
-    outermost = np.isin(np.arange(len(area)), raster.face[raster.mask])
-    return {
-        "mesh_faces": len(mesh.faces),
-        "surface_faces": len(surface.faces),
-        "surface_vertices": len(surface.positions),
-        "coverage": float(buffer.mask.double().mean()),
-        "layers_mean": float(layers[raster.mask].mean()),
-        "layers_max": int(layers.max()),
-        "area_square_metres": float(area.sum()),
-        "exposed_area_share": float(area[exposed].sum() / max(area.sum(), 1e-300)),
-        "outermost_area_share": float(area[outermost].sum() / max(area.sum(), 1e-300)),
-    }
-
-
 def exposed_faces(surface: Surface) -> Bool[ndarray, " faces"]:
     """A mask of the faces in parts that are not hidden."""
     return ~np.array([part.hidden for part in surface.parts])[surface.face_part]
@@ -176,14 +121,3 @@ def _texel_areas(fragments: Fragments) -> Float[ndarray, "rows cols"]:
     small = exposed & (covered == 0)
     total += np.bincount(centroid_texels(surface, rows, cols)[small], area[small], rows * cols)
     return total.reshape(rows, cols)
-
-
-def _channels(buffer: GeometryBuffer) -> dict[str, Float[Tensor, "rows cols"]]:
-    channels = {f"position.{axis}": buffer.position[..., i] for i, axis in enumerate("XYZ")}
-    channels |= {f"normal.{axis}": buffer.normal[..., i] for i, axis in enumerate("XYZ")}
-    return channels | {"mask": buffer.mask.float(), "part": buffer.part.float(), "area": buffer.area}
-
-
-def _preview(values: Float[Tensor, "rows cols 3"], mask: Bool[Tensor, "rows cols"]) -> Float[Tensor, "rows cols 3"]:
-    """An image whose sRGB-encoded file holds `values` unchanged: applies the inverse of the encoding. Dark outside."""
-    return linear_from_srgb(torch.where(mask[..., None], values.clamp(0.0, 1.0), torch.tensor(0.1)))

@@ -6,23 +6,22 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.geometry.split import surface_over
 from svbrdfgan.geometry.tangents import Tangents, corner_tangents
-from svbrdfgan.rendering.texture_filter import sample_texture
+from svbrdfgan.geometry.texels import nearest_texels, sample_texture
 from svbrdfgan.types import FileMap, Mesh
 
 _UP = np.array([0.0, 0.0, 1.0])
 
 
 def bake_base_color(mesh: Mesh, fragments: Fragments) -> tuple[Float[Tensor, ...], ...]:
-    """Each part's linear base colour: a constant (3,), or its texture resampled to the new UVs, (rows, cols, 3).
+    """The linear base colour of each part: a constant (3,), or its texture resampled to the new UVs, (rows, cols, 3).
 
     Texels that a part does not cover get the colour of the nearest texel that it covers.
     """
@@ -33,7 +32,7 @@ def bake_base_color(mesh: Mesh, fragments: Fragments) -> tuple[Float[Tensor, ...
 
 
 def bake_file_maps(mesh: Mesh, fragments: Fragments) -> tuple[dict[str, Float[Tensor, ...]], ...]:
-    """Each part's `file_maps`, likewise: constants (channels,), or textures (rows, cols, channels) over the new UVs.
+    """The `file_maps` of each part: constants (channels,), or textures (rows, cols, channels) over the new UVs.
 
     Normals are turned from the tangent frames of the mesh's own UVs, those of the normal texture, into the frames of
     the surface's UVs, at unit length.
@@ -47,12 +46,6 @@ def bake_file_maps(mesh: Mesh, fragments: Fragments) -> tuple[dict[str, Float[Te
             maps["normal"] = frames[normal.uv_set].turned(_looked_up(normal, mesh, texels), texels)
         baked.append(maps)
     return tuple(baked)
-
-
-def nearest_texels(mask: Bool[ndarray, "rows cols"]) -> tuple[Int[ndarray, "rows cols"], Int[ndarray, "rows cols"]]:
-    """For every texel, the row and the column of the nearest texel inside the mask."""
-    row, col = distance_transform_edt(~mask, return_distances=False, return_indices=True)
-    return row, col
 
 
 @dataclass(eq=False)
@@ -137,5 +130,5 @@ class _Frames:
 def _perpendicular(
     vectors: Float[ndarray, "rows cols 3"], normals: Float[ndarray, "rows cols 3"]
 ) -> Float[ndarray, "rows cols 3"]:
-    """What is perpendicular to the normals, of unit length."""
+    """The components of the vectors perpendicular to the normals, scaled to unit length."""
     return unit(vectors - (vectors * normals).sum(axis=-1, keepdims=True) * normals)

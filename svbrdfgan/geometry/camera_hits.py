@@ -1,4 +1,4 @@
-"""What a camera sees at points of its picture, without a renderer: the nearest face at each, by rasterisation."""
+"""The nearest face at points of a camera's picture, found by rasterisation, without a renderer."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.rasterize import rasterize_triangles
-from svbrdfgan.rendering.texture_filter import sample_texture
+from svbrdfgan.geometry.texels import sample_texture
 from svbrdfgan.types import Camera, Part, Surface
 
 _NEAR = 1e-6
@@ -56,7 +56,7 @@ class CameraHits:
         return values
 
     def centres(self, per_pixel: int) -> CameraHits:
-        """Of so many hits along each side of a pixel, an odd number, those at the pixels' centres."""
+        """The hits at the pixels' centres, of `per_pixel` hits along each side of a pixel, which is an odd number."""
         middle = (slice(per_pixel // 2, None, per_pixel),) * 2
         return replace(self, face=self.face[middle], barycentric=self.barycentric[middle], depth=self.depth[middle])
 

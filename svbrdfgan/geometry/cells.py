@@ -51,7 +51,7 @@ class CellGrid:
     def entries(
         self, corners: Float[ndarray, "triangles 3 2"]
     ) -> tuple[Int[ndarray, " entries"], Int[ndarray, " entries"]]:
-        """All pairs (triangle, cell) where the triangle's bounding box overlaps the cell, sorted by triangle."""
+        """The pairs (triangle, cell) where the triangle's bounding box overlaps the cell, sorted by triangle."""
         low, high = (self._place(corner) for corner in boxes(corners))
         size = high - low + 1
         count = size.prod(axis=1)
@@ -62,7 +62,7 @@ class CellGrid:
     def overlaps(
         self, corners: Float[ndarray, "triangles 3 2"]
     ) -> tuple[Int[ndarray, " entries"], Int[ndarray, " entries"]]:
-        """All pairs (triangle, cell) where the triangle itself overlaps the cell, sorted by triangle.
+        """The pairs (triangle, cell) where the triangle itself overlaps the cell, sorted by triangle.
 
         These are a subset of `entries`, much smaller for slivers. The test is conservative by a millionth of a cell.
         """

@@ -10,6 +10,7 @@ from numpy import ndarray
 
 from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.geometry.split import cut_faces, with_parts
+from svbrdfgan.geometry.texels import centroid_texels
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.types import Mesh, Surface
 
@@ -57,7 +58,7 @@ def hide_and_rasterize(surface: Surface, resolution: int) -> Fragments:
 
 
 def layer_counts(fragments: Fragments) -> tuple[Int[ndarray, " faces"], Int[ndarray, " faces"]]:
-    """For each face, the number of texels that it covers, and at how many of them it is (nearly) the outermost.
+    """The number of texels that each face covers, and the number of those where the face is (nearly) the outermost.
 
     A face that covers no texel's centre counts as covering one texel: that of its centroid.
     """
@@ -74,13 +75,6 @@ def layer_counts(fragments: Fragments) -> tuple[Int[ndarray, " faces"], Int[ndar
     return covered, near
 
 
-def centroid_texels(surface: Surface, rows: int, cols: int) -> Int[ndarray, " faces"]:
-    """The texel (row * cols + col) in which each face's centroid lies."""
-    middle = surface.uv[surface.faces].mean(axis=1) * (cols, rows)
-    col, row = np.minimum(middle.astype(np.int64), (cols - 1, rows - 1)).T
-    return row * cols + col
-
-
 def _move_to_hidden(surface: Surface, hidden: Bool[ndarray, " faces"]) -> Surface:
     """The surface with the marked faces moved to a hidden twin of their part. Vertices are not shared across parts."""
     part = surface.face_part
@@ -89,5 +83,6 @@ def _move_to_hidden(surface: Surface, hidden: Bool[ndarray, " faces"]) -> Surfac
         return surface
     target = np.arange(len(surface.parts))
     target[moved] = len(surface.parts) + np.arange(len(moved))
-    twins = tuple(replace(surface.parts[k], name=f"{surface.parts[k].name} (hidden)", hidden=True) for k in moved)
+    whole = [surface.parts[k] for k in moved]
+    twins = tuple(replace(part, name=f"{part.name} (hidden)", hidden_half_of=part.name) for part in whole)
     return with_parts(surface, np.where(hidden, target[part], part), surface.parts + twins)

@@ -252,7 +252,7 @@ def _reaches(
 
 
 def _edges(corners: Float[ndarray, "faces 3 2"]) -> Float[ndarray, "3 5 faces"]:
-    """Per edge: its lexicographically lower end, the vector to its other end, and the face's direction (1 or -1).
+    """The lexicographically lower end of each edge, the vector to its other end, and the face's direction (1 or -1).
 
     Both faces at an edge compute a point's side from the same end, so their results are exactly opposite.
     """

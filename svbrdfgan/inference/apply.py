@@ -15,12 +15,12 @@ from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.geometry.bake import bake
 from svbrdfgan.geometry.layers import embed_and_rasterize
-from svbrdfgan.networks import Draw
+from svbrdfgan.networks.draw import Draw
 from svbrdfgan.networks.random_fields import MOST_SEEDS
-from svbrdfgan.plugins import load_embedding
+from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.training.run import Model
-from svbrdfgan.types import Mesh
+from svbrdfgan.types import Layer, Mesh
 
 log = logging.getLogger(__name__)
 
@@ -42,10 +42,10 @@ class Canvas:
     geometry: Float[Tensor, "inputs trained_rows trained_cols"]
     factor: int
 
-    def paint(self, draw: Draw) -> Float[Tensor, "rows cols channels"]:
+    def paint(self, draw: Draw) -> Layer:
         """The layer of a draw."""
         with torch.no_grad():
-            return draw(self.geometry.unsqueeze(0), self.factor)[0]
+            return Layer(draw(self.geometry.unsqueeze(0), self.factor)[0], draw.generator.maps)
 
 
 def paint(
@@ -57,7 +57,7 @@ def paint(
     amount: float | None = None,
     recipe: str | None = None,
     resolution: int | None = None,
-) -> tuple[Subject, Float[Tensor, "rows cols channels"]]:
+) -> tuple[Subject, Layer]:
     """The mesh with the embedding of the training, and the layer that the model paints on it.
 
     Args:

@@ -17,11 +17,12 @@ from torch.nn.functional import normalize
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.geometry.tangents import corner_tangents
-from svbrdfgan.io import linear_from_srgb, save_glb, save_image, save_texture
+from svbrdfgan.io.gltf import save_glb
+from svbrdfgan.io.image import save_image, save_texture
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
-from svbrdfgan.rendering.compositing import RGBA, over
+from svbrdfgan.rendering.compositing import over
 from svbrdfgan.scene.subject import Subject
-from svbrdfgan.types import Camera, Environment, Materials, Rendering, View
+from svbrdfgan.types import Camera, Environment, Layer, Materials, Rendering, View
 
 _PICTURE = (480, 300)
 _FOV = math.radians(22.0)
@@ -38,7 +39,7 @@ _BRIGHTEST = 0.9
 def write_weathered(
     path: Path,
     subject: Subject,
-    layer: Float[Tensor, "rows cols channels"],
+    layer: Layer,
     maps: Mapping[str, float | None] | None = None,
 ) -> Path:
     """Writes the surface as GLB, with the layer composited over its learnable parts, and the layer as PNG next to it.
@@ -54,9 +55,9 @@ def write_weathered(
         The path of the layer's PNG, which holds its RGBA.
 
     Raises:
-        AssetError: the layer does not have the channels of these maps, or a file cannot be written.
+        AssetError: the layer paints other maps, or a file cannot be written.
     """
-    materials = subject.materials({}, layer, maps)
+    materials = subject.materials(layer, maps)
     colors = {part: material.base_color for part, material in enumerate(materials.parts)}
     textures = {part: color for part, color in colors.items() if color.ndim == 3}
     further = _further_maps(subject, materials)
@@ -64,13 +65,12 @@ def write_weathered(
     if any("normal" in named for named in further.values()):
         tangents = corner_tangents(subject.surface).attribute()
     save_glb(path, subject.surface, textures, further, tangents)
-    for name in maps or {}:
+    for name in layer.maps:
         values = further[subject.learnable[0]][name]
         numbers = 0.5 + 0.5 * values if name == "normal" else values
-        # save_texture encodes to sRGB; decoding first leaves the map's own numbers in the file
-        save_texture(path.with_suffix(f".{name}.png"), linear_from_srgb(numbers.clamp(0, 1)))
+        save_texture(path.with_suffix(f".{name}.png"), numbers, "raw")
     layer_path = path.with_suffix(".layer.png")
-    save_texture(layer_path, layer[..., :RGBA])
+    save_texture(layer_path, layer.rgba)
     return layer_path
 
 
@@ -99,21 +99,21 @@ class Studio:
     def _prepared(self) -> Any:
         return self.renderer.prepare(self.subject.surface)
 
-    def show(self, layer: Float[Tensor, "rows cols channels"], *, spp: int = 64, sides: int = 2) -> Rendering:
+    def show(self, layer: Layer, *, spp: int = 64, sides: int = 2) -> Rendering:
         """The weathered surface from the front and, by default, from behind, side by side; linear.
 
         Raises:
-            AssetError: the layer does not have the channels of these maps.
+            AssetError: the layer paints other maps.
             UnsupportedError: the renderer does not read one of the maps.
         """
         light = Environment(self.environment * (_BRIGHTNESS / float(self.environment.mean())))
-        materials = self.subject.materials({}, layer, self.maps)
+        materials = self.subject.materials(layer, self.maps)
         views = [View(_camera(self.subject, *angles), light, *_PICTURE) for angles in _FROM[:sides]]
         shown = [self.renderer.render(self._prepared, materials, view, spp=spp, seed=0) for view in views]
         image = torch.cat([side.image for side in shown], dim=1)
         return Rendering(image, torch.cat([side.coverage for side in shown], dim=1))
 
-    def write(self, path: Path, layer: Float[Tensor, "rows cols channels"], *, spp: int = 64) -> None:
+    def write(self, path: Path, layer: Layer, *, spp: int = 64) -> None:
         """Writes the picture of both sides; see `write_picture`."""
         (picture,) = developed([self.show(layer, spp=spp)])
         save_image(path, picture)
@@ -131,7 +131,7 @@ def developed(shown: Sequence[Rendering]) -> list[Float[Tensor, "height width 3"
 def write_picture(
     path: Path,
     subject: Subject,
-    layer: Float[Tensor, "rows cols channels"],
+    layer: Layer,
     renderer: CheckedRenderer,
     environment: Float[Tensor, "rows cols 3"],
     maps: Mapping[str, float | None] | None = None,
@@ -146,7 +146,7 @@ def write_picture(
         maps: as for `Subject.materials`.
 
     Raises:
-        AssetError: the layer does not have the channels of these maps, the light is black, or the file cannot be
+        AssetError: the layer paints other maps, the light is black, or the file cannot be
             written.
         UnsupportedError: the renderer does not read one of the maps.
     """

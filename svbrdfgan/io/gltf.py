@@ -24,7 +24,7 @@ from torch import Tensor
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.gltf_header import LAMBERTIAN
-from svbrdfgan.io.image import linear_from_srgb, texture_png
+from svbrdfgan.io.image import texture_png
 from svbrdfgan.io.rows import merge_rows
 from svbrdfgan.types import FileMap, Mesh, Part, Surface
 from svbrdfgan.types.geometry import FILE_CHANNELS
@@ -250,12 +250,12 @@ def _add_material(document: _Document, name: str, look: Mapping[str, FileMap]) -
     pbr: dict[str, Any] = {"baseColorFactor": [*color.factor, *alpha.factor]}
     entry: dict[str, Any] = {"name": name, "pbrMetallicRoughness": pbr}
     if alpha.texture is not None:
-        pbr["baseColorTexture"] = _add_texture(document, _encoded_color, (color, alpha), 3)
+        pbr["baseColorTexture"] = _add_texture(document, _color_png, (color, alpha), 3)
     elif color.texture is not None:
-        pbr["baseColorTexture"] = _add_texture(document, _encoded_color, (color,), 3)
+        pbr["baseColorTexture"] = _add_texture(document, _color_png, (color,), 3)
     pbr |= _gloss(document, look)
     if normal is not None and normal.texture is not None:
-        picture = _add_texture(document, _encoded_normal, (normal,), 3)
+        picture = _add_texture(document, _normal_png, (normal,), 3)
         entry["normalTexture"] = picture if normal.factor[0] == 1.0 else picture | {"scale": normal.factor[0]}
     entry |= {"alphaMode": "OPAQUE", "doubleSided": True}
     if "alpha" in look:
@@ -273,27 +273,26 @@ def _gloss(document: _Document, look: Mapping[str, FileMap]) -> dict[str, Any]:
     rough, metallic = look["roughness"], look.get("metallic", FileMap((0.0,)))
     keys: dict[str, Any] = {"metallicFactor": metallic.factor[0], "roughnessFactor": rough.factor[0]}
     if rough.texture is not None or metallic.texture is not None:
-        keys["metallicRoughnessTexture"] = _add_texture(document, _encoded_gloss, (rough, metallic), 1)
+        keys["metallicRoughnessTexture"] = _add_texture(document, _gloss_png, (rough, metallic), 1)
     return keys
 
 
-def _encoded_color(*textures: Texture) -> Texture:
-    """RGB or RGBA; PNGs of linear RGB are sRGB, as glTF wants it."""
-    return torch.cat(textures, dim=-1)
+def _color_png(*textures: Texture) -> bytes:
+    """RGB or RGBA, whose RGB is sRGB."""
+    return texture_png(torch.cat(textures, dim=-1))
 
 
-def _encoded_gloss(rough: Texture, metallic: Texture) -> Texture:
-    """The picture of glTF: green is roughness, blue is metallic, both linear, which undoes `texture_png`'s encoding."""
-    numbers = torch.cat([torch.zeros_like(rough), rough, metallic], dim=-1)
-    return linear_from_srgb(numbers.clamp(0, 1))
+def _gloss_png(rough: Texture, metallic: Texture) -> bytes:
+    """Roughness in green and metallic in blue, both linear."""
+    return texture_png(torch.cat([torch.zeros_like(rough), rough, metallic], dim=-1), "raw")
 
 
-def _encoded_normal(normal: Texture) -> Texture:
-    return linear_from_srgb((0.5 + 0.5 * normal).clamp(0, 1))
+def _normal_png(normal: Texture) -> bytes:
+    return texture_png(0.5 + 0.5 * normal, "raw")
 
 
 def _add_texture(
-    document: _Document, encode: Callable[..., Texture], maps: tuple[FileMap, ...], channels: int
+    document: _Document, encode: Callable[..., bytes], maps: tuple[FileMap, ...], channels: int
 ) -> dict[str, Any]:
     """glTF's `textureInfo` of the picture that holds these maps.
 
@@ -309,7 +308,7 @@ def _add_texture(
 
 def _add_image(
     document: _Document,
-    encode: Callable[..., Texture],
+    encode: Callable[..., bytes],
     textures: tuple[Float[ndarray, "rows cols channels"] | None, ...],
     channels: int,
 ) -> int:
@@ -327,8 +326,8 @@ def _add_image(
         if len(sizes) > 1:
             raise AssetError(f"textures that share a picture in GLB have the sizes {sorted(sizes)}; wanted one size.")
         ones = np.ones((*sizes.pop(), channels), np.float32)
-        shown = encode(*(torch.from_numpy(ones if t is None else np.ascontiguousarray(t)).float() for t in textures))
-        view = _add_view(document, texture_png(shown))
+        values = [torch.from_numpy(ones if t is None else np.ascontiguousarray(t)).float() for t in textures]
+        view = _add_view(document, encode(*values))
         document.images.append({"bufferView": view, "mimeType": "image/png"})
         document.image_of[key] = len(document.images) - 1
         document.kept.append(textures)

@@ -32,6 +32,9 @@ FLOAT = (".exr", ".hdr")
 LUMINANCE = ("Y",)  # EXR's names of channels
 COLOR = ("R", "G", "B", "A")
 
+Encoding = Literal["srgb", "raw"]
+"""How 8-bit files store values: colours as sRGB, and numbers that are no colours as they are."""
+
 
 def linear_from_srgb(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
     """Decodes sRGB values in [0, 1] to linear ones, by the piecewise function of IEC 61966-2-1."""
@@ -60,8 +63,13 @@ def load_image(path: str | os.PathLike[str]) -> Float[Tensor, "height width chan
     return _load_float(path) if path.suffix.lower() in FLOAT else _load_eight_bit(path)
 
 
-def save_image(path: str | os.PathLike[str], image: Float[Tensor, "height width channels"]) -> None:
+def save_image(
+    path: str | os.PathLike[str], image: Float[Tensor, "height width channels"], encoding: Encoding = "srgb"
+) -> None:
     """Writes 1, 3 or 4 linear channels, row 0 on top. PNG and JPEG clip to [0, 1]; alpha is never sRGB-encoded.
+
+    Args:
+        encoding: of PNG and JPEG. EXR and HDR keep values as they are.
 
     Raises:
         AssetError: the suffix or the shape is not supported, the format has no alpha, or the file cannot be written.
@@ -83,7 +91,7 @@ def save_image(path: str | os.PathLike[str], image: Float[Tensor, "height width 
         write_floats(path, names, image.detach().cpu().float().numpy())
     else:
         with atomic_path(path) as temporary:
-            picture(image).save(temporary, quality=95)
+            picture(image, encoding).save(temporary, quality=95)
 
 
 def save_codes(path: str | os.PathLike[str], codes: Int[Tensor, "height width"], bits: Literal[8, 16]) -> None:
@@ -104,28 +112,32 @@ def load_texture(path: str | os.PathLike[str]) -> Float[Tensor, "rows cols chann
     return load_image(path).flip(0)
 
 
-def save_texture(path: str | os.PathLike[str], texture: Float[Tensor, "rows cols channels"]) -> None:
+def save_texture(
+    path: str | os.PathLike[str], texture: Float[Tensor, "rows cols channels"], encoding: Encoding = "srgb"
+) -> None:
     """The same as `save_image`, but row 0 is at v = 0, the bottom of the image."""
-    save_image(path, texture.flip(0))
+    save_image(path, texture.flip(0), encoding)
 
 
-def texture_png(texture: Float[Tensor, "rows cols channels"]) -> bytes:
+def texture_png(texture: Float[Tensor, "rows cols channels"], encoding: Encoding = "srgb") -> bytes:
     """The bytes of the PNG file that `save_texture` would write."""
     stream = BytesIO()
-    picture(texture.flip(0)).save(stream, format="PNG")
+    picture(texture.flip(0), encoding).save(stream, format="PNG")
     return stream.getvalue()
 
 
-def picture(image: Float[Tensor, "height width channels"]) -> Image:
-    """A Pillow image (8-bit sRGB) of 1, 3 or 4 linear channels, clipped to [0, 1]; alpha is not sRGB-encoded."""
+def picture(image: Float[Tensor, "height width channels"], encoding: Encoding = "srgb") -> Image:
+    """A Pillow image (8-bit) of 1, 3 or 4 linear channels, clipped to [0, 1]; alpha is not sRGB-encoded."""
     from PIL import Image as PillowImage
 
     values = image.detach().cpu().float()
     if not torch.isfinite(values).all():
         log.warning("a picture holds values that are not finite; they are written as 0 or 1")
         values = values.nan_to_num(nan=0.0)
-    color, alpha = values[..., :3].clamp(0, 1), values[..., 3:].clamp(0, 1)
-    codes = (torch.cat([srgb_from_linear(color), alpha], dim=-1) * 255).round().byte().numpy()
+    values = values.clamp(0, 1)
+    if encoding == "srgb":
+        values = torch.cat([srgb_from_linear(values[..., :3]), values[..., 3:]], dim=-1)
+    codes = (values * 255).round().byte().numpy()
     return PillowImage.fromarray(codes[..., 0] if codes.shape[-1] == 1 else codes)
 
 

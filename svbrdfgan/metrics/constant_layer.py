@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -12,8 +12,8 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.metrics.map_errors import map_error
 from svbrdfgan.metrics.recovered import SeenTexels, Target, make_targets
-from svbrdfgan.rendering.compositing import RGBA, composite
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.rendering.compositing import composite_maps
+from svbrdfgan.types import Layer
 
 _TARGETS = 64
 
@@ -28,19 +28,17 @@ def constant_layers(exemplars: Exemplars, seen: SeenTexels, device: torch.device
 
 
 def best_constants(targets: Sequence[Target], steps: int = 400) -> Float[Tensor, "maps channels"]:
-    """For each map, base_color first, the constant layer whose composite errs least in it on these targets.
+    """The constant layer whose composite errs least in each map, base_color first, on these targets.
 
     What does not enter the error of its map is the mean of the true layers, weighted by alpha.
     """
     texels = _Texels.of(targets)
-    mean, rows, first = texels.mean_layer(), [], 0
+    mean, rows = texels.mean_layer(), []
     for name in targets[0].names:
-        values = range(first, first + CHANNELS[name])
-        own = [*(value + (value >= 3) for value in values), 3]  # a layer's fourth channel is alpha
-        row = mean.clone()
-        row[own] = _least(name, mean[own], texels, list(values), steps)
-        rows.append(row)
-        first += CHANNELS[name]
+        row = replace(mean, values=mean.values.clone())
+        least = _least(name, torch.cat([mean[name], mean["alpha"]]), texels, steps)
+        row[name][:], row["alpha"][:] = least[:-1], least[-1:]
+        rows.append(row.values)
     return torch.stack(rows)
 
 
@@ -48,31 +46,35 @@ def best_constants(targets: Sequence[Target], steps: int = 400) -> Float[Tensor,
 class _Texels:
     """The scored texels of so many targets; the weights of each target add up to one."""
 
-    truth: Float[Tensor, "texels channels"]
-    base: Float[Tensor, "texels values"]
-    composited: Float[Tensor, "texels values"]
+    truth: Layer
+    base: Mapping[str, Float[Tensor, "texels values"]]
+    composited: Mapping[str, Float[Tensor, "texels values"]]
     weight: Float[Tensor, " texels"]
     targets: int
 
     @classmethod
     def of(cls, targets: Sequence[Target]) -> _Texels:
-        truth = torch.stack([target.truth for target in targets]).flatten(0, 2)
-        base = torch.stack([target.base for target in targets]).flatten(0, 2)
         weight = torch.stack([target.weight / target.weight.sum() for target in targets]).flatten()
-        truth, base, weight = truth[weight > 0], base[weight > 0], weight[weight > 0]
-        return cls(truth, base, composite(base, truth), weight, len(targets))
+        scored = weight > 0
 
-    def mean_layer(self) -> Float[Tensor, " channels"]:
+        def joined(textures: Sequence[Tensor]) -> Tensor:
+            return torch.stack(list(textures)).flatten(0, 2)[scored]
+
+        truth = Layer(joined([target.truth.values for target in targets]), targets[0].truth.maps)
+        base = {name: joined([target.base[name] for target in targets]) for name in targets[0].names}
+        return cls(truth, base, composite_maps(base, truth), weight[scored], len(targets))
+
+    def mean_layer(self) -> Layer:
         """The mean of the true layers; in further maps, weighted by alpha."""
-        mean = (self.truth[:, :RGBA] * self.weight[:, None]).sum(0) / self.weight.sum()
-        laid = self.weight * self.truth[:, 3]
-        further = (self.truth[:, RGBA:] * laid[:, None]).sum(0) / laid.sum().clamp(min=1e-12)
-        return torch.cat([mean, further])
+        mean = (self.truth.rgba * self.weight[:, None]).sum(0) / self.weight.sum()
+        laid = self.weight * self.truth.alpha
+        further = (self.truth.further * laid[:, None]).sum(0) / laid.sum().clamp(min=1e-12)
+        return Layer(torch.cat([mean, further]), self.truth.maps)
 
 
-def _least(name: str, start: Tensor, texels: _Texels, values: list[int], steps: int) -> Tensor:
+def _least(name: str, start: Tensor, texels: _Texels, steps: int) -> Tensor:
     """The values of a map, and the alpha, of the constant layer that errs least; by Adam from `start`."""
-    base, truth = texels.base[:, values], texels.composited[:, values]
+    base, truth = texels.base[name], texels.composited[name]
     lowest = torch.zeros_like(start)
     if name == "normal":
         lowest[:2] = -1.0  # x and y; the other channels, and alpha, are in [0, 1]

@@ -17,11 +17,10 @@ from svbrdfgan.metrics.draw_statistics import Draws, ScoredSurface
 from svbrdfgan.metrics.texture_pyramid import octaves
 
 _LEAST = 1e-12
-_ALPHA = 3
 
 
 class AmountFigures(StrictModel):
-    """How the mean alpha over the learnable area follows the amount that is asked for; means over the vehicles.
+    """The mean alpha over the learnable area beside the amount that is asked for; means over the vehicles.
 
     Attributes:
         correlation: rank correlation, over amounts, of the generator's mean alpha and the recipe's.
@@ -62,7 +61,7 @@ class DrawFigures(StrictModel):
 
 def draw_figures(surfaces: Sequence[ScoredSurface], truth: Sequence[Draws], made: Sequence[Draws]) -> DrawFigures:
     """The figures of draws beside true ones, but for the amount; one stack of each for each vehicle."""
-    sides = [[draws[..., _ALPHA] for draws in stacks] for stacks in (truth, made)]
+    sides = [[draws.alpha for draws in stacks] for stacks in (truth, made)]
     deviation, power = ([measure(side, surfaces) for side in sides] for measure in (_deviation, _power))
     return DrawFigures(
         deviation=float(_ratio(*deviation)),

@@ -1,4 +1,4 @@
-"""What `resemblance` compares of a set of draws of layers: statistics, and for each part a distance between them.
+"""The statistics of a set of draws of layers that `resemblance` compares, and for each part a distance between them.
 
 Compared are alpha and the maps times alpha, not composites: so the score does not depend on the paint below, colours
 do not count where nothing is painted, and equal distributions of these mean equal distributions over every paint.
@@ -15,15 +15,21 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.metrics.texture_pyramid import Octave, octaves, patch_areas, pooled, premultiplied
-from svbrdfgan.rendering.compositing import layer_maps
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.metrics.texture_pyramid import (
+    Octave,
+    octaves,
+    patch_areas,
+    pooled,
+    premultiplied,
+    premultiplied_values,
+)
+from svbrdfgan.types import Layer
 
 PARTS = ("patches", "mean", "deviation", "spectrum", "joint", "amount")
 """The parts of `resemblance`."""
 
-Draws = Float[Tensor, "draws rows cols channels"]
-"""Layers of one vehicle, row 0 at v = 0, as a generator paints them; two or more."""
+Draws = Layer
+"""Layers of one vehicle, (draws, rows, cols, channels), as a generator paints them; two or more."""
 
 _VISIBLE = 0.01  # deviations far below this, of values in [0, 1], do not count
 _PATCH = 5
@@ -35,7 +41,7 @@ _DEPENDENT = 0.05  # a map whose correlations have a lesser norm depends on no o
 
 @dataclass(frozen=True, eq=False)
 class ScoredSurface:
-    """Where the layers of one vehicle are compared.
+    """The texels of one vehicle on which layers are compared.
 
     Attributes:
         weight: area in square metres of each scored texel, zero elsewhere, as `Target.weight`.
@@ -48,7 +54,7 @@ class ScoredSurface:
 
 @dataclass(frozen=True, eq=False)
 class Statistics:
-    """What the parts compare; lists are of octaves.
+    """The statistics that the parts compare; lists are of octaves.
 
     Attributes:
         mean, deviation: of every place of every vehicle.
@@ -87,7 +93,7 @@ def distances(made: Statistics, truth: Statistics) -> dict[str, float]:
 
 @dataclass(frozen=True, eq=False)
 class Measure:
-    """What is measured of any stack of draws: the same places, patches and directions, in the truth's units.
+    """A measure of any stack of draws: the same places, patches and directions, in the truth's units.
 
     Attributes:
         patches: for each vehicle and octave, which patches are compared; the same number, or None.
@@ -128,7 +134,7 @@ class Measure:
             surfaces,
             patches,
             (variance + _VISIBLE**2).sqrt(),
-            _map_values(truth[0].shape[-1]),
+            _map_values(truth[0].maps),
             [_whitening(_second_moments([_details(p[n]) for p in pyramids])) for n in range(levels)],
             [_covariance([p[n].blocks() for p in pyramids]) for n in range(levels)],
             [each.to(variance) for each in directions],
@@ -169,7 +175,7 @@ class Measure:
         return mean[:, there], error[:, there], variance[0][:, there].sqrt(), share
 
     def _correlations(self, pyramids: list[list[Octave]], n: int) -> list[Float[Tensor, "values others"]]:
-        """Of each map's values in a block with all other values there, both whitened by the truth."""
+        """The correlations of each map's values in a block with all other values there, both whitened by the truth."""
         found, truth = _covariance([p[n].blocks() for p in pyramids]), self.blocks[n]
         assert found is not None
         assert truth is not None
@@ -194,7 +200,7 @@ class Measure:
 
 
 def _octaves(draws: Draws, surface: ScoredSurface) -> list[Octave]:
-    return octaves(premultiplied(draws), surface.weight.to(draws.device))
+    return octaves(premultiplied(draws), surface.weight.to(draws.values.device))
 
 
 def _choose_patches(surface: ScoredSurface, count: int, rng: torch.Generator) -> list[Int[Tensor, " patches"] | None]:
@@ -213,7 +219,7 @@ def _surface_mean(
 
 
 def _variance(finest: Octave) -> Float[Tensor, " channels"]:
-    """Over surface and draws."""
+    """The variance over surface and draws."""
     mean, square = (_surface_mean(x, finest.weight).mean(dim=0) for x in (finest.values, finest.values.square()))
     return (square - mean.square()).clamp(min=0.0)
 
@@ -238,14 +244,14 @@ def _second_moments(samples: Sequence[tuple[Tensor, Tensor]]) -> Float[Tensor, "
     return torch.stack(products).mean(dim=0)
 
 
-def _map_values(channels: int) -> list[Int[Tensor, " channels"]]:
-    """Which of the values of `premultiplied` belong to each map of a layer of so many channels."""
-    counts = [3, *(2 if name == "normal" else CHANNELS[name] for name in layer_maps(channels))]
+def _map_values(maps: tuple[str, ...]) -> list[Int[Tensor, " channels"]]:
+    """The values of `premultiplied` that belong to each map of a layer, base_color first."""
+    counts = [premultiplied_values(name) for name in ("base_color", *maps)]
     return [*torch.arange(1, 1 + sum(counts)).split(counts)]
 
 
 def _strength(made: list[list[Tensor]], truth: list[list[Tensor]] | None = None) -> Float[Tensor, " maps"]:
-    """For each map, the norm of its correlations, or of their difference to the true ones; the mean over octaves."""
+    """The norm of each map's correlations, or of their difference to the true ones; the mean over octaves."""
     differences = (
         made
         if truth is None

@@ -1,4 +1,4 @@
-"""How far a map of a material is from the true one, texel by texel."""
+"""The error of a map of a material against the true one, texel by texel."""
 
 from __future__ import annotations
 

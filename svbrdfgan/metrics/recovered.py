@@ -12,17 +12,20 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
+from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io import srgb_from_linear
+from svbrdfgan.io.image import srgb_from_linear
 from svbrdfgan.metrics.map_errors import LEAST_ERRORS, map_error
-from svbrdfgan.rendering.compositing import bare_maps, composite
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.rendering.compositing import bare_maps, composite, composite_maps
+from svbrdfgan.types import Layer
+
+if TYPE_CHECKING:
+    from svbrdfgan.data.exemplars import Exemplars
 
 SeenTexels = Callable[[int], Float[Tensor, "rows cols"]]
 """Maps an exemplar's index to a texture that is positive where its picture shows the outermost learnable surface."""
@@ -41,34 +44,28 @@ class Target:
 
     Attributes:
         subject: index among the exemplars' subjects.
-        truth: G0's layer.
-        base: base colour under the layer, and the values of the further maps that the layer paints.
+        truth: G0's layer, with the further maps that are scored.
+        base: base colour under the layer, and the further maps that the layer paints.
         weight: area in square metres of each scored texel; zero elsewhere.
-        maps: names of those further maps.
         observed: the weights of further maps that are scored on fewer texels.
     """
 
     subject: int
-    truth: Float[Tensor, "rows cols channels"]
-    base: Float[Tensor, "rows cols values"]
+    truth: Layer
+    base: Mapping[str, Float[Tensor, "rows cols values"]]
     weight: Float[Tensor, "rows cols"]
-    maps: tuple[str, ...] = ()
     observed: Mapping[str, Float[Tensor, "rows cols"]] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All maps that the layer paints, in the order of `CHANNELS`."""
-        return ("base_color", *self.maps)
-
-    def error(self, layer: Float[Tensor, "*#size channels"]) -> Float[Tensor, ""]:
-        """E of a layer in base_color."""
-        return self.errors(layer)[0]
+        """The maps that the layer paints, in the order of `CHANNELS`."""
+        return ("base_color", *self.truth.maps)
 
     def errors(self, layer: Float[Tensor, "*#size channels"]) -> Float[Tensor, " maps"]:
         """E of a layer in each map; NaN in one that is observed nowhere."""
-        channels = [CHANNELS[name] for name in self.names]
-        made, true = (composite(self.base, painted).split(channels, dim=-1) for painted in (layer, self.truth))
-        return torch.stack([self._mean(*each) for each in zip(self.names, made, true, strict=True)])
+        painted = replace(self.truth, values=layer)
+        made, true = (composite_maps(self.base, each) for each in (painted, self.truth))
+        return torch.stack([self._mean(name, made[name], true[name]) for name in self.names])
 
     def within(self, region: Bool[Tensor, "rows cols"]) -> Target:
         """The same target, scored in a region of the texture alone."""
@@ -133,11 +130,11 @@ def _target(
 ) -> Target:
     scene, truth = exemplars.scenes[view], exemplars.layers[view]
     assert truth is not None
-    albedo = exemplars.subject(view).base_albedo(scene.materials)
-    bare = [values.expand(*albedo.shape[:2], -1) for values in bare_maps(scene.maps).values()]
-    base, subject = torch.cat([albedo, *bare], dim=-1).to(weight.device), int(exemplars.subject_of[view])
-    observed = {name: area.to(weight.device) for name, area in further.items()}
-    return Target(subject, truth.to(weight.device), base, weight, tuple(scene.maps), observed)
+    albedo, device = exemplars.subject(view).base_albedo(scene.materials), weight.device
+    bare = {name: values.expand(*albedo.shape[:2], -1) for name, values in bare_maps(scene.maps).items()}
+    base = {name: values.to(device) for name, values in {"base_color": albedo, **bare}.items()}
+    subject, observed = int(exemplars.subject_of[view]), {name: area.to(device) for name, area in further.items()}
+    return Target(subject, truth.to(weight.device), base, weight, observed)
 
 
 def mean_errors(targets: Sequence[Target], layers: Float[Tensor, "subjects rows cols channels"]) -> list[float]:
@@ -213,13 +210,12 @@ class Scorer:
         """The first subjects' layers over grey, side by side, above the truth; sRGB, v upwards."""
         first = {target.subject: target.truth for target in reversed(self.targets)}
         chosen = sorted(first)[:count]
-        learned, truth = layers[chosen], torch.stack([first[subject] for subject in chosen])
-        rows = [composite(torch.full_like(x[..., :3], 0.2), x).flip(1) for x in (learned, truth)]
+        shown = [
+            replace(first[chosen[0]], values=layers[chosen]),
+            replace(first[chosen[0]], values=torch.stack([first[subject].values for subject in chosen])),
+        ]
+        rows = [composite(torch.full_like(x.base_color, 0.2), x).flip(1) for x in shown]
         return srgb_from_linear(torch.cat([torch.cat(list(row), dim=1) for row in rows]).cpu())
-
-    def recovered(self, generator: Callable[[Tensor], Tensor]) -> float:
-        """1 - E(generator) / E(constant) in base_color."""
-        return self.recovered_by(self.layers(generator))
 
     def recovered_by(self, layers: Float[Tensor, "subjects rows cols channels"]) -> float:
         """1 - E(layers) / E(constant) in base_color."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -20,10 +20,12 @@ from svbrdfgan.config.models import StrictModel
 from svbrdfgan.errors import AssetError
 from svbrdfgan.metrics.draw_statistics import PARTS, Draws, Measure, ScoredSurface, Statistics, distances
 from svbrdfgan.metrics.texture_pyramid import octave_count
+from svbrdfgan.types import Layer
+from svbrdfgan.types.layer import layer_channels
 
 
 class Resemblance(StrictModel):
-    """How alike draws of layers are to true ones.
+    """The score of how alike draws of layers are to true ones, and its parts.
 
     Attributes:
         patches: patches of all maps, in every octave.
@@ -79,14 +81,14 @@ class Resembler:
         truth: the statistics of the true draws.
         chance: for each part, d(truth', truth).
         constant: for each part, d(constant, truth) of the constant layer that is closest in it.
-        channels: those of the layers.
+        maps: those of the layers.
     """
 
     measure: Measure
     truth: Statistics
     chance: Mapping[str, float]
     constant: Mapping[str, float]
-    channels: int
+    maps: tuple[str, ...]
 
     @classmethod
     def make(
@@ -110,14 +112,15 @@ class Resembler:
             AssetError: the stacks do not fit each other or the surfaces, are of one draw, or a texture cannot be halved
                 twice.
         """
-        _require_fit(surfaces, truth, constants.shape[-1], "true")
-        _require_fit(surfaces, again, constants.shape[-1], "other true")
+        maps = truth[0].maps if truth else ()
+        _require_fit(surfaces, truth, maps, "true")
+        _require_fit(surfaces, again, maps, "other true")
         measure = Measure.make(surfaces, truth, seed)
         found = measure.statistics(truth)
-        sets = max(1, len(again[0]) // len(truth[0]))
-        chunks = [[draws.chunk(sets)[n] for draws in again] for n in range(sets)]
-        layers = [*constants.to(truth[0]), _mean_layer(surfaces, truth)]
-        flat = [[layer.expand(1, *surface.weight.shape, -1) for surface in surfaces] for layer in layers]
+        sets = max(1, len(again[0].values) // len(truth[0].values))
+        chunks = [[Layer(draws.values.chunk(sets)[n], maps) for draws in again] for n in range(sets)]
+        layers = [*constants.to(truth[0].values), _mean_layer(surfaces, truth)]
+        flat = [[Layer(layer.expand(1, *surface.weight.shape, -1), maps) for surface in surfaces] for layer in layers]
         chance = [distances(measure.statistics(chunk), found) for chunk in chunks]
         constant = [distances(measure.statistics(stack), found) for stack in flat]
         return cls(
@@ -125,19 +128,19 @@ class Resembler:
             found,
             {name: sum(d[name] for d in chance) / sets for name in PARTS},
             {name: min(d[name] for d in constant) for name in PARTS},
-            constants.shape[-1],
+            maps,
         )
 
     def score(self, generated: Sequence[Draws]) -> Resemblance:
-        """How alike a generator's draws are, one stack for each vehicle.
+        """The resemblance of a generator's draws, one stack for each vehicle.
 
         Raises:
             AssetError: the stacks do not fit the surfaces or are of one draw.
         """
-        _require_fit(self.measure.surfaces, generated, self.channels, "generated")
+        _require_fit(self.measure.surfaces, generated, self.maps, "generated")
         found = distances(self.measure.statistics(generated), self.truth)
         parts = {name: self._skill(name, found[name]) for name in PARTS}
-        return Resemblance(**parts, subjects=len(generated), draws=len(generated[0]))
+        return Resemblance(**parts, subjects=len(generated), draws=len(generated[0].values))
 
     def _skill(self, name: str, distance: float) -> float:
         room = self.constant[name] - self.chance[name]
@@ -151,24 +154,25 @@ class Resembler:
 
 def _mean_layer(surfaces: Sequence[ScoredSurface], truth: Sequence[Draws]) -> Float[Tensor, " channels"]:
     """The constant layer of mean alpha, and of the maps' means weighted by alpha."""
-    alpha, laid = torch.zeros(()).to(truth[0]), torch.zeros(truth[0].shape[-1]).to(truth[0])
+    first = truth[0].values
+    alpha, laid = first.new_zeros(()), first.new_zeros(first.shape[-1])
     for surface, draws in zip(surfaces, truth, strict=True):
-        share = (surface.weight / surface.weight.sum()).to(draws) * draws[..., 3] / len(draws)
-        alpha, laid = alpha + share.sum(), laid + torch.einsum("nrcx,nrc->x", draws, share)
-    layer = laid / alpha.clamp(min=1e-12)
-    layer[3] = alpha / len(truth)
-    return layer
+        share = (surface.weight / surface.weight.sum()).to(first) * draws.alpha / len(draws.values)
+        alpha, laid = alpha + share.sum(), laid + torch.einsum("nrcx,nrc->x", draws.values, share)
+    layer = replace(truth[0], values=laid / alpha.clamp(min=1e-12))
+    layer["alpha"][:] = alpha / len(truth)
+    return layer.values
 
 
-def _require_fit(surfaces: Sequence[ScoredSurface], stacks: Sequence[Draws], channels: int, what: str) -> None:
+def _require_fit(surfaces: Sequence[ScoredSurface], stacks: Sequence[Draws], maps: tuple[str, ...], what: str) -> None:
     if not surfaces or len(stacks) != len(surfaces):
         raise AssetError(f"there are {len(stacks)} stacks of {what} draws; wanted one for each of {len(surfaces)}.")
     for surface, draws in zip(surfaces, stacks, strict=True):
         if surface.weight.sum() <= 0:
             raise AssetError("nothing is scored on one of the vehicles: no texel has a weight.")
-        wanted = (*surface.weight.shape, channels)
-        if draws.ndim != 4 or draws.shape[1:] != wanted or len(draws) < 2:
+        shape, wanted = tuple(draws.values.shape), (*surface.weight.shape, layer_channels(maps))
+        if len(shape) != 4 or shape[1:] != wanted or shape[0] < 2:
             size = "{} x {} texels, {} channels".format(*wanted)
-            raise AssetError(f"a stack of {what} draws has shape {tuple(draws.shape)}; wanted two or more of {size}.")
-        if octave_count(*draws.shape[1:3]) < 2:
-            raise AssetError(f"textures of {tuple(draws.shape[1:3])} texels cannot be halved twice: use 16 or more.")
+            raise AssetError(f"a stack of {what} draws has shape {shape}; wanted two or more of {size}.")
+        if octave_count(*shape[1:3]) < 2:
+            raise AssetError(f"textures of {shape[1:3]} texels cannot be halved twice: use 16 or more.")

@@ -13,14 +13,16 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from svbrdfgan.rendering.compositing import RGBA, layer_maps
+from svbrdfgan.types import Layer
+from svbrdfgan.types.layer import channel_slices
+from svbrdfgan.types.material import CHANNELS
 
 _COARSEST = 4  # least side in texels of the coarsest means
 
 
 @dataclass(frozen=True, eq=False)
 class Octave:
-    """One octave of a stack of textures; at octave n, a texel covers 2^n x 2^n of the finest.
+    """An octave of a stack of textures; at octave n, a texel covers 2^n x 2^n of the finest.
 
     Attributes:
         values: means over the surface of each texel.
@@ -45,20 +47,21 @@ class Octave:
         return F.pixel_unshuffle(self.band, 2)[:, :, whole].transpose(1, 2), weight.sum(dim=0)[whole]
 
 
-def premultiplied(layers: Float[Tensor, "draws rows cols channels"]) -> Float[Tensor, "draws values rows cols"]:
-    """Alpha, then every map times alpha: what the layer adds to any base material. Of a normal, x and y.
+def premultiplied(draws: Layer) -> Float[Tensor, "draws values rows cols"]:
+    """Alpha, then every map times alpha: what the layer adds to any base material. Of a normal, x and y."""
+    values, places = draws.values.float().permute(0, 3, 1, 2), channel_slices(draws.maps)
+    alpha = values[:, places.pop("alpha")]
+    maps = [values[:, place][:, : premultiplied_values(name)] for name, place in places.items()]
+    return torch.cat([alpha, *(alpha * each for each in maps)], dim=1)
 
-    Raises:
-        AssetError: no layer has that number of channels.
-    """
-    flat = "normal" in layer_maps(layers.shape[-1])
-    layers = layers.float().permute(0, 3, 1, 2)
-    alpha, further = layers[:, 3:RGBA], layers[:, RGBA : -1 if flat else None]
-    return torch.cat([alpha, alpha * layers[:, :3], alpha * further], dim=1)
+
+def premultiplied_values(name: str) -> int:
+    """How many values of a map `premultiplied` gives."""
+    return 2 if name == "normal" else CHANNELS[name]
 
 
 def octave_count(rows: int, cols: int) -> int:
-    """How often a texture can be halved, so that its coarsest means have at least 4 texels a side."""
+    """The number of times that a texture can be halved, so that its coarsest means have at least 4 texels a side."""
     count, side = 0, min(rows, cols)
     while rows % 2 == cols % 2 == 0 and side >= 2 * _COARSEST:
         rows, cols, side, count = rows // 2, cols // 2, side // 2, count + 1
@@ -90,7 +93,7 @@ def pooled(
 def patch_areas(
     part: Int[Tensor, "rows cols"], weight: Float[Tensor, "rows cols"], side: int
 ) -> list[Float[Tensor, " patches"]]:
-    """For each octave, the area at the centre of each patch of side x side texels, in `F.unfold`'s order.
+    """The area at the centre of each patch of side x side texels, for each octave, in `F.unfold`'s order.
 
     It is zero unless all texels of the patch are scored surface of one part.
     """

@@ -15,7 +15,7 @@ from svbrdfgan.networks.fused import Features, NormActPad, norm_act_pad
 from svbrdfgan.networks.layers import Norm, make_norm
 from svbrdfgan.networks.modulation import Affine, Modulation
 from svbrdfgan.networks.random_fields import random_fields, random_numbers
-from svbrdfgan.rendering.compositing import RGBA, layer_channels, layer_maps
+from svbrdfgan.types.layer import channel_slices, layer_channels
 
 GEOMETRY_CHANNELS = 6
 """Position and normal."""
@@ -55,7 +55,7 @@ class Generator(nn.Module):
         upsampling: "strided" is the thesis's transposed convolution, which leaves a checkerboard of period four in
             the layer; "nearest" doubles the features and convolves (Odena et al. 2016), which does not.
         mesh_maps: whether it reads visibility and curvature beside position and normal (`MeshMaps`).
-        channels: of the layer: RGBA, then those of further maps (`layer_channels`).
+        maps: further maps that the layer paints beside base_color, in the order of `FURTHER_MAPS`.
         random_fields: how many random fields it reads, one for each octave; 0: it reads none.
         labels: numbers that say which layer is wanted, such as its amount; about -1 to 1.
     """
@@ -67,23 +67,21 @@ class Generator(nn.Module):
         downsamplings: int = 2,
         norm: Norm = "instance",
         upsampling: Upsampling = "nearest",
-        channels: int = RGBA,
+        maps: tuple[str, ...] = (),
         mesh_maps: bool = False,
         random_fields: int = 0,
         labels: int = 0,
     ) -> None:
         super().__init__()
         self.mesh_maps, self.random_fields, self.labels = mesh_maps, random_fields, labels
-        self.channels, maps = channels, layer_maps(channels)
-        self.paints_normals = "normal" in maps
-        self.metallic = layer_channels(maps[: maps.index("metallic")]) if "metallic" in maps else None
+        self.maps, self.channels = maps, channel_slices(maps)
         self.first = nn.Conv2d(self.inputs + random_fields, width, 7, bias=_biased(norm))
         widths = [width << depth for depth in range(downsamplings + 1)]
         steps = list(itertools.pairwise(widths))
         self.down = nn.Sequential(*(_conv(coarse, deep, 3, norm, stride=2) for coarse, deep in steps))
         self.blocks = nn.ModuleList(ResidualBlock(widths[-1], norm) for _ in range(blocks))
         self.up = nn.ModuleList(_up(deep, coarse, norm, upsampling) for coarse, deep in reversed(steps))
-        self.last = PreActConv(nn.Conv2d(width, channels, 7), norm, pad=3)
+        self.last = PreActConv(nn.Conv2d(width, layer_channels(maps), 7), norm, pad=3)
         code = labels + (_NUMBERS if random_fields else 0)
         inputs = widths[-1:] * (2 * blocks) + widths[::-1]  # of the blocks, `up` and `last`, in their order
         self.modulation = Modulation(code, inputs) if code else None
@@ -110,7 +108,7 @@ class Generator(nn.Module):
         labels: Float[Tensor, "batch labels"] | None = None,
         factor: int = 1,
     ) -> Float[Tensor, "batch fine_rows fine_cols channels"]:
-        """Straight-alpha linear values in (0, 1), but x and y of normals in (-1, 1).
+        """The values of layers (`Layer`) that paint `maps`: in (0, 1), but x and y of normals in (-1, 1).
 
         Rows and columns must be multiples of `multiple`, and at least four times that. Where the last convolution gives
         0, metallic is 0.05, and normals are (0, 0, 0.5), which is flat.
@@ -135,15 +133,16 @@ class Generator(nn.Module):
         # `finer` with a factor of 1 gives the same, but not as one fused operation
         x = self.last(x, None, next(affine)) if factor == 1 else self.last.finer(x, factor, next(affine))
         x = x.float()
-        if self.metallic is not None:
-            start = x.new_zeros(self.channels, 1, 1)
-            start[self.metallic] = _NO_METAL
+        if (metallic := self.channels.get("metallic")) is not None:
+            start = x.new_zeros(x.shape[1], 1, 1)
+            start[metallic] = _NO_METAL
             x = x + start
         layer = torch.sigmoid(x).permute(0, 2, 3, 1)
-        if not self.paints_normals:
+        if (normal := self.channels.get("normal")) is None:
             return layer
-        lean = torch.tanh(0.5 * _TILT * x[:, -3:-1]).permute(0, 2, 3, 1)
-        return torch.cat([layer[..., :-3], lean, layer[..., -1:]], dim=-1)
+        first, last = normal.start, normal.stop - 1
+        lean = torch.tanh(0.5 * _TILT * x[:, first:last]).permute(0, 2, 3, 1)
+        return torch.cat([layer[..., :first], lean, layer[..., last:]], dim=-1)
 
     def _affine(self, seeds: Tensor | None, labels: Tensor | None) -> Iterator[Affine | None]:
         """For each modulated convolution, what modulates it; None without end if nothing does."""

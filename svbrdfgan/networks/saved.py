@@ -12,13 +12,12 @@ from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.networks.generator import Generator, Upsampling
 from svbrdfgan.networks.layers import Norm
 from svbrdfgan.networks.random_fields import MOST_FIELDS
-from svbrdfgan.rendering.compositing import RGBA
 
-_FORMAT = "svbrdfgan generator 2"
+_FORMAT = "svbrdfgan generator 3"
 
 
 class GeneratorConfig(StrictModel):
-    """The ResNet of thesis 4.3.1, which paints layers (`svbrdfgan.networks.Generator`)."""
+    """The ResNet of thesis 4.3.1, which paints layers (`svbrdfgan.networks.generator.Generator`)."""
 
     width: int = Field(default=64, ge=4, description="channels after its first convolution; cost grows with the square")
     blocks: int = Field(default=6, ge=0, description="residual blocks")
@@ -62,16 +61,16 @@ class GeneratorConfig(StrictModel):
         return self.model_copy(update={"random_fields": 0, "conditions": False})
 
 
-def make_generator(config: GeneratorConfig, channels: int, labels: int = 0) -> Generator:
-    """The network that paints layers with `channels` channels (`layer_channels`), and is told labels of each."""
-    return Generator(**config.model_dump(exclude={"conditions"}), channels=channels, labels=labels)
+def make_generator(config: GeneratorConfig, maps: tuple[str, ...] = (), labels: int = 0) -> Generator:
+    """The network that paints layers with these further maps, and is told labels of each."""
+    return Generator(**config.model_dump(exclude={"conditions"}), maps=maps, labels=labels)
 
 
 def save_generator(path: Path, generator: Generator, config: GeneratorConfig, score: float | None) -> None:
-    """Writes a generator's weights and its configuration."""
-    sizes = {"channels": json.dumps(generator.channels), "labels": json.dumps(generator.labels)}
-    words = {"generator": config.model_dump_json(), "score": json.dumps(score)}
-    save_tensors(path, _FORMAT, generator.state_dict(), words | sizes)
+    """Writes a generator's weights, its configuration, and the maps that it paints."""
+    about = {"maps": generator.maps, "labels": generator.labels, "score": score}
+    words = {"generator": config.model_dump_json()} | {name: json.dumps(value) for name, value in about.items()}
+    save_tensors(path, _FORMAT, generator.state_dict(), words)
 
 
 def load_generator(path: Path) -> tuple[Generator, float | None]:
@@ -82,8 +81,7 @@ def load_generator(path: Path) -> tuple[Generator, float | None]:
     """
     with stored_tensors(path, _FORMAT, "train the run until it has saved a model") as (weights, words):
         built = validate(GeneratorConfig, json.loads(words["generator"]), str(path))
-        channels, labels = (json.loads(words.get(*size)) for size in (("channels", str(RGBA)), ("labels", "0")))
-        generator = make_generator(built, channels, labels)
+        maps, labels, score = (json.loads(words[name]) for name in ("maps", "labels", "score"))
+        generator = make_generator(built, tuple(maps), labels)
         generator.load_state_dict(weights)
-        score = json.loads(words["score"])
     return generator.eval().requires_grad_(False), score

@@ -1,4 +1,4 @@
-"""Whether plugins work here. Each is tried in its own process, since a bad driver can abort or hang a process.
+"""Tries whether plugins work here, each in its own process, since a bad driver can abort or hang a process.
 
 `python -m svbrdfgan.plugins.probe GROUP NAME DEVICE RESULT` is that process. It writes JSON to the file RESULT, because
 plugins may print to stdout.
@@ -23,7 +23,7 @@ from typing import IO, Any, Literal
 
 from svbrdfgan.config.models import default_options
 from svbrdfgan.errors import SvbrdfganError
-from svbrdfgan.plugins import RENDERERS, MissingDependencyError, Plugin, find_plugin, import_factory, make
+from svbrdfgan.plugins.registry import RENDERERS, MissingDependencyError, Plugin, find_plugin, import_factory, make
 from svbrdfgan.utils.processes import import_path
 
 TIMEOUT_SECONDS = 120.0
@@ -57,7 +57,7 @@ def probe(plugin: Plugin, device: str | None = None, timeout: float = TIMEOUT_SE
 def probe_all(
     plugins: Iterable[Plugin], device: str | None = None, timeout: float = TIMEOUT_SECONDS
 ) -> tuple[Probe, ...]:
-    """As `probe`, for all plugins at once; each has `timeout` seconds."""
+    """The probes of all plugins, tried at once; each has `timeout` seconds."""
     deadline = time.monotonic() + timeout
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder, ExitStack() as stack:
         trials = [

@@ -43,7 +43,7 @@ class MissingDependencyError(PluginError):
 
 @dataclass(frozen=True)
 class Plugin:
-    """One entry point, as its distribution's metadata declares it.
+    """An entry point, as its distribution's metadata declares it.
 
     Attributes:
         target: "module:object"; empty if the metadata cannot be read, and then `name` is the distribution's.
@@ -67,7 +67,7 @@ class Plugin:
 
 
 def list_plugins(group: str) -> tuple[Plugin, ...]:
-    """All installed plugins of the group, sorted by name. Imports none of them."""
+    """The installed plugins of the group, sorted by name. None of them is imported."""
     found = [plugin for distribution, text in _distributions() for plugin in _read(group, distribution, text)]
     return tuple(sorted(_refuse_clashes(found), key=lambda plugin: (plugin.name, plugin.distribution)))
 
@@ -167,7 +167,7 @@ def _unknown(group: str, name: str, plugins: tuple[Plugin, ...]) -> str:
 
 
 def _distributions() -> Iterator[tuple[entrypoints.Distribution, str]]:
-    """Each installed distribution, the first of its name on the path, with the text of its entry_points.txt."""
+    """The installed distributions, of each name the first on the path, with the text of their entry_points.txt."""
     seen: set[str] = set()
     for folder in sys.path:
         for label, info in _metadata_folders(Path(folder or ".")):

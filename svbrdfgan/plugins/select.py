@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Literal
 
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.errors import ConfigError, PluginError
-from svbrdfgan.plugins import RENDERERS, Plugin, list_plugins, load_renderer
 from svbrdfgan.plugins.probe import Probe, probe
+from svbrdfgan.plugins.registry import RENDERERS, Plugin, list_plugins, load_renderer
 
 if TYPE_CHECKING:
     import torch
@@ -101,7 +101,7 @@ def select_renderer(
 
 
 def _lack(outcome: Probe, maps: Collection[str], differentiable: bool, deferred: bool) -> str | None:
-    """What the renderer lacks of what is asked; None if it lacks nothing."""
+    """A sentence on what the renderer lacks of what is asked; None if it lacks nothing."""
     able = outcome.capabilities or {}
     for ability, needed in (("maps", True), ("differentiable", differentiable)):
         lacking = sorted(set(maps) - set(able[ability])) if needed else []

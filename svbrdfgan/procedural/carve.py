@@ -27,7 +27,7 @@ def weld(mesh: Mesh) -> Mesh:
 
 
 def join(meshes: Sequence[Mesh]) -> Mesh:
-    """All meshes as one. They must have the same parts."""
+    """The meshes as one mesh; all of them must have the same parts."""
     offsets = np.cumsum([0, *(len(mesh.positions) for mesh in meshes[:-1])])
     return Mesh(
         np.concatenate([mesh.positions for mesh in meshes]),

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 import torch
 
-from svbrdfgan.evaluation.evaluate import Evaluated
-from svbrdfgan.networks import Draw
+from svbrdfgan.evaluation.evaluated import Evaluated
+from svbrdfgan.networks.draw import Draw
 from svbrdfgan.report.pictures import Picture, over_checker, upright
 from svbrdfgan.report.vehicles import Titled, Vehicle, subject_name
 from svbrdfgan.scene.description import SceneWeathering
+from svbrdfgan.types import Layer
 
 COLUMNS = 6
 
@@ -53,9 +54,9 @@ def _sheet(evaluated: Evaluated, index: int) -> Vehicle:
 def _drawn(evaluated: Evaluated, index: int, seed: int, labels: Sequence[float]) -> Picture:
     assert evaluated.generator is not None
     with torch.no_grad():
-        layer = Draw(evaluated.generator, seed, labels)(evaluated.source.geometry([index]))[0]
-    return _upright(evaluated, index, layer.cpu().float())
+        painted = Draw(evaluated.generator, seed, labels)(evaluated.source.geometry([index]))[0]
+    return _upright(evaluated, index, Layer(painted.cpu().float(), evaluated.generator.maps))
 
 
-def _upright(evaluated: Evaluated, index: int, layer: torch.Tensor) -> Picture:
+def _upright(evaluated: Evaluated, index: int, layer: Layer) -> Picture:
     return upright(over_checker(layer), evaluated.source.exemplars.subject(index).learnable_texels)

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from svbrdfgan.config.distributions import values_of
 from svbrdfgan.data.index import INDEX, DatasetIndex
-from svbrdfgan.evaluation.evaluate import Evaluated
+from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.evaluation.record import Evaluation, OracleScores, Painter
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.run import RunConfig

@@ -8,7 +8,7 @@ from typing import Any
 import yaml
 
 from svbrdfgan.config.models import StrictModel
-from svbrdfgan.evaluation.evaluate import Evaluated
+from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.evaluation.record import of_split
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.report.curves import charts, draw

@@ -15,10 +15,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.errors import SvbrdfganError
-from svbrdfgan.evaluation.evaluate import Evaluated
-from svbrdfgan.io import luminance
+from svbrdfgan.evaluation.evaluated import Evaluated
+from svbrdfgan.io.image import luminance
 from svbrdfgan.metrics.flip import display
-from svbrdfgan.networks import Discriminator
+from svbrdfgan.networks.discriminator import Discriminator
 from svbrdfgan.report.pictures import Picture
 from svbrdfgan.report.vehicles import Titled, Vehicle, subject_name
 from svbrdfgan.training.state import checkpoints, load_discriminator
@@ -72,10 +72,10 @@ def patch_maps(run: Path, evaluated: Evaluated, indices: Sequence[int]) -> Patch
 def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> PatchLogits:
     """The logits of an exemplar, and of the generator's layer in the same scene with as many samples."""
     source, device = evaluated.source, evaluated.source.real.image.device
-    layers, background = evaluated.learned(index).unsqueeze(0), torch.full((1, 3), _GREY, device=device)
+    layer, background = evaluated.learned(index), torch.full((1, 3), _GREY, device=device)
     with torch.no_grad():
         scenes = source.scenes([index], np.random.default_rng(0))
-        pair = make_pair(source, [index], scenes, layers.to(device))
+        pair = make_pair(source, [index], scenes, layer.values.unsqueeze(0).to(device))
         real, fake = (discriminator(side.tone_mapped(background))[0].cpu() for side in pair)
     first, second = (display(side.image[0].cpu().float(), _GREY, side.coverage[0].cpu().float()) for side in pair)
     return PatchLogits(first, second, real, fake)

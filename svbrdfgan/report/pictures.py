@@ -13,6 +13,7 @@ from torch import Tensor
 
 from svbrdfgan.io.image import srgb_from_linear
 from svbrdfgan.rendering.compositing import composite
+from svbrdfgan.types import Layer
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -77,9 +78,9 @@ def signed_as_color(values: Float[Tensor, "3 rows cols"]) -> Float[Tensor, "rows
     return (values * 0.5 + 0.5).clamp(0, 1).permute(1, 2, 0)
 
 
-def over_checker(layer: Float[Tensor, "rows cols channels"]) -> Float[Tensor, "rows cols 3"]:
-    """A layer of straight-alpha linear RGBA over a grey checker."""
-    rows, cols = layer.shape[:2]
+def over_checker(layer: Layer) -> Float[Tensor, "rows cols 3"]:
+    """The base colour of a layer over a grey checker."""
+    rows, cols = layer.alpha.shape
     row = torch.arange(rows) * _CHECKS // rows
     col = torch.arange(cols) * _CHECKS // cols
     odd = ((row[:, None] + col[None, :]) % 2).float()

@@ -13,7 +13,7 @@ from svbrdfgan.inference.apply import Canvas, choose_draw
 from svbrdfgan.inference.export import Studio, developed
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.image import srgb_from_linear
-from svbrdfgan.networks import Draw
+from svbrdfgan.networks.draw import Draw
 from svbrdfgan.report.pictures import INK, PAPER, cell, font
 from svbrdfgan.training.run import Model
 

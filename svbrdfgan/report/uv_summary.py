@@ -16,9 +16,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from svbrdfgan.geometry.bake import exposed_faces
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.metrics.uv import UVSummary, VisibleSurface, face_stretch, visible_surface
-from svbrdfgan.metrics.uv.distortion import singular_values
+from svbrdfgan.metrics.uv.distortion import face_stretch, singular_values
 from svbrdfgan.metrics.uv.layout import chart_of_faces, crowded_texels
+from svbrdfgan.metrics.uv.summary import UVSummary
+from svbrdfgan.metrics.uv.visibility import VisibleSurface, visible_surface
 from svbrdfgan.report.pictures import font as unicode_font
 from svbrdfgan.report.uv_views import Seen, checker, look, paint
 from svbrdfgan.types import Surface

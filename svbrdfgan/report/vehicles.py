@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation.evaluate import Evaluated, pictures
+from svbrdfgan.evaluation.evaluated import Evaluated, pictures
 from svbrdfgan.evaluation.record import Painter
 from svbrdfgan.evaluation.relight import PaintedScene
 from svbrdfgan.metrics.flip import display, flip
@@ -74,7 +74,7 @@ def rendered(evaluated: Evaluated, index: int) -> Vehicle:
     exemplars, layers = evaluated.source.exemplars, evaluated.layers_of(index)
     coverage = exemplars.coverage[index]
     truth = display(exemplars.images[index].float(), coverage=coverage.float())
-    nothing = torch.zeros_like(layers["generated"])
+    nothing = replace(layers["generated"], values=torch.zeros_like(layers["generated"].values))
     *made, bare = pictures(evaluated.source, index, [*layers.values(), nothing])
     vehicle = compared(PaintedScene(exemplars.scenes[index], coverage, truth, dict(zip(layers, made, strict=True))))
     unweathered = Titled("Unweathered", framed(bare, coverage), f"FLIP {flip(truth, bare):.3f}")
@@ -121,9 +121,9 @@ def textured(evaluated: Evaluated, index: int, top: float) -> Vehicle:
             Titled("Learned: layer of the generator", upright(over_checker(made), learnable)),
             Titled("Error of albedo", upright(heat(error, top), scored), f"mean {mean:.3f}"),
             Titled("Normal", upright(signed_as_color(geometry[3:6]), surface)),
-            Titled("Truth: alpha", upright(_grey(truth[..., 3]), learnable)),
-            Titled("Learned: alpha", upright(_grey(made[..., 3]), learnable)),
-            Titled("Error of alpha", upright(heat((made[..., 3] - truth[..., 3]).abs(), 1.0), scored)),
+            Titled("Truth: alpha", upright(_grey(truth.alpha), learnable)),
+            Titled("Learned: alpha", upright(_grey(made.alpha), learnable)),
+            Titled("Error of alpha", upright(heat((made.alpha - truth.alpha).abs(), 1.0), scored)),
         ),
     )
 

@@ -16,12 +16,13 @@ from torch import Tensor
 from svbrdfgan.geometry.bake import GeometryBuffer
 from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.scene.subject import Subject
-from svbrdfgan.types import Part, Surface
+from svbrdfgan.types import Layer, Part, Surface
 from svbrdfgan.weathering.mesh_maps import MeshMaps
 
-_SUBJECT = "svbrdfgan subject 1"
-_LAYER = "svbrdfgan layer 1"
+_SUBJECT = "svbrdfgan subject 2"
+_LAYER = "svbrdfgan layer 2"
 _MAPS = "svbrdfgan mesh maps 1"
+_OF_PARTS = ("name", "base_color", "hidden_half_of")
 _REMEDY = "delete it, and it is made again"
 
 
@@ -33,7 +34,7 @@ def save_subject(path: Path, subject: Subject) -> None:
     for part, maps in enumerate(subject.file_maps):
         tensors |= {f"file.{part}.{name}": values for name, values in maps.items()}
     tensors |= {f"alpha.{k}": torch.as_tensor(part.alpha) for k, part in enumerate(surface_parts) if not part.opaque}
-    parts = [{"name": p.name, "base_color": p.base_color, "hidden": p.hidden} for p in surface_parts]
+    parts = [{key: getattr(part, key) for key in _OF_PARTS} for part in surface_parts]
     header = {"learnable": subject.learnable, "parts": parts, "repeat": subject.surface.repeat}
     words = {"header": json.dumps(header | {"file_maps": bool(subject.file_maps)})}
     save_tensors(path, _SUBJECT, tensors, words)
@@ -49,7 +50,7 @@ def load_subject(path: Path) -> Subject:
         header = json.loads(words["header"])
         alphas = _under("alpha.", tensors)
         parts = tuple(
-            Part(p["name"], tuple(p["base_color"]), hidden=p["hidden"], alpha=_alpha(alphas.get(str(k))))
+            Part(**p | {"base_color": tuple(p["base_color"])}, alpha=_alpha(alphas.get(str(k))))
             for k, p in enumerate(header["parts"])
         )
         arrays = {k: v.numpy() for k, v in _under("surface.", tensors).items()}
@@ -61,19 +62,19 @@ def load_subject(path: Path) -> Subject:
     return subject
 
 
-def save_layer(path: Path, layer: Float[Tensor, "rows cols channels"]) -> None:
+def save_layer(path: Path, layer: Layer) -> None:
     """Writes a layer in single precision."""
-    save_tensors(path, _LAYER, {"layer": layer.float()}, {})
+    save_tensors(path, _LAYER, {"layer": layer.values.float()}, {"maps": json.dumps(layer.maps)})
 
 
-def load_layer(path: Path) -> Float[Tensor, "rows cols channels"]:
+def load_layer(path: Path) -> Layer:
     """Reads what `save_layer` wrote.
 
     Raises:
         AssetError: missing, damaged, or of another version.
     """
-    with stored_tensors(path, _LAYER, _REMEDY) as (tensors, _):
-        layer = tensors["layer"]
+    with stored_tensors(path, _LAYER, _REMEDY) as (tensors, words):
+        layer = Layer(tensors["layer"], tuple(json.loads(words["maps"])))
     return layer
 
 

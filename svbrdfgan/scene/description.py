@@ -12,7 +12,7 @@ from svbrdfgan.config.choices import FurtherMaps, PartSelection, PluginChoice, P
 from svbrdfgan.config.distributions import Color
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.io.records import load_record, save_record
-from svbrdfgan.networks import Conditions
+from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.types import Camera
 
 MapValues = FurtherMaps[Annotated[float, Field(ge=0, le=1)]]
@@ -60,7 +60,7 @@ class SceneEnvironment(StrictModel):
 
 
 class SceneModel(StrictModel):
-    """A trained generator that paints layers, and the conditions that it knows (`svbrdfgan.networks.Conditions`)."""
+    """A trained generator that paints layers, and the `Conditions` that it knows."""
 
     asset: AssetRef = Field(description="the generator's file")
     amounts: tuple[float, float] | None = Field(default=None, description="least and greatest amount that it knows")

@@ -16,11 +16,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError, EmbeddingError
-from svbrdfgan.io import load_environment, load_mesh
-from svbrdfgan.networks import Draw, Generator
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.networks.draw import Draw
+from svbrdfgan.networks.generator import Generator
 from svbrdfgan.networks.saved import load_generator
-from svbrdfgan.plugins import load_embedding
-from svbrdfgan.rendering.compositing import layer_channels
+from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.scene.cache import (
     load_layer,
     load_mesh_maps,
@@ -31,9 +32,12 @@ from svbrdfgan.scene.cache import (
 )
 from svbrdfgan.scene.description import AssetRef, Scene, SceneWeathering
 from svbrdfgan.scene.subject import Subject, make_subject
-from svbrdfgan.types import Environment, View
-from svbrdfgan.weathering import Recipe, Site, find_site, recipe_from_options, weather
+from svbrdfgan.types import Environment, Layer, View
+from svbrdfgan.weathering.layer import recipe_from_options, weather
 from svbrdfgan.weathering.mesh_maps import MeshMaps, bake_mesh_maps
+from svbrdfgan.weathering.recipes import Recipe
+from svbrdfgan.weathering.site import Site
+from svbrdfgan.weathering.survey import find_site
 
 log = logging.getLogger(__name__)
 
@@ -57,7 +61,7 @@ class SceneLoader:
     _maps: dict[str, MeshMaps] = field(default_factory=dict)
     _sites: dict[str, Site] = field(default_factory=dict)
     _generators: dict[str, Generator] = field(default_factory=dict)
-    _layers: dict[str, Float[Tensor, "rows cols channels"]] = field(default_factory=dict)
+    _layers: dict[str, Layer] = field(default_factory=dict)
     _lights: dict[str, Float[Tensor, "rows cols 3"]] = field(default_factory=dict)
     _scaled: dict[str, tuple[float, Float[Tensor, "rows cols 3"]]] = field(default_factory=dict)
 
@@ -83,7 +87,7 @@ class SceneLoader:
             )
         return self._maps[key]
 
-    def layer(self, scene: Scene) -> Float[Tensor, "rows cols channels"] | None:
+    def layer(self, scene: Scene) -> Layer | None:
         """The true layer of the scene's surface; None where there is none or it is unknown."""
         weathering = scene.weathering
         if not isinstance(weathering, SceneWeathering):
@@ -97,7 +101,7 @@ class SceneLoader:
             self._layers[key] = self._stored(path, load_layer, save_layer, lambda: self.paint(scene, weathering))
         return self._layers[key]
 
-    def paint(self, scene: Scene, weathering: SceneWeathering) -> Float[Tensor, "rows cols channels"]:
+    def paint(self, scene: Scene, weathering: SceneWeathering) -> Layer:
         """The layer of a weathering on the scene's surface, painted anew: by its recipe, or by its model.
 
         All true layers are painted here. Painted by a model, a layer differs by at most 2/255 between devices.
@@ -110,16 +114,17 @@ class SceneLoader:
             subject, site = self.subject(scene), self.site(scene)
             return weather(subject.surface, subject.buffer, recipe_of(weathering), scene.maps, site=site)
         generator = self._generator(weathering.model.asset)
-        if generator.channels != (wanted := layer_channels(scene.maps)):
+        if generator.maps != tuple(scene.maps):
             raise AssetError(
-                f"{weathering.model.asset.path} paints layers of {generator.channels} channels, and the scene's maps "
-                f"need {wanted}: give it the maps that the model was trained with."
+                f"{weathering.model.asset.path} paints base_color and {list(generator.maps)}, and the scene declares "
+                f"{list(scene.maps)}: give it the maps that the model was trained with."
             )
         labels = weathering.model.conditions.labels(weathering.amount, weathering.recipe)
         subject = self.with_mesh_maps(scene) if generator.mesh_maps else self.subject(scene)
         geometry = subject.generator_input.to(next(generator.parameters()).device)
         with torch.no_grad():
-            return Draw(generator, weathering.seed, labels)(geometry.unsqueeze(0))[0].cpu()
+            painted = Draw(generator, weathering.seed, labels)(geometry.unsqueeze(0))[0].cpu()
+        return Layer(painted, generator.maps)
 
     def site(self, scene: Scene) -> Site:
         """The scene's site, which recipes go by. Only the last one is kept: sites are slow to find, and large."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import torch
 from jaxtyping import Bool, Float
@@ -18,8 +19,11 @@ from svbrdfgan.geometry.bake_materials import bake_base_color, bake_file_maps
 from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.rendering.compositing import BARE, bare_maps, composite, composite_maps
-from svbrdfgan.types import Material, Materials, Mesh, Surface
+from svbrdfgan.types import Layer, Material, Materials, Mesh, Surface
 from svbrdfgan.weathering.mesh_maps import MeshMaps, bake_mesh_maps
+
+BaseColors = Mapping[str, tuple[float, float, float]]
+"""Linear RGB reflectance by the name of a part."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +69,8 @@ class Subject:
     @cached_property
     def with_hidden_halves(self) -> frozenset[int]:
         """The learnable parts, and what hidden layers were cut off them."""
-        names = [self.surface.parts[part].name for part in self.learnable]
-        own = {*names, *(f"{name} (hidden)" for name in names)}
-        return frozenset(number for number, part in enumerate(self.surface.parts) if part.name in own)
+        own = {self.surface.parts[part].name for part in self.learnable}
+        return frozenset(number for number, part in enumerate(self.surface.parts) if part.mesh_part in own)
 
     def overlooked(self) -> list[str]:
         """A warning for each part that its name keeps clean, but that is larger than all learnable parts."""
@@ -83,40 +86,45 @@ class Subject:
             and number not in self.learnable
         ]
 
-    def base_colors(self, override: Mapping[str, tuple[float, float, float]]) -> tuple[Float[Tensor, ...], ...]:
+    def base_colors(self, override: BaseColors) -> tuple[Float[Tensor, ...], ...]:
         """The base colour of every part. `override` replaces those of the parts it names and of their hidden halves."""
-        replaced = {f"{name} (hidden)": color for name, color in override.items()} | dict(override)
         return tuple(
-            torch.tensor(replaced[part.name]) if part.name in replaced else base
+            torch.tensor(override[part.mesh_part]) if part.mesh_part in override else base
             for part, base in zip(self.surface.parts, self.base, strict=True)
         )
 
     def materials(
         self,
-        override: Mapping[str, tuple[float, float, float]],
-        layer: Float[Tensor, "rows cols channels"] | None,
+        layer: Layer | None = None,
         maps: Mapping[str, float | None] | None = None,
+        *,
+        base_colors: BaseColors = MappingProxyType({}),
     ) -> Materials:
         """Materials of all parts, with the layer over the learnable ones, on its device.
 
         Args:
             maps: the further maps that the layer paints, and their values under it, on learnable parts and on their
-                hidden halves; None stands for what the mesh's file says, or else `BARE`. Of these maps, other parts
-                have what the file says; without roughness they are Lambertian. With no further maps, all parts are.
+                hidden halves; None stands for what the mesh's file says, or else `BARE`, and is the default for all of
+                the layer's maps. Of these maps, other parts have what the file says; without roughness they are
+                Lambertian. With no further maps, all parts are.
+            base_colors: by part, replaces the mesh's own.
 
         Raises:
-            AssetError: the layer has channels for other maps.
+            AssetError: the layer paints other maps.
         """
-        device, maps = None if layer is None else layer.device, maps or {}
-        made = []
-        for part, color in enumerate(self.base_colors(override)):
+        if maps is None:
+            maps = {} if layer is None else dict.fromkeys(layer.maps)
+        if layer is not None and maps.keys() != set(layer.maps):
+            raise AssetError(f"a layer paints {_listed(layer.maps)}; wanted {_listed(maps)}.")
+        device, made = None if layer is None else layer.values.device, []
+        for part, color in enumerate(self.base_colors(base_colors)):
             further = self._of_file(part, maps)
             if part in self.with_hidden_halves:
                 declared = {name: value for name, value in maps.items() if value is not None}
                 further = bare_maps({name: BARE[name] for name in maps}) | further | bare_maps(declared)
             base = {name: values.to(device) for name, values in {"base_color": color, **further}.items()}
             if layer is not None and part in self.learnable:
-                base = composite_maps(base, layer, maps)
+                base = composite_maps(base, layer)
             made.append(Material(base))
         return Materials(tuple(made))
 
@@ -125,13 +133,11 @@ class Subject:
         given = self.file_maps[part] if self.file_maps else {}
         return {name: values for name, values in given.items() if name in maps}
 
-    def albedo(
-        self, override: Mapping[str, tuple[float, float, float]], layer: Float[Tensor, "rows cols channels"]
-    ) -> Float[Tensor, "rows cols 3"]:
+    def albedo(self, layer: Layer, *, base_colors: BaseColors = MappingProxyType({})) -> Float[Tensor, "rows cols 3"]:
         """Base colour of each texel's own part under the layer. Scores compare this."""
-        return composite(self.base_albedo(override), layer)
+        return composite(self.base_albedo(base_colors), layer)
 
-    def base_albedo(self, override: Mapping[str, tuple[float, float, float]]) -> Float[Tensor, "rows cols 3"]:
+    def base_albedo(self, override: BaseColors) -> Float[Tensor, "rows cols 3"]:
         """Base colour of each texel's own part."""
         rows, cols = self.buffer.part.shape
         albedo = torch.zeros(rows, cols, 3)
@@ -172,6 +178,10 @@ def make_subject(
     parts = tuple(replace(part, alpha=_alpha(maps)) for part, maps in zip(surface.parts, baked, strict=True))
     further = tuple({name: values for name, values in maps.items() if name != "alpha"} for maps in baked)
     return Subject(replace(surface, parts=parts), buffer, learnable, base, further)
+
+
+def _listed(maps: Iterable[str]) -> str:
+    return ", ".join(("base_color", *maps))
 
 
 def _alpha(maps: Mapping[str, Float[Tensor, ...]]) -> float | Float[ndarray, "rows cols"]:

@@ -14,7 +14,7 @@ import torch
 from numpy import ndarray
 from torch import Tensor
 
-from svbrdfgan.plugins import find_plugin, import_factory, make
+from svbrdfgan.plugins.registry import find_plugin, import_factory, make
 from svbrdfgan.testing.kit import Kit, check, declared
 
 LONGEST_REPR = 200

@@ -17,7 +17,7 @@ _ALIGNMENT = 64  # in values; kernels read faster from addresses that are multip
 class GradientAllReduce:
     """The mean over processes of a network's gradients.
 
-    It uses hooks, since penalties differentiate twice, which `DistributedDataParallel` does not support. The first
+    Hooks compute it, since penalties differentiate twice, which `DistributedDataParallel` does not support. The first
     bucket holds the last parameters, whose gradients are ready first. A bucket is sent when it and all buckets before
     it are complete, so that every process sends the same buckets in the same order. One process has no hooks.
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -17,33 +17,27 @@ from svbrdfgan.data.gather import gather_environments, match_files
 from svbrdfgan.metrics.recovered import SeenTexels
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.render_layer import RenderLayer
-from svbrdfgan.rendering.transport.cache import MemoryCache
 from svbrdfgan.training.cached_rendering import CachedRendering
-from svbrdfgan.training.config import DiscriminatorConfig, ScenesConfig, TrainConfig
+from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
 from svbrdfgan.training.deferred_rendering import DeferredRendering
-from svbrdfgan.training.demodulation import Demodulator
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.online_rendering import OnlineRendering
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.reference_pictures import require_reference_materials
 from svbrdfgan.training.resolve import ResolvedRun
-from svbrdfgan.training.scene_batch import SceneBatch
+from svbrdfgan.training.scene_batch import Progress, SceneBatch, SceneRendering
 from svbrdfgan.utils.copy_async import copy_async
-
-SceneRendering = CachedRendering | DeferredRendering | OnlineRendering
-Progress = Callable[[int], None]
-"""Called with the number of scenes that are done since the last call."""
 
 
 @dataclass(frozen=True, eq=False)
 class BatchSource:
-    """One split, ready for training or scoring.
+    """A split, ready for training or scoring.
 
     Attributes:
         exemplars: the split in main memory.
         fake_scenes: renders fakes, in perturbed scenes.
-        own_scenes: the exemplars' own scenes, which say what the exemplars show. They are `fake_scenes` itself where
-            those are not perturbed and have enough samples, or are rendered online.
+        own_scenes: the exemplars' own scenes, which say what the exemplars show; `fake_scenes` itself where those are
+            not perturbed and have enough samples, or are rendered online.
         buffers: the generator's input for each subject.
         real: the exemplars on the device, with the buffers of their own scenes that the discriminator is shown, and
             with the labels of their layers.
@@ -73,22 +67,12 @@ class BatchSource:
         """Positive at texels that an exemplar's picture shows of the outermost learnable surface."""
         return self.own_scenes.seen(index)
 
-    def demodulator(self, indices: Sequence[int]) -> Demodulator:
-        """Divides the light out of these exemplars.
-
-        Raises:
-            TypeError: no light transport is stored. `TrainConfig` refuses such a configuration earlier.
-        """
-        if not isinstance(self.own_scenes, CachedRendering):
-            raise TypeError(f"{type(self.own_scenes).__name__} does not know what its pixels show")
-        return Demodulator.of(self.own_scenes.batch(indices))
-
     def scenes(self, indices: Sequence[int], rng: np.random.Generator, visit: int = 0) -> SceneBatch:
         """Scenes for the fakes of these exemplars, which training has seen `visit` times before."""
         return self.fake_scenes.scenes(indices, rng, visit)
 
     def prefetch(self, indices: Sequence[int], rng: np.random.Generator) -> None:
-        """Starts to read what `scenes`, given an equal `rng`, and `demodulator` will need for these exemplars."""
+        """Starts to read what `scenes`, given an equal `rng`, and demodulation will need for these exemplars."""
         self.fake_scenes.prefetch(indices, rng)
         if self.demodulated and self.own_scenes is not self.fake_scenes:
             self.own_scenes.prefetch(indices, np.random.default_rng(0))
@@ -110,15 +94,12 @@ def make_batch_source(
         require_reference_materials(renderer)
     exemplars = load_exemplars(run.dataset, split, mesh_maps=run.config.generator.mesh_maps)
     fake_scenes = make_scenes(run, exemplars, split, renderer, device)
-    own_scenes, order = _own_scenes(run.config, fake_scenes), _by_subject(exemplars)
+    own_scenes = _own_scenes(run.config, fake_scenes, exemplar_spp(run.config, exemplars))
+    order = _by_subject(exemplars)
     demodulated = discriminator.compares == "reflectance"
     fake_scenes.build(order, progress)
-    if (
-        isinstance(own_scenes, CachedRendering)
-        and own_scenes is not fake_scenes
-        and (demodulated or discriminator.gbuffer)
-    ):
-        own_scenes.build(order, progress)  # into files; what others trace is looked at once, for the buffers below
+    if own_scenes is not fake_scenes and (demodulated or discriminator.gbuffer):
+        own_scenes.build(order, progress)
     buffers = own_buffers(discriminator, own_scenes, range(len(exemplars)))
     known = (*buffers, labels_of_scenes(run.conditions, exemplars.scenes))
     on_device = (None if values is None else values.to(device) for values in known)
@@ -139,9 +120,8 @@ def load_seen_texels(
     """
     exemplars = load_exemplars(run.dataset, split, mesh_maps=run.config.generator.mesh_maps)
     own = run.unperturbed().with_config(spp=exemplar_spp(run.config, exemplars))
-    scenes = make_scenes(own, exemplars, split, renderer, torch.device("cpu"))
-    if isinstance(scenes, CachedRendering):
-        scenes = replace(scenes, _cache=MemoryCache(0))  # each scene is looked at once
+    # nothing is kept, since each scene is looked at once
+    scenes = make_scenes(own, exemplars, split, renderer, torch.device("cpu"), cache_bytes=0)
 
     def seen(index: int) -> Float[Tensor, "rows cols"]:
         if progress is not None:
@@ -155,8 +135,8 @@ def own_buffers(
     config: DiscriminatorConfig, own_scenes: SceneRendering, indices: Sequence[int]
 ) -> tuple[Float[Tensor, "exemplars height width 6"] | None, Float[Tensor, "exemplars height width 9"] | None]:
     """G-buffers and light buffers of these exemplars' own scenes, in half precision; None if they are not shown."""
-    gbuffers = [own_scenes.gbuffer(index) for index in indices] if config.gbuffer else []
-    lights = [own_scenes.light_buffer(index) for index in indices] if config.light_buffer else []
+    gbuffers = (own_scenes.first_scenes([index]).gbuffer for index in indices if config.gbuffer)
+    lights = (own_scenes.first_scenes([index]).light_buffer for index in indices if config.light_buffer)
     return _halves(gbuffers), _halves(lights)
 
 
@@ -166,9 +146,18 @@ def stack_inputs(exemplars: Exemplars, device: torch.device) -> Float[Tensor, "s
 
 
 def make_scenes(
-    run: ResolvedRun, exemplars: Exemplars, split: Split, renderer: CheckedRenderer, device: torch.device
+    run: ResolvedRun,
+    exemplars: Exemplars,
+    split: Split,
+    renderer: CheckedRenderer,
+    device: torch.device,
+    cache_bytes: int | None = None,
 ) -> SceneRendering:
-    """Renders fakes in the scenes of these exemplars, perturbed as the configuration says."""
+    """Renders fakes in the scenes of these exemplars, perturbed as the configuration says.
+
+    Args:
+        cache_bytes: memory for what is stored of scenes; None takes a share of the device's, and 0 keeps only the last.
+    """
     config, dataset = run.config, run.dataset
     environments = None
     if isinstance(config.scenes.environment, EnvironmentSource):
@@ -178,13 +167,12 @@ def make_scenes(
     perturbation = Perturbation(config.scenes, dataset.index.sampler(split), environments)
     if config.rendering == "online":
         return OnlineRendering(exemplars, perturbation, RenderLayer(renderer, config.spp, config.spp_grad))
-    pool, options = config.scenes.pool, config.renderer.options
+    pool, spp, seed = config.scenes.pool, config.spp, config.seed
     if run.deferred:
-        shows_light = config.discriminator.light_buffer
-        return DeferredRendering(
-            exemplars, perturbation, renderer, config.spp, config.hits, pool, device, config.seed, shows_light
-        )
-    return CachedRendering(exemplars, perturbation, renderer, config.spp, pool, device, config.seed, options)
+        hits, light = config.hits, config.discriminator.light_buffer
+        return DeferredRendering(exemplars, perturbation, renderer, spp, hits, pool, device, seed, light, cache_bytes)
+    options = config.renderer.options
+    return CachedRendering(exemplars, perturbation, renderer, spp, pool, device, seed, options, cache_bytes)
 
 
 def exemplar_spp(config: TrainConfig, exemplars: Exemplars) -> int:
@@ -193,21 +181,15 @@ def exemplar_spp(config: TrainConfig, exemplars: Exemplars) -> int:
     return max([config.spp] + [scene.spp for scene in exemplars.scenes if demodulated])
 
 
-def _own_scenes(config: TrainConfig, fake_scenes: SceneRendering) -> SceneRendering:
+def _own_scenes(config: TrainConfig, fake_scenes: SceneRendering, spp: int) -> SceneRendering:
     """The exemplars' own scenes; not kept in memory where training looks at each of them once."""
-    if isinstance(fake_scenes, OnlineRendering):
-        return fake_scenes
-    spp = exemplar_spp(config, fake_scenes.exemplars)
     if config.scenes.matched and config.scenes.pool and spp == config.spp:
         return fake_scenes
-    own = fake_scenes.in_scenes(ScenesConfig(), spp)
-    if config.discriminator.compares == "reflectance" or isinstance(own, DeferredRendering):
-        return own
-    return replace(own, device=torch.device("cpu"), _cache=MemoryCache(0))
+    return fake_scenes.own_scenes(spp, keep=config.discriminator.compares == "reflectance")
 
 
 def _by_subject(exemplars: Exemplars) -> list[int]:
-    """All exemplar indices grouped by subject, the subjects in unseeded random order.
+    """Exemplar indices grouped by subject, the subjects in unseeded random order.
 
     Several processes that trace the same scenes start with different subjects, and find the other processes' files.
     """
@@ -215,6 +197,6 @@ def _by_subject(exemplars: Exemplars) -> list[int]:
     return np.argsort(place[exemplars.subject_of.numpy()], kind="stable").tolist()
 
 
-def _halves(buffers: Sequence[Tensor | None]) -> Tensor | None:
-    known = [buffer for buffer in buffers if buffer is not None]
-    return torch.stack(known).half() if known else None
+def _halves(buffers: Iterable[Tensor | None]) -> Tensor | None:
+    known = [buffer.half() for buffer in buffers if buffer is not None]
+    return torch.cat(known) if known else None

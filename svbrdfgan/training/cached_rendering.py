@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping, MutableMapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -17,10 +16,13 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import ConfigError
+from svbrdfgan.metrics.recovered import SeenTexels
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import composite
-from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
-from svbrdfgan.rendering.transport.cache import MemoryCache, PendingTransport, TransportReader
+from svbrdfgan.rendering.transport.build import build_transport
+from svbrdfgan.rendering.transport.cache import TransportStore
+from svbrdfgan.rendering.transport.light_transport import LightTransport
+from svbrdfgan.rendering.transport.product import TransportBatch
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.demodulation import Demodulator
@@ -29,13 +31,14 @@ from svbrdfgan.training.scene_batch import (
     Coverage,
     Images,
     Layers,
-    SceneBatch,
+    PreparedSurfaces,
+    Progress,
     SceneKey,
     chosen_scenes,
     of_outermost_parts,
-    prepared_surface,
     with_progress,
 )
+from svbrdfgan.types import Layer
 from svbrdfgan.utils.copy_async import copy_async
 
 
@@ -63,27 +66,17 @@ class CachedSceneBatch:
         return Demodulator.of(self.batch)
 
     def render(self, layers: Layers) -> tuple[Images, Coverage]:
-        textures = composite(self.base, layers.float().index_select(0, self.batch.owner))
+        textures = composite(self.base, Layer(layers.float().index_select(0, self.batch.owner)))
         return self.batch.render(textures), self.batch.coverage
 
 
-def demodulator_of(scenes: SceneBatch) -> Demodulator:
-    """The demodulator of a batch of cached scenes.
-
-    Raises:
-        TypeError: the scenes are rendered online. `TrainConfig` refuses such a configuration earlier.
-    """
-    if not isinstance(scenes, CachedSceneBatch):
-        raise TypeError(f"{type(scenes).__name__} does not know what its pixels show")
-    return scenes.demodulator
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class CachedRendering:
     """Scenes for fakes by stored light transport: each is traced once and kept as a file in the data set's cache.
 
-    The transports used last stay on the device, up to a quarter of its memory. The others are read again from their
-    files; `prefetch` starts that before they are needed.
+    The transports used last stay on the device. The others are read again from their files; `prefetch` starts that
+    before they are needed. Prepared surfaces and base colours stay in memory too. `dataclasses.replace` gives the same
+    scenes with nothing in memory yet.
 
     Attributes:
         exemplars: their scenes are perturbed.
@@ -94,6 +87,7 @@ class CachedRendering:
         device: where transports are held.
         seed: of the perturbations.
         options: the renderer's options. They are part of the file names, since other options trace other transports.
+        cache_bytes: memory for transports; None takes a quarter of the device's, and 0 keeps only the last one.
     """
 
     exemplars: Exemplars
@@ -104,11 +98,7 @@ class CachedRendering:
     device: torch.device
     seed: int = 0
     options: Mapping[str, object] = field(default_factory=dict)
-    _cache: MutableMapping[SceneKey, LightTransport] = field(default_factory=MemoryCache)
-    _pending: dict[SceneKey, PendingTransport] = field(default_factory=dict)
-    _paths: dict[SceneKey, Path] = field(default_factory=dict)
-    _prepared: dict[int, Any] = field(default_factory=dict)
-    _bases: dict[int, list[Tensor]] = field(default_factory=dict)
+    cache_bytes: int | None = None
 
     def __post_init__(self) -> None:
         if not self.renderer.capabilities.transport:
@@ -116,8 +106,12 @@ class CachedRendering:
                 f"rendering: stored needs a renderer that declares it; {self.renderer.name} does not: "
                 "set rendering: online or choose another renderer."
             )
+        self._transports: TransportStore[SceneKey] = TransportStore(self.device, self.cache_bytes)
+        # with a pool, `build` traces the scenes of a subject in a row, and each once
+        self._surfaces = PreparedSurfaces(self.exemplars, self.renderer, single=self.pool > 0)
+        self._bases: dict[int, list[Tensor]] = {}
 
-    def build(self, indices: Iterable[int], progress: Callable[[int], None] | None = None) -> None:
+    def build(self, indices: Iterable[int], progress: Progress | None = None) -> None:
         """Traces scenes that are not stored yet, and reads all files once, to find damaged ones before training."""
         for index in with_progress(indices, progress):
             for variant in range(self.pool):
@@ -132,67 +126,63 @@ class CachedRendering:
             transports = [self._stored(key) for key in chosen_scenes(indices, rng, self.pool)]
         else:
             transports = [self._trace(index, self._scene(index, rng)).to(self.device) for index in indices]
-        return CachedSceneBatch(TransportBatch.stack(transports), self._base(indices))
+        return self._batch(transports, indices)
 
-    def in_scenes(self, config: ScenesConfig, spp: int) -> CachedRendering:
-        """The same exemplars in otherwise perturbed scenes, one for each, with a cache of its own."""
-        perturbation = Perturbation(config, self.perturbation.sampler)
-        return CachedRendering(
-            self.exemplars, perturbation, self.renderer, spp, 1, self.device, self.seed, self.options
-        )
-
-    def batch(self, indices: Sequence[int]) -> TransportBatch:
-        """The light transport of the first stored scene of each of these exemplars."""
-        return TransportBatch.stack([self._stored((index, 0)) for index in indices])
+    def first_scenes(self, indices: Sequence[int]) -> CachedSceneBatch:
+        """The first stored scene of each of these exemplars."""
+        return self._batch([self._stored((index, 0)) for index in indices], indices)
 
     def prefetch(self, indices: Sequence[int], rng: np.random.Generator) -> None:
         """Starts to read the transports that `scenes` will need for these exemplars, given an equal `rng`.
 
-        Returns at once. Prefetched transports do not count towards the memory budget of the cache. The budget should
-        hold at least two batches, so that one batch does not evict what the next one needs too.
+        Returns at once.
         """
-        if not self.pool:
-            return
-        for key in chosen_scenes(indices, rng, self.pool):
-            if key in self._paths and key not in self._pending and self._cache.get(key) is None:
-                self._pending[key] = self._reader.read(self._paths[key])
-
-    def gbuffer(self, index: int) -> Float[Tensor, "height width 6"]:
-        """Position and normal per pixel of the first stored scene of an exemplar."""
-        return self._stored((index, 0)).gbuffer
-
-    def light_buffer(self, index: int) -> None:
-        """None: stored light can be divided out, and is not shown."""
+        if self.pool:
+            for key in chosen_scenes(indices, rng, self.pool):
+                self._transports.prefetch(key)
 
     def seen(self, index: int) -> Float[Tensor, "rows cols"]:
         """Positive at texels that an exemplar's picture shows of the outermost learnable surface."""
         return of_outermost_parts(self.exemplars, index, self._stored((index, 0)).seen_texels().cpu())
 
+    def own_scenes(self, spp: int, *, keep: bool) -> CachedRendering:
+        """The exemplars' own scenes, one for each; in main memory, one at a time, if they are not to be kept."""
+        device, cache_bytes = (self.device, self.cache_bytes) if keep else (torch.device("cpu"), 0)
+        return self._in_scenes(ScenesConfig(), spp, device, cache_bytes)
+
+    def seen_in(self, config: ScenesConfig) -> SeenTexels:
+        """`seen` of otherwise perturbed scenes, one for each exemplar, held in main memory."""
+        return self._in_scenes(config, self.spp, torch.device("cpu"), None).seen
+
+    def resampled(self, spp: int) -> None:
+        """None: pictures are of stored samples."""
+
+    def _in_scenes(
+        self, config: ScenesConfig, spp: int, device: torch.device, cache_bytes: int | None
+    ) -> CachedRendering:
+        return replace(
+            self,
+            perturbation=Perturbation(config, self.perturbation.sampler),
+            spp=spp,
+            pool=1,
+            device=device,
+            cache_bytes=cache_bytes,
+        )
+
     def _scene(self, index: int, rng: np.random.Generator) -> Scene:
         return self.perturbation.scene(self.exemplars.scenes[index], index, rng)
 
     def _stored(self, key: SceneKey) -> LightTransport:
-        found = self._cache.get(key)
-        if found is None:
-            pending = self._pending.pop(key, None)
-            found = LightTransport.load(self._file(key)).to(self.device) if pending is None else pending.result()
-            self._cache[key] = found
-        return found
+        return self._transports.get(key, self._file)
 
     def _file(self, key: SceneKey) -> Path:
         """The file of a scene's transport. It traces the scene if the file is not there."""
-        if key not in self._paths:
-            index, variant = key
-            scene = self._scene(index, np.random.default_rng([self.seed, index, variant]))
-            path = self.exemplars.loader.folder / "cache" / "transports" / f"{self._key(scene)}.safetensors"
-            if not path.is_file():
-                self._trace(index, scene).half().save(path)
-            self._paths[key] = path
-        return self._paths[key]
-
-    @cached_property
-    def _reader(self) -> TransportReader:
-        return TransportReader(self.device)
+        index, variant = key
+        scene = self._scene(index, np.random.default_rng([self.seed, index, variant]))
+        path = self.exemplars.loader.folder / "cache" / "transports" / f"{self._key(scene)}.safetensors"
+        if not path.is_file():
+            self._trace(index, scene).half().save(path)
+        return path
 
     def _key(self, scene: Scene) -> str:
         """A hash of everything that the transport depends on."""
@@ -203,14 +193,10 @@ class CachedRendering:
         return hashlib.sha256(f"{described}{renderer}{self.spp}".encode()).hexdigest()[:24]
 
     def _trace(self, index: int, scene: Scene) -> LightTransport:
-        subject = self.exemplars.subject(index)
-        if self.pool and int(self.exemplars.subject_of[index]) not in self._prepared:
-            self._prepared.clear()  # `build` traces the scenes of a subject in a row, and each once
-        view = self.exemplars.loader.view(scene)
-        prepared = prepared_surface(self.exemplars, index, self.renderer, self._prepared)
+        subject, view = self.exemplars.subject(index), self.exemplars.loader.view(scene)
         return build_transport(
-            self.renderer.transport(prepared, view, spp=self.spp, seed=scene.seed),
-            materials=subject.materials(scene.materials, None),
+            self.renderer.transport(self._surfaces.of(index), view, spp=self.spp, seed=scene.seed),
+            materials=subject.materials(base_colors=scene.materials),
             learnable=subject.learnable,
             gbuffer=subject.geometry.permute(1, 2, 0),
             view=view,
@@ -218,12 +204,12 @@ class CachedRendering:
             repeat=subject.surface.repeat,
         )
 
-    def _base(self, indices: Sequence[int]) -> Tensor:
+    def _batch(self, transports: Sequence[LightTransport], indices: Sequence[int]) -> CachedSceneBatch:
         bases = [base for index in indices for base in self._bases_of(index)]
-        if all(base.ndim == 1 for base in bases):
-            return copy_async(torch.stack(bases).reshape(-1, 1, 1, 3), self.device)
-        size = (*self.exemplars.subjects[0].buffer.part.shape, 3)
-        return copy_async(torch.stack([base.expand(size) for base in bases]), self.device)
+        constant = all(base.ndim == 1 for base in bases)
+        size = (1, 1, 3) if constant else (*self.exemplars.subjects[0].buffer.part.shape, 3)
+        base = copy_async(torch.stack([base.expand(size) for base in bases]), self.device)
+        return CachedSceneBatch(TransportBatch.stack(transports), base)
 
     def _bases_of(self, index: int) -> list[Tensor]:
         """The base colour of each learnable part."""

@@ -10,11 +10,12 @@ from pydantic import Field, model_validator
 from svbrdfgan.config.choices import PluginChoice, PluginField
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.data.config import CameraDistribution, EnvironmentSource
-from svbrdfgan.networks import GeneratorConfig, Norm
+from svbrdfgan.networks.layers import Norm
+from svbrdfgan.networks.saved import GeneratorConfig
 
 
 class DiscriminatorConfig(StrictModel):
-    """The PatchGAN of thesis 4.3.1, which compares pictures (`svbrdfgan.networks.Discriminator`)."""
+    """The PatchGAN of thesis 4.3.1, which compares pictures (`svbrdfgan.networks.discriminator.Discriminator`)."""
 
     width: int = Field(default=64, ge=4, description="channels after its first convolution")
     layers: int = Field(

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, MutableMapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import torch
@@ -15,7 +14,7 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.rendering.checked_renderer import CheckedLight, CheckedRenderer
-from svbrdfgan.rendering.compositing import composite
+from svbrdfgan.rendering.compositing import composite_values
 from svbrdfgan.rendering.shade_layer import shade
 from svbrdfgan.rendering.transport.cache import MemoryCache
 from svbrdfgan.scene.description import Scene
@@ -26,13 +25,14 @@ from svbrdfgan.training.scene_batch import (
     Coverage,
     Images,
     Layers,
+    PreparedSurfaces,
+    Progress,
     SceneKey,
     chosen_scenes,
-    prepared_surface,
     seen_in_gradient,
     with_progress,
 )
-from svbrdfgan.types import Material, Materials
+from svbrdfgan.types import Layer, Material, Materials
 from svbrdfgan.types.material import CHANNELS
 from svbrdfgan.utils.copy_async import copy_async
 
@@ -85,6 +85,8 @@ class DeferredSceneBatch:
     visit: int
     seed: int
     matched: bool
+    demodulator: None = None
+    """Pictures of whole materials are not linear in their textures."""
 
     @cached_property
     def gbuffer(self) -> Float[Tensor, "batch height width 6"] | None:
@@ -102,7 +104,8 @@ class DeferredSceneBatch:
         return torch.stack([scene.coverage for scene in self.scenes])
 
     def render(self, layers: Layers) -> tuple[Images, Coverage]:
-        textures = composite(self._base, layers.float().index_select(0, self._owner))
+        painted = Layer(layers.float().index_select(0, self._owner), self.maps[1:])
+        textures = composite_values(self._base, painted)
         lights = [scene.light for scene in self.scenes]
         shown = shade(self.renderer, lights, textures, maps=self.maps, visit=self.visit, seed=self.seed)
         return shown + torch.stack([scene.background for scene in self.scenes]), self.coverage
@@ -120,12 +123,13 @@ class DeferredSceneBatch:
         return copy_async(torch.tensor(owners), self.coverage.device)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class DeferredRendering:
     """Scenes for fakes by stored light: what does not depend on the layer is traced once, and shaded at each visit.
 
     Unlike stored light transport it serves whole materials, in which pictures are not linear. What it stores stays on
-    the device, up to half of its memory; what is dropped is traced again, which takes about as long as reading it.
+    the device; what is dropped is traced again, which takes about as long as reading it. Prepared surfaces stay in
+    memory too. `dataclasses.replace` gives the same scenes with nothing in memory yet.
 
     Attributes:
         exemplars: their scenes are perturbed.
@@ -137,6 +141,7 @@ class DeferredRendering:
         device: where layers are.
         seed: of the perturbations.
         shows_light: whether the discriminator is shown a light buffer.
+        cache_bytes: memory for stored scenes; None takes half of the device's, and 0 keeps only the last one.
     """
 
     exemplars: Exemplars
@@ -148,8 +153,7 @@ class DeferredRendering:
     device: torch.device
     seed: int = 0
     shows_light: bool = False
-    _cache: MutableMapping[SceneKey, DeferredScene] = field(default_factory=lambda: MemoryCache(share=0.5))
-    _prepared: dict[int, Any] = field(default_factory=dict)
+    cache_bytes: int | None = None
 
     def __post_init__(self) -> None:
         if not self.renderer.capabilities.deferred:
@@ -157,14 +161,18 @@ class DeferredRendering:
                 "rendering: stored of whole materials needs a renderer that stores light; "
                 f"{self.renderer.name} does not: set rendering: online or choose another renderer."
             )
+        self._cache: MemoryCache[SceneKey, DeferredScene] = MemoryCache(self.cache_bytes, share=0.5)
+        self._surfaces = PreparedSurfaces(self.exemplars, self.renderer)
 
     @property
     def maps(self) -> tuple[str, ...]:
         """The maps that layers paint, base_color first."""
         return tuple(name for name in CHANNELS if name in {"base_color", *self.exemplars.scenes[0].maps})
 
-    def build(self, indices: Iterable[int], progress: Callable[[int], None] | None = None) -> None:
-        """Stores the light of scenes that are not stored yet, as far as memory holds it."""
+    def build(self, indices: Iterable[int], progress: Progress | None = None) -> None:
+        """Stores the light of scenes that are not stored yet, as far as memory holds it; none if nothing is kept."""
+        if self.cache_bytes == 0:
+            return
         for index in with_progress(indices, progress):
             for variant in range(self.pool):
                 self._stored((index, variant))
@@ -181,27 +189,30 @@ class DeferredRendering:
         matched, seed = self.perturbation.config.matched, int(rng.integers(2**31))
         return DeferredSceneBatch(self.renderer, tuple(scenes), self.maps, visit, seed, matched)
 
-    def in_scenes(self, config: ScenesConfig, spp: int) -> DeferredRendering:
-        """The same exemplars in otherwise perturbed scenes, one for each; they are looked at once, and not kept."""
-        perturbation = Perturbation(config, self.perturbation.sampler)
-        forgetful = MemoryCache[SceneKey, DeferredScene](0)
-        return replace(self, perturbation=perturbation, spp=spp, pool=1, _cache=forgetful)
+    def first_scenes(self, indices: Sequence[int]) -> DeferredSceneBatch:
+        """The first stored scene of each of these exemplars."""
+        scenes = tuple(self._stored((index, 0)) for index in indices)
+        return DeferredSceneBatch(self.renderer, scenes, self.maps, visit=0, seed=0, matched=False)
 
     def prefetch(self, indices: Sequence[int], rng: np.random.Generator) -> None:
         """Does nothing: what is stored is in memory."""
 
-    def gbuffer(self, index: int) -> Float[Tensor, "height width 6"]:
-        """Position and normal per pixel of the first stored scene of an exemplar."""
-        return self._stored((index, 0)).gbuffer
-
-    def light_buffer(self, index: int) -> Float[Tensor, "height width 9"] | None:
-        """The light buffer of the first stored scene of an exemplar."""
-        return self._stored((index, 0)).light_buffer
-
     def seen(self, index: int) -> Float[Tensor, "rows cols"]:
         """Positive at texels that an exemplar's picture shows of the outermost learnable surface."""
-        prepared = prepared_surface(self.exemplars, index, self.renderer, self._prepared)
-        return seen_in_gradient(self.exemplars, index, self.renderer, prepared, self.spp)
+        return seen_in_gradient(self.exemplars, index, self.renderer, self._surfaces.of(index), self.spp)
+
+    def own_scenes(self, spp: int, *, keep: bool) -> DeferredRendering:
+        """The exemplars' own scenes, one for each; on the device one at a time, if they are not to be kept."""
+        unperturbed, budget = Perturbation(ScenesConfig(), self.perturbation.sampler), self.cache_bytes if keep else 0
+        own = replace(self, perturbation=unperturbed, spp=spp, pool=1, cache_bytes=budget)
+        own._surfaces = self._surfaces  # the same in all scenes, and costly to prepare
+        return own
+
+    def seen_in(self, config: ScenesConfig) -> None:
+        """None: what is seen is known of the exemplars' own pictures alone."""
+
+    def resampled(self, spp: int) -> None:
+        """None: pictures are of stored samples."""
 
     def _stored(self, key: SceneKey) -> DeferredScene:
         found = self._cache.get(key)
@@ -213,9 +224,9 @@ class DeferredRendering:
         return found
 
     def _trace(self, index: int, scene: Scene) -> DeferredScene:
-        renderer, subject, view = self.renderer, self.exemplars.subject(index), self.exemplars.loader.view(scene)
-        prepared = prepared_surface(self.exemplars, index, renderer, self._prepared)
-        bare = subject.materials(scene.materials, None, scene.maps)
+        subject, view = self.exemplars.subject(index), self.exemplars.loader.view(scene)
+        renderer, prepared = self.renderer, self._surfaces.of(index)
+        bare = subject.materials(None, scene.maps, base_colors=scene.materials)
         others = _blackened(bare, subject.learnable)
         beside = renderer.render(prepared, others, view, spp=self.spp, seed=scene.seed)
         light = renderer.store_light(
@@ -239,7 +250,7 @@ def _blackened(materials: Materials, parts: Sequence[int]) -> Materials:
 
 
 def _stacked(materials: Sequence[Material], names: Sequence[str]) -> Float[Tensor, "materials *#size values"]:
-    """These maps of the materials, side by side; of one texel if all are constant."""
+    """The named maps of the materials, side by side; of one texel if all are constant."""
     size = torch.broadcast_shapes(*(m.maps[name].shape[:-1] for m in materials for name in names))
     rows, cols = size or (1, 1)
     return torch.stack([torch.cat([m.maps[name].expand(rows, cols, -1) for name in names], dim=-1) for m in materials])

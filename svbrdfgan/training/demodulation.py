@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from svbrdfgan.rendering.transport import TransportBatch
+from svbrdfgan.rendering.transport.product import TransportBatch
 
 Image = Float[Tensor, "batch height width 3"]
 Pixels = Bool[Tensor, "batch height width"]
@@ -67,14 +67,14 @@ class Demodulator:
         return texture, seen
 
     def gather_from_texture(self, texture: Texture, seen: Texels) -> tuple[Image, Pixels]:
-        """How these views show a texture that is known in places, and the pixels of which at least half is known."""
+        """Shows a texture that is known in places in these views; and the pixels of which at least half is known."""
         share = self.batch.linear(seen.expand_as(texture).float()) / self.shading
         clear = (share > _LEAST_SHARE).all(dim=-1)
         return self.batch.linear(texture) / self.shading / torch.where(clear.unsqueeze(-1), share, torch.inf), clear
 
 
 def reproject(reflectance: Image, clear: Pixels, *path: Demodulator) -> tuple[Image, Pixels]:
-    """What pictures of the first views show, as seen from the next views and so on, each time through the texture.
+    """Moves what pictures of the first views show to the next views and so on, each time through the texture.
 
     Every step blurs by about a pixel of the views that it leads between, and keeps what both of them see.
     """

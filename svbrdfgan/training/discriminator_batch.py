@@ -1,4 +1,4 @@
-"""What the discriminator sees: exemplars beside fakes, composited over a background and tone-mapped."""
+"""Pictures for the discriminator: exemplars beside fakes, composited over a background and tone-mapped."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.data.generate import BRIGHTEST
+from svbrdfgan.data.exemplar_files import BRIGHTEST
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.utils.copy_async import copy_async
 
@@ -30,7 +30,7 @@ class ImageBatch:
         gbuffer: position and normal that each pixel shows, premultiplied; None where the discriminator is not shown it.
         light_buffer: how the scene lights reference materials there (`svbrdfgan.training.reference_pictures`), linear
             and premultiplied; None likewise.
-        labels: what is known of the layer that each image shows (`svbrdfgan.networks.Conditions`); None if nothing is.
+        labels: what is known of the layer that each image shows (`Conditions`); None if nothing is.
     """
 
     image: Float[Tensor, "batch height width 3"]
@@ -52,9 +52,9 @@ class ImageBatch:
 
     @classmethod
     def cat(cls, batches: Sequence[ImageBatch]) -> ImageBatch:
-        """All images in one batch, in half precision, as exemplars are stored, without labels.
+        """Joins the images to one batch, in half precision, as exemplars are stored, without labels.
 
-        All have the same buffers.
+        The batches have the same buffers.
         """
         image = torch.cat([batch.image.clamp(max=BRIGHTEST).half() for batch in batches])
         coverage = torch.cat([batch.coverage.half() for batch in batches])
@@ -65,11 +65,11 @@ class ImageBatch:
     def tone_mapped(self, background: Float[Tensor, "batch 3"]) -> Pictures:
         """The images over a plain background, in about [-1, 1], and six channels of G-buffer and nine of light buffer.
 
-        Each label is one more channel, the same everywhere. What is None has no channels. The light buffer is over
+        Each label is one more channel, the same everywhere. None has no channels. The light buffer is over
         black, and has the images' tone curve.
 
-        The tone curve is log(1 + 10 x) / log 11 * 2 - 1. It maps 0 to -1 and 1 to 1, and is never flat: highlights keep
-        a gradient.
+        The tone curve is log(1 + 10 x) / log 11 * 2 - 1. The curve maps 0 to -1 and 1 to 1, and is never flat:
+        highlights keep a gradient.
         """
         picture = over(self.image.float(), self.coverage.float(), background[:, None, None, :])
         channels = [tone_curve(picture)]
@@ -91,7 +91,7 @@ class DiscriminatorBatch:
 
 
 def composite_pair(real: ImageBatch, fake: ImageBatch, rng: np.random.Generator) -> DiscriminatorBatch:
-    """Both sides tone-mapped over random plain backgrounds.
+    """Tone-maps both sides over random plain backgrounds.
 
     An exemplar and its fake share a background, so that the background does not tell them apart.
     """

@@ -11,10 +11,10 @@ from typing import Any
 
 @contextmanager
 def defer_interrupts(wanted: bool = True) -> Iterator[Callable[[], bool]]:
-    """Within the context the first SIGINT is only recorded, and the second raises KeyboardInterrupt.
+    """Only records the first SIGINT within the context; the second raises KeyboardInterrupt.
 
-    It yields a function that says whether a SIGINT was recorded. It does nothing if not `wanted`, in threads other than
-    the main one, and where SIGINT has a handler of the caller's.
+    The context yields a function that says whether a SIGINT was recorded. Nothing changes if not `wanted`, in threads
+    other than the main one, and where SIGINT has a handler of the caller's.
     """
     came = False
     before = signal.getsignal(signal.SIGINT)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import torch
@@ -13,12 +12,22 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.rendering.checked_renderer import PreparedSurface
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.scene.description import Scene
+from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.reference_pictures import ReferencePictures
-from svbrdfgan.training.scene_batch import Coverage, Images, Layers, prepared_surface, seen_in_gradient, with_progress
-from svbrdfgan.types import Rendering
+from svbrdfgan.training.scene_batch import (
+    Coverage,
+    Images,
+    Layers,
+    PreparedSurfaces,
+    Progress,
+    seen_in_gradient,
+    with_progress,
+)
+from svbrdfgan.types import Layer, Rendering
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +42,11 @@ class OnlineSceneBatch:
     scenes: tuple[Scene, ...]
     exemplars: Exemplars
     indices: tuple[int, ...]
-    prepared: tuple[Any, ...]
+    prepared: tuple[PreparedSurface, ...]
     own_camera: bool = False
     own_light: bool = False
+    demodulator: None = None
+    """A picture alone does not say which texels its pixels show."""
 
     @cached_property
     def gbuffer(self) -> Float[Tensor, "batch height width 6"] | None:
@@ -57,65 +68,64 @@ class OnlineSceneBatch:
 
     def _render(self, n: int, layer: Float[Tensor, "rows cols channels"]) -> Rendering:
         subject, scene = self.exemplars.subject(self.indices[n]), self.scenes[n]
-        materials = subject.materials(scene.materials, layer.float(), scene.maps)
+        painted = Layer(layer.float(), tuple(scene.maps))
+        materials = subject.materials(painted, scene.maps, base_colors=scene.materials)
         return self.layer(self.prepared[n], materials, self.exemplars.loader.view(scene), seed=scene.seed)
 
     def _references(self, n: int) -> ReferencePictures:
-        return references(self.exemplars, self.indices[n], self.scenes[n], self.layer, self.prepared[n])
+        """The reference pictures of a scene, by the renderer and with the samples of its fake."""
+        subject, view = self.exemplars.subject(self.indices[n]), self.exemplars.loader.view(self.scenes[n])
+        return ReferencePictures(self.layer.renderer, self.prepared[n], subject, self.scenes[n], view, self.layer.spp)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class OnlineRendering:
     """Scenes for fakes, rendered from scratch: every visit has its own samples. Prepared surfaces stay in memory."""
 
     exemplars: Exemplars
     perturbation: Perturbation
     layer: RenderLayer
-    _prepared: dict[int, Any] = field(default_factory=dict)
 
-    def build(self, indices: Iterable[int], progress: Callable[[int], None] | None = None) -> None:
+    def __post_init__(self) -> None:
+        self._surfaces = PreparedSurfaces(self.exemplars, self.layer.renderer)
+
+    def build(self, indices: Iterable[int], progress: Progress | None = None) -> None:
         """Prepares the surfaces of these exemplars."""
         for index in with_progress(indices, progress):
-            self._surface(index)
+            self._surfaces.of(index)
 
     def scenes(self, indices: Sequence[int], rng: np.random.Generator, visit: int = 0) -> OnlineSceneBatch:
         """A scene for each of these exemplars; `visit` changes nothing."""
-        scenes = tuple(self.perturbation.scene(self.exemplars.scenes[i], i, rng) for i in indices)
-        prepared, changed = tuple(self._surface(index) for index in indices), self.perturbation.config
-        return OnlineSceneBatch(
-            self.layer,
-            scenes,
-            self.exemplars,
-            tuple(indices),
-            prepared,
-            own_camera=changed.same_camera,
-            own_light=changed.environment == "same",
-        )
+        changed = self.perturbation.config
+        scenes = [self.perturbation.scene(self.exemplars.scenes[index], index, rng) for index in indices]
+        return self._batch(indices, scenes, changed.same_camera, changed.environment == "same")
+
+    def first_scenes(self, indices: Sequence[int]) -> OnlineSceneBatch:
+        """The own scenes of these exemplars."""
+        return self._batch(indices, [self.exemplars.scenes[index] for index in indices])
 
     def prefetch(self, indices: Sequence[int], rng: np.random.Generator) -> None:
         """Does nothing: a picture cannot be rendered before the generator has painted its layer."""
 
-    def gbuffer(self, index: int) -> Float[Tensor, "height width 6"]:
-        """Position and normal per pixel of an exemplar's own scene."""
-        return self._references(index).gbuffer()
-
-    def light_buffer(self, index: int) -> Float[Tensor, "height width 9"]:
-        """How an exemplar's own scene lights reference materials."""
-        return self._references(index).light_buffer()
-
     def seen(self, index: int) -> Float[Tensor, "rows cols"]:
         """Positive at texels that an exemplar's picture shows of the outermost learnable surface; from its gradient."""
-        return seen_in_gradient(self.exemplars, index, self.layer.renderer, self._surface(index), self.layer.spp)
+        return seen_in_gradient(self.exemplars, index, self.layer.renderer, self._surfaces.of(index), self.layer.spp)
 
-    def _references(self, index: int) -> ReferencePictures:
-        scene = self.exemplars.scenes[index]
-        return references(self.exemplars, index, scene, self.layer, self._surface(index))
+    def own_scenes(self, spp: int, *, keep: bool) -> OnlineRendering:
+        """The same scenes: nothing of the exemplars' own is stored."""
+        return self
 
-    def _surface(self, index: int) -> Any:
-        return prepared_surface(self.exemplars, index, self.layer.renderer, self._prepared)
+    def seen_in(self, config: ScenesConfig) -> None:
+        """None: what is seen is known of the exemplars' own pictures alone."""
 
+    def resampled(self, spp: int) -> OnlineRendering:
+        """The same scenes with so many samples per pixel."""
+        return replace(self, layer=replace(self.layer, spp=spp))
 
-def references(exemplars: Exemplars, index: int, scene: Scene, layer: RenderLayer, prepared: Any) -> ReferencePictures:
-    """The reference pictures of a scene of an exemplar's subject, by the renderer and with the samples of its fakes."""
-    view = exemplars.loader.view(scene)
-    return ReferencePictures(layer.renderer, prepared, exemplars.subject(index), scene, view, layer.spp)
+    def _batch(
+        self, indices: Sequence[int], scenes: Sequence[Scene], own_camera: bool = False, own_light: bool = False
+    ) -> OnlineSceneBatch:
+        surfaces = tuple(self._surfaces.of(index) for index in indices)
+        return OnlineSceneBatch(
+            self.layer, tuple(scenes), self.exemplars, tuple(indices), surfaces, own_camera, own_light
+        )

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.data.generate import BRIGHTEST
+from svbrdfgan.data.exemplar_files import BRIGHTEST
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene
@@ -74,10 +74,10 @@ class ReferencePictures:
     def light_buffer(self) -> Float[Tensor, "height width 9"]:
         """Diffuse irradiance (divided by pi), and reflections at roughness 0.3 and 0.6, as `REFERENCES` show them.
 
-        RGB each, linear, premultiplied, in half precision as exemplars are stored. Other parts look as in the scene. It
-        depends on geometry, camera and light, and not on the material of the learnable parts.
+        RGB each, linear, premultiplied, in half precision as exemplars are stored. Other parts look as in the scene.
+        The buffer depends on geometry, camera and light, and not on the material of the learnable parts.
         """
-        others = self.subject.materials(self.scene.materials, None, self.scene.maps).parts
+        others = self.subject.materials(None, self.scene.maps, base_colors=self.scene.materials).parts
         painted = self.subject.with_hidden_halves
         images = [
             self._render([white if part in painted else other for part, other in enumerate(others)]).image
@@ -119,5 +119,5 @@ class ReferencePictures:
 
 
 def _seed(seed: int) -> int:
-    """Another seed than the picture's, so that the noise of what stands beside a picture is not that of the picture."""
+    """A seed other than the picture's, so that the noise of what stands beside a picture is not that of the picture."""
     return (seed * 0x85EBCA6B + 0x5BD1E995) % 2**31

@@ -13,13 +13,14 @@ from svbrdfgan.data.conditions import conditions_of
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.networks import Conditions, GeneratorConfig
+from svbrdfgan.networks.conditions import Conditions
+from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
 
 
 @dataclass(frozen=True, eq=False)
 class ResolvedRun:
-    """What a run will do. Code below reads it, and opens and decides nothing again.
+    """A run with all that it will do decided. Code below reads it, and opens and decides nothing again.
 
     Attributes:
         config: the configuration, with `discriminator.compares` and `discriminator.light_buffer` decided.
@@ -38,7 +39,7 @@ class ResolvedRun:
 
     @property
     def conditions(self) -> Conditions:
-        """What generator and discriminator are told of each layer."""
+        """The facts of each layer that generator and discriminator are told."""
         return conditions_of(self.config.generator, self.dataset.config)
 
     @property

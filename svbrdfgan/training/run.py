@@ -15,13 +15,17 @@ from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.records import load_record, save_record
-from svbrdfgan.networks import Conditions, Generator
+from svbrdfgan.networks.conditions import Conditions
+from svbrdfgan.networks.generator import Generator
 from svbrdfgan.networks.saved import load_generator
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.resolve import ResolvedRun
 
-CONFIG, MODEL, LOG = "config.json", "model.safetensors", "log.jsonl"
-ORACLE, ORACLE_NOTES = "oracle.safetensors", "oracle.json"
+CONFIG = "config.json"
+MODEL = "model.safetensors"
+LOG = "log.jsonl"
+ORACLE = "oracle.safetensors"
+ORACLE_NOTES = "oracle.json"
 _LENGTH = ("steps", "minutes", "score_every", "save_every", "device", "devices", "dataset")
 _STABILITY = {"optimizer": {"generator_rate", "discriminator_rate"}, "loss": {"r1"}}
 _FREE: dict[str, Any] = {
@@ -53,7 +57,7 @@ class RunConfig(StrictModel):
 
     @property
     def conditions(self) -> Conditions:
-        """What the generator is told of each layer."""
+        """The facts of each layer that the generator is told."""
         return conditions_of(self.train.generator, self.dataset)
 
     def moved(self, dataset: Dataset) -> RunConfig:

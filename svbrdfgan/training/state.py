@@ -19,8 +19,10 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from svbrdfgan.errors import AssetError, TrainingError
-from svbrdfgan.networks import Discriminator, Generator, initialise, make_generator
-from svbrdfgan.rendering.compositing import RGBA
+from svbrdfgan.networks.discriminator import Discriminator
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.layers import initialise
+from svbrdfgan.networks.saved import make_generator
 from svbrdfgan.training.all_reduce import GradientAllReduce
 from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
 from svbrdfgan.training.reference_pictures import LIGHT_CHANNELS
@@ -28,6 +30,7 @@ from svbrdfgan.training.reference_pictures import LIGHT_CHANNELS
 RGB = 3
 """Channels of a picture."""
 _KEEP = 2
+"""Checkpoints of a run: the one before serves if the last is damaged."""
 _GBUFFER = 6
 """Channels of position and normal."""
 
@@ -60,12 +63,12 @@ class State:
         cls,
         config: TrainConfig,
         device: torch.device,
-        channels: int = RGBA,
+        maps: tuple[str, ...] = (),
         processes: int = 1,
         labels: int = 0,
         judged: int = RGB,
     ) -> State:
-        """The state before the first step, for layers with `channels` channels; the same for a seed on any device.
+        """The state before the first step, for layers with these further maps; the same for a seed on any device.
 
         Args:
             processes: number that share each step.
@@ -73,7 +76,7 @@ class State:
             judged: channels of what the discriminator judges, beside those of buffers and labels.
         """
         rng = torch.Generator().manual_seed(config.seed)
-        generator = make_generator(config.generator, channels, labels)
+        generator = make_generator(config.generator, maps, labels)
         discriminator = make_discriminator(config.discriminator, labels, judged)
         for network in (generator, discriminator):
             initialise(network, rng)
@@ -97,7 +100,7 @@ class State:
         get_ema_multi_avg_fn(keep)(means, now, None)
 
     def save(self, folder: Path) -> None:
-        """Writes a checkpoint: a folder that appears whole or not at all. It keeps the latest two."""
+        """Writes a checkpoint, a folder that appears whole or not at all, and keeps the latest two."""
         target = checkpoint_path(folder, self.step)
         temporary = target.with_name(f".{target.name}.{os.getpid()}")
         shutil.rmtree(temporary, ignore_errors=True)
@@ -178,7 +181,7 @@ def step_of(checkpoint: Path) -> int:
 
 
 def _read(checkpoint: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """Its tensors and its counters."""
+    """The tensors and the counters of a checkpoint."""
     try:
         tensors = load_file(checkpoint / "state.safetensors")
         return tensors, json.loads((checkpoint / "state.json").read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""One training step: the discriminator's updates, then the generator's."""
+"""A training step: the discriminator's updates, then the generator's."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from torch import Tensor, nn
 from svbrdfgan.networks.losses import LOSSES, gradient_penalty, gradient_square
 from svbrdfgan.networks.random_fields import MOST_SEEDS
 from svbrdfgan.training.batches import BatchSource
-from svbrdfgan.training.cached_rendering import demodulator_of
 from svbrdfgan.training.config import LossConfig, TrainConfig
 from svbrdfgan.training.demodulation import reproject
 from svbrdfgan.training.discriminator_batch import DiscriminatorBatch, ImageBatch, Pictures, composite_pair
@@ -65,10 +64,17 @@ def step_rng(fabric: Fabric, config: TrainConfig, step: int, critic_step: int) -
     return np.random.default_rng([config.seed, step, critic_step, fabric.global_rank])
 
 
+def batch_indices(seed: int, count: int, batch_size: int, number: int) -> list[int]:
+    """The exemplar indices of a batch: every epoch goes through all exemplars in a random order of its own."""
+    positions = np.arange(number * batch_size, (number + 1) * batch_size)
+    epochs = {int(r): np.random.default_rng([seed, int(r)]).permutation(count) for r in np.unique(positions // count)}
+    return [int(epochs[int(p // count)][p % count]) for p in positions]
+
+
 def make_pair(
     source: BatchSource, indices: Sequence[int], scenes: SceneBatch, layers: Layers
 ) -> tuple[ImageBatch, ImageBatch]:
-    """These exemplars, and fakes of these layers, as the discriminator compares them.
+    """Pairs the exemplars with fakes of these layers, as the discriminator compares them.
 
     Where it sees reflectance, fakes are reprojected into the exemplars' cameras. Exemplars are reprojected into the
     fakes' cameras and back, so that both sides are blurred alike, and both keep only the pixels that this leaves.
@@ -77,7 +83,9 @@ def make_pair(
     image, coverage = scenes.render(layers)
     if not source.demodulated:
         return real, _with_buffers(image, coverage, real, scenes)
-    own, others = source.demodulator(indices), demodulator_of(scenes)
+    own, others = source.own_scenes.first_scenes(indices).demodulator, scenes.demodulator
+    if own is None or others is None:
+        raise TypeError(f"{type(scenes).__name__} has no light to divide by; `TrainConfig` refuses this earlier")
     real_image, real_clear = reproject(own.reflectance(real.image), own.clear, own, others, own)
     fake_image, fake_clear = reproject(others.reflectance(image), others.clear, others, own, own)
     clear = real_clear & fake_clear

@@ -10,19 +10,17 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import torch
 from lightning_fabric import Fabric
 
-from svbrdfgan.data.gather import INDEX
+from svbrdfgan.data.index import INDEX
 from svbrdfgan.errors import ConfigError, TrainingError
 from svbrdfgan.metrics.constant_layer import constant_layers
 from svbrdfgan.metrics.recovered import Scorer, mean_over_maps
-from svbrdfgan.networks import Draw
+from svbrdfgan.networks.draw import Draw
 from svbrdfgan.networks.saved import save_generator
-from svbrdfgan.plugins import RENDERERS, find_plugin
+from svbrdfgan.plugins.registry import RENDERERS, find_plugin
 from svbrdfgan.plugins.select import resolve_renderer
-from svbrdfgan.rendering.compositing import layer_channels
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.graceful_interrupt import defer_interrupts
@@ -30,7 +28,7 @@ from svbrdfgan.training.metrics_log import MetricsLog
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, resolve_run
 from svbrdfgan.training.run import CONFIG, MODEL, ORACLE, ORACLE_NOTES, RunConfig
 from svbrdfgan.training.state import State, checkpoint_path, checkpoints, step_of
-from svbrdfgan.training.step import Diagnostics, step_rng, training_step
+from svbrdfgan.training.step import Diagnostics, batch_indices, step_rng, training_step
 from svbrdfgan.utils.display import Display, SilentDisplay
 
 _REPORT_EVERY = 50
@@ -70,16 +68,9 @@ def train(
     return _train(fabric, resolved, record, run, display or SilentDisplay())
 
 
-def batch_indices(seed: int, count: int, batch_size: int, number: int) -> list[int]:
-    """The exemplar indices of a batch: every epoch goes through all exemplars in a random order of its own."""
-    positions = np.arange(number * batch_size, (number + 1) * batch_size)
-    epochs = {int(r): np.random.default_rng([seed, int(r)]).permutation(count) for r in np.unique(positions // count)}
-    return [int(epochs[int(p // count)][p % count]) for p in positions]
-
-
 @dataclass(frozen=True, eq=False)
 class _Session:
-    """What one process holds while it trains. Only the first process has a scorer and a metrics log.
+    """The state of a process while it trains. Only the first process has a scorer and a metrics log.
 
     Attributes:
         typical: the labels of the layers that are scored, of a generator that is told any.
@@ -141,11 +132,11 @@ def _train(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path, 
 
 
 def _fresh_state(config: TrainConfig, record: RunConfig, device: torch.device, processes: int = 1) -> State:
-    return State.fresh(config, device, layer_channels(record.dataset.maps), processes, record.conditions.size)
+    return State.fresh(config, device, tuple(record.dataset.maps), processes, record.conditions.size)
 
 
 def _train_in_process(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path) -> None:
-    """Trains in a spawned process. It returns no state, since its tensors would end with the process."""
+    """Trains in a spawned process, and returns no state, since its tensors would end with the process."""
     _train(fabric, resolved, record, run, SilentDisplay())
 
 
@@ -239,7 +230,7 @@ def _score(session: _Session, state: State) -> None:
 
     A generator that paints different layers on one geometry is always saved, so that the last becomes the model: one
     draw of it recovers no other, however alike they look, and to compare many draws would cost as much as many steps.
-    Its score is that of its layer of seed 0 and typical labels.
+    The score of such a generator is that of its layer of seed 0 and typical labels.
 
     With further maps, the score is the mean over maps, on all texels that pictures show: to find where each map can be
     observed would take renderings of the whole split.

@@ -1,6 +1,7 @@
 """The records that all parts of the project exchange. They hold data and check it, and do nothing else."""
 
 from svbrdfgan.types.geometry import FileMap, Mesh, Part, Surface
+from svbrdfgan.types.layer import Layer
 from svbrdfgan.types.material import DIELECTRIC_REFLECTANCE, LEAST_ROUGHNESS, Material, Materials
 from svbrdfgan.types.render import Gradients, Rendering, TransportSamples
 from svbrdfgan.types.view import Camera, Environment, View
@@ -12,6 +13,7 @@ __all__ = [
     "Environment",
     "FileMap",
     "Gradients",
+    "Layer",
     "Material",
     "Materials",
     "Mesh",

@@ -43,7 +43,8 @@ class Part:
         name: the material's name in the file, unique within its mesh.
         base_color: linear RGB reflectance in [0, 1]; multiplies `texture` where there is one.
         texture: linear RGB reflectance (rows, cols, 3) over the mesh's own UVs, row 0 at v = 0; None if constant.
-        hidden: whether the faces lie below others at the same UV; they keep their base material and get no layer.
+        hidden_half_of: name of the part whose faces these are that lie below others at the same UV; they keep its base
+            material and get no layer. None for a part of the mesh.
         alpha: probability in [0, 1] that a ray which meets the part does not pass through it: a constant, or a texture
             (rows, cols) over the surface's UV, row 0 at v = 0. A mesh's part leaves it at 1; its file's is in
             `file_maps`.
@@ -58,7 +59,7 @@ class Part:
     name: str
     base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)
     texture: Float[ndarray, "rows cols 3"] | None = None
-    hidden: bool = False
+    hidden_half_of: str | None = None
     alpha: float | Float[ndarray, "rows cols"] = 1.0
     file_maps: Mapping[str, FileMap] = field(default_factory=dict)
     texture_uv_set: int = 0
@@ -75,6 +76,16 @@ class Part:
                     f"part {self.name!r} has a map {name!r} of {len(given.factor)} channels; wanted one of "
                     f"{', '.join(f'{known} ({size})' for known, size in FILE_CHANNELS.items())}."
                 )
+
+    @property
+    def hidden(self) -> bool:
+        """Whether the part is the hidden half of another."""
+        return self.hidden_half_of is not None
+
+    @property
+    def mesh_part(self) -> str:
+        """Name of the mesh's part: the part itself, or the one whose hidden half it is."""
+        return self.name if self.hidden_half_of is None else self.hidden_half_of
 
     @property
     def opaque(self) -> bool:

@@ -3,65 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from numpy import ndarray
-from torch import Tensor
 
 from svbrdfgan.config.error_messages import did_you_mean
 from svbrdfgan.config.models import build
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.geometry.bake_materials import nearest_texels
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.tangents import corner_tangents
-from svbrdfgan.types import Surface
+from svbrdfgan.geometry.texels import nearest_texels
+from svbrdfgan.types import Layer, Surface
+from svbrdfgan.types.layer import FURTHER_MAPS
 from svbrdfgan.types.material import CHANNELS
-from svbrdfgan.weathering.mesh_maps import MeshMaps
+from svbrdfgan.weathering.mesh_maps import TexelGeometry
 from svbrdfgan.weathering.recipes import RECIPES, Recipe
-from svbrdfgan.weathering.site import Site, survey
-
-
-class TexelGeometry(Protocol):
-    """The fields of a geometry buffer that weathering uses; row 0 is at v = 0.
-
-    Texels without surface have the position and normal of the nearest one with it, and face -1.
-    """
-
-    @property
-    def position(self) -> Float[ndarray | Tensor, "rows cols 3"]:
-        """Metres, in the surface's coordinates."""
-        ...
-
-    @property
-    def normal(self) -> Float[ndarray | Tensor, "rows cols 3"]:
-        """Unit, outward."""
-        ...
-
-    @property
-    def face(self) -> Int[ndarray | Tensor, "rows cols"]:
-        """Index into the surface's faces; only normal maps need it."""
-        ...
-
-    @property
-    def barycentric(self) -> Float[ndarray | Tensor, "rows cols 3"]:
-        """Coordinates of the texel's centre in its face; only normal maps need them."""
-        ...
+from svbrdfgan.weathering.site import Site
+from svbrdfgan.weathering.survey import find_site
 
 
 def weather(
     surface: Surface, buffer: TexelGeometry, recipe: Recipe, maps: Collection[str] = (), *, site: Site | None = None
-) -> Float[Tensor, "rows cols channels"]:
-    """The weathering layer at a buffer's texels: linear RGB, straight alpha, then `maps`; float32.
+) -> Layer:
+    """The weathering layer at a buffer's texels, with `maps` beside base colour; float32.
 
     All values are in [0, 1], but those of `normal`, which are unit vectors in tangent space. The layer is deterministic
     and does not depend on the model's size. Texels outside the mask continue it as smoothly as the buffer's filled
     values do. A layer takes about two seconds at 256 x 256, mostly for visibility and curvature.
 
     Args:
-        maps: names of further material maps to paint, such as "roughness"; channels follow the order of `CHANNELS`.
+        maps: names of further material maps to paint, such as "roughness", in any order.
         site: result of `find_site` for the same surface and buffer; saves time if several layers are painted.
 
     Raises:
@@ -70,28 +44,15 @@ def weather(
     _require_maps(maps)
     rows, cols, _ = buffer.position.shape
     site = site or find_site(surface, buffer)
-    coat = recipe.paint(site)
+    coat, names = recipe.paint(site), tuple(name for name in FURTHER_MAPS if name in maps)
     channels = [coat.rgba]
-    if "roughness" in maps:
-        channels.append(coat.roughness[:, None])
-    if "metallic" in maps:
-        channels.append(coat.metallic[:, None])
-    if "normal" in maps:
-        channels.append(_relief(recipe, site, coat.height, *_tangents(surface, buffer)))
+    for name in names:
+        if name == "normal":
+            channels.append(_relief(recipe, site, coat.height, *_tangents(surface, buffer)))
+        else:
+            channels.append({"roughness": coat.roughness, "metallic": coat.metallic}[name][:, None])
     painted = np.concatenate(channels, axis=1)
-    return torch.from_numpy(painted.reshape(rows, cols, -1).astype(np.float32))
-
-
-def find_site(surface: Surface, buffer: TexelGeometry, maps: MeshMaps | None = None) -> Site:
-    """The geometry that recipes use, at each texel of the buffer, row by row.
-
-    Args:
-        maps: the buffer's mesh maps, which else are computed.
-    """
-    position, normal = (np.asarray(values, np.float64) for values in (buffer.position, buffer.normal))
-    steps = np.linalg.norm(np.diff(position, axis=1), axis=2)
-    texel = float(np.median(steps[steps > 0.0])) if steps.any() else 0.0
-    return survey(surface, position.reshape(-1, 3), normal.reshape(-1, 3), texel, maps)
+    return Layer(torch.from_numpy(painted.reshape(rows, cols, -1).astype(np.float32)), names)
 
 
 def _relief(

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
-from svbrdfgan.geometry.bake import GeometryBuffer
 from svbrdfgan.types import Surface
 from svbrdfgan.weathering.occlusion import ambient_visibility, mean_curvature
 
@@ -40,10 +40,37 @@ class MeshMaps:
         return torch.stack([2.0 * self.visibility - 1.0, 0.5 * self.curvature.clamp(-2.0, 2.0)]).float()
 
 
-def bake_mesh_maps(surface: Surface, buffer: GeometryBuffer) -> MeshMaps:
+class TexelGeometry(Protocol):
+    """The fields of a geometry buffer that weathering uses; row 0 is at v = 0.
+
+    Texels without surface have the position and normal of the nearest one with it, and face -1.
+    """
+
+    @property
+    def position(self) -> Float[ndarray | Tensor, "rows cols 3"]:
+        """Metres, in the surface's coordinates."""
+        ...
+
+    @property
+    def normal(self) -> Float[ndarray | Tensor, "rows cols 3"]:
+        """Unit, outward."""
+        ...
+
+    @property
+    def face(self) -> Int[ndarray | Tensor, "rows cols"]:
+        """Index into the surface's faces; only normal maps need it."""
+        ...
+
+    @property
+    def barycentric(self) -> Float[ndarray | Tensor, "rows cols 3"]:
+        """Coordinates of the texel's centre in its face; only normal maps need them."""
+        ...
+
+
+def bake_mesh_maps(surface: Surface, buffer: TexelGeometry) -> MeshMaps:
     """The mesh maps of a surface at the texels of its geometry buffer; takes about a second for 65,000 texels."""
     rows, cols, _ = buffer.position.shape
-    points, normals = (values.reshape(-1, 3).double().numpy() for values in (buffer.position, buffer.normal))
+    points, normals = (np.asarray(v, np.float64).reshape(-1, 3) for v in (buffer.position, buffer.normal))
     found = survey_maps(surface, points, normals)
     return MeshMaps(*(torch.from_numpy(values).view(rows, cols) for values in found))
 

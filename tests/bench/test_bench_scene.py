@@ -10,9 +10,11 @@ import torch
 from svbrdfgan.bench.bench_scene import BenchScene
 from svbrdfgan.bench.standard_scenes import standard_scene, vehicle_scene
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io import save_environment, save_mesh_glb
-from svbrdfgan.plugins import load_embedding, load_renderer
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.io.environment import save_environment
+from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.plugins.registry import load_embedding, load_renderer
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 
 
 def test_the_file_keeps_all_of_it(tiny: BenchScene, tmp_path: Path) -> None:

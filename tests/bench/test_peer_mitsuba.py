@@ -14,7 +14,7 @@ from svbrdfgan.bench.bench_scene import BenchScene
 from svbrdfgan.bench.cases import Case
 from svbrdfgan.bench.programs import Program
 from svbrdfgan.bench.standard_scenes import glossy_scene, standard_scene
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="Mitsuba is not installed")
 PEER = Path(__file__).parents[2] / "benchmarks" / "peer_mitsuba.py"

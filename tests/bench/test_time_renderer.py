@@ -14,7 +14,7 @@ from svbrdfgan.bench.meter import Meter, median_seconds
 from svbrdfgan.bench.programs import STEPS
 from svbrdfgan.bench.standard_scenes import glossy_scene
 from svbrdfgan.bench.time_renderer import measure
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 
 CPU = torch.device("cpu")
 MIB = 2**20

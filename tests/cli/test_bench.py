@@ -138,8 +138,10 @@ def test_defaults_are_every_working_renderer_and_more_samples_on_a_gpu(
 def test_a_vehicle_has_a_table_of_its_own(tmp_path: Path) -> None:
     import torch
 
-    from svbrdfgan.io import save_environment, save_mesh_glb
-    from svbrdfgan.procedural import build_vehicle, sample_vehicle
+    from svbrdfgan.io.environment import save_environment
+    from svbrdfgan.io.gltf import save_mesh_glb
+    from svbrdfgan.procedural.kinds import sample_vehicle
+    from svbrdfgan.procedural.vehicle import build_vehicle
 
     save_mesh_glb(tmp_path / "van.glb", build_vehicle(sample_vehicle("van", 5)))
     save_environment(tmp_path / "sky.exr", torch.ones(8, 16, 3))

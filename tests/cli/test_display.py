@@ -22,8 +22,8 @@ from rich.table import Table
 from svbrdfgan.bench.programs import STEPS, Figures, Program
 from svbrdfgan.cli import COMMANDS, display, main, probe
 from svbrdfgan.errors import SvbrdfganError
-from svbrdfgan.plugins import Plugin
 from svbrdfgan.plugins.probe import Probe
+from svbrdfgan.plugins.registry import Plugin
 from svbrdfgan.testing import Outcome
 
 LONG = "backward-samples-of-a-row-that-is-much-wider-than-any-terminal-on-which-it-was-ever-looked-at"
@@ -121,7 +121,7 @@ class TestTables:
         table.add_row("pose", LONG)
         monkeypatch.setattr(probe, "_table", lambda diagnosis: table)
         probed = type("Probed", (), {"report": type("None", (), {"lines": lambda self: [LONG]})()})()
-        monkeypatch.setattr("svbrdfgan.evaluation.leakage.probe_shortcuts", lambda *_, **__: probed)
+        monkeypatch.setattr("svbrdfgan.evaluation.leakage.probe.probe_shortcuts", lambda *_, **__: probed)
         (tmp_path / "train.yaml").write_text("dataset: data\n")
         lines = [f"title of {LONG}", "confounder  real and fake", f"pose        {LONG}", LONG]
         assert self.printed("probe", tmp_path / "train.yaml").splitlines() == lines
@@ -225,11 +225,11 @@ LONG_WORK = [
     ("check numpy", "svbrdfgan.testing.kit.run_kit", "renderer 'numpy'"),
     ("check --pairs", "svbrdfgan.testing.pairs.table.installed_renderers", "trying the renderers"),
     ("check --pairs", "svbrdfgan.testing.pairs.table.Table.rows", "pairs of renderers, ci profile"),
-    ("weather {mesh} -o {out}/a.glb", "svbrdfgan.io.load_mesh", "loading"),
+    ("weather {mesh} -o {out}/a.glb", "svbrdfgan.io.mesh.load_mesh", "loading"),
     ("weather {mesh} -o {out}/a.glb", "svbrdfgan.scene.subject.make_subject", "unwrapping"),
-    ("weather {mesh} --resolution 16 -o {out}/a.glb", "svbrdfgan.weathering.weather", "weathering"),
+    ("weather {mesh} --resolution 16 -o {out}/a.glb", "svbrdfgan.weathering.layer.weather", "weathering"),
     ("weather {mesh} --resolution 16 -o {out}/a.glb", "svbrdfgan.inference.export.write_weathered", "writing"),
-    ("bake {mesh} --resolution 16 -o {out}", "svbrdfgan.io.load_mesh", "loading"),
+    ("bake {mesh} --resolution 16 -o {out}", "svbrdfgan.io.mesh.load_mesh", "loading"),
     ("bake {mesh} --resolution 16 -o {out}", "svbrdfgan.report.uv_summary.write_summary", "measuring and drawing"),
     ("embeddings --compare {folder} --embedding lscm", "svbrdfgan.cli.uv_comparison.measure_embedding", "lscm"),
     ("texture {mesh} --model {out} -o {out}/a.glb", "svbrdfgan.training.run.load_model", "loading"),
@@ -237,7 +237,7 @@ LONG_WORK = [
     ("dataset {dataset} -o {out} --dry-run", "svbrdfgan.data.estimate.estimate", "making a few exemplars"),
     ("dataset {dataset} -o {out} --preview", "svbrdfgan.data.estimate.preview", "rendering the preview"),
     ("dataset import {manifest} -o {out}", "svbrdfgan.data.photos.manifest.read_manifest", "reading"),
-    ("probe {train}", "svbrdfgan.evaluation.leakage.probe_shortcuts", "opening the data set"),
+    ("probe {train}", "svbrdfgan.evaluation.leakage.probe.probe_shortcuts", "opening the data set"),
     ("train {train} -o {out}", "svbrdfgan.training.trainer.train", "opening the data set"),
     ("evaluate {out}", "svbrdfgan.evaluation.evaluate.evaluate", "opening"),
     ("experiment training -o {out}", "svbrdfgan.experiments.runner.run_experiments", "reading the experiments"),

@@ -19,9 +19,12 @@ from PIL import Image
 from svbrdfgan_numpy import NumpyRenderer
 
 from svbrdfgan.cli import main
-from svbrdfgan.data.exemplars import load_picture
-from svbrdfgan.io import load_mesh, save_environment, save_mesh_glb
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.data.exemplar_files import load_picture
+from svbrdfgan.io.environment import save_environment
+from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.protocols import RendererCapabilities
 
 Data = Callable[..., dict[str, Any]]

@@ -9,8 +9,11 @@ from click.testing import CliRunner, Result
 from PIL import Image
 
 from svbrdfgan.cli import main
-from svbrdfgan.io import load_mesh, load_texture, save_mesh_glb
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.image import load_texture
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 
 
 @pytest.fixture(scope="module")

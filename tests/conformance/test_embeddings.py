@@ -3,7 +3,7 @@
 import pytest
 from tiers import only, without
 
-from svbrdfgan.plugins import load_embedding
+from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.testing import UVEmbeddingTests
 

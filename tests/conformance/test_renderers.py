@@ -15,7 +15,7 @@ import pytest
 import torch
 from tiers import AT_POWER, CHANGED_BY_BOUNCES, IN_TOTAL, only, without
 
-from svbrdfgan.plugins import RENDERERS, list_plugins
+from svbrdfgan.plugins.registry import RENDERERS, list_plugins
 from svbrdfgan.testing import RendererTests
 from svbrdfgan.testing.kit import FAST
 

@@ -7,7 +7,7 @@ from unittest import SkipTest
 import pytest
 from tiers import AT_POWER
 
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.testing import RendererTests
 from svbrdfgan.testing.kit import FAST, names_of_tests
 

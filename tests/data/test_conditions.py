@@ -10,7 +10,7 @@ from svbrdfgan.config.models import validate
 from svbrdfgan.data.conditions import declared_conditions, labels_of_scenes
 from svbrdfgan.data.config import WeatheringDistribution
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.networks import Conditions
+from svbrdfgan.networks.conditions import Conditions
 
 
 def of(**written: Any) -> Conditions:

@@ -134,7 +134,7 @@ def test_the_shipped_configurations_are_right() -> None:
 )
 def test_cars_are_learnable_but_for_glass_and_wheels(name: str, learnable: bool) -> None:
     assert PartSelection().selects(Part(name)) is learnable
-    assert not PartSelection().selects(Part(name, hidden=True))
+    assert not PartSelection().selects(Part(name, hidden_half_of="body"))
 
 
 def test_a_selection_names_patterns() -> None:

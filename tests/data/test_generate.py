@@ -22,16 +22,20 @@ from svbrdfgan.config.distributions import Normal
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.estimate import estimate, preview
-from svbrdfgan.data.exemplars import load_exemplars, load_picture
+from svbrdfgan.data.exemplar_files import exemplar_paths, load_picture
+from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.data.gather import gather_environments
-from svbrdfgan.data.generate import exemplar_paths, generate, missing, render_scene
-from svbrdfgan.data.index import Dataset, DatasetIndex, make_index
+from svbrdfgan.data.generate import generate, missing, render_scene
+from svbrdfgan.data.index import Dataset, DatasetIndex
+from svbrdfgan.data.make_index import make_index
 from svbrdfgan.data.prebake import prebake
 from svbrdfgan.errors import AssetError, ConfigError
-from svbrdfgan.io import load_environment, save_mesh_glb
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.gltf import save_mesh_glb
 from svbrdfgan.plugins import select
 from svbrdfgan.plugins.select import resolve_renderer
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
 

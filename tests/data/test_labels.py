@@ -16,12 +16,13 @@ from torch.nn.functional import max_pool2d
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.estimate import estimate
-from svbrdfgan.data.exemplars import load_exemplars, load_picture
-from svbrdfgan.data.generate import exemplar_paths, generate, render_scene
+from svbrdfgan.data.exemplar_files import exemplar_paths, load_picture
+from svbrdfgan.data.exemplars import load_exemplars
+from svbrdfgan.data.generate import generate, render_scene
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.data.labels import make_labels
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.io import load_exr
+from svbrdfgan.io.exr import load_exr
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
@@ -135,7 +136,7 @@ def test_hidden_halves_have_the_id_of_their_part(folder: Path) -> None:
     assert any(part.hidden for part in surface.parts)
     ids = _ids(surface, dataset.index.parts)
     for part, number in zip(surface.parts, ids, strict=False):
-        assert part.name.removesuffix(" (hidden)") == dataset.index.parts[int(number)]
+        assert part.mesh_part == dataset.index.parts[int(number)]
 
 
 def test_an_interrupted_exemplar_is_labelled_again(folder: Path, labelled: DatasetConfig) -> None:

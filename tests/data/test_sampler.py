@@ -17,7 +17,8 @@ from svbrdfgan.data.config import CameraDistribution, DatasetConfig, Environment
 from svbrdfgan.data.gather import gather_environments
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset, MeshAsset
-from svbrdfgan.io import load_environment, load_mesh
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.scene.description import AssetRef, OrbitCamera
 from svbrdfgan.scene.loader import SceneLoader
 

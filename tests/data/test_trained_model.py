@@ -15,8 +15,9 @@ from svbrdfgan.config.distributions import Fixed, UniformInteger
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.estimate import estimate, preview
+from svbrdfgan.data.exemplar_files import exemplar_paths
 from svbrdfgan.data.exemplars import load_exemplars
-from svbrdfgan.data.generate import exemplar_paths, generate
+from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.errors import AssetError, ConfigError
@@ -172,7 +173,7 @@ def test_layers_are_draws_of_the_model(folder: Path, base: Path) -> None:
         layer = exemplars.layers[number]
         assert layer is not None
         painted = draw(exemplars.subject(number).geometry.unsqueeze(0))[0]
-        torch.testing.assert_close(layer, painted, atol=2 / 255, rtol=0)
+        torch.testing.assert_close(layer.values, painted, atol=2 / 255, rtol=0)
     assert len({weathering_of(scene).seed for scene in exemplars.scenes}) == len(exemplars)
     assert {weathering_of(scene).recipe for scene in exemplars.scenes} == {"rust", "dust"}
 
@@ -181,9 +182,9 @@ def test_amount_and_seed_of_a_scene_change_its_layer(folder: Path) -> None:
     one, other = (Scene.load(exemplar_paths(folder, "train", number)[1]) for number in (0, 1))
     loader = SceneLoader(folder, keep=False)
     changed = weathering_of(one).model_copy(update={"amount": 0.2 if weathering_of(one).amount > 0.6 else 1.0})
-    layer = loader.paint(one, weathering_of(one))
-    assert not torch.equal(layer, loader.paint(one, changed))
-    assert not torch.equal(layer, loader.paint(other, weathering_of(other)))
+    layer = loader.paint(one, weathering_of(one)).values
+    assert not torch.equal(layer, loader.paint(one, changed).values)
+    assert not torch.equal(layer, loader.paint(other, weathering_of(other)).values)
 
 
 def test_the_folder_goes_on_without_the_run(folder: Path, declared: Made, tmp_path: Path) -> None:
@@ -221,7 +222,7 @@ def test_a_changed_copy_is_told(folder: Path, base: Path, tmp_path: Path) -> Non
 
 def test_a_scene_of_other_maps_is_told(folder: Path) -> None:
     scene = Scene.load(exemplar_paths(folder, "train", 0)[1]).model_copy(update={"maps": {"roughness": 0.5}})
-    with pytest.raises(AssetError, match=r"paints layers of 4 channels, and the scene's maps need 5"):
+    with pytest.raises(AssetError, match=r"paints base_color and \[\], and the scene declares \['roughness'\]"):
         SceneLoader(folder, keep=False).paint(scene, weathering_of(scene))
 
 

@@ -14,7 +14,7 @@ import torch
 from svbrdfgan.cli import COMMANDS, main
 from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
 from svbrdfgan.data.config import dataset_config
-from svbrdfgan.io import load_mesh
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.training.config import train_config
 
 REPOSITORY = Path(__file__).parents[2]

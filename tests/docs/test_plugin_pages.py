@@ -11,8 +11,9 @@ import torch
 
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.errors import ConfigError, EmbeddingError, UnsupportedError
-from svbrdfgan.plugins import load_embedding, load_renderer
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.plugins.registry import load_embedding, load_renderer
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.scene.subject import make_subject
 from svbrdfgan.testing import RendererTests, UVEmbeddingTests, run_kit

@@ -12,9 +12,9 @@ import yaml
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.conditions import declared_conditions
 from svbrdfgan.data.config import DatasetConfig
-from svbrdfgan.networks import Conditions
+from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.training.config import train_config
-from svbrdfgan.weathering import RECIPES
+from svbrdfgan.weathering.recipes import RECIPES
 
 OPTION = re.compile(r"^\| ([a-z-]* ?)\| `(\w+)` \| `([\d.]+)` \| ([\d.]+) to ([\d.]+) \|", re.MULTILINE)
 Blocks = list[dict[str, Any]]

@@ -17,8 +17,10 @@ from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.inference.apply import paint
 from svbrdfgan.inference.export import write_weathered
-from svbrdfgan.io import load_mesh, save_mesh_glb
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.run import load_model
 from svbrdfgan.training.trainer import train
@@ -70,12 +72,12 @@ def test_a_data_set_keeps_what_its_files_say(folder: Path) -> None:
     exemplars = load_exemplars(Dataset.open(folder), "train")
     subject, scene, layer = exemplars.subject(0), exemplars.scenes[0], exemplars.layers[0]
     assert layer is not None
-    assert layer.shape == (32, 32, 9)
+    assert layer.maps == ("roughness", "metallic", "normal")
     parts = {part.name: part for part in subject.surface.parts}
     assert parts["glass"].alpha == 0.25
     assert parts["body"].opaque
     names = [part.name for part in subject.surface.parts]
-    materials = subject.materials(scene.materials, layer, scene.maps)
+    materials = subject.materials(layer, scene.maps, base_colors=scene.materials)
     found = {name: material.maps for name, material in zip(names, materials.parts, strict=True)}
     assert found["body"].keys() == {"base_color", "roughness", "metallic", "normal"}
     assert found["rim"]["metallic"].tolist() == [1.0]
@@ -84,10 +86,10 @@ def test_a_data_set_keeps_what_its_files_say(folder: Path) -> None:
 
 def test_the_model_paints_every_map_and_its_glb_says_so(run: Path, vehicles: Path, tmp_path: Path) -> None:
     model = load_model(run)
-    assert model.generator.channels == 9
+    assert model.generator.maps == ("roughness", "metallic", "normal")
     subject, layer = paint(load_mesh(vehicles / "two.glb"), model)
-    assert layer.shape == (32, 32, 9)
-    assert layer[..., 6:8].abs().max() < 1
+    assert layer.maps == ("roughness", "metallic", "normal")
+    assert layer["normal"][..., :2].abs().max() < 1
     write_weathered(tmp_path / "car.glb", subject, layer, model.config.maps)
     read: dict[str, Part] = {part.name: part for part in load_mesh(tmp_path / "car.glb").parts}
     assert read["body"].file_maps.keys() == {"roughness", "metallic", "normal"}

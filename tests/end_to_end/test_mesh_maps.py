@@ -16,7 +16,7 @@ from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.inference.apply import choose_draw, paint
-from svbrdfgan.io import load_mesh
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.run import load_model
 from svbrdfgan.training.trainer import train
@@ -43,7 +43,7 @@ def test_it_paints_the_same_on_a_mesh_and_in_a_data_set(run: Path, dataset_data:
     asked = {"seed": weathering.seed, "amount": weathering.amount, "recipe": weathering.recipe}
     _, painted = paint(load_mesh(made.loader.file(scene.mesh)), model, **asked)
     assert layer is not None
-    torch.testing.assert_close(painted, layer, atol=2 / 255, rtol=0)
+    torch.testing.assert_close(painted.values, layer.values, atol=2 / 255, rtol=0)
 
 
 def test_it_reads_them(run: Path, varied_dataset: Path) -> None:
@@ -61,7 +61,7 @@ def test_it_paints_finer_with_the_maps_of_its_own_resolution(run: Path, varied_d
     exemplars, model = load_exemplars(Dataset.open(varied_dataset), "train"), load_model(run)
     mesh, trained = load_mesh(exemplars.loader.file(exemplars.scenes[0].mesh)), model.config.dataset.texture
     subject, layer = paint(mesh, model, recipe="rust", resolution=2 * trained)
-    assert layer.shape[:2] == subject.buffer.mask.shape == (2 * trained, 2 * trained)
+    assert layer.alpha.shape == subject.buffer.mask.shape == (2 * trained, 2 * trained)
 
 
 @pytest.mark.full

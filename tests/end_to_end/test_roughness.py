@@ -18,7 +18,8 @@ from svbrdfgan_numpy import NumpyRenderer
 
 from svbrdfgan.cli import main
 from svbrdfgan.data.config import dataset_config
-from svbrdfgan.data.exemplars import load_exemplars, load_picture
+from svbrdfgan.data.exemplar_files import load_picture
+from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
@@ -26,8 +27,9 @@ from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.inference.apply import paint
 from svbrdfgan.inference.export import write_weathered
-from svbrdfgan.io import load_image, load_mesh, load_texture, srgb_from_linear
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.io.image import load_image, load_texture, srgb_from_linear
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import RendererCapabilities
 from svbrdfgan.training.batches import make_batch_source
 from svbrdfgan.training.config import TrainConfig, train_config
@@ -36,6 +38,7 @@ from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.training.run import load_model
 from svbrdfgan.training.state import State
 from svbrdfgan.training.trainer import train
+from svbrdfgan.types import Layer
 
 Data = Callable[..., dict[str, Any]]
 Settings = Callable[..., TrainConfig]
@@ -83,8 +86,8 @@ def test_exemplars_say_how_rough_paint_and_dirt_are(folder: Path) -> None:
     assert all(0.2 <= value <= 0.5 for value in bare)
     for layer in exemplars.layers:
         assert layer is not None
-        assert layer.shape == (32, 32, 5)
-        assert 0.85 <= layer[..., 4].min() < layer[..., 4].max() <= 0.95
+        assert layer.maps == ("roughness",)
+        assert 0.85 <= layer["roughness"].min() < layer["roughness"].max() <= 0.95
 
 
 def test_the_gradient_of_the_channel_is_alpha_times_that_of_the_map(settings: Settings, folder: Path) -> None:
@@ -100,7 +103,7 @@ def test_the_gradient_of_the_channel_is_alpha_times_that_of_the_map(settings: Se
     subject, scene = scenes.exemplars.subject(0), scenes.scenes[0]
     gradients = scenes.layer.renderer.render_vjp(
         scenes.prepared[0],
-        subject.materials(scene.materials, layers[0], scene.maps),
+        subject.materials(Layer(layers[0], ("roughness",)), scene.maps, base_colors=scene.materials),
         scenes.exemplars.loader.view(scene),
         cotangent[0],
         wrt=frozenset({"roughness"}),
@@ -121,7 +124,7 @@ def test_ten_steps_teach_the_channel(renderer: str, settings: Settings, run: Pat
             pytest.skip("the mitsuba renderer needs mitsuba")
         run = tmp_path / "run"
         train(settings(steps=10, renderer={"name": "mitsuba", "device": "cpu"}), run)
-    before = State.fresh(settings(steps=10), CPU, channels=5).generator.state_dict()
+    before = State.fresh(settings(steps=10), CPU, maps=("roughness",)).generator.state_dict()
     after = load_file(run / "checkpoints" / "step_00000010" / "state.safetensors")
     last = list(before)[-2]
     assert last.endswith("weight")
@@ -132,14 +135,14 @@ def test_ten_steps_teach_the_channel(renderer: str, settings: Settings, run: Pat
 
 def test_the_model_paints_and_exports_the_map(run: Path, folder: Path, tmp_path: Path) -> None:
     model = load_model(run)
-    assert model.generator.channels == 5
+    assert model.generator.maps == ("roughness",)
     assert model.config.maps == {"roughness": 0.35}
     subject, layer = paint(load_mesh(next((folder / "assets" / "meshes").iterdir())), model)
-    assert layer.shape == (32, 32, 5)
+    assert layer.values.shape == (32, 32, 5)
     write_weathered(tmp_path / "car.glb", subject, layer, model.config.maps)
     assert {path.name for path in tmp_path.iterdir()} == {"car.glb", "car.layer.png", "car.roughness.png"}
     stored = srgb_from_linear(load_texture(tmp_path / "car.roughness.png"))[..., 0]
-    alpha, value = layer[..., 3], layer[..., 4]
+    alpha, value = layer.alpha, layer["roughness"][..., 0]
     expected = 0.35 * (1 - alpha) + value * alpha
     torch.testing.assert_close(stored, expected, atol=0.6 / 255, rtol=0)
     scene = trimesh.load_scene(tmp_path / "car.glb")

@@ -23,13 +23,13 @@ from svbrdfgan.evaluation.adversarial_oracle import Budget, TrueLayers, train_ad
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.evaluation.record import Evaluation, share
-from svbrdfgan.networks import Generator, make_generator
-from svbrdfgan.networks.saved import load_generator, save_generator
-from svbrdfgan.rendering.compositing import RGBA
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.saved import load_generator, make_generator, save_generator
 from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.training.metrics_log import read_metrics
 from svbrdfgan.training.run import LOG, ORACLE, ORACLE_NOTES, RunConfig
 from svbrdfgan.training.trainer import train
+from svbrdfgan.types import Layer
 
 CPU = torch.device("cpu")
 SIZE = 32
@@ -58,12 +58,14 @@ def even() -> TrueLayers:
     shown = torch.zeros(2, SIZE, SIZE, dtype=torch.bool)
     shown[:, SIZE // 2 :] = True
     geometry = torch.randn(2, 6, SIZE, SIZE, generator=torch.Generator().manual_seed(0))
-    return TrueLayers(geometry, shown, layers.half(), torch.arange(16) % 2, 2 * amounts[:, None] - 1, gbuffer=True)
+    return TrueLayers(
+        geometry, shown, Layer(layers.half()), torch.arange(16) % 2, 2 * amounts[:, None] - 1, gbuffer=True
+    )
 
 
 def generator_of(truth: TrueLayers) -> Generator:
     labels = 0 if truth.labels is None else truth.labels.shape[1]
-    return Generator(width=4, blocks=1, random_fields=2, labels=labels, channels=truth.layers.shape[-1])
+    return Generator(width=4, blocks=1, random_fields=2, labels=labels, maps=truth.layers.maps)
 
 
 def test_the_discriminator_sees_the_layers_where_pictures_show_them(even: TrueLayers, fabric: Fabric) -> None:
@@ -94,7 +96,8 @@ def test_what_is_not_shown_teaches_nothing(even: TrueLayers, fabric: Fabric) -> 
 
 def test_further_maps_are_judged_and_labels_may_be_missing(even: TrueLayers, fabric: Fabric) -> None:
     further = torch.full((16, SIZE, SIZE, 4), 0.5).half()  # roughness and normal
-    whole = replace(even, layers=torch.cat([even.layers, further], dim=-1), labels=None, gbuffer=False)
+    layers = Layer(torch.cat([even.layers.values, further], dim=-1), ("roughness", "normal"))
+    whole = replace(even, layers=layers, labels=None, gbuffer=False)
     batch = whole.batch(fabric, generator_of(whole), [0, 1, 2], np.random.default_rng(0))
     assert batch.real.shape == (3, whole.judged, SIZE, SIZE) == (3, 4 + 1 + 2, SIZE, SIZE)
 
@@ -120,7 +123,7 @@ def test_time_ends_it(even: TrueLayers, fabric: Fabric) -> None:
 
 
 def test_losses_that_are_not_finite_are_reported(even: TrueLayers, fabric: Fabric) -> None:
-    broken = replace(even, layers=torch.full_like(even.layers, torch.nan))
+    broken = replace(even, layers=Layer(torch.full_like(even.layers.values, torch.nan)))
     with pytest.raises(TrainingError, match="the oracle stopped at step 2: a loss or weight is not finite"):
         train_adversarial_oracle(fabric, CONFIG, broken, Budget(2))
 
@@ -135,8 +138,8 @@ def test_it_learns_from_as_many_layers_as_there_are_exemplars(varied_run: Path) 
         assert not truth.shown[number][~subject.learnable_texels].any()
     assert truth.labels is not None
     assert torch.equal(truth.labels, labels_of_scenes(config.conditions, exemplars.scenes))
-    for index, layer in enumerate(truth.layers):
-        assert torch.equal(layer, exemplars.layers[index].half())
+    for index, layer in enumerate(truth.layers.values):
+        assert torch.equal(layer, exemplars.layers[index].values.half())
     with pytest.raises(AssetError, match="nothing to learn from"):
         TrueLayers.of(exemplars, lambda index: torch.zeros(SIZE, SIZE), config, CPU)
 
@@ -180,7 +183,7 @@ def test_a_run_that_was_continued_has_its_oracle_trained_anew(varied_run: Path, 
 def test_an_oracle_of_an_earlier_version_is_not_taken_for_it(varied_run: Path, tmp_path: Path) -> None:
     run = shutil.copytree(varied_run, tmp_path / "run")
     earlier = RunConfig.load(run).train.generator.without_random_fields
-    save_generator(run / ORACLE, make_generator(earlier, RGBA), earlier, 0.1)
+    save_generator(run / ORACLE, make_generator(earlier), earlier, 0.1)
     (run / ORACLE_NOTES).write_text(json.dumps({"plateau": True, "steps": 300}))
     assert evaluate(run, split="validation", device="cpu").evaluation.oracle.draws is not None
 

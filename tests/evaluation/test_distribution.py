@@ -24,9 +24,10 @@ from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.inference.apply import choose_draw
 from svbrdfgan.metrics.constant_layer import constant_layers
 from svbrdfgan.metrics.recovered import Scorer
-from svbrdfgan.networks import Conditions
+from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.training.run import load_model
-from svbrdfgan.weathering import find_site, recipe_from_options, weather
+from svbrdfgan.weathering.layer import recipe_from_options, weather
+from svbrdfgan.weathering.survey import find_site
 
 CPU = torch.device("cpu")
 AMOUNTS = Conditions((0.4, 1.0), ("rust",))
@@ -54,6 +55,8 @@ def exemplars(dataset: Dataset) -> Exemplars:
 class Recipe:
     """Stands for a generator that has learned the recipe exactly."""
 
+    maps = ()
+
     def __init__(self, exemplars: Exemplars, frozen: bool = False, bias: float = 0.0) -> None:
         self.subject, self.frozen, self.bias = exemplars.subjects[0], frozen, bias
         self.site = find_site(self.subject.surface, self.subject.buffer)
@@ -66,7 +69,7 @@ class Recipe:
     def layer(self, seed: int, label: float) -> Tensor:
         amount = min(max((label + 1) / 2 + self.bias, 0.0), 1.0)
         recipe = recipe_from_options("rust", {"amount": amount, "seed": 77 if self.frozen else 10**6 + seed})
-        return weather(self.subject.surface, self.subject.buffer, recipe, site=self.site)
+        return weather(self.subject.surface, self.subject.buffer, recipe, site=self.site).values
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +129,7 @@ def test_a_run_with_chance_has_the_score_in_its_record_and_paints_exemplars_as_t
         weathering: Any = scene.weathering
         draw = choose_draw(model, amount=weathering.amount, recipe=weathering.recipe)
         layer = draw(evaluated.source.geometry([index]))[0]
-        torch.testing.assert_close(evaluated.layers_of(index)["generated"], layer, atol=1e-3, rtol=0)
+        torch.testing.assert_close(evaluated.layers_of(index)["generated"].values, layer, atol=1e-3, rtol=0)
         assert not torch.equal(layer, evaluated.layers["generated"][0]), "that has the middle amount"
     found = evaluated.evaluation
     draws = found.generated.draws

@@ -12,7 +12,8 @@ import pytest
 import torch
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.evaluation.evaluate import Evaluated, evaluate, pictures
+from svbrdfgan.evaluation.evaluate import evaluate
+from svbrdfgan.evaluation.evaluated import Evaluated, pictures
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.evaluation.record import ConstantScores, Evaluation, LearnedScores, OracleScores, PainterScores
 from svbrdfgan.training.config import train_config
@@ -92,7 +93,7 @@ def test_pictures_show_the_same_scene_under_each_layer(evaluated: Evaluated) -> 
     layers = evaluated.layers_of(1)
     assert set(layers) == {"generated", "oracle", "constant", "truth"}
     shown = dict(zip(layers, pictures(evaluated.source, 1, layers.values()), strict=True))
-    bare = evaluated.source.fake_scenes._stored((1, 0)).coverage == 0  # type: ignore[union-attr]
+    bare = evaluated.source.fake_scenes._stored((1, 0)).coverage == 0  # type: ignore[attr-defined]
     for picture in shown.values():
         assert picture.shape == (32, 32, 3)
         assert torch.equal(picture[bare], shown["truth"][bare])

@@ -12,8 +12,10 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation.oracle import Oracle, OracleConfig, _weights, train_oracle
 from svbrdfgan.metrics.constant_layer import best_constants
 from svbrdfgan.metrics.recovered import Scorer, Target, make_targets, mean_error, mean_errors
-from svbrdfgan.networks import Generator, GeneratorConfig
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.types import Layer
 
 CONFIG = TrainConfig(dataset="none", batch_size=2, generator=GeneratorConfig(width=4, blocks=1, norm="group"))
 
@@ -28,7 +30,7 @@ def toy(tiny_exemplars: Exemplars) -> tuple[list[Target], Scorer]:
         layer = torch.stack(
             [torch.full_like(height, c) for c in (0.3, 0.2, 0.1)] + [torch.sigmoid(-4 * height)], dim=-1
         )
-        targets.append(replace(target, truth=layer))
+        targets.append(replace(target, truth=Layer(layer)))
     geometry = torch.stack([subject.geometry for subject in tiny_exemplars.subjects])
     constant = best_constants(targets)[0].expand(2, 32, 32, 4)
     return targets, Scorer(geometry, targets, {"base_color": mean_error(targets, constant)})
@@ -47,7 +49,7 @@ def trained(toy: tuple[list[Target], Scorer], **schedule: float) -> tuple[Oracle
 def test_it_learns_a_simple_function_of_position(toy: tuple[list[Target], Scorer]) -> None:
     oracle, seen = trained(toy, rate=1e-2, every=20, steps=240)
     assert oracle.score > 0.5
-    assert toy[1].recovered(oracle.generator) == pytest.approx(oracle.score)
+    assert toy[1].recovered_by(toy[1].layers(oracle.generator)) == pytest.approx(oracle.score)
     assert oracle.score == max(score for _, score in seen)
     assert [step for step, _ in seen] == list(range(20, oracle.steps + 1, 20))
 
@@ -64,9 +66,8 @@ def test_further_maps_are_learned_and_decide(toy: tuple[list[Target], Scorer]) -
     targets = [
         replace(
             target,
-            truth=torch.cat([target.truth, torch.full((32, 32, 1), 0.9)], dim=-1),
-            base=torch.cat([target.base, torch.zeros(32, 32, 1)], dim=-1),
-            maps=("metallic",),
+            truth=Layer(torch.cat([target.truth.values, torch.full((32, 32, 1), 0.9)], dim=-1), ("metallic",)),
+            base={**target.base, "metallic": torch.zeros(32, 32, 1)},
         )
         for target in toy[0]
     ]

@@ -14,10 +14,10 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.evaluation.evaluate import by_subject
+from svbrdfgan.evaluation.evaluated import by_subject
 from svbrdfgan.evaluation.relight import Relight, Relighter, Relit
-from svbrdfgan.io import save_environment
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.io.environment import save_environment
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import Renderer
 
 
@@ -30,7 +30,7 @@ def renderer() -> Renderer[Any]:
 def layers(glossy_exemplars: Exemplars) -> dict[str, Tensor]:
     """The truth, and layers at growing distances from it."""
     truths = [glossy_exemplars.layers[glossy_exemplars.views_of(n)[0]] for n in range(2)]
-    truth = torch.stack([layer for layer in truths if layer is not None])
+    truth = torch.stack([layer.values for layer in truths if layer is not None])
     wrong = torch.tensor([0.9, 0.1, 0.8, 1.0, 0.1, 0.9, 0.3, 0.0, 0.95]).expand_as(truth)
     return {"near": truth, "further": truth + 0.3 * (wrong - truth), "far": wrong}
 

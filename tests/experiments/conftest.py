@@ -13,9 +13,9 @@ import yaml
 
 from svbrdfgan.evaluation.record import ConstantScores, Evaluation, LearnedScores, OracleScores, PainterScores
 from svbrdfgan.experiments.outcome import RunOutcome, ScorePoint
-from svbrdfgan.experiments.processes import Schedule
+from svbrdfgan.experiments.processes import Schedule, Task
 from svbrdfgan.experiments.run_matrix import RunMatrix
-from svbrdfgan.experiments.tasks import CEILING, DatasetTask, OracleTask, RunTask, Task
+from svbrdfgan.experiments.tasks import CEILING, DatasetTask, OracleTask, RunTask
 from svbrdfgan.io.records import save_record
 from svbrdfgan.utils.display import Display
 

@@ -16,7 +16,8 @@ from PIL import Image
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import CameraDistribution
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
+from svbrdfgan.evaluation.evaluate import evaluate
+from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.experiments import run_metrics
 from svbrdfgan.experiments.contact_strip import write_contact_strip
 from svbrdfgan.experiments.run_metrics import gradient_noise, measure, recovered_where, seen_by_training
@@ -43,8 +44,8 @@ def test_only_what_no_picture_shows_counts_as_unseen(evaluated: Evaluated) -> No
     assert truth is not None
     assert (shown & exemplars.subjects[0].learnable_texels).any()
     constant = evaluated.layers["constant"][0]
-    hidden_right = torch.where(shown[..., None], constant, truth)
-    shown_right = torch.where(shown[..., None], truth, constant)
+    hidden_right = torch.where(shown[..., None], constant, truth.values)
+    shown_right = torch.where(shown[..., None], truth.values, constant)
 
     def score(layer: torch.Tensor) -> dict[str, float]:
         return measure(replace(evaluated, layers={**evaluated.layers, "generated": layer.unsqueeze(0)}))  # type: ignore[return-value]

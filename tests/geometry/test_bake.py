@@ -1,8 +1,6 @@
 """The geometry buffer of things whose geometry is known."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,12 +8,11 @@ import torch
 import trimesh
 from svbrdfgan_hemispherical import HemisphericalEmbedding
 
-from svbrdfgan.geometry.bake import GeometryBuffer, bake, write_bake
+from svbrdfgan.geometry.bake import GeometryBuffer, bake
 from svbrdfgan.geometry.bake_materials import bake_base_color
 from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.geometry.normals import face_areas
 from svbrdfgan.geometry.rasterize import Fragments
-from svbrdfgan.io import load_exr, load_mesh
 from svbrdfgan.types import Mesh, Part, Surface
 
 
@@ -90,18 +87,3 @@ def test_the_meshs_own_texture_is_resampled(mesh: Mesh, fragments: Fragments, bu
     assert torch.allclose(base[0][buffer.mask][:, 0], 0.5 * own_uv[buffer.mask][:, 0], atol=1e-3)
     assert torch.allclose(base[0][buffer.mask][:, 1], own_uv[buffer.mask][:, 1], atol=1e-3)
     assert torch.allclose(base[1], torch.tensor([0.1, 0.2, 0.3]))
-
-
-def test_files_hold_what_was_baked(tmp_path: Path, mesh: Mesh, fragments: Fragments, buffer: GeometryBuffer) -> None:
-    metrics = write_bake(tmp_path / "new" / "folder", mesh, fragments, buffer)
-    folder = tmp_path / "new" / "folder"
-    assert json.loads((folder / "metrics.json").read_text()) == metrics
-    assert metrics["layers_max"] >= 2
-    assert metrics["exposed_area_share"] == pytest.approx(0.8, abs=0.01)  # 1 / (1 + 0.5^2)
-    channels = load_exr(folder / "geometry_buffer.exr", uv_map=True)
-    assert torch.equal(channels["position.Y"], buffer.position[..., 1])
-    assert torch.equal(channels["part"].long(), buffer.part)
-    assert {"normal.X", "normal.Y", "normal.Z", "mask", "area"} <= set(channels)
-    assert len(load_mesh(folder / "surface.glb").faces) > 0
-    assert (folder / "position.png").stat().st_size > 0
-    assert (folder / "normal.png").stat().st_size > 0

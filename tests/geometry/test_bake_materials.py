@@ -16,7 +16,7 @@ from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.geometry.tangents import corner_tangents
-from svbrdfgan.io import load_mesh
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.testing import scenes
 from svbrdfgan.types import FileMap, Mesh, Part, Surface
 

@@ -10,8 +10,9 @@ import pytest
 
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.geometry.camera_hits import camera_hits
-from svbrdfgan.plugins import load_embedding
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.plugins.registry import load_embedding
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.subject import make_subject
 from svbrdfgan.testing.rays import seen
 from svbrdfgan.testing.scenes import constant_light, joined, quad, with_alpha

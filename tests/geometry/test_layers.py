@@ -25,10 +25,10 @@ def domes(*radii: float) -> Mesh:
 
 def test_the_inner_dome_is_hidden_whole() -> None:
     surface = hide_inner_layers(HemisphericalEmbedding(resolution=32).embed(domes(1.0, 0.5)), 32)
-    assert [(p.name, p.hidden) for p in surface.parts] == [
-        ("dome 0", False),
-        ("dome 1", False),
-        ("dome 1 (hidden)", True),
+    assert [(p.name, p.hidden_half_of, p.mesh_part) for p in surface.parts] == [
+        ("dome 0", None, "dome 0"),
+        ("dome 1", None, "dome 1"),
+        ("dome 1 (hidden)", "dome 1", "dome 1"),
     ]
     assert set(np.unique(surface.face_part)) == {0, 2}
 

@@ -14,11 +14,13 @@ from torch import Tensor
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.inference.apply import Canvas, explain_memory, paint
 from svbrdfgan.metrics.texture_pyramid import octaves, premultiplied
-from svbrdfgan.networks import Conditions, Generator
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.networks.conditions import Conditions
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.run import Model, load_model
-from svbrdfgan.types import Mesh
+from svbrdfgan.types import Layer, Mesh
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +35,7 @@ def mesh() -> Mesh:
 
 def test_the_same_words_paint_the_same_layer_and_others_another(mesh: Mesh, model: Model) -> None:
     def layer(**asked: Any) -> Tensor:
-        return paint(mesh, model, **{"seed": 7, "amount": 0.4, "recipe": "rust"} | asked)[1]
+        return paint(mesh, model, **{"seed": 7, "amount": 0.4, "recipe": "rust"} | asked)[1].values
 
     assert layer().shape == (32, 32, 4)
     assert torch.equal(layer(), layer())
@@ -43,7 +45,7 @@ def test_the_same_words_paint_the_same_layer_and_others_another(mesh: Mesh, mode
 
 def test_by_default_it_is_seed_0_and_the_middle_amount(mesh: Mesh, model: Model) -> None:
     _, wanted = paint(mesh, model, seed=0, amount=0.6, recipe="dust")
-    torch.testing.assert_close(paint(mesh, model, recipe="dust")[1], wanted, atol=1e-6, rtol=1e-6)
+    torch.testing.assert_close(paint(mesh, model, recipe="dust")[1].values, wanted.values, atol=1e-6, rtol=1e-6)
 
 
 def test_amounts_that_it_never_saw_are_told(mesh: Mesh, model: Model, caplog: pytest.LogCaptureFixture) -> None:
@@ -74,22 +76,24 @@ def test_a_model_without_chance_has_no_seeds(mesh: Mesh, model: Model) -> None:
     for asked, said in (({"seed": 0}, "has no random fields"), ({"amount": 0.5}, "does not know amounts")):
         with pytest.raises(ConfigError, match=said):
             paint(mesh, still, **asked)
-    assert paint(mesh, still)[1].shape == (32, 32, 4)
+    assert paint(mesh, still)[1].values.shape == (32, 32, 4)
 
 
 def test_at_the_trained_resolution_nothing_changes(mesh: Mesh, model: Model) -> None:
     asked: dict[str, Any] = {"seed": 7, "amount": 0.4, "recipe": "rust"}
-    assert torch.equal(paint(mesh, model, **asked, resolution=32)[1], paint(mesh, model, **asked)[1])
+    finer, plain = paint(mesh, model, **asked, resolution=32)[1], paint(mesh, model, **asked)[1]
+    assert torch.equal(finer.values, plain.values)
 
 
 def test_a_finer_layer_has_the_scale_of_the_coarse_one(mesh: Mesh, model: Model) -> None:
     def painted(resolution: int) -> tuple[Subject, Tensor]:
-        return paint(mesh, model, seed=7, recipe="rust", resolution=resolution)
+        subject, layer = paint(mesh, model, seed=7, recipe="rust", resolution=resolution)
+        return subject, layer.values
 
     def power(subject: Subject, layer: Tensor) -> Tensor:
         """Of alpha, by octave, finest first."""
         weight = torch.where(subject.learnable_texels, subject.buffer.area, 0.0)
-        return torch.stack([octave.power()[0] for octave in octaves(premultiplied(layer[None]), weight)])
+        return torch.stack([octave.power()[0] for octave in octaves(premultiplied(Layer(layer[None])), weight)])
 
     (subject, coarse), (finer_subject, finer) = painted(32), painted(128)
     assert finer.shape == (128, 128, 4)
@@ -102,7 +106,7 @@ def test_a_finer_layer_has_the_scale_of_the_coarse_one(mesh: Mesh, model: Model)
 
 def test_finer_layers_obey_seed_amount_and_recipe(mesh: Mesh, model: Model) -> None:
     def layer(**asked: Any) -> Tensor:
-        return paint(mesh, model, **{"seed": 7, "amount": 0.4, "recipe": "rust", "resolution": 64} | asked)[1]
+        return paint(mesh, model, **{"seed": 7, "amount": 0.4, "recipe": "rust", "resolution": 64} | asked)[1].values
 
     assert torch.equal(layer(), layer())
     for other in ({"seed": 8}, {"amount": 0.9}, {"recipe": "dust"}):
@@ -118,7 +122,7 @@ def test_resolutions_that_it_cannot_paint_are_told(resolution: int, mesh: Mesh, 
 
 @pytest.mark.parametrize("error", [MemoryError(), RuntimeError("DefaultCPUAllocator: can't allocate memory")])
 def test_a_lack_of_memory_is_told(error: Exception, mesh: Mesh, model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
-    def lacking(self: Canvas, draw: Any) -> Tensor:
+    def lacking(self: Canvas, draw: Any) -> Layer:
         raise error
 
     monkeypatch.setattr(Canvas, "paint", lacking)

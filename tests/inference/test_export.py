@@ -18,10 +18,12 @@ from svbrdfgan.geometry.bake_materials import bake_file_maps
 from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.inference.export import write_weathered
-from svbrdfgan.io import load_mesh, load_texture, srgb_from_linear
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.io.image import load_texture, srgb_from_linear
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.subject import Subject, make_subject
-from svbrdfgan.types import FileMap, Materials, Mesh, Part
+from svbrdfgan.types import FileMap, Layer, Materials, Mesh, Part
 
 MAPS = {"roughness": 0.25, "metallic": 0.5, "normal": 0.0}
 TEXELS = 32
@@ -43,23 +45,24 @@ def subject() -> Subject:
 
 
 @pytest.fixture(scope="module")
-def layer() -> torch.Tensor:
+def layer() -> Layer:
     """Smooth, with normals that tilt to all sides and are not of length one."""
     v, u = torch.meshgrid(*[(torch.arange(TEXELS) + 0.5) / TEXELS] * 2, indexing="ij")
     tilt = [0.6 * torch.sin(6.3 * u), 0.6 * torch.cos(6.3 * v), torch.full_like(u, 0.7)]
-    return torch.stack([u, v, 1 - u, 0.5 + 0.5 * u, 1 - v, 0.5 * v, *tilt], dim=-1)
+    values = torch.stack([u, v, 1 - u, 0.5 + 0.5 * u, 1 - v, 0.5 * v, *tilt], dim=-1)
+    return Layer(values, ("roughness", "metallic", "normal"))
 
 
 @pytest.fixture(scope="module")
-def written(subject: Subject, layer: torch.Tensor, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def written(subject: Subject, layer: Layer, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path: Path = tmp_path_factory.mktemp("weathered") / "car.glb"
     write_weathered(path, subject, layer, MAPS)
     return path
 
 
 @pytest.fixture(scope="module")
-def materials(subject: Subject, layer: torch.Tensor) -> Materials:
-    return subject.materials({}, layer, MAPS)
+def materials(subject: Subject, layer: Layer) -> Materials:
+    return subject.materials(layer, MAPS)
 
 
 def header_of(path: Path) -> tuple[dict[str, Any], bytes]:
@@ -160,8 +163,8 @@ def test_tangents_are_those_of_the_surface(written: Path, subject: Subject) -> N
         )
 
 
-def test_base_colour_alone_is_written_as_before(subject: Subject, layer: torch.Tensor, tmp_path: Path) -> None:
-    write_weathered(tmp_path / "car.glb", subject, layer[..., :4])
+def test_base_colour_alone_is_written_as_before(subject: Subject, layer: Layer, tmp_path: Path) -> None:
+    write_weathered(tmp_path / "car.glb", subject, Layer(layer.rgba))
     header, _ = header_of(tmp_path / "car.glb")
     assert {path.name for path in tmp_path.iterdir()} == {"car.glb", "car.layer.png"}
     assert all("normalTexture" not in material for material in header["materials"])

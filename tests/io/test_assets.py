@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from svbrdfgan.io import load_environment, load_mesh, save_mesh_glb
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.mesh import load_mesh
 
 pytestmark = pytest.mark.assets
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io import atomic_path
+from svbrdfgan.io.atomic import atomic_path
 
 
 def test_a_file_appears_when_the_block_ends(tmp_path: Path) -> None:

@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io import load_environment, save_environment, save_exr
+from svbrdfgan.io.environment import load_environment, save_environment
+from svbrdfgan.io.exr import save_exr
 
 
 def sky() -> torch.Tensor:

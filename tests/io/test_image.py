@@ -11,13 +11,12 @@ import torch
 from PIL import Image
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io import (
+from svbrdfgan.io.exr import load_exr, save_exr
+from svbrdfgan.io.image import (
     linear_from_srgb,
-    load_exr,
     load_image,
     load_texture,
     save_codes,
-    save_exr,
     save_image,
     save_texture,
     srgb_from_linear,
@@ -52,6 +51,12 @@ def test_alpha_is_kept_and_not_srgb(tmp_path: Path) -> None:
     save_image(tmp_path / "a.png", torch.full((2, 3, 4), 0.5))
     np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "a.png"))[0, 0], [188, 188, 188, 128])
     assert load_image(tmp_path / "a.png")[0, 0, 3] == pytest.approx(128 / 255)
+
+
+def test_numbers_that_are_no_colours_are_written_as_they_are(tmp_path: Path) -> None:
+    numbers = torch.tensor([[[-1.0, 0.25, 0.5], [0.75, 1.0, 2.0]]])
+    save_image(tmp_path / "a.png", numbers, "raw")
+    np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "a.png")), [[[0, 64, 128], [191, 255, 255]]])
 
 
 @pytest.mark.parametrize("suffix", [".png", ".exr", ".hdr", ".jpg"])

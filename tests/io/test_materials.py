@@ -11,7 +11,8 @@ import trimesh
 from PIL import Image
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io import load_mesh, save_mesh_glb
+from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.types import FileMap, Mesh, Part
 
 Quad = Callable[..., Path]

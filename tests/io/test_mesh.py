@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from svbrdfgan.io import load_mesh
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.types import Mesh
 
 CORNER_COLORS = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 0]]], dtype=np.uint8)

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io import load_mesh
+from svbrdfgan.io.mesh import load_mesh
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from svbrdfgan.plugins import load_embedding, load_renderer
+from svbrdfgan.plugins.registry import load_embedding, load_renderer
 from svbrdfgan.testing import RendererTests, UVEmbeddingTests
 from svbrdfgan.testing.kit import Kit, KnownFailure, check, declared, names_of_tests, run_kit
 

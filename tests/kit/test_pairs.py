@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from svbrdfgan.cli.check import command
 from svbrdfgan.errors import AssetError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import RendererCapabilities
 from svbrdfgan.testing.pairs import show
 from svbrdfgan.testing.pairs.compare import FALSE_ALARMS, Cells, Runs, cells_of, compare

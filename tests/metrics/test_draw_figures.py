@@ -8,6 +8,7 @@ from torch import Tensor
 
 from svbrdfgan.metrics.draw_figures import DrawFigures, amount_figures, draw_figures
 from svbrdfgan.metrics.draw_statistics import ScoredSurface
+from svbrdfgan.types import Layer
 
 SIZE = 32
 DRAWS = 16
@@ -31,7 +32,7 @@ def draws(seed: int, spread: float = 0.2, slope: float = 0.1) -> Tensor:
 
 
 def figures(made: Tensor, truth: Tensor | None = None) -> DrawFigures:
-    return draw_figures([surface()], [draws(0) if truth is None else truth], [made])
+    return draw_figures([surface()], [Layer(draws(0) if truth is None else truth)], [Layer(made)])
 
 
 def test_other_draws_of_the_same_have_ratios_of_one() -> None:

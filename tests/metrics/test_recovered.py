@@ -13,7 +13,8 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError
 from svbrdfgan.metrics.constant_layer import best_constants
 from svbrdfgan.metrics.recovered import Scorer, Target, make_targets, mean_error, mean_errors, near_poles
-from svbrdfgan.rendering.compositing import composite
+from svbrdfgan.rendering.compositing import bare_maps, composite
+from svbrdfgan.types import Layer
 
 CPU = torch.device("cpu")
 
@@ -30,7 +31,7 @@ def truth_of(exemplars: Exemplars) -> Tensor:
     """G0's layer of each subject."""
     layers = [exemplars.layers[exemplars.views_of(n)[0]] for n in range(len(exemplars.subjects))]
     assert all(layer is not None for layer in layers)
-    return torch.stack([layer for layer in layers if layer is not None])
+    return torch.stack([layer.values for layer in layers if layer is not None])
 
 
 @pytest.fixture(scope="module")
@@ -64,15 +65,15 @@ def test_errors_away_from_the_poles_do_not_count_there(tiny_exemplars: Exemplars
 def test_further_maps_are_judged_apart() -> None:
     """Half covered by alpha 1, half by alpha 0: an error of the map counts where it shows alone."""
     target = two_maps()
-    made = target.truth.clone()
+    made = target.truth.values.clone()
     made[..., 4] = 0.4
     torch.testing.assert_close(target.errors(made), torch.tensor([0.0, (1 * 0.5 + 3 * 0.3) / 5]))
-    assert float(target.error(made)) == 0.0
+    assert float(target.errors(made)[0]) == 0.0
 
 
 def test_a_further_map_counts_where_it_can_be_observed() -> None:
     target = replace(two_maps(), observed={"roughness": torch.tensor([[0.0, 0.0], [3.0, 0.0]])})
-    made = target.truth + 0.1 * torch.tensor([1.0, 0.0, 0.0, 0.0, 0.0])
+    made = target.truth.values + 0.1 * torch.tensor([1.0, 0.0, 0.0, 0.0, 0.0])
     made[..., 4] = torch.tensor([[0.0, 0.0], [0.4, 0.0]])
     torch.testing.assert_close(target.errors(made)[1], torch.tensor(0.3))
     assert target.errors(made)[0] > 0, "base_color counts wherever it is seen"
@@ -82,7 +83,7 @@ def test_a_further_map_counts_where_it_can_be_observed() -> None:
 
 def test_a_map_that_is_observed_on_some_subjects_is_judged_there() -> None:
     blind = replace(two_maps(), observed={"roughness": torch.zeros(2, 2)})
-    made = two_maps().truth.clone()
+    made = two_maps().truth.values.clone()
     made[..., 4] = 0.4
     found = mean_errors([two_maps(), blind], made.unsqueeze(0))
     assert found == pytest.approx([0.0, (1 * 0.5 + 3 * 0.3) / 5])
@@ -92,9 +93,10 @@ def test_a_map_that_is_observed_on_some_subjects_is_judged_there() -> None:
 def test_errors_of_normals_are_angles() -> None:
     """Half of a layer tilted by 20 degrees: the composite is between, and nearly halfway."""
     turn = math.radians(20.0)
-    truth, flat = torch.tensor([0.5, 0.5, 0.5, 1.0, 0.0, 0.0, 1.0]), torch.tensor([0.5, 0.5, 0.5, 0.0, 0.0, 1.0])
+    truth = torch.tensor([0.5, 0.5, 0.5, 1.0, 0.0, 0.0, 1.0])
     made = torch.tensor([0.5, 0.5, 0.5, 1.0, math.sin(turn), 0.0, math.cos(turn)])
-    target = Target(0, truth.expand(2, 2, 7), flat.expand(2, 2, 6), torch.ones(2, 2), ("normal",))
+    base = {"base_color": torch.full((2, 2, 3), 0.5), "normal": torch.tensor([0.0, 0.0, 1.0]).expand(2, 2, 3)}
+    target = Target(0, Layer(truth.expand(2, 2, 7), ("normal",)), base, torch.ones(2, 2))
     assert target.errors(made)[1].item() == pytest.approx(20.0, abs=1e-4)
     made[3] = 0.5
     assert target.errors(made)[1].item() == pytest.approx(10.0, abs=1e-4)
@@ -106,7 +108,7 @@ def test_each_map_is_all_for_the_truth_and_nothing_for_its_constant(name: str) -
     constants = best_constants(targets)
     scorer = scorer_of(targets, constants)
     place = targets[0].names.index(name)
-    truth = torch.stack([target.truth for target in targets])
+    truth = torch.stack([target.truth.values for target in targets])
     assert scorer.each_recovered_by(truth)[name] == pytest.approx(1.0, abs=1e-5)
     assert scorer.each_recovered_by(constants[place].expand_as(truth))[name] == pytest.approx(0.0, abs=1e-6)
     assert scorer.score(truth) == pytest.approx(1.0, abs=1e-5)
@@ -116,20 +118,23 @@ def test_each_map_is_all_for_the_truth_and_nothing_for_its_constant(name: str) -
 
 
 def test_a_map_without_differences_or_observations_has_no_score() -> None:
-    targets = [replace(t, truth=t.truth.index_fill(-1, torch.tensor([5]), 0.0)) for t in whole_materials()]
+    targets = whole_materials()
+    for target in targets:
+        target.truth["metallic"][:] = 0.0
     blind = [replace(t, observed={"normal": torch.zeros(8, 8)}) for t in targets]
     scorer = scorer_of(blind, best_constants(targets))
     assert scorer.constant_errors["metallic"] < 1e-3
-    found = scorer.each_recovered_by(torch.stack([target.truth for target in targets]))
+    found = scorer.each_recovered_by(torch.stack([target.truth.values for target in targets]))
     assert found == {"base_color": 1.0, "roughness": 1.0, "metallic": None, "normal": None}
-    assert scorer.score(torch.stack([target.truth for target in targets])) == 1.0
+    assert scorer.score(torch.stack([target.truth.values for target in targets])) == 1.0
 
 
 def two_maps() -> Target:
-    truth, base = torch.full((2, 2, 5), 0.5), torch.full((2, 2, 4), 0.2)
+    truth, base = torch.full((2, 2, 5), 0.5), torch.full((2, 2, 3), 0.2)
     truth[..., 3] = torch.tensor([[1.0, 0.0], [1.0, 0.0]])
     truth[..., 4] = torch.tensor([[0.9, 0.1], [0.7, 0.1]])
-    return Target(0, truth, base, torch.tensor([[1.0, 1.0], [3.0, 0.0]]), ("roughness",))
+    bare = {"base_color": base, "roughness": base[..., :1]}
+    return Target(0, Layer(truth, ("roughness",)), bare, torch.tensor([[1.0, 1.0], [3.0, 0.0]]))
 
 
 def whole_materials() -> list[Target]:
@@ -139,9 +144,11 @@ def whole_materials() -> list[Target]:
     for subject, rough in enumerate((0.3, 0.6)):
         truth = torch.rand(8, 8, 9, generator=rng)
         truth[..., 6:8] = truth[..., 6:8] - 0.3
-        base = torch.cat([torch.rand(3, generator=rng), torch.tensor([rough, 0.0, 0.0, 0.0, 1.0])])
+        base = {"base_color": torch.rand(3, generator=rng)}
+        base |= bare_maps({"roughness": rough, "metallic": 0.0, "normal": 0.0})
+        base = {name: values.expand(8, 8, -1) for name, values in base.items()}
         weight = torch.rand(8, 8, generator=rng)
-        targets.append(Target(subject, truth, base.expand(8, 8, 8), weight, ("roughness", "metallic", "normal")))
+        targets.append(Target(subject, Layer(truth, ("roughness", "metallic", "normal")), base, weight))
     return targets
 
 
@@ -163,25 +170,25 @@ def test_half_the_error_recovers_half(tiny_exemplars: Exemplars, targets: list[T
     """Layers that composite to halfway between the constant's albedo and the truth's: E is linear along the way."""
     constants = best_constants(targets)
     scorer = Scorer.make(tiny_exemplars, everywhere, constants, CPU)
-    opaque = [
-        replace(t, base=torch.zeros_like(t.base), truth=_opaque(composite(t.base, t.truth))) for t in scorer.targets
-    ]
-    ends = [torch.stack([_opaque(composite(t.base, layer)) for t in scorer.targets[::3]]) for layer in (constants[0],)]
-    truths = torch.stack([t.truth for t in opaque[::3]])
+    black = {"base_color": torch.zeros(32, 32, 3)}
+    opaque = [replace(t, base=black, truth=Layer(_opaque(t, t.truth))) for t in scorer.targets]
+    ends = torch.stack([_opaque(t, Layer(constants[0])) for t in scorer.targets[::3]])
+    truths = torch.stack([t.truth.values for t in opaque[::3]])
     one_each = [replace(t, subject=n) for n, t in enumerate(opaque[::3])]
-    whole, half = (mean_error(one_each, layers) for layers in (ends[0], (ends[0] + truths) / 2))
+    whole, half = (mean_error(one_each, layers) for layers in (ends, (ends + truths) / 2))
     assert half == pytest.approx(whole / 2, rel=1e-5)
 
 
-def _opaque(albedo: Tensor) -> Tensor:
+def _opaque(target: Target, layer: Layer) -> Tensor:
+    albedo = composite(target.base["base_color"], layer)
     return torch.cat([albedo, torch.ones(*albedo.shape[:-1], 1)], dim=-1)
 
 
 def test_errors_are_weighted_by_area() -> None:
-    base, truth, layer = torch.zeros(1, 2, 3), torch.zeros(1, 2, 4), torch.zeros(1, 2, 4)
+    base, truth, layer = torch.zeros(1, 2, 3), Layer(torch.zeros(1, 2, 4)), torch.zeros(1, 2, 4)
     layer[0, 0] = torch.tensor([1.0, 1.0, 1.0, 1.0])
-    target = Target(0, truth, base, torch.tensor([[3.0, 1.0]]))
-    assert float(target.error(layer)) == 0.75
+    target = Target(0, truth, {"base_color": base}, torch.tensor([[3.0, 1.0]]))
+    assert float(target.errors(layer)[0]) == 0.75
 
 
 def test_weights_are_the_area_of_seen_learnable_texels(tiny_exemplars: Exemplars) -> None:
@@ -220,7 +227,7 @@ def test_a_texel_that_any_view_shows_counts(tiny_exemplars: Exemplars) -> None:
 
 def test_bases_wear_each_exemplars_paint(tiny_exemplars: Exemplars, targets: list[Target]) -> None:
     for scene, target in zip(tiny_exemplars.scenes, targets, strict=True):
-        painted = target.base[target.weight > 0]
+        painted = target.base["base_color"][target.weight > 0]
         torch.testing.assert_close(painted, torch.tensor(scene.materials["body"]).expand_as(painted))
 
 
@@ -239,8 +246,9 @@ def test_of_subjects_that_are_not_chosen_nothing_is_asked(tiny_exemplars: Exempl
     (target,), share = make_targets(tiny_exemplars, seen, CPU, limit=1)
     assert asked == tiny_exemplars.views_of(0)
     (first, *_), _ = make_targets(tiny_exemplars, left_half, CPU)
-    for name in ("truth", "base", "weight"):
-        assert torch.equal(getattr(target, name), getattr(first, name))
+    assert torch.equal(target.truth.values, first.truth.values)
+    assert torch.equal(target.base["base_color"], first.base["base_color"])
+    assert torch.equal(target.weight, first.weight)
     assert share["base_color"] == pytest.approx(float(target.weight.sum() / everywhere_weight(tiny_exemplars)))
 
 
@@ -265,8 +273,8 @@ def test_a_generator_is_scored_by_what_it_paints(tiny_exemplars: Exemplars, targ
         return torch.stack([by_geometry[one.numpy().tobytes()] for one in geometry])
 
     assert torch.equal(scorer.layers(knows, batch=1), truth)
-    assert scorer.recovered(knows) == 1.0
-    assert scorer.recovered(lambda geometry: 1 - knows(geometry)) < 0.5
+    assert scorer.recovered_by(scorer.layers(knows)) == 1.0
+    assert scorer.recovered_by(1 - scorer.layers(knows)) < 0.5
 
 
 def test_picture_shows_learned_layers_above_the_truth(tiny_exemplars) -> None:

@@ -20,10 +20,13 @@ from svbrdfgan.io.records import load_record, save_record
 from svbrdfgan.metrics.draw_statistics import PARTS, ScoredSurface
 from svbrdfgan.metrics.resemblance import Resemblance, Resembler
 from svbrdfgan.plugins.registry import load_embedding
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.subject import make_subject
-from svbrdfgan.weathering import RECIPES
-from svbrdfgan.weathering.layer import find_site, weather
+from svbrdfgan.types import Layer
+from svbrdfgan.weathering.layer import weather
+from svbrdfgan.weathering.recipes import RECIPES
+from svbrdfgan.weathering.survey import find_site
 
 MAPS = ("roughness", "metallic", "normal")
 BARE = torch.zeros(1, 9)
@@ -62,7 +65,10 @@ class World:
     @cached_property
     def resembler(self) -> Resembler:
         again = [torch.cat(pair) for pair in zip(self.draws(1), self.draws(4), strict=True)]
-        return Resembler.make(self.surfaces, self.draws(0), again, BARE)
+        return resembler_of(self.surfaces, self.draws(0), again)
+
+    def score(self, stacks: Stacks) -> Resemblance:
+        return self.resembler.score(layered(stacks))
 
     @cached_property
     def faultless(self) -> Stacks:
@@ -76,6 +82,14 @@ class World:
         strengths = {"frozen": (12, 8, 4, 1), "moved": (2, 4, 8, 16, 32), "shuffled": (4, 8, 16), "blurred": (1, 2)}
         for strength in strengths.get(fault, ()):
             yield [globals()[fault](draws, strength, s) for draws, s in zip(self.faultless, self.surfaces, strict=True)]
+
+
+def layered(stacks: Stacks) -> list[Layer]:
+    return [Layer(draws, MAPS if draws.shape[-1] == 9 else ()) for draws in stacks]
+
+
+def resembler_of(surfaces: list[ScoredSurface], truth: Stacks, again: Stacks, seed: int = 0) -> Resembler:
+    return Resembler.make(surfaces, layered(truth), layered(again), BARE, seed)
 
 
 def frozen(draws: Tensor, strength: int, surface: ScoredSurface) -> Tensor:
@@ -142,7 +156,7 @@ def world() -> World:
 
 
 def test_other_true_draws_score_one(world: World) -> None:
-    found = [world.resembler.score(world.draws(n)) for n in range(2, 8)]
+    found = [world.score(world.draws(n)) for n in range(2, 8)]
     mean = {name: np.mean([each.parts[name] for each in found]) for name in PARTS}
     assert all(abs(value - 1.0) < 0.12 for value in mean.values()), mean
     assert min(each.resemblance for each in found) > 0.9
@@ -150,14 +164,14 @@ def test_other_true_draws_score_one(world: World) -> None:
 
 def test_the_best_constant_scores_nothing(world: World) -> None:
     mean = torch.cat([draws.flatten(0, 2) for draws in world.draws(0)]).mean(dim=0)
-    found = world.resembler.score([mean.expand(DRAWS, 64, 64, 9)] * 2)
+    found = world.score([mean.expand(DRAWS, 64, 64, 9)] * 2)
     assert found.resemblance == 0.0
     assert all(value < 0.05 for value in found.parts.values()), found.parts
 
 
 @pytest.mark.parametrize("fault", TARGETS)
 def test_a_fault_lowers_the_score(world: World, fault: str) -> None:
-    _require_fall([world.resembler.score(draws) for draws in world.faulty(fault)], TARGETS[fault])
+    _require_fall([world.score(draws) for draws in world.faulty(fault)], TARGETS[fault])
 
 
 def _require_fall(scores: list[Resemblance], target: float) -> None:
@@ -180,7 +194,7 @@ def weathered(request: pytest.FixtureRequest) -> World:
     def paint(vehicle: int, seed: int, amount: float) -> Tensor:
         recipe = RECIPES[request.param](seed=seed, amount=amount, detail=1.0)
         subject = subjects[vehicle]
-        return weather(subject.surface, subject.buffer, recipe, MAPS, site=sites[vehicle])
+        return weather(subject.surface, subject.buffer, recipe, MAPS, site=sites[vehicle]).values
 
     return World(surfaces, paint)
 
@@ -189,13 +203,13 @@ def weathered(request: pytest.FixtureRequest) -> World:
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("fault", TARGETS)
 def test_a_fault_of_a_recipe_lowers_the_score(weathered: World, fault: str) -> None:
-    _require_fall([weathered.resembler.score(draws) for draws in weathered.faulty(fault)], TARGETS[fault])
+    _require_fall([weathered.score(draws) for draws in weathered.faulty(fault)], TARGETS[fault])
 
 
 @pytest.mark.full
 @pytest.mark.timeout(3600)
 def test_other_draws_of_a_recipe_score_one(weathered: World) -> None:
-    found = weathered.resembler.score(weathered.draws(3))
+    found = weathered.score(weathered.draws(3))
     assert found.resemblance > 0.93, found.lines()
 
 
@@ -205,12 +219,12 @@ def test_texels_that_are_not_scored_and_colours_of_nothing_do_not_count(world: W
     for draws, surface in zip(clear, world.surfaces, strict=True):
         painted.append(torch.where(draws[..., 3:4] == 0.0, torch.rand(9) * torch.eye(9)[3].logical_not(), draws))
         hidden.append(torch.where(surface.weight[..., None] > 0, draws, torch.rand(9)))
-    assert world.resembler.score(painted) == world.resembler.score(hidden) == world.resembler.score(clear)
+    assert world.score(painted) == world.score(hidden) == world.score(clear)
 
 
 def test_the_same_seed_gives_the_same_score(world: World) -> None:
     first, again, other = (
-        Resembler.make(world.surfaces, world.draws(0), world.draws(1), BARE, seed).score(world.faultless)
+        resembler_of(world.surfaces, world.draws(0), world.draws(1), seed).score(layered(world.faultless))
         for seed in (0, 0, 1)
     )
     assert first == again
@@ -219,7 +233,7 @@ def test_the_same_seed_gives_the_same_score(world: World) -> None:
 
 
 def test_several_sets_of_other_draws_are_averaged(world: World) -> None:
-    chances = [Resembler.make(world.surfaces, world.draws(0), world.draws(n), BARE).chance for n in (1, 4)]
+    chances = [resembler_of(world.surfaces, world.draws(0), world.draws(n)).chance for n in (1, 4)]
     for name, found in world.resembler.chance.items():
         assert found == pytest.approx((chances[0][name] + chances[1][name]) / 2, rel=1e-4, abs=1e-7)
 
@@ -239,21 +253,21 @@ def test_the_score_is_the_geometric_mean_of_clipped_parts(tmp_path) -> None:
 def test_what_does_not_fit_is_refused(world: World) -> None:
     draws = world.faultless
     with pytest.raises(AssetError, match="one for each of 2"):
-        world.resembler.score(draws[:1])
+        world.score(draws[:1])
     with pytest.raises(AssetError, match="two or more of 64 x 64"):
-        world.resembler.score([draws[0], draws[1][:1]])
+        world.score([draws[0], draws[1][:1]])
     with pytest.raises(AssetError, match="9 channels"):
-        world.resembler.score([each[..., :4] for each in draws])
+        world.score([each[..., :4] for each in draws])
     small = ScoredSurface(torch.ones(8, 8), torch.zeros(8, 8, dtype=torch.int32))
     with pytest.raises(AssetError, match="halved twice"):
-        Resembler.make([small], [torch.rand(2, 8, 8, 9)], [torch.rand(2, 8, 8, 9)], BARE)
+        resembler_of([small], [torch.rand(2, 8, 8, 9)], [torch.rand(2, 8, 8, 9)])
     scattered = replace(world.surfaces[0], part=torch.arange(64 * 64).reshape(64, 64))
     with pytest.raises(AssetError, match="no patch"):
-        Resembler.make([scattered], draws[:1], draws[:1], BARE)
+        resembler_of([scattered], draws[:1], draws[:1])
     unseen = replace(world.surfaces[0], weight=torch.zeros(64, 64))
     with pytest.raises(AssetError, match="nothing is scored"):
-        Resembler.make([unseen], draws[:1], draws[:1], BARE)
+        resembler_of([unseen], draws[:1], draws[:1])
     flat = [torch.full((2, 64, 64, 9), 0.5)]
-    resembler = Resembler.make(world.surfaces[:1], flat, flat, BARE)
+    resembler = resembler_of(world.surfaces[:1], flat, flat)
     with pytest.raises(AssetError, match="no closer to each other"):
-        resembler.score(flat)
+        resembler.score(layered(flat))

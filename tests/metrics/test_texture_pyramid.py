@@ -4,8 +4,8 @@ import pytest
 import torch
 import torch.nn.functional as F
 
-from svbrdfgan.errors import AssetError
 from svbrdfgan.metrics.texture_pyramid import octave_count, octaves, patch_areas, pooled, premultiplied
+from svbrdfgan.types import Layer
 
 
 @pytest.fixture
@@ -55,7 +55,6 @@ def test_patches_lie_on_scored_texels_of_one_part() -> None:
 
 def test_maps_count_by_alpha_and_normals_lose_z() -> None:
     layer = torch.tensor([0.4, 0.2, 0.0, 0.5, 0.8, 1.0, 0.6, 0.0, 0.8]).expand(2, 1, 1, 9)
-    torch.testing.assert_close(premultiplied(layer)[0, :, 0, 0], torch.tensor([0.5, 0.2, 0.1, 0.0, 0.4, 0.5, 0.3, 0.0]))
-    assert premultiplied(layer[..., :5]).shape == (2, 5, 1, 1)
-    with pytest.raises(AssetError, match="no layer has 18 channels"):
-        premultiplied(torch.cat([layer, layer], dim=-1))
+    found = premultiplied(Layer(layer, ("roughness", "metallic", "normal")))
+    torch.testing.assert_close(found[0, :, 0, 0], torch.tensor([0.5, 0.2, 0.1, 0.0, 0.4, 0.5, 0.3, 0.0]))
+    assert premultiplied(Layer(layer[..., :5], ("roughness",))).shape == (2, 5, 1, 1)

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.networks import Conditions
+from svbrdfgan.networks.conditions import Conditions
 
 BOTH = Conditions((0.2, 0.8), ("rust", "dust"))
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import torch
 
-from svbrdfgan.networks import Draw, Generator
+from svbrdfgan.networks.draw import Draw
+from svbrdfgan.networks.generator import Generator
 
 
 def test_a_draw_is_the_generator_at_its_seed_and_labels() -> None:

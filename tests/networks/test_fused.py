@@ -13,9 +13,10 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from svbrdfgan.networks import Generator, initialise
 from svbrdfgan.networks.fused import Features, NormActPad, norm_act_pad
 from svbrdfgan.networks.fused.reference import norm_act_pad_reference as reference
+from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.layers import initialise
 
 CUDA = torch.cuda.is_available()
 INTERPRETED = os.environ.get("TRITON_INTERPRET") == "1"  # Triton's own interpreter runs kernels on the CPU

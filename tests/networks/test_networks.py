@@ -6,9 +6,9 @@ import pytest
 import torch
 from torch import nn
 
-from svbrdfgan.networks import Discriminator, Generator, ResidualBlock, initialise
-from svbrdfgan.networks.generator import PreActConv, Upsampling
-from svbrdfgan.networks.layers import Norm
+from svbrdfgan.networks.discriminator import Discriminator
+from svbrdfgan.networks.generator import Generator, PreActConv, ResidualBlock, Upsampling
+from svbrdfgan.networks.layers import Norm, initialise
 
 
 @pytest.mark.parametrize("size", [(16, 16), (32, 64)])
@@ -20,20 +20,25 @@ def test_layer_has_the_buffer_s_size_and_range(size: tuple[int, int], norm: str)
 
 
 def test_a_layer_has_a_channel_for_each_value_of_its_maps() -> None:
-    assert Generator(width=4, blocks=0, channels=6)(torch.randn(1, 6, 16, 16)).shape == (1, 16, 16, 6)
+    assert Generator(width=4, blocks=0, maps=("roughness", "metallic"))(torch.randn(1, 6, 16, 16)).shape == (
+        1,
+        16,
+        16,
+        6,
+    )
 
 
-@pytest.mark.parametrize("channels", [7, 8, 9])
-def test_normals_tilt_to_all_sides_and_are_flat_at_first(channels: int) -> None:
-    generator = Generator(width=4, blocks=0, channels=channels)
+@pytest.mark.parametrize("gloss", [(), ("roughness",), ("roughness", "metallic")])
+def test_normals_tilt_to_all_sides_and_are_flat_at_first(gloss: tuple[str, ...]) -> None:
+    generator = Generator(width=4, blocks=0, maps=(*gloss, "normal"))
     initialise(generator, torch.Generator().manual_seed(0))
     geometry = torch.randn(1, 6, 16, 16)
     with torch.no_grad():
         generator.last.convolve.weight *= 1e-3
         first = generator(geometry)
         torch.testing.assert_close(first[..., -3:], torch.tensor([0, 0, 0.5]).expand(1, 16, 16, 3), atol=0.02, rtol=0)
-        others = torch.full((channels - 3,), 0.5)
-        if channels == 9:
+        others = torch.full((4 + len(gloss),), 0.5)
+        if "metallic" in gloss:
             others[-1] = 0.0474  # metallic, after roughness
         torch.testing.assert_close(first[..., :-3], others.expand(1, 16, 16, -1), atol=0.02, rtol=0)
         generator.last.convolve.weight *= 1e6
@@ -46,7 +51,7 @@ def test_normals_tilt_to_all_sides_and_are_flat_at_first(channels: int) -> None:
 
 def test_training_starts_with_normals_that_lean_by_a_few_degrees() -> None:
     """Relief leans by a few, too; the raw output would by more than twenty."""
-    generator = Generator(width=16, blocks=2, channels=9)
+    generator = Generator(width=16, blocks=2, maps=("roughness", "metallic", "normal"))
     initialise(generator, torch.Generator().manual_seed(0))
     with torch.no_grad():
         normal = generator(torch.randn(2, 6, 32, 32))[..., -3:]

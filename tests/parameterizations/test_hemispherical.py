@@ -9,7 +9,7 @@ from svbrdfgan_hemispherical import HemisphericalEmbedding
 
 from svbrdfgan.errors import ConfigError, EmbeddingError
 from svbrdfgan.geometry.normals import face_areas
-from svbrdfgan.io import load_mesh
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.types import Mesh, Part, Surface
 

@@ -13,7 +13,9 @@ import pytest
 
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.errors import ConfigError, PluginError
-from svbrdfgan.plugins import (
+from svbrdfgan.plugins import select
+from svbrdfgan.plugins.probe import probe, probe_all
+from svbrdfgan.plugins.registry import (
     EMBEDDINGS,
     RENDERERS,
     Plugin,
@@ -21,9 +23,7 @@ from svbrdfgan.plugins import (
     list_plugins,
     load_embedding,
     load_renderer,
-    select,
 )
-from svbrdfgan.plugins.probe import probe, probe_all
 from svbrdfgan.protocols import Renderer, UVCapabilities, UVEmbedding
 
 EMBEDDING = """
@@ -241,7 +241,7 @@ class TestLoading:
     def test_a_backend_without_its_package_names_its_extra(self) -> None:
         code = (
             "import sys; sys.modules['warp'] = None\n"
-            "from svbrdfgan.plugins import load_renderer\n"
+            "from svbrdfgan.plugins.registry import load_renderer\n"
             "try: load_renderer('warp')\n"
             "except Exception as error: print(type(error).__name__, error)\n"
             "print(load_renderer('numpy').capabilities.max_bounces)"

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.procedural import build_room, build_sky, sample_sky
+from svbrdfgan.procedural.room import build_room
+from svbrdfgan.procedural.sky import build_sky, sample_sky
 
 
 def plane(radiance: np.ndarray) -> np.ndarray:

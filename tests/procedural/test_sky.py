@@ -12,7 +12,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.procedural import SkyParameters, build_sky, sample_sky
+from svbrdfgan.procedural.sky import SkyParameters, build_sky, sample_sky
 
 ELEVATIONS = [2.0, 15.0, 45.0, 88.0]
 

@@ -11,8 +11,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.procedural import KINDS, PART_NAMES, build_vehicle, sample_vehicle
+from svbrdfgan.procedural.kinds import KINDS, sample_vehicle
 from svbrdfgan.procedural.shape import LIMITS
+from svbrdfgan.procedural.vehicle import PART_NAMES, build_vehicle
 from svbrdfgan.types import Mesh
 
 

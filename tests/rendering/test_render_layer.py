@@ -11,11 +11,12 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import UnsupportedError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import Pullback, Renderer
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
 from svbrdfgan.rendering.render_layer import RenderLayer
-from svbrdfgan.rendering.transport import TransportBatch, build_transport
+from svbrdfgan.rendering.transport.build import build_transport
+from svbrdfgan.rendering.transport.product import TransportBatch
 from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, View
 
 SPP, SEED, TEXELS = 4, 5, 32

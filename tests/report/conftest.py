@@ -11,18 +11,18 @@ import torch.nn.functional as F
 
 from svbrdfgan.data.config import DatasetConfig, MeshSource, SplitConfig
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.evaluation.evaluate import Evaluated, by_subject
+from svbrdfgan.evaluation.evaluated import Evaluated, by_subject
 from svbrdfgan.evaluation.record import ConstantScores, Evaluation, LearnedScores, OracleScores, PainterScores
 from svbrdfgan.geometry.bake import bake
 from svbrdfgan.geometry.rasterize import Fragments
-from svbrdfgan.networks import GeneratorConfig
+from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.scene.description import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneWeathering
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.batches import BatchSource
 from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.run import RunConfig
-from svbrdfgan.types import Part, Surface
+from svbrdfgan.types import Layer, Part, Surface
 
 TEXELS, HEIGHT, WIDTH = 32, 32, 40
 
@@ -99,7 +99,7 @@ def make_evaluated(names: tuple[str, ...] = ("sedan_1", "van_2"), views: int = 2
         scenes=tuple(make_scene(names[n]) for n in owner.tolist()),
         subjects=(subject,) * count,
         subject_of=owner,
-        layers=tuple(truth[n] for n in owner.tolist()),
+        layers=tuple(Layer(truth[n]) for n in owner.tolist()),
         loader=SimpleNamespace(),
     )
     gbuffers = torch.zeros(count * views, HEIGHT, WIDTH, 6)

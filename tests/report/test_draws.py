@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from svbrdfgan.evaluation.evaluate import Evaluated, evaluate
-from svbrdfgan.networks import Generator
+from svbrdfgan.evaluation.evaluate import evaluate
+from svbrdfgan.evaluation.evaluated import Evaluated
+from svbrdfgan.networks.generator import Generator
 from svbrdfgan.report.draws import COLUMNS, sheets
 from svbrdfgan.report.page import write_report
 

@@ -148,7 +148,7 @@ def test_a_checkpoint_of_other_networks_is_left_out(run: Path, evaluated) -> Non
 
 @pytest.mark.full
 def test_a_run_with_further_maps_shows_what_its_discriminator_thinks(run: Path, evaluated) -> None:
-    State.fresh(evaluated.config.train, torch.device("cpu"), channels=5).save(run)
+    State.fresh(evaluated.config.train, torch.device("cpu"), maps=("roughness",)).save(run)
     page = write(run, evaluated)
     assert "no checkpoint that can be read" not in page.words
     assert "Fake, judged" in page.source

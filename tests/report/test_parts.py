@@ -7,7 +7,7 @@ import matplotlib
 import pytest
 import torch
 
-from svbrdfgan.evaluation.evaluate import by_subject
+from svbrdfgan.evaluation.evaluated import by_subject
 from svbrdfgan.metrics.draw_statistics import PARTS
 from svbrdfgan.metrics.resemblance import Resemblance
 from svbrdfgan.report.curves import Curve, Level, LineChart, charts, draw

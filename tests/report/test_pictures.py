@@ -10,6 +10,7 @@ from PIL import Image
 
 from svbrdfgan.io.image import srgb_from_linear
 from svbrdfgan.report.pictures import data_uri, framed, heat, over_checker, signed_as_color, to_pillow, upright
+from svbrdfgan.types import Layer
 
 
 def decoded(uri: str) -> np.ndarray:
@@ -43,9 +44,9 @@ def test_directions_have_their_usual_colours() -> None:
 
 
 def test_a_layer_hides_the_checker_as_its_alpha_says() -> None:
-    layer = torch.tensor([0.3, 0.2, 0.1, 1.0]).expand(32, 32, 4).clone()
-    torch.testing.assert_close(over_checker(layer)[5, 5], srgb_from_linear(layer[0, 0, :3]))
-    layer[..., 3] = 0
+    layer = Layer(torch.tensor([0.3, 0.2, 0.1, 1.0]).expand(32, 32, 4).clone())
+    torch.testing.assert_close(over_checker(layer)[5, 5], srgb_from_linear(layer.base_color[0, 0]))
+    layer.alpha[:] = 0
     assert len(over_checker(layer)[..., 0].unique()) == 2
 
 

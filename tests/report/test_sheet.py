@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.networks import Generator
+from svbrdfgan.networks.generator import Generator
 from svbrdfgan.report.sheet import COLUMNS, sheet_rows
 from svbrdfgan.training.run import Model, RunConfig, load_model
 

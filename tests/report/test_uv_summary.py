@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from svbrdfgan.metrics.uv import UVSummary, whole_surface
+from svbrdfgan.metrics.uv.summary import UVSummary
+from svbrdfgan.metrics.uv.visibility import whole_surface
 from svbrdfgan.report.uv_summary import atlas_picture, summary_json, write_summary
 from svbrdfgan.report.uv_views import PAPER, UNSEEN, checker, look, paint
 from svbrdfgan.types import Part, Surface
@@ -26,7 +27,7 @@ def rectangles(*uvs: np.ndarray, hidden: tuple[bool, ...] = ()) -> Surface:
         uv=np.concatenate(uvs),
         faces=faces,
         face_part=np.repeat(np.arange(count), 2),
-        parts=tuple(Part(f"part {k}", hidden=(hidden or (False,) * count)[k]) for k in range(count)),
+        parts=tuple(Part(f"part {k}", hidden_half_of="part" if hidden and hidden[k] else None) for k in range(count)),
         elevation=np.zeros(4 * count),
         source_face=np.arange(2 * count),
         source_barycentric=np.tile(np.eye(3), (2 * count, 1, 1)),

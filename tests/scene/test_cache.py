@@ -15,8 +15,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from svbrdfgan.data.exemplars import Exemplars, load_exemplars, load_picture
-from svbrdfgan.data.generate import exemplar_paths
+from svbrdfgan.data.exemplar_files import exemplar_paths, load_picture
+from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.tensors import save_tensors
@@ -25,7 +25,8 @@ from svbrdfgan.scene import loader as loader_module
 from svbrdfgan.scene.cache import load_layer, load_subject, save_layer, save_subject
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader, subject_key
-from svbrdfgan.weathering import find_site
+from svbrdfgan.types import Layer
+from svbrdfgan.weathering.survey import find_site
 
 TRASH = [b"", b"\x08\x00\x00\x00\x00\x00\x00\x00{broken}", b"x" * 5000]
 
@@ -51,17 +52,19 @@ def test_a_subject_returns_as_it_was(tiny_exemplars: Exemplars, tmp_path: Path) 
     assert_equal_records(subject.buffer, loaded.buffer)
     assert loaded.learnable == subject.learnable
     assert all(torch.equal(a, b) for a, b in zip(subject.base, loaded.base, strict=True))
-    names = [[(p.name, p.hidden, p.base_color) for p in s.surface.parts] for s in (subject, loaded)]
+    names = [[(p.name, p.hidden_half_of, p.base_color) for p in s.surface.parts] for s in (subject, loaded)]
     assert names[0] == names[1]
     assert torch.equal(subject.geometry, loaded.geometry)
 
 
 def test_a_layer_returns_as_it_was(tmp_path: Path) -> None:
-    layer = torch.rand(8, 12, 4)
+    layer = Layer(torch.rand(8, 12, 5), ("roughness",))
     save_layer(tmp_path / "layer.safetensors", layer)
     (tmp_path / "other").touch()
     assert len({path.stat().st_mode for path in tmp_path.iterdir()}) == 1, "readable by whom others are"
-    assert torch.equal(load_layer(tmp_path / "layer.safetensors"), layer)
+    again = load_layer(tmp_path / "layer.safetensors")
+    assert torch.equal(again.values, layer.values)
+    assert again.maps == layer.maps
 
 
 @pytest.mark.parametrize("load", [load_layer, load_subject])
@@ -74,17 +77,17 @@ def test_damage_is_one_sentence(load: Callable[[Path], object], content: bytes, 
 
 
 def test_one_kind_is_not_taken_for_the_other(tmp_path: Path) -> None:
-    save_layer(tmp_path / "layer.safetensors", torch.rand(4, 4, 4))
-    with pytest.raises(AssetError, match=r"layer\.safetensors is not a 'svbrdfgan subject 1' file"):
+    save_layer(tmp_path / "layer.safetensors", Layer(torch.rand(4, 4, 4)))
+    with pytest.raises(AssetError, match=r"layer\.safetensors is not a 'svbrdfgan subject 2' file"):
         load_subject(tmp_path / "layer.safetensors")
 
 
 def test_a_file_that_lacks_something_is_one_sentence(tmp_path: Path) -> None:
     path = tmp_path / "file.safetensors"
-    save_tensors(path, "svbrdfgan layer 1", {"other": torch.zeros(2)}, {})
+    save_tensors(path, "svbrdfgan layer 2", {"other": torch.zeros(2)}, {})
     with pytest.raises(AssetError, match=r"file\.safetensors cannot be read \(it has no 'layer'\); delete it"):
         load_layer(path)
-    save_tensors(path, "svbrdfgan subject 1", {}, {"header": "{"})
+    save_tensors(path, "svbrdfgan subject 2", {}, {"header": "{"})
     with pytest.raises(AssetError, match=r"file\.safetensors cannot be read .*delete it"):
         load_subject(path)
 
@@ -109,12 +112,12 @@ def test_exemplars_are_what_is_stored(tiny_dataset: Path, tiny_exemplars: Exempl
 
 def test_layers_are_those_of_the_subject(tiny_exemplars: Exemplars) -> None:
     """The recipe's seed is fixed, so that the layer is a function of the geometry."""
-    first = [layer for layer in tiny_exemplars.layers[:3] if layer is not None]
+    first = [layer.values for layer in tiny_exemplars.layers[:3] if layer is not None]
     assert len(first) == 3
     assert torch.equal(first[0], first[2])
     other = tiny_exemplars.layers[3]
     assert other is not None
-    assert not torch.equal(first[0], other)
+    assert not torch.equal(first[0], other.values)
     assert first[0].min() >= 0
     assert first[0].max() <= 1
 
@@ -150,7 +153,10 @@ def test_a_cache_that_is_gone_is_made_again(dataset_copy: Path, tiny_exemplars: 
     shutil.rmtree(dataset_copy / "cache")
     again = load_exemplars(Dataset.open(dataset_copy), "train")
     assert torch.equal(again.subjects[1].geometry, tiny_exemplars.subjects[1].geometry)
-    assert torch.equal(again.layers[5], tiny_exemplars.layers[5])  # type: ignore[arg-type]
+    one, other = again.layers[5], tiny_exemplars.layers[5]
+    assert one is not None
+    assert other is not None
+    assert torch.equal(one.values, other.values)
     assert (dataset_copy / "cache").is_dir()
 
 
@@ -187,19 +193,19 @@ def test_paint_covers_the_named_parts_alone(tiny_exemplars: Exemplars) -> None:
 
 
 def test_further_maps_are_of_learnable_parts_and_their_hidden_halves(tiny_exemplars: Exemplars) -> None:
-    subject, layer = tiny_exemplars.subjects[0], torch.rand(32, 32, 5)
+    subject, layer = tiny_exemplars.subjects[0], Layer(torch.rand(32, 32, 5), ("roughness",))
     names = [part.name for part in subject.surface.parts]
-    bare, made = (subject.materials({}, over, {"roughness": 0.25}) for over in (None, layer))
+    bare, made = (subject.materials(over, {"roughness": 0.25}) for over in (None, layer))
     for part, name in enumerate(names):
         if name in ("body", "body (hidden)"):
             assert torch.equal(bare[part].maps["roughness"], torch.tensor([0.25]))
         else:
             assert bare[part].maps.keys() == made[part].maps.keys() == {"base_color"}
-    alpha = layer[..., 3:4]
+    alpha = layer["alpha"]
     rough = made[names.index("body")].maps["roughness"]
-    torch.testing.assert_close(rough, 0.25 * (1 - alpha) + layer[..., 4:] * alpha)
+    torch.testing.assert_close(rough, 0.25 * (1 - alpha) + layer["roughness"] * alpha)
     assert torch.equal(made[names.index("body (hidden)")].maps["roughness"], torch.tensor([0.25]))
-    assert torch.equal(made[names.index("body")].base_color, subject.materials({}, layer[..., :4])[0].base_color)
+    assert torch.equal(made[names.index("body")].base_color, subject.materials(Layer(layer.rgba))[0].base_color)
 
 
 def test_files_that_know_of_no_further_maps_are_read(dataset_copy: Path, tiny_exemplars: Exemplars) -> None:
@@ -229,7 +235,10 @@ def test_layers_are_read_when_they_are_looked_at(
     assert all(map(exemplars.weathered, range(6)))
     assert read == []
     for index in (0, 1, 3, 0):
-        assert torch.equal(exemplars.layers[index], tiny_exemplars.layers[index])  # type: ignore[arg-type]
+        one, other = exemplars.layers[index], tiny_exemplars.layers[index]
+        assert one is not None
+        assert other is not None
+        assert torch.equal(one.values, other.values)
     assert len(read) == 3
 
 
@@ -243,8 +252,8 @@ def test_a_surface_is_surveyed_once_for_all_its_layers(
     thin = scene.model_copy(update={"weathering": scene.weathering.model_copy(update={"amount": 0.5})})
     layers = [loader.layer(scene), loader.layer(thin)]
     assert len(surveyed) == 1
-    assert torch.equal(*(layer for layer in (layers[0], tiny_exemplars.layers[0]) if layer is not None))
-    assert not torch.equal(*(layer for layer in layers if layer is not None))
+    assert torch.equal(*(layer.values for layer in (layers[0], tiny_exemplars.layers[0]) if layer is not None))
+    assert not torch.equal(*(layer.values for layer in layers if layer is not None))
 
 
 def test_layers_of_recipes_keep_the_names_that_they_had_before_models(tiny_dataset: Path) -> None:
@@ -260,18 +269,18 @@ def test_a_layer_is_kept_apart_for_other_maps(tiny_dataset: Path, tiny_exemplars
     plain, glossy = loader.layer(scene), loader.layer(scene.model_copy(update={"maps": {"roughness": 0.5}}))
     assert plain is not None
     assert glossy is not None
-    assert (plain.shape[-1], glossy.shape[-1]) == (4, 5)
-    assert torch.equal(glossy[..., :4], plain)
+    assert (plain.maps, glossy.maps) == ((), ("roughness",))
+    assert torch.equal(glossy.rgba, plain.values)
 
 
 def test_the_layer_lies_on_learnable_parts_alone(tiny_exemplars: Exemplars) -> None:
     subject, paint = tiny_exemplars.subjects[0], {"body": (0.9, 0.1, 0.2)}
-    layer = torch.rand(32, 32, 4)
-    materials, bare = subject.materials(paint, layer), subject.base_colors(paint)
+    layer = Layer(torch.rand(32, 32, 4))
+    materials, bare = subject.materials(layer, base_colors=paint), subject.base_colors(paint)
     for part, material in enumerate(materials.parts):
         expected = composite(bare[part], layer) if part in subject.learnable else bare[part]
         assert torch.equal(material.base_color, expected)
-    albedo = subject.albedo(paint, layer)
+    albedo = subject.albedo(layer, base_colors=paint)
     body = subject.learnable[0]
     torch.testing.assert_close(
         albedo[subject.buffer.part == body], composite(bare[body], layer)[subject.buffer.part == body]

@@ -14,11 +14,11 @@ from svbrdfgan_hemispherical import HemisphericalEmbedding
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io import load_mesh
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.scene.cache import load_subject, save_subject
 from svbrdfgan.scene.loader import subject_key
 from svbrdfgan.scene.subject import Subject, make_subject
-from svbrdfgan.types import FileMap, Mesh, Part
+from svbrdfgan.types import FileMap, Layer, Mesh, Part
 
 DECLARED = {"roughness": 0.25, "metallic": 0.5, "normal": 0.0}
 RAMP = ((np.arange(8) + 0.5) / 8).astype(np.float32)[None, :, None]
@@ -62,7 +62,7 @@ def subject(mesh: Mesh) -> Subject:
 
 def by_name(subject: Subject, maps: Mapping[str, float], layer: torch.Tensor | None = None) -> dict[str, dict]:
     names = [part.name for part in subject.surface.parts]
-    materials = subject.materials({}, layer, maps)
+    materials = subject.materials(None if layer is None else Layer(layer, tuple(maps)), maps)
     return {name: dict(material.maps) for name, material in zip(names, materials.parts, strict=True)}
 
 
@@ -111,9 +111,9 @@ def test_hidden_halves_are_like_their_parts(subject: Subject) -> None:
         if not parts[name].hidden:
             continue
         hidden += 1
-        whole = made[name.removesuffix(" (hidden)")]
+        whole = made[parts[name].mesh_part]
         assert maps.keys() == whole.keys()
-        assert parts[name].opaque == parts[name.removesuffix(" (hidden)")].opaque
+        assert parts[name].opaque == parts[parts[name].mesh_part].opaque
         if name == "body (hidden)":
             assert torch.equal(maps["roughness"], torch.tensor([0.25]))
         else:
@@ -154,9 +154,17 @@ def test_scenes_that_declare_maps_have_a_subject_of_their_own(tiny_exemplars: Ex
     assert subject_key(glossy) == subject_key(metallic) != subject_key(scene)
 
 
-def test_a_layer_without_the_declared_channels_is_refused(subject: Subject) -> None:
-    with pytest.raises(AssetError, match="a layer has 4 channels; wanted 9"):
-        subject.materials({}, torch.rand(32, 32, 4), DECLARED)
+def test_a_layer_without_the_declared_maps_is_refused(subject: Subject) -> None:
+    with pytest.raises(AssetError, match="a layer paints base_color; wanted base_color, roughness, metallic, normal"):
+        subject.materials(Layer(torch.rand(32, 32, 4)), DECLARED)
+
+
+def test_by_default_what_the_file_says_is_under_all_maps_of_a_layer(subject: Subject) -> None:
+    layer = Layer(torch.rand(32, 32, 5), ("roughness",))
+    made, wanted = subject.materials(layer), subject.materials(layer, {"roughness": None})
+    for one, other in zip(made.parts, wanted.parts, strict=True):
+        assert one.maps.keys() == other.maps.keys()
+        assert all(torch.equal(one.maps[name], other.maps[name]) for name in one.maps)
 
 
 @pytest.mark.parametrize("name", ["cesium_milk_truck", "quaternius_real_suv"])
@@ -166,7 +174,7 @@ def test_real_glass_and_tyres_have_their_file_s_gloss(assets: Path, name: str) -
     others = [
         n
         for n, part in enumerate(subject.surface.parts)
-        if part.name.removesuffix(" (hidden)") not in {subject.surface.parts[k].name for k in subject.learnable}
+        if part.mesh_part not in {subject.surface.parts[k].name for k in subject.learnable}
     ]
     assert others
     for part in others:

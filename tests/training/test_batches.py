@@ -14,7 +14,7 @@ import pytest
 import torch
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.training.batches import BatchSource, _by_subject, load_seen_texels, make_batch_source
 from svbrdfgan.training.cached_rendering import CachedRendering
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, train_config
@@ -64,7 +64,7 @@ def traced(monkeypatch: pytest.MonkeyPatch, source: BatchSource, dataset_copy: P
     """The exemplars whose scenes would have been traced, their own or others; none is stored."""
     shutil.rmtree(dataset_copy / "cache" / "transports", ignore_errors=True)
     found: list[int] = []
-    stored = source.own_scenes.batch([0]).transports[0]  # type: ignore[union-attr]
+    stored = source.own_scenes._stored((0, 0))  # type: ignore[attr-defined]
     monkeypatch.setattr(CachedRendering, "_trace", lambda self, index, scene: found.append(index) or stored)
     return found
 
@@ -89,7 +89,7 @@ def test_own_scenes_are_traced_where_something_looks_at_them(
     )
     source = make_batch_source(resolve_run(chosen), "train", load_renderer("numpy"), CPU)
     assert sorted(traced) == sorted([*range(6), *range(own)])
-    held = source.own_scenes._cache  # type: ignore[union-attr]
+    held = source.own_scenes._transports.held  # type: ignore[attr-defined]
     assert len(held) == (6 if discriminator["compares"] == "reflectance" else min(own, 1))
     assert source.seen(0).max() > 0
     assert len(traced) == 6 + max(own, 1)
@@ -171,7 +171,9 @@ def test_a_fake_in_other_light_carries_its_own_scenes_light(lit: BatchSource) ->
     assert isinstance(scenes, OnlineSceneBatch)
     there = replace(source.exemplars, scenes=(*source.exemplars.scenes[:2], *scenes.scenes))
     assert isinstance(source.own_scenes, OnlineRendering)
-    assert torch.equal(replace(source.own_scenes, exemplars=there).light_buffer(2), fake.light_buffer[0])
+    real_there = replace(source.own_scenes, exemplars=there).first_scenes([2])
+    assert real_there.light_buffer is not None
+    assert torch.equal(real_there.light_buffer, fake.light_buffer)
 
 
 def test_a_fake_in_another_camera_carries_both_its_own_buffers(lit: BatchSource) -> None:

@@ -19,16 +19,15 @@ from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.generate import generate
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.plugins import load_renderer
-from svbrdfgan.rendering.compositing import composite, composite_maps
-from svbrdfgan.rendering.transport.cache import MemoryCache
+from svbrdfgan.plugins.registry import load_renderer
+from svbrdfgan.rendering.compositing import composite_maps, composite_values
 from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.config import ScenesConfig, train_config
 from svbrdfgan.training.deferred_rendering import DeferredRendering, _stacked
 from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.training.state import checkpoints
 from svbrdfgan.training.trainer import train
-from svbrdfgan.types import Material
+from svbrdfgan.types import Layer, Material
 
 CPU = torch.device("cpu")
 CHANNELS = 9
@@ -69,11 +68,18 @@ def source(glossy_training: Data) -> BatchSource:
 def rendering(source: BatchSource) -> DeferredRendering:
     """Its scenes, with nothing stored yet."""
     assert isinstance(source.fake_scenes, DeferredRendering)
-    return replace(source.fake_scenes, _cache=MemoryCache())
+    return replace(source.fake_scenes)
 
 
 def layers(count: int) -> Tensor:
     return torch.rand((count, 32, 32, CHANNELS), generator=torch.Generator().manual_seed(5)) + torch.eye(CHANNELS)[8]
+
+
+def buffers(rendering: DeferredRendering, index: int) -> tuple[Tensor, Tensor | None]:
+    """G-buffer and light buffer of the first stored scene of an exemplar."""
+    scenes = rendering.first_scenes([index])
+    assert scenes.gbuffer is not None
+    return scenes.gbuffer[0], None if scenes.light_buffer is None else scenes.light_buffer[0]
 
 
 def rng(seed: int = 0) -> np.random.Generator:
@@ -83,7 +89,7 @@ def rng(seed: int = 0) -> np.random.Generator:
 def test_pictures_of_the_true_layers_are_the_exemplars(source: BatchSource, rendering: DeferredRendering) -> None:
     """On average over visits, in every picture."""
     indices = list(range(len(source)))
-    true = torch.stack([layer for layer in source.exemplars.layers if layer is not None])
+    true = torch.stack([layer.values for layer in source.exemplars.layers if layer is not None])
     pictures = [rendering.scenes(indices, rng(visit), visit).render(true) for visit in range(0, 64, 4)]
     mean, wanted = torch.stack([image for image, _ in pictures]).mean(dim=0), source.exemplars.images.float()
     off = (mean - wanted).sum(dim=(1, 2)).abs() / wanted.sum(dim=(1, 2))
@@ -112,7 +118,7 @@ def test_pictures_are_differentiable_in_the_layers(rendering: DeferredRendering)
 @pytest.mark.parametrize("pool", [0, 1, 2])
 def test_a_pool_holds_so_many_scenes_of_each_exemplar(pool: int, rendering: DeferredRendering) -> None:
     pooled = replace(rendering, pool=pool)
-    seeds = {pooled.scenes([1], rng(n)).scenes[0].light.seed for n in range(12)}  # type: ignore[attr-defined]
+    seeds = {pooled.scenes([1], rng(n)).scenes[0].light.value.seed for n in range(12)}  # type: ignore[attr-defined]
     assert len(seeds) == (pool or 12)
     assert len(pooled._cache) == pool
 
@@ -125,7 +131,7 @@ def test_what_does_not_fit_is_traced_again_with_equal_results(
     monkeypatch.setattr(
         DeferredRendering, "_trace", lambda self, index, scene: traced.append(index) or trace(self, index, scene)
     )
-    tight = replace(rendering, _cache=MemoryCache(0))
+    tight = replace(rendering, cache_bytes=0)
     batches = [[0, 1], [2, 3], [0, 1]]
     wide, narrow = (
         [r.scenes(batch, rng(n), n).render(layers(2))[0] for n, batch in enumerate(batches)] for r in (rendering, tight)
@@ -133,35 +139,36 @@ def test_what_does_not_fit_is_traced_again_with_equal_results(
     assert all(torch.equal(one, other) for one, other in zip(wide, narrow, strict=True))
     assert (len(rendering._cache), len(tight._cache)) == (4, 1)
     assert len(traced) == 4 + 6
-    assert rendering._cache.nbytes == sum(scene.nbytes for scene in rendering._cache.values())  # type: ignore[attr-defined]
+    assert rendering._cache.nbytes == sum(scene.nbytes for scene in rendering._cache.values())
 
 
 def test_buffers_are_of_the_first_stored_scene(source: BatchSource, rendering: DeferredRendering) -> None:
-    gbuffer, light = rendering.gbuffer(2), rendering.light_buffer(2)
+    gbuffer, light = buffers(rendering, 2)
     assert light is not None
     assert (gbuffer.shape, light.shape) == ((32, 32, 6), (32, 32, 9))
     matched = rendering.scenes([2], rng())
     assert (matched.gbuffer, matched.light_buffer) == (None, None)
-    shown = gbuffer.float()[..., 3:].norm(dim=-1)
+    shown = gbuffer[..., 3:].norm(dim=-1)
     assert float(shown.max()) == pytest.approx(1.0, abs=0.02)
     assert source.real.gbuffer is not None
-    assert torch.equal(source.real.gbuffer[2].float(), gbuffer.float())
-    assert replace(rendering, shows_light=False).light_buffer(2) is not None  # stored before
-    assert replace(rendering, shows_light=False, _cache=MemoryCache()).light_buffer(2) is None
+    assert torch.equal(source.real.gbuffer[2].float(), gbuffer)
+    assert buffers(replace(rendering, shows_light=False), 2)[1] is None
 
 
 def test_scenes_that_do_not_match_carry_their_own_buffers(rendering: DeferredRendering) -> None:
     config = ScenesConfig(camera_noise_degrees=20.0, environment="redrawn")
     perturbation = replace(rendering.perturbation, config=config)
-    moved = replace(rendering, perturbation=perturbation, _cache=MemoryCache())
+    moved = replace(rendering, perturbation=perturbation)
     batch = moved.scenes([0, 3], rng())
-    for mine, its in ((batch.gbuffer, moved.gbuffer(0)), (batch.light_buffer, moved.light_buffer(0))):
+    for mine, its in zip((batch.gbuffer, batch.light_buffer), buffers(moved, 0), strict=True):
         assert mine is not None
         assert its is not None
-        assert torch.equal(mine[0], its.float())
-    assert float((moved.gbuffer(0).float() - rendering.gbuffer(0).float()).abs().mean()) > 0.01
-    own = moved.in_scenes(ScenesConfig(), 16)
-    assert float((own.gbuffer(0).float() - rendering.gbuffer(0).float()).abs().mean()) < 0.03
+        assert torch.equal(mine[0], its)
+    matched, own = buffers(rendering, 0)[0], moved.own_scenes(16, keep=False)
+    own.build(range(6))
+    assert own._cache == {}  # each is looked at once
+    assert float((buffers(moved, 0)[0] - matched).abs().mean()) > 0.01
+    assert float((buffers(own, 0)[0] - matched).abs().mean()) < 0.03
     image, coverage = batch.render(layers(2))
     assert bool(torch.isfinite(image).all())
     assert not image[coverage == 0].any()
@@ -182,14 +189,14 @@ def test_constants_stand_beside_textures() -> None:
     other = Material({"base_color": torch.rand(3), "roughness": torch.rand(3, 4, 1)})
     parts = _stacked([mixed, other], ("base_color", "roughness"))
     assert parts.shape == (2, 3, 4, 4)
-    layer = torch.rand(3, 4, 5)
+    layer = Layer(torch.rand(3, 4, 5), ("roughness",))
     for part, material in zip(parts, (mixed, other), strict=True):
-        wanted = torch.cat([*composite_maps(material.maps, layer, ("roughness",)).values()], dim=-1)
-        torch.testing.assert_close(composite(part, layer), wanted)
+        wanted = torch.cat([*composite_maps(material.maps, layer).values()], dim=-1)
+        torch.testing.assert_close(composite_values(part, layer), wanted)
 
 
 def test_a_renderer_that_stores_no_light_is_told(rendering: DeferredRendering) -> None:
-    with pytest.raises(ConfigError, match=r"needs a renderer that stores light; NumpyRenderer does not: set rendering"):
+    with pytest.raises(ConfigError, match=r"needs a renderer that stores light; numpy does not: set rendering"):
         replace(rendering, renderer=load_renderer("numpy"))
 
 

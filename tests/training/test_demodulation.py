@@ -12,8 +12,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from svbrdfgan.plugins import load_renderer
-from svbrdfgan.rendering.transport import TransportBatch
+from svbrdfgan.plugins.registry import load_renderer
+from svbrdfgan.rendering.transport.product import TransportBatch
 from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.cached_rendering import CachedSceneBatch
 from svbrdfgan.training.config import train_config
@@ -46,13 +46,19 @@ def scenes_of(source: BatchSource, seed: int = 0) -> CachedSceneBatch:
     return scenes
 
 
+def own_light(source: BatchSource) -> Demodulator:
+    demodulator = source.own_scenes.first_scenes(EVERY).demodulator
+    assert demodulator is not None
+    return demodulator
+
+
 def painted(source: BatchSource, color: tuple[float, float, float]) -> Tensor:
     size = source.buffers.shape[-2:]
     return torch.tensor([*color, 1.0]).expand(len(EVERY), *size, 4)
 
 
 def truth(source: BatchSource) -> Tensor:
-    layers = [layer for layer in source.exemplars.layers if layer is not None]
+    layers = [layer.values for layer in source.exemplars.layers if layer is not None]
     return torch.stack([layers[index] for index in range(len(EVERY))])
 
 
@@ -89,7 +95,7 @@ def test_a_fake_of_the_truth_shows_what_its_exemplar_does(scenes: dict[str, Any]
 def test_both_sides_are_blurred_alike(scenes: dict[str, Any], make: Make) -> None:
     """Exemplars without noise, and fakes of the truth; a fake that came one step fewer is sharper."""
     source = make(scenes=scenes)
-    here, there = source.demodulator(EVERY), scenes_of(source).demodulator
+    here, there = own_light(source), scenes_of(source).demodulator
     own = source.own_scenes.scenes(EVERY, np.random.default_rng(0))
     exact = replace(source, real=replace(source.real, image=own.render(truth(source))[0]))
     real, fake = make_pair(exact, EVERY, scenes_of(source), truth(source))
@@ -120,7 +126,7 @@ def test_neither_outline_nor_gbuffer_tells_real_from_fake(scenes: dict[str, Any]
 def test_only_what_both_views_see_is_shown(make: Make) -> None:
     source = make(scenes=ELSEWHERE)
     real, _ = make_pair(source, EVERY, scenes_of(source), truth(source))
-    seen = source.demodulator(EVERY).clear
+    seen = own_light(source).clear
     assert not (real.coverage > 0)[~seen].any()
     assert real.coverage.sum() < 0.9 * seen.sum()
 
@@ -163,5 +169,5 @@ def test_what_is_dark_or_hardly_learnable_is_not_clear(matched: BatchSource) -> 
 
 def test_exemplars_are_divided_by_light_of_no_fewer_samples(make: Make, matched: BatchSource) -> None:
     coarse = make(spp=1)
-    for few, many in zip(coarse.demodulator(EVERY).shading, matched.demodulator(EVERY).shading, strict=True):
+    for few, many in zip(own_light(coarse).shading, own_light(matched).shading, strict=True):
         assert torch.equal(few, many)

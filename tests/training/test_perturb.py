@@ -14,7 +14,8 @@ from svbrdfgan.config.models import validate
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.cached_rendering import CachedRendering
@@ -106,11 +107,11 @@ def stages(exemplars: Exemplars, folder: Path, pool: int, **declared: Any) -> Ca
 def test_a_pool_holds_so_many_scenes(pool: int, tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
     held = stages(tiny_exemplars, tiny_dataset, pool, camera_noise_degrees=5.0)
     held.build([0, 4])
-    assert len(held._cache) == 2 * pool
+    assert len(held._transports.held) == 2 * pool
     rng = np.random.default_rng(0)
     pictures = {held.scenes([0], rng).batch.coverage.numpy().tobytes() for _ in range(12)}
     assert len(pictures) == pool
-    assert len(held._cache) == 2 * pool
+    assert len(held._transports.held) == 2 * pool
 
 
 def test_without_a_pool_every_visit_is_new(tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
@@ -118,7 +119,7 @@ def test_without_a_pool_every_visit_is_new(tiny_dataset: Path, tiny_exemplars: E
     fresh.build([0])
     pictures = {fresh.scenes([0], rng).batch.transports[0].weight.numpy().tobytes() for _ in range(4)}
     assert len(pictures) == 4
-    assert fresh._cache == {}
+    assert fresh._transports.held == {}
 
 
 def test_a_surface_is_prepared_once_whatever_is_visited(
@@ -149,7 +150,8 @@ def test_base_colours_are_made_once(
 
 def test_renderers_of_one_name_do_not_share_transports(tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
     ours = stages(tiny_exemplars, tiny_dataset, 1)
-    theirs = type("NumpyRenderer", (type(ours.renderer),), {"__module__": "elsewhere"})()
+    plugin = type("NumpyRenderer", (type(ours.renderer.plugin),), {"__module__": "elsewhere"})()
+    theirs = CheckedRenderer(plugin, "numpy")
     scene = tiny_exemplars.scenes[0]
     assert ours._key(scene) != replace(ours, renderer=theirs)._key(scene)
     assert ours._key(scene) == stages(tiny_exemplars, tiny_dataset, 1)._key(scene)
@@ -163,10 +165,10 @@ def test_stored_transports_are_read_again(dataset_copy: Path, tiny_exemplars: Ex
     exemplars = replace(tiny_exemplars, loader=SceneLoader(dataset_copy))
     first = stages(exemplars, dataset_copy, 1)
     first.build([0])
-    again = replace(first, _cache={}, renderer=load_renderer("numpy"), _prepared={})
+    again = replace(first, renderer=load_renderer("numpy"))
     again.build([0])
-    assert again._prepared == {}
-    assert torch.equal(again._cache[0, 0].weight, first._cache[0, 0].weight)
+    assert again._surfaces._held == {}
+    assert torch.equal(again._transports.held[0, 0].weight, first._transports.held[0, 0].weight)
     assert len(list((dataset_copy / "cache" / "transports").iterdir())) >= 1
 
 

@@ -11,14 +11,14 @@ import torch
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import Renderer, RendererCapabilities
-from svbrdfgan.rendering.transport import build_transport
+from svbrdfgan.rendering.transport.build import build_transport
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training import reference_pictures
 from svbrdfgan.training.reference_pictures import LIGHT_CHANNELS, ReferencePictures, require_reference_materials
-from svbrdfgan.types import View
+from svbrdfgan.types import Layer, View
 
 SPP = 8
 
@@ -106,7 +106,7 @@ def test_its_noise_is_not_that_of_the_picture(setting: Setting) -> None:
     """With the scene's own seed, white pixels would be the same in both."""
     pictures, subject = setting.pictures(), setting.subject
     white = torch.ones(*subject.buffer.part.shape, 4)
-    materials = subject.materials(setting.scene.materials, white)
+    materials = subject.materials(Layer(white), base_colors=setting.scene.materials)
     same = setting.renderer.render(pictures.prepared, materials, setting.view, spp=SPP, seed=setting.scene.seed).image
     matt = pictures.light_buffer().float()[..., :3]
     whole = pictures.gbuffer()[..., 3:].norm(dim=-1) > 0.95
@@ -122,7 +122,7 @@ def test_the_gbuffer_is_that_of_stored_transport(setting: Setting) -> None:
     prepared = setting.renderer.prepare(subject.surface)
     stored = build_transport(
         setting.renderer.transport(prepared, view, spp=spp, seed=5),  # type: ignore[attr-defined]
-        materials=subject.materials({}, None),
+        materials=subject.materials(),
         learnable=subject.learnable,
         gbuffer=subject.geometry.permute(1, 2, 0),
         view=view,

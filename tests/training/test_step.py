@@ -15,7 +15,7 @@ from torch import Tensor
 
 from svbrdfgan.data.conditions import labels_of_scenes
 from svbrdfgan.errors import AssetError, ConfigError, TrainingError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.training.discriminator_batch import ImageBatch
@@ -275,7 +275,7 @@ def test_fresh_rendering_has_the_gradient_of_the_transport(
 
 def test_a_matched_fake_of_the_truth_is_the_exemplar_but_for_noise(source: BatchSource) -> None:
     """G0's own layer through the training transports gives back the stored pictures: nothing is turned or shifted."""
-    layers = torch.stack([layer for layer in source.exemplars.layers if layer is not None])
+    layers = torch.stack([layer.values for layer in source.exemplars.layers if layer is not None])
     scenes = source.scenes(range(6), np.random.default_rng(0))
     fake, coverage = scenes.render(layers)
     noise = (fake - source.real.image.float()).abs().mean()

@@ -22,8 +22,8 @@ from torch import Tensor
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.errors import AssetError, ConfigError, TrainingError
 from svbrdfgan.inference.apply import paint
-from svbrdfgan.io import load_mesh
-from svbrdfgan.networks import Conditions
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.networks.saved import load_generator
 from svbrdfgan.training import trainer
 from svbrdfgan.training.config import TrainConfig, resolved, train_config
@@ -31,7 +31,8 @@ from svbrdfgan.training.metrics_log import read_metrics
 from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.training.run import MODEL, RunConfig, load_model
 from svbrdfgan.training.state import State, checkpoints, step_of
-from svbrdfgan.training.trainer import batch_indices, train
+from svbrdfgan.training.step import batch_indices
+from svbrdfgan.training.trainer import train
 
 Data = Callable[..., dict[str, Any]]
 COMMAND = "from svbrdfgan.cli import main; main()"
@@ -357,6 +358,6 @@ def test_a_generator_paints_a_mesh_of_ones_own(
     model = load_model(tmp_path / "run")
     mesh = DatasetIndex.load(tiny_dataset).meshes["validation"][0]
     subject, layer = paint(load_mesh(tiny_dataset / mesh.asset.path), model)
-    assert layer.shape == (32, 32, 4)
-    assert not layer.requires_grad
-    assert torch.equal(layer, model.generator(subject.geometry.unsqueeze(0))[0])
+    assert layer.values.shape == (32, 32, 4)
+    assert not layer.values.requires_grad
+    assert torch.equal(layer.values, model.generator(subject.geometry.unsqueeze(0))[0])

@@ -10,29 +10,31 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.geometry.bake import bake
 from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.testing import scenes
-from svbrdfgan.weathering import RECIPES, Coat, RoadDirt, Rust, recipe_from_options, weather
+from svbrdfgan.weathering.layer import recipe_from_options, weather
+from svbrdfgan.weathering.recipes import RECIPES, Coat, RoadDirt, Rust
 
 
 def test_layer_has_the_buffer_s_shape(vehicle, texels):
-    layer = weather(vehicle, texels, RoadDirt())
+    layer = weather(vehicle, texels, RoadDirt()).values
     assert layer.shape == (*texels.position.shape[:2], 4)
     assert layer.dtype == torch.float32
 
 
 def test_torch_buffers_give_the_same_layer(vehicle, texels, shapes):
     buffer = shapes.Texels(torch.from_numpy(texels.position), torch.from_numpy(texels.normal))
-    assert torch.equal(weather(vehicle, buffer, RoadDirt()), weather(vehicle, texels, RoadDirt()))
+    assert torch.equal(weather(vehicle, buffer, RoadDirt()).values, weather(vehicle, texels, RoadDirt()).values)
 
 
 @pytest.mark.parametrize("name", RECIPES)
 def test_further_maps_follow_alpha_and_stay_in_their_range(vehicle, texels, name):
     recipe = RECIPES[name](seed=3)
     layer = weather(vehicle, texels, recipe, ["metallic", "roughness"])
-    assert layer.shape == (*texels.position.shape[:2], 6)
-    assert torch.equal(layer[..., :4], weather(vehicle, texels, recipe))
-    assert layer.min() >= 0.0
-    assert layer.max() <= 1.0
-    rough, metallic, seen = layer[..., 4], layer[..., 5], layer[..., 3] > 0.5
+    assert layer.maps == ("roughness", "metallic")
+    assert layer.values.shape == (*texels.position.shape[:2], 6)
+    assert torch.equal(layer.rgba, weather(vehicle, texels, recipe).values)
+    assert layer.values.min() >= 0.0
+    assert layer.values.max() <= 1.0
+    rough, metallic, seen = layer["roughness"][..., 0], layer["metallic"][..., 0], layer.alpha > 0.5
     assert rough.std() > 0.01
     assert rough[seen & (metallic < 0.1)].mean() > 0.55
     assert metallic.any() == (name == "chipped-paint")  # rust bares steel with detail only
@@ -72,7 +74,7 @@ def test_relief_is_the_slope_of_the_height_in_tangent_space(axis, mirrored):
     if mirrored:
         sheet = replace(sheet, uv=np.array([1.0, 0.0]) + sheet.uv * [-1.0, 1.0])
     buffer = bake(Fragments.of(sheet, 48, 48))
-    normal = weather(sheet, buffer, Ridges(axis), ["normal"])[..., 4:].double().numpy()
+    normal = weather(sheet, buffer, Ridges(axis), ["normal"])["normal"].double().numpy()
     assert np.allclose(np.linalg.norm(normal, axis=2), 1.0)
     position = buffer.position.double().numpy() / 2.0
     slope = 0.4 * np.cos(20.0 * (position[..., axis] + [0.0, 0.5][axis]))
@@ -88,7 +90,8 @@ def test_scale_of_the_model_does_not_matter(vehicle, texels, shapes, scale, most
     """Powers of two scale without rounding; others move a few samples of the surface over the border of a depth map."""
     recipe = Rust(amount=0.8, seed=3)
     large = shapes.Texels(scale * texels.position, texels.normal)
-    difference = (weather(shapes.make_vehicle(scale), large, recipe) - weather(vehicle, texels, recipe)).abs()
+    scaled, plain = weather(shapes.make_vehicle(scale), large, recipe), weather(vehicle, texels, recipe)
+    difference = (scaled.values - plain.values).abs()
     assert difference.max() < most
     assert difference.mean() < mean
 
@@ -99,7 +102,7 @@ def test_layers_are_smooth_where_the_surface_is(vehicle, shapes, name):
     z, y = np.meshgrid(np.linspace(-1.6, 1.6, 81), np.linspace(0.4, 0.9, 13))
     position = np.stack([np.full_like(z, 0.8), y, z], axis=-1)
     flank = shapes.Texels(position, np.broadcast_to([1.0, 0.0, 0.0], position.shape))
-    layer = weather(vehicle, flank, RECIPES[name](amount=0.8, seed=1, detail=0.0)).numpy()
-    steps = np.abs(np.diff(layer, axis=1))
+    layer = weather(vehicle, flank, RECIPES[name](amount=0.8, seed=1, detail=0.0))
+    steps = np.abs(np.diff(layer.values.numpy(), axis=1))
     assert np.sqrt(np.square(steps).mean()) < 0.06
-    assert layer[..., 3].std() > 0.05
+    assert layer.alpha.numpy().std() > 0.05

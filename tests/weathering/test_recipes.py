@@ -9,8 +9,9 @@ import pytest
 from scipy.stats import spearmanr
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.weathering import RECIPES, ChippedPaint, Dust, RoadDirt, Rust, recipe_from_options
-from svbrdfgan.weathering.site import survey
+from svbrdfgan.weathering.layer import recipe_from_options
+from svbrdfgan.weathering.recipes import RECIPES, ChippedPaint, Dust, RoadDirt, Rust
+from svbrdfgan.weathering.survey import survey
 
 EVERY_RECIPE = pytest.mark.parametrize("kind", RECIPES.values(), ids=list(RECIPES))
 

@@ -93,7 +93,7 @@ class GridRenderer:
     def transport(self, prepared: Prepared, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
         """The samples that `render` multiplies with the textures."""
         samples = self._samples(prepared, view, spp, seed)
-        return (TransportSamples(s.pixel, s.part, s.uv.float(), s.weight.float()) for s in samples)
+        return (TransportSamples(s.pixel, s.part, s.uv.float(), s.weight.detach().float()) for s in samples)
 
     def _picture(self, prepared: Prepared, materials: Materials, view: View, spp: int, seed: int) -> Rendering:
         """The picture, differentiable in base colours and radiance."""

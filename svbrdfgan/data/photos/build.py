@@ -11,7 +11,8 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from svbrdfgan.data.gather import INDEX, gather_environments, match_files
+from svbrdfgan.data.gather import gather_environments, match_files
+from svbrdfgan.data.index import INDEX
 from svbrdfgan.data.photos.check import (
     ErrorCollector,
     ImportJob,
@@ -25,7 +26,7 @@ from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.photos.overlay import contact_sheet
 from svbrdfgan.data.sampler import EnvironmentAsset
 from svbrdfgan.errors import AssetError, ConfigError
-from svbrdfgan.plugins import load_embedding
+from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.utils.display import Display, SilentDisplay
 
 OVERLAYS = "overlay"

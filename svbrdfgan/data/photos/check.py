@@ -25,7 +25,8 @@ from svbrdfgan.data.photos.overlay import (
 from svbrdfgan.data.photos.photo import Photo, load_photo
 from svbrdfgan.data.photos.rectify import minification, rectified_camera, rectify
 from svbrdfgan.errors import AssetError, ConfigError, SvbrdfganError
-from svbrdfgan.io import load_environment, load_mesh
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.scene.description import OrbitCamera
 from svbrdfgan.types import Mesh
 from svbrdfgan.utils.display import Display

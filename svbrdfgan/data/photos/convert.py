@@ -15,15 +15,15 @@ from torch import Tensor
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.config.distributions import mean
 from svbrdfgan.data.config import Split
+from svbrdfgan.data.exemplar_files import exemplar_paths, save_exemplar
 from svbrdfgan.data.gather import environment_asset, mesh_asset
-from svbrdfgan.data.generate import exemplar_paths, save_exemplar
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.photos.check import ImportJob, RectifiedPhoto
 from svbrdfgan.data.photos.exposure import exposure_factor, mean_light
 from svbrdfgan.data.photos.light import GLOSS, environment, estimate_weights, evidence_size, gather_evidence, white
 from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.sampler import EnvironmentAsset, MeshAsset
-from svbrdfgan.io import load_environment
+from svbrdfgan.io.environment import load_environment
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene, SceneEnvironment
@@ -151,7 +151,7 @@ class _Converter:
             return _on_cpu(self.renderer.render(prepared, materials, view, spp=_LIGHT_SPP, seed=seed))
 
         evidence = gather_evidence(
-            exposed, render, subject.materials(scene.materials, None), subject.learnable, self.mean
+            exposed, render, subject.materials(base_colors=scene.materials), subject.learnable, self.mean
         )
         radiance = environment(self.mean, estimate_weights(evidence, self.manifest.weathering_color))
         rows, folder = self.manifest.environment_rows, self.loader.folder
@@ -180,7 +180,7 @@ class _Converter:
 
     def _render_clean(self, scene: Scene) -> Rendering:
         """The scene without weathering."""
-        return self._render(scene, self.loader.subject(scene).materials(scene.materials, None), _SPP)
+        return self._render(scene, self.loader.subject(scene).materials(base_colors=scene.materials), _SPP)
 
     def _gloss(self, scene: Scene) -> Float[Tensor, "height width 3"]:
         """The radiance that gloss of the learnable parts adds to the picture, approximately."""

@@ -19,7 +19,8 @@ from torch import Tensor
 
 from svbrdfgan.data.sampler import ConfigSampler
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io import load_environment, luminance
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.image import luminance
 from svbrdfgan.types import Rendering
 
 _ROWS = 32

@@ -17,7 +17,7 @@ from svbrdfgan.evaluation.leakage.classifier import Margins, Roles, Trial
 from svbrdfgan.evaluation.leakage.confounders import CONFOUNDERS, REMEDIES, Confounder, find_confounders
 from svbrdfgan.evaluation.leakage.rendered_pairs import Confounders, RenderedPairs
 from svbrdfgan.evaluation.leakage.report import Finding, LeakageReport
-from svbrdfgan.io import save_image
+from svbrdfgan.io.image import save_image
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.training.config import TrainConfig

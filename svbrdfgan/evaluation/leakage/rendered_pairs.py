@@ -10,23 +10,18 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from svbrdfgan.data.exemplar_files import BRIGHTEST
 from svbrdfgan.data.exemplars import Exemplars
-from svbrdfgan.data.generate import BRIGHTEST, render_scene
+from svbrdfgan.data.generate import render_scene
 from svbrdfgan.evaluation.leakage.confounders import Confounder, scenes_with
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
-from svbrdfgan.rendering.compositing import layer_channels
-from svbrdfgan.training.batches import (
-    BatchSource,
-    SceneRendering,
-    exemplar_spp,
-    make_scenes,
-    own_buffers,
-    stack_inputs,
-)
+from svbrdfgan.training.batches import BatchSource, exemplar_spp, make_scenes, own_buffers, stack_inputs
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.resolve import ResolvedRun
+from svbrdfgan.training.scene_batch import SceneRendering
 from svbrdfgan.training.step import make_pair
+from svbrdfgan.types.layer import layer_channels
 
 _CHUNK = 8
 

@@ -17,7 +17,8 @@ from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.experiments.demo.gloss import PAINT, glossy_picture, matt_dirt, polished
 from svbrdfgan.inference.apply import paint
 from svbrdfgan.inference.export import write_picture, write_weathered
-from svbrdfgan.io import load_environment, load_mesh
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.report.overview import FurtherColumn, write_overview
 from svbrdfgan.report.page import write_report

@@ -7,15 +7,14 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
-from svbrdfgan.evaluation.evaluate import Evaluated
+from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.metrics.flip import display
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import bare_maps
 from svbrdfgan.report.pictures import Picture, framed
 from svbrdfgan.scene.subject import Subject
+from svbrdfgan.types import Layer
 
 PAINT: Mapping[str, float] = MappingProxyType({"roughness": 0.1, "metallic": 0.0})
 """Clean paint, as `Subject.materials` takes it: as smooth as a clear coat."""
@@ -36,13 +35,14 @@ _SPP = 48  # and need more samples, since highlights are small and bright
 
 def polished(subject: Subject) -> Subject:
     """The subject of a procedural vehicle with gloss on glass, lights and rims, as if its file said so."""
-    names = [part.name.removesuffix(" (hidden)") for part in subject.surface.parts]
-    return replace(subject, file_maps=tuple(bare_maps(_POLISHED.get(name, {})) for name in names))
+    parts = subject.surface.parts
+    return replace(subject, file_maps=tuple(bare_maps(_POLISHED.get(part.mesh_part, {})) for part in parts))
 
 
-def matt_dirt(layer: Float[Tensor, "rows cols 4"]) -> Float[Tensor, "rows cols 6"]:
-    """An RGBA layer with the roughness and metallic of dirt, under the same alpha."""
-    return torch.cat([layer, layer.new_tensor(_DIRT).expand(*layer.shape[:2], -1)], dim=-1)
+def matt_dirt(layer: Layer) -> Layer:
+    """A layer of base colour alone with the roughness and metallic of dirt, under the same alpha."""
+    dirt = layer.values.new_tensor(_DIRT).expand(*layer.values.shape[:-1], -1)
+    return Layer(torch.cat([layer.rgba, dirt], dim=-1), tuple(PAINT))
 
 
 def glossy_picture(evaluated: Evaluated, renderer: CheckedRenderer, index: int) -> Picture:
@@ -52,7 +52,7 @@ def glossy_picture(evaluated: Evaluated, renderer: CheckedRenderer, index: int) 
     layer = evaluated.learned(index)
     view = exemplars.loader.view(scene)
     larger = replace(view, width=_SCALE * view.width, height=_SCALE * view.height)
-    materials = subject.materials(scene.materials, matt_dirt(layer), PAINT)
+    materials = subject.materials(matt_dirt(layer), PAINT, base_colors=scene.materials)
     made = renderer.render(renderer.prepare(subject.surface), materials, larger, spp=_SPP, seed=scene.seed)
     coverage = made.coverage.cpu()
     return framed(display(made.image.cpu(), coverage=coverage), coverage)

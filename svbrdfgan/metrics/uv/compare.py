@@ -46,7 +46,7 @@ class Measured:
     similarities: Mapping[tuple[str, str], Similarity]
 
     def values(self) -> dict[str, dict[str, float]]:
-        """All values: by name of the measure, then by mesh or pair of meshes."""
+        """The values by name of the measure, then by mesh or pair of meshes."""
         found: dict[str, dict[str, float]] = {}
         for mesh, summary in self.summaries.items():
             for name, value in {**summary.flat(), "seconds": self.seconds[mesh]}.items():
@@ -81,7 +81,7 @@ def mesh_files(folder: Path) -> dict[str, Path]:
 
 
 def sample_pairs(names: Sequence[str]) -> list[tuple[str, str]]:
-    """All pairs of names if there are few; otherwise each name with the next `PARTNERS` names in a shuffled ring.
+    """Pairs of names: all if there are few, otherwise each name with the next `PARTNERS` names in a shuffled ring.
 
     The shuffle has a fixed seed. Without it, files with similar names, which often show similar vehicles, would be
     compared more often than others.

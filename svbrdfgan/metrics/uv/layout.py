@@ -109,7 +109,7 @@ class _Edges:
 
 
 def _shared_edges(visible: VisibleSurface) -> _Edges:
-    """All pairs of faces at a common edge, found by sorting the faces' sides by their end vertices."""
+    """The pairs of faces at a common edge, found by sorting the faces' sides by their end vertices."""
     face = np.repeat(np.arange(len(visible.faces)), 3)
     ends = np.stack([visible.faces, np.roll(visible.faces, -1, axis=1)], axis=2).reshape(-1, 2)
     uv = np.stack([visible.uv, np.roll(visible.uv, -1, axis=1)], axis=2).reshape(-1, 2, 2)

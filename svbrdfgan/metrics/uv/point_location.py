@@ -20,7 +20,7 @@ _CELLS_A_TRIANGLE = 1.5  # cells along a side, per square root of the triangle c
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """All pairs (point, triangle) where the point is inside the triangle or on its border.
+    """The pairs (point, triangle) where the point is inside the triangle or on its border.
 
     Attributes:
         point, triangle: indices.
@@ -68,7 +68,7 @@ class PointLocator:
         return cls(rows, grid, ranked[rank[order]], first)
 
     def locate(self, points: Float[ndarray, "points 2"]) -> Iterator[Hits]:
-        """All hits, in batches of bounded size, sorted by point."""
+        """The hits of all points, in batches of bounded size, sorted by point."""
         cell = self.grid.cells(points)
         count = self.first[cell + 1] - self.first[cell]
         total = np.cumsum(count)

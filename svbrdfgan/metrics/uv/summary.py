@@ -1,4 +1,4 @@
-"""All measures of one map."""
+"""The summary of one map: all its measures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from svbrdfgan.types import Surface
 
 @dataclass(frozen=True)
 class UVSummary:
-    """All measures of a map, on the surface that is visible from outside and not in hidden parts.
+    """The measures of a map, on the surface that is visible from outside and not in hidden parts.
 
     Attributes:
         connectivity: share of neighbouring places that stay neighbours in UV.
@@ -36,7 +36,7 @@ class UVSummary:
         return cls(distortion(visible), layout(visible), connectivity(visible), visible.kept, visible.seen, area)
 
     def flat(self) -> dict[str, float]:
-        """All measures by name."""
+        """The measures by name."""
         own = {name: getattr(self, name) for name in ("connectivity", "kept", "seen", "area")}
         return {**vars(self.distortion), **vars(self.layout), **own}
 

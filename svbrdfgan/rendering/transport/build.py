@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from svbrdfgan.rendering.texture_filter import Repeat, bilinear_taps, sample_texture
+from svbrdfgan.geometry.texels import Repeat, bilinear_taps, sample_texture
 from svbrdfgan.rendering.transport.light_transport import LightTransport
 from svbrdfgan.rendering.transport.merge import Entries, Runs, segment_sums
 from svbrdfgan.types import Materials, TransportSamples, View

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import OrderedDict
-from collections.abc import Iterator, MutableMapping
+from collections.abc import Callable, Iterator, MutableMapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,6 +107,49 @@ class TransportReader:
             return transport.to(self._device), None
         with torch.cuda.stream(self._stream):
             return transport.to(self._device), self._stream.record_event()
+
+
+class TransportStore(Generic[Key]):
+    """Light transports of scenes, by key, on a device: those used last in memory, all others in their files.
+
+    Prefetched transports do not count towards the memory budget. The budget should hold at least two batches, so that
+    one batch does not evict what the next one needs too.
+
+    Args:
+        budget: see `MemoryCache`.
+    """
+
+    def __init__(self, device: torch.device, budget: int | None = None) -> None:
+        self._device, self._reader = device, TransportReader(device)
+        self.held: MemoryCache[Key, LightTransport] = MemoryCache(budget)
+        self._pending: dict[Key, PendingTransport] = {}
+        self._paths: dict[Key, Path] = {}
+
+    def get(self, key: Key, file: Callable[[Key], Path]) -> LightTransport:
+        """The transport of a scene.
+
+        Args:
+            file: returns its file, and is called once for each key; it makes the file if there is none.
+
+        Raises:
+            AssetError: the file is damaged, or not a light transport.
+        """
+        found = self.held.get(key)
+        if found is None:
+            pending = self._pending.pop(key, None)
+            found = self._load(key, file) if pending is None else pending.result()
+            self.held[key] = found
+        return found
+
+    def prefetch(self, key: Key) -> None:
+        """Starts to read a transport that `get` will be asked for. Nothing happens if its file is not known yet."""
+        if key in self._paths and key not in self._pending and self.held.get(key) is None:
+            self._pending[key] = self._reader.read(self._paths[key])
+
+    def _load(self, key: Key, file: Callable[[Key], Path]) -> LightTransport:
+        if key not in self._paths:
+            self._paths[key] = file(key)
+        return LightTransport.load(self._paths[key]).to(self._device)
 
 
 def _memory(device: torch.device) -> int:

@@ -7,7 +7,7 @@ from dataclasses import fields
 from functools import cached_property
 from typing import Any
 
-from svbrdfgan.plugins import EMBEDDINGS, load_embedding
+from svbrdfgan.plugins.registry import EMBEDDINGS, load_embedding
 from svbrdfgan.protocols import UVCapabilities, UVEmbedding
 from svbrdfgan.testing.contract import PluginKit
 from svbrdfgan.testing.embedding.meshes import body, box, clutter, shell

@@ -85,7 +85,7 @@ class SurfaceTests(EmbeddingKit):
         """A piece is in the part of the face that it lies in, or in its hidden half."""
         for name, mesh, surface in self.surfaces():
             wanted = [mesh.parts[part].name for part in mesh.face_part[surface.source_face]]
-            found = [surface.parts[part].name.removesuffix(" (hidden)") for part in surface.face_part]
+            found = [surface.parts[part].mesh_part for part in surface.face_part]
             wrong = sum(a != b for a, b in zip(wanted, found, strict=True))
             check(not wrong, f"{name}: {wrong} of {len(found)} pieces are in another part than their faces.")
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import torch
 
 from svbrdfgan.config.choices import PartSelection
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.subject import make_subject
 from svbrdfgan.testing.embedding.base import EmbeddingKit
 from svbrdfgan.testing.embedding.meshes import own_uv
 from svbrdfgan.testing.kit import check
 from svbrdfgan.types import Mesh
-from svbrdfgan.weathering import recipe_from_options, weather
+from svbrdfgan.weathering.layer import recipe_from_options, weather
 
 _TEXELS = 16
 
@@ -25,7 +26,7 @@ class UseTests(EmbeddingKit):
         subject = make_subject(mesh, self.embedding, _TEXELS, PartSelection(exclude=()))
         recipe = recipe_from_options("road-dirt", {"amount": 0.7, "seed": 1})
         layer = weather(subject.surface, subject.buffer, recipe)
-        albedo = subject.albedo({}, layer)
+        albedo = subject.albedo(layer)
         check(albedo.shape == (_TEXELS, _TEXELS, 3), f"the weathered texture has shape {tuple(albedo.shape)}.")
         bad = int((~torch.isfinite(albedo) | (albedo < 0.0) | (albedo > 1.0)).sum())
         check(not bad, f"the weathered texture has {bad} values outside 0 to 1.")

@@ -19,9 +19,12 @@ from torch import Tensor
 
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.geometry.layers import hide_inner_layers
-from svbrdfgan.io import load_environment, load_mesh
-from svbrdfgan.plugins import load_embedding
-from svbrdfgan.procedural import SkyParameters, build_sky, build_vehicle, sample_vehicle
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.plugins.registry import load_embedding
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.sky import SkyParameters, build_sky
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.testing.scenes import bowl, corner_box, floor, joined, quad, random_light, random_texture
 from svbrdfgan.testing.scenes import sphere as ball
 from svbrdfgan.types import Camera, Environment, Material, Materials, Mesh, Surface, View

@@ -16,8 +16,8 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
+from svbrdfgan.geometry.texels import bilinear_taps
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
-from svbrdfgan.rendering.texture_filter import bilinear_taps
 from svbrdfgan.testing.pairs.pair_scene import TEXTURE, PairScene
 from svbrdfgan.testing.statistics import numbers
 from svbrdfgan.types import TransportSamples

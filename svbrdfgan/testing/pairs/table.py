@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.plugins import RENDERERS, list_plugins, load_renderer
 from svbrdfgan.plugins.probe import probe_all
+from svbrdfgan.plugins.registry import RENDERERS, list_plugins, load_renderer
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.testing.pairs.compare import Comparison, Runs, compare
 from svbrdfgan.testing.pairs.pair_scene import SCENES, PairScene, SceneUnavailableError, make_scene

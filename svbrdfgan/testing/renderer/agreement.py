@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from numpy import ndarray
 
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import declared
 from svbrdfgan.testing.renderer import cases

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
-from svbrdfgan.plugins import RENDERERS, load_renderer
+from svbrdfgan.plugins.registry import RENDERERS, load_renderer
 from svbrdfgan.protocols import Renderer, RendererCapabilities
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer, checked
 from svbrdfgan.testing.contract import PluginKit

@@ -8,9 +8,9 @@ import torch
 from jaxtyping import Float
 from numpy import ndarray
 
+from svbrdfgan.geometry.texels import sample_texture
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.render_layer import RenderLayer
-from svbrdfgan.rendering.texture_filter import sample_texture
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.testing.renderer import cases
 from svbrdfgan.testing.renderer.base import RendererKit

@@ -10,7 +10,7 @@ from svbrdfgan_mitsuba.interop import dr, floats, tensor
 from svbrdfgan_mitsuba.prepared_scene import PreparedSurface
 
 from svbrdfgan.errors import ConfigError, PluginError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.testing import scenes
 from svbrdfgan.types.material import CHANNELS

@@ -5,7 +5,7 @@ import torch
 from svbrdfgan_mitsuba import MitsubaRenderer, prepared_scene
 from svbrdfgan_mitsuba.prepared_scene import PreparedSurface
 
-from svbrdfgan.rendering.texture_filter import sample_texture
+from svbrdfgan.geometry.texels import sample_texture
 from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, Materials, Surface, TransportSamples, View
 

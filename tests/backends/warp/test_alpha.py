@@ -12,7 +12,7 @@ from numpy import ndarray
 from svbrdfgan_warp import WarpRenderer
 from svbrdfgan_warp.render_pass import RenderPass
 
-from svbrdfgan.rendering.texture_filter import sample_texture
+from svbrdfgan.geometry.texels import sample_texture
 from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, Material, Materials, Surface, TransportSamples, View
 

@@ -5,7 +5,7 @@ import torch
 from svbrdfgan_warp import WarpRenderer
 from svbrdfgan_warp.prepared_scene import PreparedSurface, film_chunks
 
-from svbrdfgan.rendering.texture_filter import bilinear_taps, sample_texture
+from svbrdfgan.geometry.texels import bilinear_taps, sample_texture
 from svbrdfgan.testing import scenes
 from svbrdfgan.types import Camera, Materials, Surface, TransportSamples, View
 

@@ -19,8 +19,8 @@ def photographs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[St
     """A folder with four pictures of two vehicles and their `manifest.yaml`, and the truth. Not to be changed."""
     from stand_ins import Photographer, make_stand_ins
 
-    from svbrdfgan.plugins import load_renderer
-    from svbrdfgan.procedural import build_sky, sample_sky
+    from svbrdfgan.plugins.registry import load_renderer
+    from svbrdfgan.procedural.sky import build_sky, sample_sky
 
     folder = tmp_path_factory.mktemp("photographs")
     skies = tuple(build_sky(sample_sky(seed)) for seed in (91, 92))

@@ -22,15 +22,20 @@ from torch import Tensor
 
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.data.config import PAINTS
-from svbrdfgan.io import load_environment, load_mesh, save_image, save_mesh_glb
-from svbrdfgan.plugins import load_embedding, load_renderer
-from svbrdfgan.procedural import KINDS, build_sky, build_vehicle, sample_sky, sample_vehicle
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.image import save_image
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.plugins.registry import load_embedding, load_renderer
+from svbrdfgan.procedural.kinds import KINDS, sample_vehicle
+from svbrdfgan.procedural.sky import build_sky, sample_sky
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.scene.description import OrbitCamera
 from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.types import Camera, Environment, Materials, Rendering, View
-from svbrdfgan.weathering import recipe_from_options, weather
+from svbrdfgan.weathering.layer import recipe_from_options, weather
 
 GLOSS = {"roughness": 0.35}
 SHOULDER = 0.7
@@ -82,7 +87,7 @@ class Photographer:
         layer = weather(subject.surface, subject.buffer, recipe, GLOSS)
         prepared, paint = self.renderer.prepare(subject.surface), PAINTS[rng.integers(len(PAINTS))]
         painted = dict.fromkeys((subject.surface.parts[part].name for part in subject.learnable), paint)
-        materials = subject.materials(painted, layer, GLOSS)
+        materials = subject.materials(layer, GLOSS, base_colors=painted)
         taken = []
         for number in range(views):
             camera, sky = _camera(rng), int(rng.integers(len(self.skies)))

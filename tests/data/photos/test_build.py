@@ -22,7 +22,7 @@ from svbrdfgan.data.photos.light import GLOSS, white
 from svbrdfgan.data.photos.manifest import Manifest, read_manifest
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.evaluation.evaluate import evaluate
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.config import train_config
@@ -100,7 +100,7 @@ def test_an_exemplar_is_the_linear_picture_up_to_exposure_and_gloss(photographs:
 def test_outlines_are_the_mesh_s_with_a_mask_and_without(exemplars: Exemplars) -> None:
     """So exemplars and fakes have the same outlines. Pixels beside the mask have the colour of the nearest inside."""
     for index in range(len(exemplars)):
-        made = rendered(exemplars, index, lambda s: s.materials({}, None))
+        made = rendered(exemplars, index, lambda s: s.materials())
         coverage, image = exemplars.coverage[index].float(), exemplars.images[index].float()
         assert (coverage - made.coverage).abs().max() < 0.25  # noise of 64 samples
         assert (coverage - made.coverage).abs().mean() < 0.01
@@ -155,7 +155,8 @@ def test_masks_agree_with_good_cameras_and_not_with_bad_ones(photographs: Photog
 @pytest.mark.full
 def test_exposure_of_the_photograph_does_not_matter(photographs: Photographs, tmp_path: Path) -> None:
     """Under the mean light, a picture of half the linear brightness gives the same exemplar."""
-    from svbrdfgan.io import load_image, save_exr
+    from svbrdfgan.io.exr import save_exr
+    from svbrdfgan.io.image import load_image
 
     entry = load_yaml(photographs[0] / "manifest.yaml")["pictures"][0]
     dimmed = load_image(photographs[0] / entry["file"]) * 0.5
@@ -181,7 +182,7 @@ def test_a_light_is_the_same_every_time(photographs: Photographs, imported: Any,
 
 
 def test_a_light_that_is_known_is_the_scene_s_own(photographs: Photographs, tmp_path: Path) -> None:
-    from svbrdfgan.io import save_environment
+    from svbrdfgan.io.environment import save_environment
 
     save_environment(tmp_path / "street.exr", torch.full((8, 16, 3), 3.0))
     entry = load_yaml(photographs[0] / "manifest.yaml")["pictures"][0]

@@ -13,8 +13,9 @@ from PIL import Image
 from svbrdfgan.data.photos.build import import_pictures
 from svbrdfgan.data.photos.manifest import read_manifest
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.io import save_mesh_glb
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 
 Data = dict[str, Any]
 CAMERA: Data = {"azimuth_degrees": 40, "elevation_degrees": 15, "distance": 2.2, "target": [0, 0.2, 0]}

@@ -22,9 +22,10 @@ from svbrdfgan.data.photos.light import (
     lobes,
 )
 from svbrdfgan.errors import AssetError
-from svbrdfgan.plugins import load_embedding, load_renderer
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.plugins.registry import load_embedding, load_renderer
+from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.sky import pixels
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.types import Camera, Environment, Material, Materials, Rendering, View
 
 ROWS = 16

@@ -21,9 +21,12 @@ from svbrdfgan.data.photos.photo import load_photo
 from svbrdfgan.data.photos.rectify import film_coordinates, minification, rectified_camera, rectify
 from svbrdfgan.data.sampler import ConfigSampler
 from svbrdfgan.errors import AssetError, ConfigError
-from svbrdfgan.io import linear_from_srgb, load_environment, save_exr
-from svbrdfgan.plugins import load_embedding, load_renderer
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.exr import save_exr
+from svbrdfgan.io.image import linear_from_srgb
+from svbrdfgan.plugins.registry import load_embedding, load_renderer
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.types import Camera, Environment, Material, Materials, Mesh, Part, Rendering, View
 
 

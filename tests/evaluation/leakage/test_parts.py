@@ -18,7 +18,7 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.leakage.classifier import Roles, Trial
 from svbrdfgan.evaluation.leakage.confounders import CONFOUNDERS, REMEDIES, find_confounders, scenes_with
 from svbrdfgan.evaluation.leakage.report import Finding, LeakageReport, Share
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, train_config
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.resolve import ResolvedRun
@@ -109,9 +109,7 @@ def test_what_differs_is_said(dataset_data: Callable[..., dict[str, object]]) ->
     assert said(spp=8, hits=4, dataset=glossy) == {"noise": "8 samples per pixel in exemplars, 4 in fakes"}
     assert said(spp=8, hits=4, dataset=glossy, rendering="online") == {}
     assert said("reflectance", spp=8) == {"noise": "8 samples per pixel in exemplars, no noise in fakes"}
-    assert said(spp=8, seed=1) == {
-        "renderer": "NumpyRenderer with 3 bounces for exemplars, NumpyRenderer with 1 bounce for fakes"
-    }
+    assert said(spp=8, seed=1) == {"renderer": "numpy with 3 bounces for exemplars, numpy with 1 bounce for fakes"}
     assert said(spp=8, scenes={"camera_noise_degrees": 2.5}) == {"pose": "fakes' cameras are off by up to 2.5 degrees"}
     assert said(spp=8, scenes={"camera": {}, "environment": "redrawn"}) == {
         "pose": "fakes' cameras are drawn from another distribution",

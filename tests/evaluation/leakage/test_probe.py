@@ -14,12 +14,14 @@ import torch
 
 from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.evaluation.leakage import probe, probe_shortcuts
+from svbrdfgan.evaluation.leakage import probe
 from svbrdfgan.evaluation.leakage.classifier import Trial
 from svbrdfgan.evaluation.leakage.confounders import REMEDIES
+from svbrdfgan.evaluation.leakage.probe import probe_shortcuts
 from svbrdfgan.evaluation.leakage.report import LeakageReport
-from svbrdfgan.io import load_image, save_environment
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.io.environment import save_environment
+from svbrdfgan.io.image import load_image
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.training.batches import make_scenes, own_buffers
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.resolve import resolve_run

@@ -5,10 +5,11 @@ import torch
 
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.experiments.demo.gloss import PAINT, matt_dirt, polished
-from svbrdfgan.plugins import load_embedding
-from svbrdfgan.procedural import build_vehicle, sample_vehicle
+from svbrdfgan.plugins.registry import load_embedding
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.subject import Subject, make_subject
-from svbrdfgan.types import Material
+from svbrdfgan.types import Layer, Material
 
 
 @pytest.fixture(scope="module")
@@ -20,9 +21,9 @@ def subject() -> Subject:
 @pytest.fixture(scope="module")
 def materials(subject: Subject) -> dict[str, Material]:
     """By part, under a layer that is dirty in the upper half of the texture."""
-    layer = torch.zeros(32, 32, 4)
-    layer[16:] = 1.0
-    made = polished(subject).materials({}, matt_dirt(layer), PAINT)
+    layer = Layer(torch.zeros(32, 32, 4))
+    layer.values[16:] = 1.0
+    made = polished(subject).materials(matt_dirt(layer), PAINT)
     return {part.name: material for part, material in zip(subject.surface.parts, made.parts, strict=True)}
 
 
@@ -40,7 +41,7 @@ def test_glass_and_rims_are_polished_and_tyres_are_not(materials: dict[str, Mate
 
 
 def test_colours_are_those_that_were_learned(subject: Subject, materials: dict[str, Material]) -> None:
-    layer = torch.zeros(32, 32, 4)
-    layer[16:] = 1.0
+    layer = Layer(torch.zeros(32, 32, 4))
+    layer.values[16:] = 1.0
     (body,) = subject.learnable
-    assert torch.equal(materials["body"].base_color, subject.materials({}, layer).parts[body].base_color)
+    assert torch.equal(materials["body"].base_color, subject.materials(layer).parts[body].base_color)

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.errors import PluginError
-from svbrdfgan.plugins import load_renderer
+from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import Pullback, RendererCapabilities
 from svbrdfgan.rendering.checked_renderer import CheckedLight, CheckedRenderer
 from svbrdfgan.types import Environment, Gradients, Material, Materials, Rendering, Surface, TransportSamples, View

@@ -22,7 +22,7 @@ def surface_of(positions: ndarray, faces: ndarray, uv: ndarray, hidden: ndarray 
         uv=uv,
         faces=faces,
         face_part=np.zeros(len(faces), dtype=np.int64) if hidden is None else hidden.astype(np.int64),
-        parts=(Part("seen"), Part("beneath", hidden=True)),
+        parts=(Part("seen"), Part("beneath", hidden_half_of="seen")),
         elevation=np.zeros(len(positions)),
         source_face=np.arange(len(faces)),
         source_barycentric=np.tile(np.eye(3), (len(faces), 1, 1)),

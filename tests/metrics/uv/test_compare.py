@@ -16,7 +16,7 @@ from svbrdfgan.errors import AssetError, EmbeddingError, PluginError
 from svbrdfgan.geometry.normals import corner_normals
 from svbrdfgan.geometry.split import surface_from_corners
 from svbrdfgan.geometry.subdivide import Pieces
-from svbrdfgan.io import load_mesh
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.metrics.uv import xatlas_baseline
 from svbrdfgan.metrics.uv.compare import as_json, measure_embedding, mesh_files, sample_pairs
 from svbrdfgan.protocols import UVCapabilities

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from known_maps import cylinder, dome, flat, sheet
 
-from svbrdfgan.metrics.uv import distortion, face_stretch, singular_values, whole_surface
-from svbrdfgan.metrics.uv.distortion import percentile
+from svbrdfgan.metrics.uv.distortion import distortion, face_stretch, percentile, singular_values
+from svbrdfgan.metrics.uv.visibility import whole_surface
 from svbrdfgan.types import Surface
 
 ALL_ONE = ("stretch_l2", "stretch_linf", "stretch_p99", "angle_mean", "angle_p99", "area_mean", "area_p99")

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from known_maps import cylinder, flat, grid, sheet, surface_of
 
-from svbrdfgan.metrics.uv import layout, whole_surface
+from svbrdfgan.metrics.uv.layout import layout
+from svbrdfgan.metrics.uv.visibility import whole_surface
 from svbrdfgan.types import Surface
 
 TRIANGLE = np.array([[0.1, 0.1], [0.5, 0.1], [0.1, 0.5]])

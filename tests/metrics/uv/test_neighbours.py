@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from known_maps import cylinder, dome, flat, grid, sheet, surface_of
 
-from svbrdfgan.metrics.uv import connectivity, similarity, summary_of, whole_surface
-from svbrdfgan.metrics.uv.neighbours import PROBES, REACH, spread
+from svbrdfgan.metrics.uv.neighbours import PROBES, REACH, connectivity, similarity, spread
+from svbrdfgan.metrics.uv.summary import summary_of
+from svbrdfgan.metrics.uv.visibility import whole_surface
 
 
 def test_a_plane_keeps_all_neighbours() -> None:

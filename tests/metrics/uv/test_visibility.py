@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from known_maps import flat, sheet, surface_of
 
-from svbrdfgan.metrics.uv import VisibleSurface, visible_surface
 from svbrdfgan.metrics.uv.point_location import PointLocator
+from svbrdfgan.metrics.uv.visibility import VisibleSurface, visible_surface
 from svbrdfgan.types import Surface
 
 

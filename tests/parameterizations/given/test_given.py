@@ -10,7 +10,7 @@ from svbrdfgan_given import GivenEmbedding
 from svbrdfgan_given.charts import find_charts, signed_areas
 
 from svbrdfgan.errors import AssetError, ConfigError, EmbeddingError
-from svbrdfgan.io import load_mesh
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.testing.embedding.meshes import body, clutter
 from svbrdfgan.types import Mesh
 

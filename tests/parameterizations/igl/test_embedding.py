@@ -13,7 +13,7 @@ from svbrdfgan_igl.flatten import one_to_one
 from svbrdfgan.errors import ConfigError, EmbeddingError
 from svbrdfgan.geometry.layers import hide_inner_layers
 from svbrdfgan.geometry.normals import face_areas
-from svbrdfgan.io import load_mesh
+from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.metrics.uv.distortion import distortion
 from svbrdfgan.metrics.uv.visibility import visible_surface, whole_surface
 from svbrdfgan.protocols import UVEmbedding

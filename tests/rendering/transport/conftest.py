@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 import torch
 
-from svbrdfgan.rendering.transport import LightTransport
+from svbrdfgan.rendering.transport.light_transport import LightTransport
 
 HEIGHT, WIDTH, ROWS, COLS = 7, 9, 6, 8
 

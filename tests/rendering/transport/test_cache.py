@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.rendering.transport import LightTransport, TransportBatch
 from svbrdfgan.rendering.transport.cache import MemoryCache, TransportReader
+from svbrdfgan.rendering.transport.light_transport import LightTransport
+from svbrdfgan.rendering.transport.product import TransportBatch
 
 Make = Callable[..., LightTransport]
 DEVICES = ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",)

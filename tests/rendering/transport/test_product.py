@@ -11,9 +11,9 @@ from functools import partial
 import pytest
 import torch
 
-from svbrdfgan.rendering.transport import LightTransport, TransportBatch
 from svbrdfgan.rendering.transport.csr import CsrProduct
-from svbrdfgan.rendering.transport.product import Product, ReferenceProduct
+from svbrdfgan.rendering.transport.light_transport import LightTransport
+from svbrdfgan.rendering.transport.product import Product, ReferenceProduct, TransportBatch
 
 CUDA = torch.cuda.is_available()
 INTERPRETED = os.environ.get("TRITON_INTERPRET") == "1"  # Triton's own interpreter runs kernels on the CPU

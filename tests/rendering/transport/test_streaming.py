@@ -11,8 +11,8 @@ import torch
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.index import DatasetIndex
-from svbrdfgan.plugins import load_renderer
-from svbrdfgan.rendering.transport.cache import MemoryCache
+from svbrdfgan.plugins.registry import load_renderer
+from svbrdfgan.rendering.transport.cache import TransportStore
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.training.cached_rendering import CachedRendering
 from svbrdfgan.training.config import ScenesConfig
@@ -50,39 +50,39 @@ def stored(tmp_path_factory: pytest.TempPathFactory, tiny_dataset: Path, tiny_ex
 
 
 def test_a_small_budget_changes_nothing(stored: CachedRendering, tiny_dataset: Path) -> None:
-    small = transports(stored.exemplars, tiny_dataset, _cache=MemoryCache(1))
+    small = transports(stored.exemplars, tiny_dataset, cache_bytes=1)
     small.build(range(6))
-    assert len(small._cache) == 1
-    assert small._prepared == {}
+    assert len(small._transports.held) == 1
+    assert small._surfaces._held == {}
     for step in range(4):
         assert torch.equal(pictures(small, step), pictures(stored, step))
 
 
 def test_what_is_prefetched_is_there_in_time(stored: CachedRendering, tiny_dataset: Path, monkeypatch: Any) -> None:
-    two_batches = 6 * max(t.nbytes for t in stored._cache.values())
-    small = transports(stored.exemplars, tiny_dataset, _cache=MemoryCache(two_batches))
+    two_batches = 6 * max(t.nbytes for t in stored._transports.held.values())
+    small = transports(stored.exemplars, tiny_dataset, cache_bytes=two_batches)
     small.build(range(6))
-    assert len(small._cache) < len(stored._cache)
-    monkeypatch.setattr(CachedRendering, "_file", None)  # a synchronous read would fail
+    assert len(small._transports.held) < len(stored._transports.held)
+    monkeypatch.setattr(TransportStore, "_load", None)  # a synchronous read would fail
     small.prefetch(BATCHES[0], rng(0))
     for step in range(4):
         if step < 3:
             small.prefetch(BATCHES[step + 1], rng(step + 1))
         assert torch.equal(pictures(small, step), pictures(stored, step))
-    assert small._pending == {}
+    assert small._transports._pending == {}
 
 
 def test_prefetching_the_same_twice_reads_it_once(stored: CachedRendering, tiny_dataset: Path) -> None:
-    small = transports(stored.exemplars, tiny_dataset, _cache=MemoryCache(1))
+    small = transports(stored.exemplars, tiny_dataset, cache_bytes=1)
     small.build(range(6))
     small.prefetch(BATCHES[0], rng(0))
-    first = dict(small._pending)
+    first = dict(small._transports._pending)
     small.prefetch(BATCHES[0], rng(0))
-    assert small._pending == first
+    assert small._transports._pending == first
 
 
 def test_prefetching_what_was_never_built_leaves_it_to_the_stage(stored: CachedRendering, tiny_dataset: Path) -> None:
     later = transports(stored.exemplars, tiny_dataset)
     later.prefetch(BATCHES[0], rng(0))
-    assert later._pending == {}
+    assert later._transports._pending == {}
     assert torch.equal(pictures(later, 0), pictures(stored, 0))

@@ -10,9 +10,11 @@ import pytest
 import torch
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.rendering.texture_filter import Repeat, sample_texture
-from svbrdfgan.rendering.transport import LightTransport, TransportBatch, build_transport
+from svbrdfgan.geometry.texels import Repeat, sample_texture
 from svbrdfgan.rendering.transport import build as build_module
+from svbrdfgan.rendering.transport.build import build_transport
+from svbrdfgan.rendering.transport.light_transport import LightTransport
+from svbrdfgan.rendering.transport.product import TransportBatch
 from svbrdfgan.types import Camera, Environment, Material, Materials, TransportSamples, View
 
 ROWS, COLS, SPP = 8, 6, 4

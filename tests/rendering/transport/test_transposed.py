@@ -8,8 +8,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from svbrdfgan.rendering.transport import LightTransport, TransportBatch
-from svbrdfgan.rendering.transport.product import ReferenceProduct
+from svbrdfgan.rendering.transport.light_transport import LightTransport
+from svbrdfgan.rendering.transport.product import ReferenceProduct, TransportBatch
 
 ROWS, COLS, HEIGHT, WIDTH = 5, 4, 6, 7
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from svbrdfgan.rendering.texture_filter import bilinear_taps, sample_texture
+from svbrdfgan.geometry.texels import bilinear_taps, sample_texture
 
 ROWS, COLS = 5, 7
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from svbrdfgan.weathering.site import find_axles, survey
+from svbrdfgan.weathering.survey import find_axles, survey
 
 
 def test_height_runs_from_ground_to_roof_and_position_is_in_lengths(shapes):

@@ -1,10 +1,15 @@
-"""The texture filter: bilinear between texel centres at (i + 0.5) / n, clamped or repeating along each axis."""
+"""Texels of the UV square, with centres at (i + 0.5) / n: the bilinear texture filter, and the nearest of a mask."""
 
 from __future__ import annotations
 
+import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+from scipy.ndimage import distance_transform_edt
 from torch import Tensor
+
+from svbrdfgan.types import Surface
 
 Repeat = tuple[bool, bool]
 
@@ -27,6 +32,19 @@ def sample_texture(
     rows, cols, channels = texture.shape
     index, weight = bilinear_taps(uv, rows, cols, repeat)
     return (texture.reshape(-1, channels)[index] * weight.unsqueeze(-1).to(texture.dtype)).sum(dim=1)
+
+
+def nearest_texels(mask: Bool[ndarray, "rows cols"]) -> tuple[Int[ndarray, "rows cols"], Int[ndarray, "rows cols"]]:
+    """Row and column of the nearest texel inside the mask, for every texel."""
+    row, col = distance_transform_edt(~mask, return_distances=False, return_indices=True)
+    return row, col
+
+
+def centroid_texels(surface: Surface, rows: int, cols: int) -> Int[ndarray, " faces"]:
+    """The texel (row * cols + col) in which each face's centroid lies."""
+    middle = surface.uv[surface.faces].mean(axis=1) * (cols, rows)
+    col, row = np.minimum(middle.astype(np.int64), (cols - 1, rows - 1)).T
+    return row * cols + col
 
 
 def _axis(coordinate: Tensor, size: int, repeat: bool) -> tuple[Tensor, Tensor, Tensor]:
