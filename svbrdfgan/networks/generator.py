@@ -15,7 +15,7 @@ from svbrdfgan.networks.fused import Features, NormActPad, norm_act_pad
 from svbrdfgan.networks.layers import Norm, make_norm
 from svbrdfgan.networks.modulation import Affine, Modulation
 from svbrdfgan.networks.random_fields import random_fields, random_numbers
-from svbrdfgan.types.layer import channel_slices, layer_channels
+from svbrdfgan.types import channel_slices, layer_channels
 
 GEOMETRY_CHANNELS = 6
 """Position and normal."""
@@ -90,11 +90,6 @@ class Generator(nn.Module):
     def inputs(self) -> int:
         """Channels of the geometry that it reads."""
         return GEOMETRY_CHANNELS + MESH_MAPS * self.mesh_maps
-
-    @property
-    def multiple(self) -> int:
-        """What the numbers of rows and columns must be multiples of."""
-        return 1 << len(self.up)
 
     @property
     def varies(self) -> bool:

@@ -15,8 +15,7 @@ from svbrdfgan.metrics.recovered import SeenTexels
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.demodulation import Demodulator
-from svbrdfgan.types import Layer
-from svbrdfgan.types.layer import RGBA
+from svbrdfgan.types import RGBA, Layer
 
 Layers = Float[Tensor, "batch rows cols channels"]
 Images = Float[Tensor, "batch height width 3"]

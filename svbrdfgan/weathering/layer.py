@@ -16,9 +16,7 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.geometry.texels import nearest_texels
-from svbrdfgan.types import Layer, Surface
-from svbrdfgan.types.layer import FURTHER_MAPS
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS, FURTHER_MAPS, Layer, Surface
 from svbrdfgan.weathering.mesh_maps import TexelGeometry
 from svbrdfgan.weathering.recipes import RECIPES, Recipe
 from svbrdfgan.weathering.site import Site

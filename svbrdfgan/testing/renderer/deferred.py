@@ -15,13 +15,12 @@ from torch import Tensor
 from svbrdfgan.rendering.checked_renderer import CheckedLight, checked
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check, declared
-from svbrdfgan.testing.quadrature import Quadrature
 from svbrdfgan.testing.renderer import cases, stored_light
 from svbrdfgan.testing.renderer.cases import Case
 from svbrdfgan.testing.renderer.statistical_assertions import Known, StatisticalKit, exactly
 from svbrdfgan.testing.renderer.stored_light import StoredCase, shade_together
 from svbrdfgan.testing.statistics import block_sums, numbers
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS
 
 _SPP = 16
 _FEW, _ALL = 3, 64
@@ -158,7 +157,9 @@ class DeferredTests(StatisticalKit):
     def _require_pictures(self, *views: tuple[Case, tuple[int, ...]]) -> None:
         """Fails unless these views are right; by turns few hits of each pixel are kept, and all."""
         stored = [StoredCase(self.renderer, case, learnable) for case, learnable in views]
-        known = _joined([self.known(case, _blocks, grid=8, split=8) for case, _ in views])
+        known = _joined(
+            [self.known(case, lambda scene: block_sums(scene.image(), 2), grid=8, split=8) for case, _ in views]
+        )
 
         def measure(spp: int, seed: int) -> Float[ndarray, "views rows cols 3"]:
             visit, kept = _VISITS[seed % len(_VISITS)], [max(1, spp // 4), 2 * spp]
@@ -216,10 +217,6 @@ class DeferredTests(StatisticalKit):
 
     def _declared_deferred(self) -> None:
         declared(self.capabilities.deferred, "stored light")
-
-
-def _blocks(scene: Quadrature) -> Float[ndarray, "rows cols 3"]:
-    return block_sums(scene.image(), 2)
 
 
 def _joined(known: Sequence[Known], axis: int | None = None) -> Known:

@@ -16,8 +16,7 @@ from svbrdfgan.testing import scenes
 from svbrdfgan.testing.renderer import cases
 from svbrdfgan.testing.renderer.cases import Case, Picture, RenderedCase
 from svbrdfgan.testing.statistics import numbers
-from svbrdfgan.types import Camera, Environment, Material, Materials
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS, Camera, Environment, Material, Materials
 
 Textures = Float[Tensor, "textures rows cols channels"]
 Shaded = tuple[Float[Tensor, "views height width 3"], Callable[[Tensor], Tensor]]
