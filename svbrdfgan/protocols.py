@@ -26,7 +26,7 @@ Prepared = TypeVar("Prepared")
 
 @dataclass(frozen=True)
 class RendererCapabilities:
-    """What a renderer supports, with the options that it was constructed with.
+    """The abilities of a renderer, with the options that it was constructed with.
 
     Attributes:
         maps: names of the material maps that it reads; a material with others raises.
@@ -116,7 +116,7 @@ class PullbackRenderer(Renderer[Prepared], Protocol[Prepared]):
 
 
 class StoredLight(Protocol):
-    """What of a view's picture does not depend on the materials of its learnable parts; each renderer has its own."""
+    """All of a view's picture that does not depend on the materials of its learnable parts; a renderer's own type."""
 
     @property
     def nbytes(self) -> int:
@@ -170,7 +170,7 @@ class DeferredRenderer(Renderer[Prepared], Protocol[Prepared]):
 
 @dataclass(frozen=True)
 class UVCapabilities:
-    """What an embedding guarantees of its surfaces.
+    """The properties that an embedding guarantees of its surfaces.
 
     Attributes:
         injective: no two points share a UV coordinate. If false, the caller finds and hides inner layers.

@@ -111,7 +111,7 @@ class OracleScores(LearnedScores):
 
     @property
     def state(self) -> str:
-        """How its training ended, in words."""
+        """The end of the oracle's training, in words."""
         if self.plateau is None:
             return "one draw of it"
         return "at its plateau" if self.plateau else "still rising"

@@ -54,7 +54,7 @@ def premultiplied(draws: Layer) -> Float[Tensor, "draws values rows cols"]:
 
 
 def premultiplied_values(name: str) -> int:
-    """How many values of a map `premultiplied` gives."""
+    """The number of a map's values that `premultiplied` gives."""
     return 2 if name == "normal" else CHANNELS[name]
 
 

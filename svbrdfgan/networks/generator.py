@@ -140,7 +140,7 @@ class Generator(nn.Module):
         return torch.cat([layer[..., :first], lean, layer[..., last:]], dim=-1)
 
     def _affine(self, seeds: Tensor | None, labels: Tensor | None) -> Iterator[Affine | None]:
-        """For each modulated convolution, what modulates it; None without end if nothing does."""
+        """The modulation of each modulated convolution, in order; None without end if there is none."""
         if self.modulation is None:
             return itertools.repeat(None)
         code = []
@@ -178,7 +178,7 @@ class PreActConv(nn.Module):
     def finer(
         self, x: Float[Tensor, "batch inputs rows cols"], factor: int, affine: Affine | None = None
     ) -> Float[Tensor, "batch outputs fine_rows fine_cols"]:
-        """What `forward` gives, at `factor` times the resolution and with the scale of `x`; without upsampling.
+        """The result of `forward` at `factor` times the resolution and with the scale of `x`; without upsampling.
 
         The normalised input is interpolated, then rectified and convolved with taps that stay a texel of `x` apart. So
         edges, which the activation and the layer's range make, are sharper than those of an interpolated result. At the

@@ -58,7 +58,7 @@ class Subject:
         return self.geometry if self.mesh_maps is None else torch.cat([self.geometry, self.mesh_maps.network_input()])
 
     def with_mesh_maps(self) -> Subject:
-        """This subject with mesh maps."""
+        """The same subject with mesh maps."""
         return replace(self, mesh_maps=bake_mesh_maps(self.surface, self.buffer))
 
     @cached_property

@@ -108,7 +108,7 @@ class DeferredTests(StatisticalKit):
         self._require_independent("visits eight apart", np.stack(pictures))
 
     def test_views_of_a_batch_have_their_own_noise(self) -> None:
-        """What is drawn anew for a picture is drawn for each view of a batch."""
+        """Each view of a batch has random numbers of its own for what is drawn anew."""
         self._declared_deferred()
         stored = StoredCase(self.renderer, stored_light.uniform(cases.side_light()), (0,))
         lights = [stored.store(hits=4, spp=4, seed=seed) for seed in range(4)]
@@ -187,7 +187,7 @@ class DeferredTests(StatisticalKit):
     def _known_gradient(
         self, case: Case, grad: ndarray, name: str, summary: Summary
     ) -> tuple[Known, Float[ndarray, " channels"]]:
-        """That of one map in units of its largest value, and that value for each channel."""
+        """The gradient of one map in units of its largest value, and that value for each channel."""
         known = self.known(case, lambda scene: summary(scene.map_gradients(name, (grad,), 0)[0]), split=16)
         largest = known.size.max()
         one = np.ones_like(known.size)

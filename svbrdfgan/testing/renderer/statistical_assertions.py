@@ -92,7 +92,7 @@ class Known:
 
     @classmethod
     def zero(cls, size: Float[ndarray, "*shape"]) -> Known:
-        """For differences that should vanish."""
+        """The known value of differences that should vanish."""
         return cls(np.zeros_like(size), np.full_like(size, _ROUNDING * size.max()), size)
 
 
