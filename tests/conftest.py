@@ -14,12 +14,17 @@ from filelock import FileLock
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before torch loads: threads that wait for a busy core cost fiftyfold
 
+QUICK_RENDERER: dict[str, Any] = (
+    {"name": "warp", "device": "cpu"} if importlib.util.find_spec("warp") else {"name": "numpy"}
+)
+"""The quickest renderer of direct light on this machine's processor."""
+
 TINY_DATASET: dict[str, Any] = {
     "seed": 3,
     "image": [32, 32],
     "texture": 32,
     "spp": 8,
-    "renderer": "numpy",
+    "renderer": QUICK_RENDERER,
     "embedding": {"name": "hemispherical", "resolution": 32},
     "environments": {"procedural": {"count": 3, "seed": 1}},
     "environment_rows": 16,
@@ -33,7 +38,7 @@ TINY_TRAINING: dict[str, Any] = {
     "batch_size": 2,
     "generator": {"width": 4, "blocks": 1},
     "discriminator": {"width": 4, "layers": 1},
-    "renderer": "numpy",
+    "renderer": QUICK_RENDERER,
     "spp": 8,
     "score_every": 2,
     "save_every": 2,
@@ -81,7 +86,16 @@ def ended() -> Callable[[int], bool]:
 @pytest.fixture(scope="session")
 def quick_renderer() -> str:
     """The quickest renderer of direct light on this machine, for tests that are not about a renderer."""
-    return "warp" if importlib.util.find_spec("warp") else "numpy"
+    return str(QUICK_RENDERER["name"])
+
+
+@pytest.fixture(scope="session")
+def cpu_renderer() -> Any:
+    """Likewise, made for the processor."""
+    from svbrdfgan.plugins.registry import load_renderer
+
+    options = dict(QUICK_RENDERER)
+    return load_renderer(options.pop("name"), options)
 
 
 @pytest.fixture(scope="session")

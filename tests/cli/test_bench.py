@@ -60,6 +60,7 @@ def test_figures_of_a_real_run(measured: tuple[Result, Path]) -> None:
     assert set(other) == set(numpy) == {"name", "device", "seconds", "peak_bytes", "torch_bytes"}
 
 
+@pytest.mark.full
 def test_the_table_has_the_ratios_of_the_run(measured: tuple[Result, Path]) -> None:
     result, folder = measured
     seconds = json.loads((folder / "figures.json").read_text())["cases"][0]["backends"][0]["seconds"]

@@ -113,7 +113,7 @@ def test_the_mesh_itself_is_not_written_over(car: Path, run: Path, tmp_path: Pat
     before = own.read_bytes()
     for words in (("weather", own), ("texture", own, "--model", run)):
         failed(
-            invoke(*words, "-o", tmp_path / "." / "own.glb"),
+            invoke(*words, "--resolution", 32, "-o", tmp_path / "." / "own.glb"),
             "own.glb is the input mesh, which the output would overwrite; choose another path.",
         )
     assert own.read_bytes() == before

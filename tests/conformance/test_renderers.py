@@ -22,6 +22,8 @@ from svbrdfgan.testing.kit import FAST
 REQUIRED = os.environ.get("SVBRDFGAN_REQUIRED_BACKENDS", "").split()
 INSTALLED = {plugin.name for plugin in list_plugins(RENDERERS)}
 SLOW_WITHOUT_BOUNCES = ("test_memory_does_not_grow",)
+SLOW_WITH_BOUNCES = ("test_pullback_is_the_gradient", "test_interreflection_behind_clear_parts_as_numpy")
+SLOW_WITH_STORED_LIGHT = ("test_stored_light_behind_clear_parts_gives_the_picture",)
 
 
 class Backend(RendererTests):
@@ -52,19 +54,19 @@ class TestNumpyBounces(Backend):
     options: ClassVar[Mapping[str, object]] = {"max_bounces": 3}
 
 
-@without(*IN_TOTAL)
+@without(*SLOW_WITHOUT_BOUNCES, *SLOW_WITH_STORED_LIGHT, *IN_TOTAL)
 class TestWarp(Backend):
     name, package, power = "warp", "warp", FAST
     options: ClassVar[Mapping[str, object]] = {"device": "cpu"}
 
 
-@without(*IN_TOTAL)
+@without(*SLOW_WITHOUT_BOUNCES, *IN_TOTAL)
 class TestMitsuba(Backend):
     name, package, power = "mitsuba", "mitsuba", FAST
     options: ClassVar[Mapping[str, object]] = {"device": "cpu"}
 
 
-@only(*CHANGED_BY_BOUNCES)
+@only(*(test for test in CHANGED_BY_BOUNCES if test not in SLOW_WITH_BOUNCES))
 class TestMitsubaBounces(Backend):
     name, package, power = "mitsuba", "mitsuba", FAST
     options: ClassVar[Mapping[str, object]] = {"device": "cpu", "max_bounces": 3}
@@ -84,7 +86,7 @@ class TestNumpyBouncesFull(Backend):
 
 
 @pytest.mark.full
-@only(*AT_POWER)
+@only(*AT_POWER, *SLOW_WITHOUT_BOUNCES)
 class TestWarpFull(Backend):
     name, package = "warp", "warp"
     options: ClassVar[Mapping[str, object]] = {"device": "cpu"}
@@ -97,14 +99,14 @@ class TestWarpCuda(Backend):
 
 
 @pytest.mark.full
-@only(*AT_POWER)
+@only(*AT_POWER, *SLOW_WITHOUT_BOUNCES)
 class TestMitsubaFull(Backend):
     name, package = "mitsuba", "mitsuba"
     options: ClassVar[Mapping[str, object]] = {"device": "cpu"}
 
 
 @pytest.mark.full
-@without(*set(CHANGED_BY_BOUNCES) - set(AT_POWER))
+@without(*set(CHANGED_BY_BOUNCES) - set(AT_POWER) - set(SLOW_WITH_BOUNCES))
 class TestMitsubaBouncesFull(Backend):
     name, package = "mitsuba", "mitsuba"
     options: ClassVar[Mapping[str, object]] = {"device": "cpu", "max_bounces": 3}

@@ -188,7 +188,7 @@ def test_a_stored_scene_renders_again(folder: Path, tmp_path: Path) -> None:
 
 def test_a_renderer_that_stores_no_light_is_refused(settings: Settings, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"numpy does not: set rendering: online or choose") as caught:
-        train(settings(rendering="stored"), tmp_path / "run")
+        train(settings(rendering="stored", renderer="numpy"), tmp_path / "run")
     assert len(str(caught.value).splitlines()) == 1
 
 

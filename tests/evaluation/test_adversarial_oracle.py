@@ -19,6 +19,7 @@ from svbrdfgan.data.conditions import labels_of_scenes
 from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError, TrainingError
+from svbrdfgan.evaluation import true_draws
 from svbrdfgan.evaluation.adversarial_oracle import Budget, TrueLayers, train_adversarial_oracle
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
@@ -102,6 +103,7 @@ def test_further_maps_are_judged_and_labels_may_be_missing(even: TrueLayers, fab
     assert batch.real.shape == (3, whole.judged, SIZE, SIZE) == (3, 4 + 1 + 2, SIZE, SIZE)
 
 
+@pytest.mark.full
 def test_it_learns_to_obey_the_amount(even: TrueLayers, fabric: Fabric) -> None:
     told: list[int] = []
     oracle, steps = train_adversarial_oracle(fabric, CONFIG, even, Budget(300), told.append)
@@ -180,7 +182,10 @@ def test_a_run_that_was_continued_has_its_oracle_trained_anew(varied_run: Path, 
         assert evaluate(run, split="validation", device="cpu").evaluation.oracle.steps == 6
 
 
-def test_an_oracle_of_an_earlier_version_is_not_taken_for_it(varied_run: Path, tmp_path: Path) -> None:
+def test_an_oracle_of_an_earlier_version_is_not_taken_for_it(
+    varied_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(true_draws, "_POINTS", 128)
     run = shutil.copytree(varied_run, tmp_path / "run")
     earlier = RunConfig.load(run).train.generator.without_random_fields
     save_generator(run / ORACLE, make_generator(earlier), earlier, 0.1)

@@ -18,6 +18,7 @@ from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
+from svbrdfgan.evaluation import true_draws
 from svbrdfgan.evaluation.distribution import Comparison, compare_draws
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.record import Evaluation
@@ -122,7 +123,10 @@ def test_figures_of_the_recipe_are_the_truths_and_others_are_off(score: Callable
     assert biased.correlation > 0.9, "it has too little, but more where more is asked for"
 
 
-def test_a_run_with_chance_has_the_score_in_its_record_and_paints_exemplars_as_they_are(varied_run: Path) -> None:
+def test_a_run_with_chance_has_the_score_in_its_record_and_paints_exemplars_as_they_are(
+    varied_run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(true_draws, "_POINTS", 128)
     evaluated = evaluate(varied_run, split="validation", device="cpu", oracle=False)
     model = load_model(varied_run)
     for index, scene in enumerate(evaluated.source.exemplars.scenes):

@@ -13,7 +13,6 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation import observable_texels
 from svbrdfgan.evaluation.observable_texels import Observation
-from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.scene.description import Scene
@@ -59,8 +58,8 @@ class Blind:
 
 
 @pytest.fixture(scope="module")
-def renderer() -> Renderer[Any]:
-    return load_renderer("numpy")
+def renderer(cpu_renderer: Renderer[Any]) -> Renderer[Any]:
+    return cpu_renderer
 
 
 def nothing(done: int) -> None:

@@ -17,13 +17,12 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.evaluated import by_subject
 from svbrdfgan.evaluation.relight import Relight, Relighter, Relit
 from svbrdfgan.io.environment import save_environment
-from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import Renderer
 
 
 @pytest.fixture(scope="module")
-def renderer() -> Renderer[Any]:
-    return load_renderer("numpy")
+def renderer(cpu_renderer: Renderer[Any]) -> Renderer[Any]:
+    return cpu_renderer
 
 
 @pytest.fixture(scope="module")

@@ -156,7 +156,7 @@ def world() -> World:
 
 
 def test_other_true_draws_score_one(world: World) -> None:
-    found = [world.score(world.draws(n)) for n in range(2, 8)]
+    found = [world.score(world.draws(n)) for n in range(2, 6)]
     mean = {name: np.mean([each.parts[name] for each in found]) for name in PARTS}
     assert all(abs(value - 1.0) < 0.12 for value in mean.values()), mean
     assert min(each.resemblance for each in found) > 0.9
@@ -222,7 +222,8 @@ def test_texels_that_are_not_scored_and_colours_of_nothing_do_not_count(world: W
     assert world.score(painted) == world.score(hidden) == world.score(clear)
 
 
-def test_the_same_seed_gives_the_same_score(world: World) -> None:
+def test_the_same_seed_gives_the_same_score() -> None:
+    world = synthetic(vehicles=1)
     first, again, other = (
         resembler_of(world.surfaces, world.draws(0), world.draws(1), seed).score(layered(world.faultless))
         for seed in (0, 0, 1)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from svbrdfgan.evaluation import true_draws
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.networks.generator import Generator
@@ -17,7 +18,9 @@ from svbrdfgan.report.page import write_report
 
 @pytest.fixture(scope="module")
 def varied(varied_run: Path) -> Evaluated:
-    return evaluate(varied_run, split="validation", device="cpu", oracle=False)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(true_draws, "_POINTS", 128)
+        return evaluate(varied_run, split="validation", device="cpu", oracle=False)
 
 
 def test_a_sheet_shows_seeds_amounts_and_recipes(varied: Evaluated) -> None:

@@ -32,23 +32,25 @@ def config(training_data: Callable[..., dict[str, Any]]) -> Callable[..., TrainC
 
 
 @pytest.fixture(scope="module")
-def source(config: Callable[..., TrainConfig], tiny_dataset: Path) -> BatchSource:
-    return make_batch_source(resolve_run(config()), "train", load_renderer("numpy"), CPU)
+def source(config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path) -> BatchSource:
+    return make_batch_source(resolve_run(config()), "train", cpu_renderer, CPU)
 
 
-def test_a_held_out_split_is_never_perturbed(config: Callable[..., TrainConfig], tiny_dataset: Path) -> None:
+def test_a_held_out_split_is_never_perturbed(
+    config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path
+) -> None:
     perturbed = config(scenes={"camera_noise_degrees": 20.0, "pool": 2})
-    source = make_batch_source(resolve_run(perturbed), "validation", load_renderer("numpy"), CPU)
+    source = make_batch_source(resolve_run(perturbed), "validation", cpu_renderer, CPU)
     _, coverage = source.scenes([0, 1], np.random.default_rng(0)).render(torch.zeros(2, 32, 32, 4))
     assert (coverage - source.real.coverage.float()).abs().mean() < 0.03
 
 
 def test_gbuffers_are_of_the_exemplars_own_scenes(
-    config: Callable[..., TrainConfig], source: BatchSource, tiny_dataset: Path
+    config: Callable[..., TrainConfig], cpu_renderer: Any, source: BatchSource, tiny_dataset: Path
 ) -> None:
     """However fakes are perturbed, the discriminator sees real pictures beside their own geometry."""
     perturbed = config(scenes={"camera_noise_degrees": 20.0})
-    moved = make_batch_source(resolve_run(perturbed), "train", load_renderer("numpy"), CPU)
+    moved = make_batch_source(resolve_run(perturbed), "train", cpu_renderer, CPU)
     assert source.real.gbuffer is not None
     assert moved.real.gbuffer is not None
     assert (
@@ -81,13 +83,14 @@ def test_own_scenes_are_traced_where_something_looks_at_them(
     discriminator: dict[str, Any],
     own: int,
     config: Callable[..., TrainConfig],
+    cpu_renderer: Any,
     dataset_copy: Path,
     traced: list[int],
 ) -> None:
     chosen = config(
         dataset=str(dataset_copy), discriminator=discriminator, scenes={"camera_noise_degrees": 20.0}, spp=1
     )
-    source = make_batch_source(resolve_run(chosen), "train", load_renderer("numpy"), CPU)
+    source = make_batch_source(resolve_run(chosen), "train", cpu_renderer, CPU)
     assert sorted(traced) == sorted([*range(6), *range(own)])
     held = source.own_scenes._transports.held  # type: ignore[attr-defined]
     assert len(held) == (6 if discriminator["compares"] == "reflectance" else min(own, 1))
@@ -96,7 +99,7 @@ def test_own_scenes_are_traced_where_something_looks_at_them(
 
 
 def test_what_is_held_out_is_traced_once_and_when_asked_for(
-    config: Callable[..., TrainConfig], dataset_copy: Path, traced: list[int]
+    config: Callable[..., TrainConfig], cpu_renderer: Any, dataset_copy: Path, traced: list[int]
 ) -> None:
     chosen = config(
         dataset=str(dataset_copy),
@@ -104,7 +107,7 @@ def test_what_is_held_out_is_traced_once_and_when_asked_for(
         scenes={"camera_noise_degrees": 20.0},
         spp=1,
     )
-    exemplars, seen = load_seen_texels(resolve_run(chosen), "validation", load_renderer("numpy"))
+    exemplars, seen = load_seen_texels(resolve_run(chosen), "validation", cpu_renderer)
     assert traced == []
     assert all(seen(index).max() > 0 for index in range(len(exemplars)))
     assert traced == [0, 1]
@@ -113,9 +116,9 @@ def test_what_is_held_out_is_traced_once_and_when_asked_for(
 
 
 def test_a_fresh_stage_renders_each_layer_once(
-    config: Callable[..., TrainConfig], tiny_dataset: Path, monkeypatch: pytest.MonkeyPatch
+    config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    renderer, rendered = load_renderer("numpy"), []
+    renderer, rendered = cpu_renderer, []
     source = make_batch_source(resolve_run(config(rendering="online")), "train", renderer, CPU)
     render = type(renderer).render
     monkeypatch.setattr(
@@ -131,9 +134,9 @@ LIT: dict[str, Any] = {"rendering": "online", "discriminator": {"gbuffer": True,
 
 
 @pytest.fixture(scope="module")
-def lit(config: Callable[..., TrainConfig], tiny_dataset: Path) -> BatchSource:
+def lit(config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path) -> BatchSource:
     """Matched scenes, in which the discriminator is shown both buffers."""
-    return make_batch_source(resolve_run(config(**LIT, spp=4)), "train", load_renderer("numpy"), CPU)
+    return make_batch_source(resolve_run(config(**LIT, spp=4)), "train", cpu_renderer, CPU)
 
 
 def perturbed(source: BatchSource, **scenes: Any) -> BatchSource:
@@ -199,12 +202,12 @@ def test_pictures_of_gloss_are_not_divided_by_their_light(config: Callable[..., 
 
 
 def test_no_buffer_is_rendered_that_is_not_shown(
-    config: Callable[..., TrainConfig], tiny_dataset: Path, monkeypatch: pytest.MonkeyPatch
+    config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("gbuffer", "light_buffer"):
         monkeypatch.setattr(ReferencePictures, name, lambda self: pytest.fail("nobody looks at it"))
     plain = config(rendering="online", scenes={"camera_noise_degrees": 20.0})
-    source = make_batch_source(resolve_run(plain), "train", load_renderer("numpy"), CPU)
+    source = make_batch_source(resolve_run(plain), "train", cpu_renderer, CPU)
     real, fake = make_pair(source, [0], source.scenes([0], np.random.default_rng(0)), torch.zeros(1, 32, 32, 4))
     assert (real.gbuffer, real.light_buffer, fake.gbuffer, fake.light_buffer) == (None,) * 4
 
@@ -227,7 +230,7 @@ def test_processes_begin_with_scenes_of_different_subjects(source: BatchSource) 
 
 @pytest.mark.parametrize("pool", [1, 2])
 def test_scenes_that_are_not_perturbed_serve_as_the_exemplars_own(
-    pool: int, config: Callable[..., TrainConfig], tiny_dataset: Path
+    pool: int, config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path
 ) -> None:
-    matched = make_batch_source(resolve_run(config(scenes={"pool": pool})), "train", load_renderer("numpy"), CPU)
+    matched = make_batch_source(resolve_run(config(scenes={"pool": pool})), "train", cpu_renderer, CPU)
     assert matched.own_scenes is matched.fake_scenes

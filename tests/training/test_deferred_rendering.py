@@ -200,16 +200,17 @@ def test_a_renderer_that_stores_no_light_is_told(rendering: DeferredRendering) -
         replace(rendering, renderer=load_renderer("numpy"))
 
 
+@pytest.mark.full
 def test_training_of_all_maps_resumes_to_the_bit(glossy_training: Data, tmp_path: Path) -> None:
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     changes: dict[str, Any] = {
         "save_every": 1,
-        "score_every": 4,
+        "score_every": 2,
         "discriminator": {"gbuffer": True, "light_buffer": True},
     }
-    config = train_config(glossy_training(steps=4, **changes), "here")
+    config = train_config(glossy_training(steps=2, **changes), "here")
     train(config, whole)
-    train(config.model_copy(update={"steps": 2}), parts)
+    train(config.model_copy(update={"steps": 1}), parts)
     train(config, parts, resume=True)
     mine, its = (load_file(checkpoints(run)[-1] / "state.safetensors") for run in (whole, parts))
     assert mine.keys() == its.keys()

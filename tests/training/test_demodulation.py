@@ -12,7 +12,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.rendering.transport.product import TransportBatch
 from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.cached_rendering import CachedSceneBatch
@@ -27,10 +26,10 @@ EVERY = range(6)
 
 
 @pytest.fixture(scope="module")
-def make(training_data: Data, tiny_dataset: Path) -> Make:
+def make(training_data: Data, cpu_renderer: Any, tiny_dataset: Path) -> Make:
     def make(**changes: Any) -> BatchSource:
         config = train_config(training_data(discriminator={"compares": "reflectance"}, **changes), "here")
-        return make_batch_source(resolve_run(config), "train", load_renderer("numpy"), torch.device("cpu"))
+        return make_batch_source(resolve_run(config), "train", cpu_renderer, torch.device("cpu"))
 
     return make
 
@@ -79,7 +78,7 @@ def test_one_reflectance_is_seen_as_itself_from_anywhere_under_any_light(scenes:
         assert (image[~where] == 0).all()
 
 
-@pytest.mark.parametrize("spp", [2, pytest.param(64, marks=pytest.mark.full)])
+@pytest.mark.parametrize("spp", [32, pytest.param(64, marks=pytest.mark.full)])
 @pytest.mark.parametrize("scenes", SCENES)
 def test_a_fake_of_the_truth_shows_what_its_exemplar_does(scenes: dict[str, Any], spp: int, make: Make) -> None:
     source = make(scenes=scenes, spp=spp)

@@ -50,8 +50,8 @@ class Setting:
 
 
 @pytest.fixture(scope="module")
-def setting(tiny_exemplars: Exemplars) -> Setting:
-    return Setting(load_renderer("numpy"), tiny_exemplars)
+def setting(cpu_renderer: Renderer[Any], tiny_exemplars: Exemplars) -> Setting:
+    return Setting(cpu_renderer, tiny_exemplars)
 
 
 def painted(setting: Setting, color: tuple[float, float, float], roughness: float) -> Scene:

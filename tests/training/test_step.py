@@ -15,7 +15,6 @@ from torch import Tensor
 
 from svbrdfgan.data.conditions import labels_of_scenes
 from svbrdfgan.errors import AssetError, ConfigError, TrainingError
-from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.training.discriminator_batch import ImageBatch
@@ -39,8 +38,8 @@ def config(training_data: Data) -> Callable[..., TrainConfig]:
 
 
 @pytest.fixture(scope="module")
-def source(config: Callable[..., TrainConfig], tiny_dataset: Path) -> BatchSource:
-    return make_batch_source(resolve_run(config()), "train", load_renderer("numpy"), CPU)
+def source(config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path) -> BatchSource:
+    return make_batch_source(resolve_run(config()), "train", cpu_renderer, CPU)
 
 
 def run_steps(
@@ -82,11 +81,13 @@ def test_every_loss_runs(name: str, config: Callable[..., TrainConfig], source: 
         assert all(bool(value.isfinite()) for value in reports.values())
 
 
-def test_the_discriminator_learns_to_tell(config: Callable[..., TrainConfig], tiny_dataset: Path) -> None:
+def test_the_discriminator_learns_to_tell(
+    config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path
+) -> None:
     """Against a generator that stands still."""
     rates, plain = {"generator_rate": 1e-12, "discriminator_rate": 3e-3}, {"compares": "radiance"}
     chosen = config(optimizer=rates, loss={"r1": 0.0}, discriminator=plain)
-    source = make_batch_source(resolve_run(chosen), "train", load_renderer("numpy"), CPU)
+    source = make_batch_source(resolve_run(chosen), "train", cpu_renderer, CPU)
     reports = run_steps(chosen, State.fresh(chosen, CPU), source, 80)
     margins = [float(report["d_real"] - report["d_fake"]) for report in reports]
     assert sum(margins[-20:]) / 20 > 1.0 > abs(margins[0]) + 0.9, "each step draws backgrounds, so one tells little"
@@ -116,12 +117,14 @@ def test_the_same_seed_gives_the_same_run(config: Callable[..., TrainConfig], so
 
 
 @pytest.mark.parametrize("compares", ["radiance", "reflectance"])
-def test_chance_and_conditions_learn(compares: str, config: Callable[..., TrainConfig], varied_dataset: Path) -> None:
+def test_chance_and_conditions_learn(
+    compares: str, config: Callable[..., TrainConfig], cpu_renderer: Any, varied_dataset: Path
+) -> None:
     """Both sides are shown the exemplar's own conditions, and each step draws other seeds."""
     small, plain = {"width": 4, "blocks": 1, "random_fields": 2}, {"compares": compares}
     chosen = config(dataset=str(varied_dataset), generator=small, discriminator=plain)
     resolved = resolve_run(chosen)
-    source = make_batch_source(resolved, "train", load_renderer("numpy"), CPU)
+    source = make_batch_source(resolved, "train", cpu_renderer, CPU)
     labels = source.labels([0, 4])
     assert labels is not None
     assert torch.equal(labels, labels_of_scenes(resolved.conditions, [source.exemplars.scenes[n] for n in (0, 4)]))
@@ -215,14 +218,16 @@ def test_the_discriminator_has_channels_for_what_it_is_shown(
     assert first.in_channels == channels
 
 
-def test_a_step_in_other_light_is_taken_beside_the_light_buffer(config: Callable[..., TrainConfig]) -> None:
+def test_a_step_in_other_light_is_taken_beside_the_light_buffer(
+    config: Callable[..., TrainConfig], cpu_renderer: Any
+) -> None:
     chosen = config(
         rendering="online",
         discriminator={"gbuffer": True, "light_buffer": True},
         scenes={"environment": "redrawn"},
         spp=2,
     )
-    source = make_batch_source(resolve_run(chosen), "train", load_renderer("numpy"), CPU)
+    source = make_batch_source(resolve_run(chosen), "train", cpu_renderer, CPU)
     state = State.fresh(chosen, CPU)
     before = weights(state)
     run_steps(chosen, state, source, 1)
@@ -245,7 +250,7 @@ def test_the_tone_curve_never_loses_a_gradient() -> None:
 
 
 def test_fresh_rendering_has_the_gradient_of_the_transport(
-    config: Callable[..., TrainConfig], tiny_dataset: Path
+    config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path
 ) -> None:
     """The same scenes drawn, the same samples: the same pictures, and the same first gradient of the generator."""
     kinds = {
@@ -258,7 +263,7 @@ def test_fresh_rendering_has_the_gradient_of_the_transport(
     }
     gradients, pictures = [], []
     for chosen in kinds.values():
-        source = make_batch_source(resolve_run(chosen), "train", load_renderer("numpy"), CPU)
+        source = make_batch_source(resolve_run(chosen), "train", cpu_renderer, CPU)
         state = State.fresh(chosen, CPU)
         scenes = source.scenes([0, 4], np.random.default_rng([chosen.seed, 0, 0, 0]))
         with torch.no_grad():

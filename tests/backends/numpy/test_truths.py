@@ -19,7 +19,7 @@ def test_furnace_white_walls_in_uniform_light_cannot_be_seen() -> None:
     assert (scenes.surface_radiance(direct) < 0.9).all()
 
 
-@pytest.mark.parametrize("max_bounces", [1, 2, 3, 8])
+@pytest.mark.parametrize("max_bounces", [1, 3, *(pytest.param(count, marks=pytest.mark.full) for count in (2, 8))])
 def test_a_bowl_is_a_geometric_series(max_bounces: int) -> None:
     """From any point of a sphere half of it takes half of the cosine-weighted view: it keeps half of the light."""
     truth = sum(0.8**k * 0.5**k for k in range(1, max_bounces + 1))

@@ -54,15 +54,22 @@ def glossy(built_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
     return built_once("glossy boxes", partial(fill_with_boxes, BOXES | {"maps": gloss})) / "dataset"
 
 
-def fill_with_boxes(data: dict[str, Any], base: Path) -> None:
+@pytest.fixture(scope="session")
+def few_boxes(built_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
+    """Four of the boxes, where it does not matter what is found. Nothing may be added to it."""
+    pytest.importorskip("warp", reason="the warp renderer needs warp-lang")
+    return built_once("few boxes", partial(fill_with_boxes, BOXES, count=4)) / "dataset"
+
+
+def fill_with_boxes(data: dict[str, Any], base: Path, count: int = 20) -> None:
     rng = np.random.default_rng(0)
-    for number in range(20):
+    for number in range(count):
         save_mesh_glb(base / f"box{number:02d}.glb", box(*rng.uniform((1.5, 1.2, 3.5), (2.1, 2.0, 5.0))))
     generate(validate(DatasetConfig, data, "boxes"), base / "dataset", base=base)
 
 
 @pytest.fixture(scope="session")
-def training(boxes: Path) -> Callable[..., TrainConfig]:
+def training(request: pytest.FixtureRequest) -> Callable[..., TrainConfig]:
     """How to train on the boxes with a tiny discriminator, with changes."""
 
     def changed(
@@ -75,6 +82,7 @@ def training(boxes: Path) -> Callable[..., TrainConfig]:
             "gbuffer": gbuffer,
             "light_buffer": light_buffer,
         }
-        return train_config({"dataset": str(boxes), "discriminator": discriminator, **TRAINING, **changes}, "here")
+        chosen = {"dataset": changes.get("dataset") or str(request.getfixturevalue("boxes"))}
+        return train_config({"discriminator": discriminator, **TRAINING, **changes, **chosen}, "here")
 
     return changed

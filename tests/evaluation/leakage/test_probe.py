@@ -39,7 +39,8 @@ def tried(report: LeakageReport) -> set[str]:
     return {name for name, finding in report.alone.items() if finding.share}
 
 
-@pytest.mark.parametrize("gbuffer", [pytest.param(True, marks=pytest.mark.full), False])
+@pytest.mark.full
+@pytest.mark.parametrize("gbuffer", [True, False])
 def test_matched_scenes_come_out_at_chance(gbuffer: bool, training: Training) -> None:
     report = probe_shortcuts(training(gbuffer=gbuffer)).report
     share = report.together.share
@@ -172,8 +173,8 @@ def test_the_same_seed_is_the_same_probe(training: Training) -> None:
     assert torch.equal(one.pairs, again.pairs)
 
 
-def test_the_files(training: Training, tmp_path: Path) -> None:
-    probed = probe_shortcuts(training(scenes=HIGH), minutes=1e-6)
+def test_the_files(training: Training, few_boxes: Path, tmp_path: Path) -> None:
+    probed = probe_shortcuts(training(dataset=str(few_boxes), scenes=HIGH), minutes=1e-6)
     probed.save(tmp_path / "out")
     record = json.loads((tmp_path / "out" / "probe.json").read_text())
     assert record["alone"]["pose"]["differs"] == "fakes' cameras are drawn from another distribution"
@@ -193,8 +194,8 @@ def test_training_finds_what_the_probe_stored(training: Training, boxes: Path, t
     assert len(list((folder / "cache" / "transports").iterdir())) == 2 * 100
 
 
-def test_imported_pictures_are_refused(training: Training, boxes: Path, tmp_path: Path) -> None:
-    folder = shutil.copytree(boxes, tmp_path / "dataset")
+def test_imported_pictures_are_refused(training: Training, few_boxes: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(few_boxes, tmp_path / "dataset")
     for path in (folder / "train").glob("*.json"):
         path.write_text(json.dumps(json.loads(path.read_text()) | {"weathering": "unknown"}))
     with pytest.raises(ConfigError, match="imported pictures"):
