@@ -47,7 +47,7 @@ class PainterScores(StrictModel):
             of it.
         relit_flip: mean FLIP between fresh pictures under the layers and under G0's own, in lights and from views that
             training never had. None where no picture was relit.
-        figures: what draws are in alpha beside true ones, where layers are a distribution; of the truth, other true
+        figures: alpha of draws compared with true ones, where layers are a distribution; of the truth, other true
             draws.
     """
 

@@ -42,7 +42,7 @@ class Generator(nn.Module):
     It has one 7x7 convolution, strided ones that each halve the resolution and double the channels, residual blocks, as
     many upsampling convolutions, and one 7x7.
 
-    With random fields, a layer is a function of the geometry and a seed: fields of object space are read beside the
+    With random fields, a layer is a function of the geometry and a seed: fields of object space are read next to the
     geometry, and random numbers modulate the features. Labels of the layer modulate them, too.
 
     Args:
@@ -54,8 +54,8 @@ class Generator(nn.Module):
         norm: the thesis uses "instance".
         upsampling: "strided" is the thesis's transposed convolution, which leaves a checkerboard of period four in
             the layer; "nearest" doubles the features and convolves (Odena et al. 2016), which does not.
-        mesh_maps: whether it reads visibility and curvature beside position and normal (`MeshMaps`).
-        maps: further maps that the layer paints beside base_color, in the order of `FURTHER_MAPS`.
+        mesh_maps: whether it reads visibility and curvature besides position and normal (`MeshMaps`).
+        maps: further maps that the layer paints besides base_color, in the order of `FURTHER_MAPS`.
         random_fields: how many random fields it reads, one for each octave; 0: it reads none.
         labels: numbers that say which layer is wanted, such as its amount; about -1 to 1.
     """

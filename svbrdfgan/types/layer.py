@@ -21,7 +21,7 @@ FURTHER_MAPS = tuple(name for name in CHANNELS if name != "base_color")
 
 
 def layer_channels(maps: Iterable[str]) -> int:
-    """Channels of a layer that paints these maps beside base_color."""
+    """Channels of a layer that paints these maps besides base_color."""
     return RGBA + sum(CHANNELS[name] for name in maps)
 
 

@@ -20,7 +20,8 @@ from svbrdfgan.testing.statistics import numbers
 from svbrdfgan.types import Camera, Environment, Materials, Surface, View
 
 WHITE = scenes.lambertian((1.0, 1.0, 1.0))
-UP, FRONT = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+UP = (0.0, 1.0, 0.0)
+FRONT = (0.0, 0.0, 1.0)
 
 
 class RadiometryTests(MeasuredKit):
