@@ -35,8 +35,7 @@ from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.training.run import Model, load_model
-from svbrdfgan.types import Layer
-from svbrdfgan.types.layer import layer_channels
+from svbrdfgan.types import Layer, layer_channels
 
 VEHICLES = (("sedan", 9), ("van", 5), ("pickup", 4))
 

@@ -26,7 +26,7 @@ Prepared = TypeVar("Prepared")
 
 @dataclass(frozen=True)
 class RendererCapabilities:
-    """What a renderer supports, with the options that it was constructed with.
+    """The abilities of a renderer, with the options that it was constructed with.
 
     Attributes:
         maps: names of the material maps that it reads; a material with others raises.
@@ -59,11 +59,9 @@ class Renderer(Protocol[Prepared]):
     @property
     def device(self) -> torch.device:
         """The device of its results; "cuda" stands for any CUDA device. Inputs may be on any device."""
-        ...
 
     def prepare(self, surface: Surface) -> Prepared:
         """The data that depends only on geometry, such as a BVH. Costly; callers prepare once for many views."""
-        ...
 
     def render(self, prepared: Prepared, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
         """The picture, from `spp` camera samples per pixel. Unbiased for any `spp` and `seed`.
@@ -71,7 +69,6 @@ class Renderer(Protocol[Prepared]):
         `materials` has one material for each part, with maps of `capabilities.maps` alone; `spp` is at least 1, and
         radiance is finite and not negative.
         """
-        ...
 
     def render_vjp(
         self,
@@ -93,7 +90,6 @@ class Renderer(Protocol[Prepared]):
         `wrt` is a subset of `capabilities.differentiable`. A renderer written in differentiable torch gets this method
         from `svbrdfgan.rendering.autograd_vjp`.
         """
-        ...
 
 
 class TransportRenderer(Renderer[Prepared], Protocol[Prepared]):
@@ -101,7 +97,6 @@ class TransportRenderer(Renderer[Prepared], Protocol[Prepared]):
 
     def transport(self, prepared: Prepared, view: View, *, spp: int, seed: int) -> Iterator[TransportSamples]:
         """The samples of `render`'s picture for the same view, `spp` and `seed`, in chunks."""
-        ...
 
 
 Pullback = Callable[[Float[Tensor, "height width 3"]], Gradients]
@@ -118,16 +113,14 @@ class PullbackRenderer(Renderer[Prepared], Protocol[Prepared]):
 
         Later writes into the tensors of materials and light do not affect the function.
         """
-        ...
 
 
 class StoredLight(Protocol):
-    """What of a view's picture does not depend on the materials of its learnable parts; each renderer has its own."""
+    """All of a view's picture that does not depend on the materials of its learnable parts; a renderer's own type."""
 
     @property
     def nbytes(self) -> int:
         """Bytes of memory that keeping it takes."""
-        ...
 
 
 class DeferredRenderer(Renderer[Prepared], Protocol[Prepared]):
@@ -147,7 +140,6 @@ class DeferredRenderer(Renderer[Prepared], Protocol[Prepared]):
             learnable: numbers of parts of the surface, each at most once, whose materials `shade` will be given.
             hits: at least 1.
         """
-        ...
 
     def shade(
         self,
@@ -174,12 +166,11 @@ class DeferredRenderer(Renderer[Prepared], Protocol[Prepared]):
             `render_vjp`, drawn directions and densities are constants. Later calls of `shade`, and later writes into
             the textures, do not affect the function.
         """
-        ...
 
 
 @dataclass(frozen=True)
 class UVCapabilities:
-    """What an embedding guarantees of its surfaces.
+    """The properties that an embedding guarantees of its surfaces.
 
     Attributes:
         injective: no two points share a UV coordinate. If false, the caller finds and hides inner layers.
@@ -203,4 +194,3 @@ class UVEmbedding(Protocol):
         Raises:
             EmbeddingError: this mesh has no such embedding; the message says why.
         """
-        ...

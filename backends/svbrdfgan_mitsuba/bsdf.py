@@ -30,15 +30,12 @@ class Bsdf(Protocol):
 
     def sample(self, choice: Any, random: Any) -> Any:
         """A direction, drawn by a number and a pair of numbers in [0, 1); possibly below a horizon."""
-        ...
 
     def density(self, incoming: Any) -> Any:
         """The density of `sample`, per steradian, above the horizon of n."""
-        ...
 
     def value(self, incoming: Any) -> Any:
         """The BSDF times the cosine; zero below the horizon of n."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

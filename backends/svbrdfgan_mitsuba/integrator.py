@@ -16,8 +16,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.types import TransportSamples
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS, TransportSamples
 from svbrdfgan_mitsuba.interop import dr, tensor
 from svbrdfgan_mitsuba.prepared_scene import CameraSamples, FilmChunk
 from svbrdfgan_mitsuba.rays import Hits

@@ -13,8 +13,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
-from svbrdfgan.types import Materials
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS, Materials
 
 
 @dataclass(frozen=True, eq=False)

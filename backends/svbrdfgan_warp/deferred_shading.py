@@ -14,7 +14,7 @@ import warp as wp
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS
 from svbrdfgan_warp import deferred_kernels
 from svbrdfgan_warp.deferred_kernels import REDRAWS
 from svbrdfgan_warp.device import in_order, launch

@@ -12,8 +12,7 @@ import warp as wp
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from svbrdfgan.types import Materials
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS, Materials
 from svbrdfgan_warp import material_kernels, texture_kernels
 
 _NEUTRAL = {"base_color": (0.0, 0.0, 0.0), "roughness": (1.0,), "metallic": (0.0,), "normal": (0.0, 0.0, 1.0)}

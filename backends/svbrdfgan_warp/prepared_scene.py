@@ -32,7 +32,6 @@ class PreparedSurface:
     Attributes:
         geometry: what the kernels read.
         centre: middle of the bounding box, in the surface's own coordinates.
-        parts: the parts' names.
         repeat: `Surface.repeat`.
         surface: as it was given.
         alpha: of the parts; None if all are opaque.
@@ -40,7 +39,6 @@ class PreparedSurface:
 
     geometry: trace_kernels.Geometry
     centre: Float[ndarray, 3]
-    parts: tuple[str, ...]
     repeat: tuple[bool, bool]
     device: torch.device
     surface: Surface
@@ -88,8 +86,7 @@ def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
     alpha = None if opaque else _alpha_maps(surface, geometry, device)
     if device.type == "cuda":
         torch.cuda.synchronize(device)  # the caller may render in another stream than this one
-    names = tuple(part.name for part in surface.parts)
-    return PreparedSurface(geometry, centre, names, surface.repeat, device, surface, alpha)
+    return PreparedSurface(geometry, centre, surface.repeat, device, surface, alpha)
 
 
 def _alpha_maps(surface: Surface, geometry: trace_kernels.Geometry, device: torch.device) -> AlphaMaps:

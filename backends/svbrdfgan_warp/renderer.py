@@ -11,8 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.protocols import Pullback, RendererCapabilities
-from svbrdfgan.types import Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS, Gradients, Material, Materials, Rendering, Surface, TransportSamples, View
 from svbrdfgan_warp import light_records, prepared_scene
 from svbrdfgan_warp.deferred_shading import ShadingPass
 from svbrdfgan_warp.device import choose_device, in_order
@@ -134,7 +133,7 @@ class WarpRenderer:
         self, prepared: PreparedSurface, view: View, spp: int, seed: int
     ) -> Iterator[TransportSamples]:
         """The transport of a surface with alpha: that of the light samples of Lambertian parts."""
-        white = Materials((Material.lambertian((1.0, 1.0, 1.0)),) * len(prepared.parts))
+        white = Materials((Material.lambertian((1.0, 1.0, 1.0)),) * len(prepared.surface.parts))
         render_pass = self._material_pass(prepared, white, view, spp, seed, dark=False)
         tracer, maps = render_pass.tracer, render_pass.maps.argument
         return in_order(lambda chunk: tracer.lambertian(chunk, maps).transport(), render_pass.chunks, self.device)

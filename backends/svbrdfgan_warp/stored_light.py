@@ -106,7 +106,7 @@ def store_light(
     with quiet():
         wp.load_module(deferred_kernels, device=wp.device_from_torch(device))
     camera = prepare_camera(view, surface.centre)
-    numbers = np.full(len(surface.parts), -1, dtype=np.int32)
+    numbers = np.full(len(surface.surface.parts), -1, dtype=np.int32)
     numbers[list(learnable)] = np.arange(len(learnable))
     texture = torch.from_numpy(numbers).to(device)
     generator = torch.Generator(device).manual_seed(seed)

@@ -69,7 +69,8 @@ def measure(renderer: CheckedRenderer, scene: BenchScene, spp: int, batch: int, 
             visit = next(visits)
             return shade(renderer, lights, values, maps=maps, visit=visit, seed=visit)
 
-        learnable = Materials((scene.materials(textures[0])[0], *_black(len(scene.base_color) - 1)))
+        black = [Material.lambertian((0.0, 0.0, 0.0))] * (len(scene.base_color) - 1)
+        learnable = Materials((scene.materials(textures[0])[0], *black))
         draws = range(-(-_COMPARED_SAMPLES // (scene.width * scene.height * spp)))
         _check_mean(
             torch.stack([deferred()[0].detach().mean() for _ in draws]).mean(),
@@ -118,10 +119,6 @@ def _copy(transport: LightTransport) -> LightTransport:
 def _light(renderer: CheckedRenderer, prepared: PreparedSurface, view: View, spp: int, seed: int) -> CheckedLight:
     """The stored light of one view, with all of its samples."""
     return renderer.store_light(prepared, view, learnable=(0,), hits=spp, spp=spp, seed=seed)
-
-
-def _black(parts: int) -> list[Material]:
-    return [Material.lambertian((0.0, 0.0, 0.0))] * parts
 
 
 def _check_mean(stored: Tensor, fresh: Tensor) -> None:

@@ -44,7 +44,7 @@ class _Dataset(click.Command):
     "--dry-run", is_flag=True, help="Estimate time, disk and memory from a few exemplars; write nothing into OUT."
 )
 @click.option(
-    "--preview", is_flag=True, help="Write one exemplar beside its unweathered twin as preview.png, and stop."
+    "--preview", is_flag=True, help="Write one exemplar next to its unweathered twin as preview.png, and stop."
 )
 def command(
     config: Path,
@@ -103,7 +103,7 @@ def _dry_run(path: Path, overrides: tuple[str, ...]) -> None:
     click.echo(
         f"disk:      about {needs.disk / 2**20:.0f} MiB, and {needs.transport / 2**20:.0f} MiB of transports to train"
     )
-    click.echo(f"memory:    about {needs.memory / 2**20:.0f} MiB to train on it, beside the networks")
+    click.echo(f"memory:    about {needs.memory / 2**20:.0f} MiB to train on it, besides the networks")
 
 
 def _preview(path: Path, overrides: tuple[str, ...], out: Path) -> None:

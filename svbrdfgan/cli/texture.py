@@ -33,7 +33,7 @@ from svbrdfgan.cli.options import (
 @click.option(
     "--count",
     type=click.IntRange(min=1),
-    help="So many layers, of this seed and the next ones. OUT is then a folder; files are named after mesh and seed.",
+    help="Number of layers, of this seed and the next ones. OUT is then a folder; files are named after mesh and seed.",
 )
 @click.option(
     "--sheet",

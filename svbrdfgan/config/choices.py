@@ -8,8 +8,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from svbrdfgan.config.models import StrictModel
-from svbrdfgan.types import Part
-from svbrdfgan.types.layer import FURTHER_MAPS
+from svbrdfgan.types import FURTHER_MAPS, Part
 
 T = TypeVar("T")
 

@@ -182,7 +182,7 @@ class DatasetConfig(SharedConfig):
     )
     maps: FurtherMaps[Annotated[Number, within(0, 1)]] = Field(
         default={},
-        description="maps that layers paint beside base_color, each with its value on clean learnable parts, 0 to 1, "
+        description="maps that layers paint besides base_color, each with its value on clean learnable parts, 0 to 1, "
         "such as `{roughness: {uniform: [0.2, 0.5]}, metallic: 0, normal: 0}`; `normal: 0` is flat, and `metallic` "
         "needs `roughness`; other parts have what their file says of these maps, and glass its alpha",
     )
@@ -193,7 +193,7 @@ class DatasetConfig(SharedConfig):
         "whose weathering is unknown",
     )
     labels: tuple[Label, ...] = Field(
-        default=(), description="[labels](commands.md#labels) to write beside each picture"
+        default=(), description="[labels](commands.md#labels) to write next to each picture"
     )
     splits: dict[Split, SplitConfig] = Field(description="`train`, and `validation` and `test` where wanted")
 

@@ -88,7 +88,7 @@ def _bytes_in(folder: Path, pattern: str = "**/*") -> int:
 
 
 def preview(config: DatasetConfig, base: Path) -> Float[Tensor, "height width 3"]:
-    """The first exemplar beside its unweathered twin, linear, before grey."""
+    """The first exemplar next to its unweathered twin, linear, before grey."""
     config = with_model(config, None, base)
     renderer, _ = resolve_renderer(config.renderer, maps=config.maps)
     with tempfile.TemporaryDirectory() as temporary:

@@ -72,7 +72,7 @@ def _labels_of(
 
 
 def save_labels(picture: Path, channels: Mapping[str, Float[Tensor, "height width"]]) -> None:
-    """Writes labels beside an exemplar's picture: all as `NAME.labels.exr`, in single precision.
+    """Writes labels next to an exemplar's picture: all as `NAME.labels.exr`, in single precision.
 
     What detectors read is also written as grey PNG: `NAME.weathered.png`, of 8 bits, where 255 stands for 1; and
     `NAME.parts.png`, of 16 bits, which are the ids.

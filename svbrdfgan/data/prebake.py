@@ -46,9 +46,6 @@ def _bake(folder: Path, scenes: Sequence[Scene]) -> None:
     loader = SceneLoader(folder)
     for scene in scenes:
         loader.subject(scene)
-        if not _has_model(scene):  # else each worker would load the model, and its own context of a GPU
+        # with a model, each worker would load it, and its own context of a GPU
+        if not isinstance(scene.weathering, SceneWeathering) or scene.weathering.model is None:
             loader.layer(scene)
-
-
-def _has_model(scene: Scene) -> bool:
-    return isinstance(scene.weathering, SceneWeathering) and scene.weathering.model is not None

@@ -22,7 +22,7 @@ from svbrdfgan.evaluation.record import (
     PainterScores,
 )
 from svbrdfgan.metrics.recovered import Scorer
-from svbrdfgan.types.layer import RGBA
+from svbrdfgan.types import RGBA
 
 
 @dataclass(frozen=True, eq=False)

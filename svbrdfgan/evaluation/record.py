@@ -47,7 +47,7 @@ class PainterScores(StrictModel):
             of it.
         relit_flip: mean FLIP between fresh pictures under the layers and under G0's own, in lights and from views that
             training never had. None where no picture was relit.
-        figures: what draws are in alpha beside true ones, where layers are a distribution; of the truth, other true
+        figures: alpha of draws compared with true ones, where layers are a distribution; of the truth, other true
             draws.
     """
 
@@ -111,7 +111,7 @@ class OracleScores(LearnedScores):
 
     @property
     def state(self) -> str:
-        """How its training ended, in words."""
+        """The end of the oracle's training, in words."""
         if self.plateau is None:
             return "one draw of it"
         return "at its plateau" if self.plateau else "still rising"

@@ -38,7 +38,7 @@ def surface_over(
     """The mesh as it is, over UVs that may leave the unit square.
 
     Args:
-        distinct: what corners must have in common to share a vertex, beside position, normal and part; by default `uv`.
+        distinct: what corners of one vertex must have in common, besides position, normal and part; by default `uv`.
     """
     normals = corner_normals(mesh.positions, mesh.faces)
     corner, faces = split_corners(mesh.faces, mesh.face_part, normals, uv if distinct is None else distinct)

@@ -93,12 +93,9 @@ def readable(path: Path, header: dict[str, Any]) -> BytesIO:
 
 
 def _renamed(attributes: dict[str, Any]) -> dict[str, Any]:
-    further = {key: UV_ATTRIBUTE.format(key.removeprefix("TEXCOORD_")) for key in attributes if _is_further_uv(key)}
+    sets = (key for key in attributes if key.startswith("TEXCOORD_") and key != "TEXCOORD_0")
+    further = {key: UV_ATTRIBUTE.format(key.removeprefix("TEXCOORD_")) for key in sets}
     return {further.get(key, key): index for key, index in attributes.items()}
-
-
-def _is_further_uv(key: str) -> bool:
-    return key.startswith("TEXCOORD_") and key != "TEXCOORD_0"
 
 
 def _glb_json(path: Path) -> dict[str, Any]:

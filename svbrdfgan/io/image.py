@@ -107,11 +107,6 @@ def save_codes(path: str | os.PathLike[str], codes: Int[Tensor, "height width"],
         PillowImage.fromarray(values).save(temporary)
 
 
-def load_texture(path: str | os.PathLike[str]) -> Float[Tensor, "rows cols channels"]:
-    """The same as `load_image`, but row 0 is at v = 0, the bottom of the image."""
-    return load_image(path).flip(0)
-
-
 def save_texture(
     path: str | os.PathLike[str], texture: Float[Tensor, "rows cols channels"], encoding: Encoding = "srgb"
 ) -> None:

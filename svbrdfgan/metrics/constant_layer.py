@@ -44,7 +44,7 @@ def best_constants(targets: Sequence[Target], steps: int = 400) -> Float[Tensor,
 
 @dataclass(frozen=True, eq=False)
 class _Texels:
-    """The scored texels of so many targets; the weights of each target add up to one."""
+    """The scored texels of several targets; the weights of each target add up to one."""
 
     truth: Layer
     base: Mapping[str, Float[Tensor, "texels values"]]

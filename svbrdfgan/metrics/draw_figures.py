@@ -20,7 +20,7 @@ _LEAST = 1e-12
 
 
 class AmountFigures(StrictModel):
-    """The mean alpha over the learnable area beside the amount that is asked for; means over the vehicles.
+    """The mean alpha over the learnable area next to the amount that is asked for; means over the vehicles.
 
     Attributes:
         correlation: rank correlation, over amounts, of the generator's mean alpha and the recipe's.
@@ -32,7 +32,7 @@ class AmountFigures(StrictModel):
 
 
 class DrawFigures(StrictModel):
-    """Draws beside true ones, in alpha.
+    """Draws compared with true ones, in alpha.
 
     Attributes:
         deviation: standard deviation over draws at each place, mean over the surface: over that of the truth.
@@ -60,7 +60,7 @@ class DrawFigures(StrictModel):
 
 
 def draw_figures(surfaces: Sequence[ScoredSurface], truth: Sequence[Draws], made: Sequence[Draws]) -> DrawFigures:
-    """The figures of draws beside true ones, but for the amount; one stack of each for each vehicle."""
+    """The figures of draws compared with true ones, but for the amount; one stack of each for each vehicle."""
     sides = [[draws.alpha for draws in stacks] for stacks in (truth, made)]
     deviation, power = ([measure(side, surfaces) for side in sides] for measure in (_deviation, _power))
     return DrawFigures(

@@ -6,7 +6,7 @@ do not count where nothing is painted, and equal distributions of these mean equ
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -80,8 +80,9 @@ def distances(made: Statistics, truth: Statistics) -> dict[str, float]:
     mean = ((made.mean - truth.mean).square() - made.error - truth.error).mean(dim=0)
     deviation = (made.deviation - truth.deviation).square().mean(dim=0)
     power = (made.spectrum - truth.spectrum).abs() / truth.spectrum.clamp(min=_VISIBLE)
+    patches = zip(made.patches, truth.patches, strict=True)
     found = {
-        "patches": _mean_of(zip(made.patches, truth.patches, strict=True), lambda a, b: (a - b).abs().mean()),
+        "patches": torch.stack([(a - b).abs().mean() for a, b in patches]).mean(),
         "mean": (mean * truth.share).sum(),
         "deviation": (deviation * truth.share).sum(),
         "spectrum": power.mean(),
@@ -272,7 +273,3 @@ def _quantiles(values: Float[Tensor, "*batch samples"]) -> Float[Tensor, "*batch
     at = ((torch.arange(_QUANTILES, device=values.device) + 0.5) / _QUANTILES * (last + 1) - 0.5).clamp(0, last)
     low = at.long()
     return torch.lerp(ordered[..., low], ordered[..., (low + 1).clamp(max=last)], (at - low).to(values.dtype))
-
-
-def _mean_of(pairs: Iterable[tuple[Tensor, Tensor]], distance: Callable[[Tensor, Tensor], Tensor]) -> Tensor:
-    return torch.stack([distance(made, truth) for made, truth in pairs]).mean()

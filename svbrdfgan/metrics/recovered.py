@@ -104,7 +104,7 @@ def make_targets(
         weight = area * shown
         masks = {} if observed is None else observed(number)
         further = {name: weight * mask for name, mask in masks.items()}
-        weights = dict.fromkeys(_names(exemplars), weight) | further
+        weights = dict.fromkeys(("base_color", *exemplars.scenes[0].maps), weight) | further
         shares.append({name: float(w.sum() / area.sum().clamp(min=1e-12)) for name, w in weights.items()})
         if weight.sum() > 0:
             targets += [_target(exemplars, view, weight.to(device), further) for view in chosen]
@@ -119,10 +119,6 @@ def make_targets(
 def shown_texels(exemplars: Exemplars, seen: SeenTexels, number: int) -> Bool[Tensor, "rows cols"]:
     """The texels of a subject that any of its pictures shows."""
     return torch.stack([seen(view).cpu() > 0 for view in exemplars.views_of(number)]).any(dim=0)
-
-
-def _names(exemplars: Exemplars) -> tuple[str, ...]:
-    return ("base_color", *exemplars.scenes[0].maps)
 
 
 def _target(

@@ -20,8 +20,7 @@ from svbrdfgan.config.models import StrictModel
 from svbrdfgan.errors import AssetError
 from svbrdfgan.metrics.draw_statistics import PARTS, Draws, Measure, ScoredSurface, Statistics, distances
 from svbrdfgan.metrics.texture_pyramid import octave_count
-from svbrdfgan.types import Layer
-from svbrdfgan.types.layer import layer_channels
+from svbrdfgan.types import Layer, layer_channels
 
 
 class Resemblance(StrictModel):

@@ -13,9 +13,7 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from svbrdfgan.types import Layer
-from svbrdfgan.types.layer import channel_slices
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS, Layer, channel_slices
 
 _COARSEST = 4  # least side in texels of the coarsest means
 
@@ -56,7 +54,7 @@ def premultiplied(draws: Layer) -> Float[Tensor, "draws values rows cols"]:
 
 
 def premultiplied_values(name: str) -> int:
-    """How many values of a map `premultiplied` gives."""
+    """The number of a map's values that `premultiplied` gives."""
     return 2 if name == "normal" else CHANNELS[name]
 
 

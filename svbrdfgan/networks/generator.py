@@ -15,7 +15,7 @@ from svbrdfgan.networks.fused import Features, NormActPad, norm_act_pad
 from svbrdfgan.networks.layers import Norm, make_norm
 from svbrdfgan.networks.modulation import Affine, Modulation
 from svbrdfgan.networks.random_fields import random_fields, random_numbers
-from svbrdfgan.types.layer import channel_slices, layer_channels
+from svbrdfgan.types import channel_slices, layer_channels
 
 GEOMETRY_CHANNELS = 6
 """Position and normal."""
@@ -42,7 +42,7 @@ class Generator(nn.Module):
     It has one 7x7 convolution, strided ones that each halve the resolution and double the channels, residual blocks, as
     many upsampling convolutions, and one 7x7.
 
-    With random fields, a layer is a function of the geometry and a seed: fields of object space are read beside the
+    With random fields, a layer is a function of the geometry and a seed: fields of object space are read next to the
     geometry, and random numbers modulate the features. Labels of the layer modulate them, too.
 
     Args:
@@ -54,8 +54,8 @@ class Generator(nn.Module):
         norm: the thesis uses "instance".
         upsampling: "strided" is the thesis's transposed convolution, which leaves a checkerboard of period four in
             the layer; "nearest" doubles the features and convolves (Odena et al. 2016), which does not.
-        mesh_maps: whether it reads visibility and curvature beside position and normal (`MeshMaps`).
-        maps: further maps that the layer paints beside base_color, in the order of `FURTHER_MAPS`.
+        mesh_maps: whether it reads visibility and curvature besides position and normal (`MeshMaps`).
+        maps: further maps that the layer paints besides base_color, in the order of `FURTHER_MAPS`.
         random_fields: how many random fields it reads, one for each octave; 0: it reads none.
         labels: numbers that say which layer is wanted, such as its amount; about -1 to 1.
     """
@@ -90,11 +90,6 @@ class Generator(nn.Module):
     def inputs(self) -> int:
         """Channels of the geometry that it reads."""
         return GEOMETRY_CHANNELS + MESH_MAPS * self.mesh_maps
-
-    @property
-    def multiple(self) -> int:
-        """What the numbers of rows and columns must be multiples of."""
-        return 1 << len(self.up)
 
     @property
     def varies(self) -> bool:
@@ -145,7 +140,7 @@ class Generator(nn.Module):
         return torch.cat([layer[..., :first], lean, layer[..., last:]], dim=-1)
 
     def _affine(self, seeds: Tensor | None, labels: Tensor | None) -> Iterator[Affine | None]:
-        """For each modulated convolution, what modulates it; None without end if nothing does."""
+        """The modulation of each modulated convolution, in order; None without end if there is none."""
         if self.modulation is None:
             return itertools.repeat(None)
         code = []
@@ -183,7 +178,7 @@ class PreActConv(nn.Module):
     def finer(
         self, x: Float[Tensor, "batch inputs rows cols"], factor: int, affine: Affine | None = None
     ) -> Float[Tensor, "batch outputs fine_rows fine_cols"]:
-        """What `forward` gives, at `factor` times the resolution and with the scale of `x`; without upsampling.
+        """The result of `forward` at `factor` times the resolution and with the scale of `x`; without upsampling.
 
         The normalised input is interpolated, then rectified and convolved with taps that stay a texel of `x` apart. So
         edges, which the activation and the layer's range make, are sharper than those of an interpolated result. At the

@@ -41,7 +41,7 @@ class GeneratorConfig(StrictModel):
         default=0,
         ge=0,
         le=MOST_FIELDS,
-        description="the number of random fields of object space that it reads beside the geometry, one an octave: 2, "
+        description="the number of random fields of object space that it reads next to the geometry, one an octave: 2, "
         "4, 8, ... waves a vehicle length; 0: the layer is a function of the geometry alone",
     )
     conditions: bool | None = Field(

@@ -43,7 +43,7 @@ def resolve_renderer(
 
     Args:
         device: the device of `auto`; None leaves that open, too.
-        maps: maps that layers paint beside base_color.
+        maps: maps that layers paint besides base_color.
         differentiable: whether the renderer must have gradients for them.
         deferred: whether it must be a `DeferredRenderer`; of a named renderer, the caller finds out.
 

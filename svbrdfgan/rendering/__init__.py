@@ -1,1 +1,1 @@
-"""From a layer to a picture and back: compositing, the render layer, stored light transport, argument validation."""
+"""Layers to pictures and back: compositing, checked renderers, the render layer, stored light transport."""

@@ -100,7 +100,7 @@ class CheckedRenderer:
     ) -> Gradients:
         """The gradient of sum(image * grad_image); see `Renderer.render_vjp`."""
         self._check(prepared, materials, view, spp, wrt)
-        validation.check_cotangent(self.name, view, grad_image)
+        validation.check_cotangent(self.name, (view.height, view.width, 3), grad_image)
         return self.plugin.render_vjp(prepared.value, materials, view, grad_image, wrt=wrt, spp=spp, seed=seed)
 
     def render_pullback(
@@ -112,7 +112,7 @@ class CheckedRenderer:
         rendering, pullback = plugin.render_pullback(prepared.value, materials, view, wrt=wrt, spp=spp, seed=seed)
 
         def checked_pullback(grad_image: Float[Tensor, "height width 3"]) -> Gradients:
-            validation.check_cotangent(self.name, view, grad_image)
+            validation.check_cotangent(self.name, (view.height, view.width, 3), grad_image)
             gradients: Gradients = pullback(grad_image)
             return gradients
 
@@ -153,7 +153,7 @@ class CheckedRenderer:
         images, pullback = plugin.shade([light.value for light in lights], textures, maps=maps, visit=visit, seed=seed)
 
         def checked_pullback(grad_images: Tensor) -> Tensor:
-            validation.check_cotangents(self.name, images.shape, grad_images)
+            validation.check_cotangent(self.name, images.shape, grad_images)
             gradient: Tensor = pullback(grad_images)
             return gradient
 

@@ -10,8 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.types import Layer
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS, Layer
 
 BARE: Mapping[str, float] = MappingProxyType({"roughness": 0.9, "metallic": 0.0, "normal": 0.0})
 """What lies under a layer where nobody says anything: matt paint."""

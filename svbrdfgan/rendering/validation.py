@@ -13,8 +13,7 @@ from torch import Tensor
 
 from svbrdfgan.errors import AssetError, ConfigError, UnsupportedError
 from svbrdfgan.protocols import RendererCapabilities
-from svbrdfgan.types import Materials, View
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS, Materials
 
 _POWERS = {"transport": "transport", "pullback": "pullback", "deferred": "stored light"}
 """Each optional power of `RendererCapabilities`, in words."""
@@ -132,26 +131,15 @@ def check_shade(
         )
 
 
-def check_cotangent(renderer: str, view: View, grad_image: Tensor) -> None:
-    """Checks that `grad_image` has the shape of the view's film.
+def check_cotangent(renderer: str, shape: Sequence[int], cotangent: Tensor) -> None:
+    """Checks that the gradient of pictures has their shape.
 
     Raises:
-        ConfigError: its shape is not (height, width, 3).
+        ConfigError: the gradient has another shape.
     """
-    film = (view.height, view.width, 3)
-    if grad_image.shape != film:
-        raise ConfigError(f"{renderer} renderer: grad_image has shape {tuple(grad_image.shape)}; wanted {film}.")
-
-
-def check_cotangents(renderer: str, shape: Sequence[int], grad_images: Tensor) -> None:
-    """Checks that the gradient of shaded pictures has their shape.
-
-    Raises:
-        ConfigError: it has another.
-    """
-    if grad_images.shape != tuple(shape):
+    if cotangent.shape != tuple(shape):
         raise ConfigError(
-            f"{renderer} renderer: the pictures' gradient has shape {tuple(grad_images.shape)}; wanted {tuple(shape)}."
+            f"{renderer} renderer: the picture's gradient has shape {tuple(cotangent.shape)}; wanted {tuple(shape)}."
         )
 
 

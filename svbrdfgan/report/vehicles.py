@@ -82,7 +82,7 @@ def rendered(evaluated: Evaluated, index: int) -> Vehicle:
 
 
 def compared(found: PaintedScene) -> Vehicle:
-    """A scene's reference beside its pictures under each layer, with their FLIP."""
+    """A scene's reference next to its pictures under each layer, with their FLIP."""
     flips = found.flips()
     columns = [Titled("Truth", framed(found.reference, found.coverage), f"noise alone {flips['truth']:.3f}")]
     for painter, title in _titles(found):

@@ -1,4 +1,4 @@
-"""A scene description as stored beside each exemplar: all that its picture depends on (thesis A.2), as JSON."""
+"""A scene description as stored next to each exemplar: all that its picture depends on (thesis A.2), as JSON."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.types import Camera
 
 MapValues = FurtherMaps[Annotated[float, Field(ge=0, le=1)]]
-"""The value under the layer of each map that the layer paints beside base_color, by name; 0 is a flat `normal`."""
+"""The value under the layer of each map that the layer paints besides base_color, by name; 0 is a flat `normal`."""
 
 
 class AssetRef(StrictModel):
@@ -100,7 +100,7 @@ class Scene(StrictModel):
     )
     maps: MapValues = Field(
         default={},
-        description="maps that the layer paints beside base_color, with their values on the learnable parts under it; "
+        description="maps that the layer paints besides base_color, with their values on the learnable parts under it; "
         "they also decide which maps of the mesh's file are rendered on other parts",
     )
     weathering: SceneWeathering | Literal["unknown"] | None = Field(

@@ -58,7 +58,7 @@ class Subject:
         return self.geometry if self.mesh_maps is None else torch.cat([self.geometry, self.mesh_maps.network_input()])
 
     def with_mesh_maps(self) -> Subject:
-        """This subject with mesh maps."""
+        """The same subject with mesh maps."""
         return replace(self, mesh_maps=bake_mesh_maps(self.surface, self.buffer))
 
     @cached_property
@@ -154,8 +154,8 @@ def make_subject(
 
     Args:
         file_maps: whether roughness, metallic, normal and alpha of the mesh's file are baked, too. Data sets and calls
-            that declare maps beside base_color set it. For the others glass stays opaque and all is Lambertian, so that
-            pictures, stored light transport and runs of base colour do not change with what files say beside it.
+            that declare maps besides base_color set it. For the others glass stays opaque and all is Lambertian, so
+            that pictures, stored light transport and runs of base colour do not change with what else files say.
 
     Raises:
         EmbeddingError: the mesh cannot be embedded.

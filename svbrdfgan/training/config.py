@@ -212,7 +212,7 @@ def resolved(config: TrainConfig, spp: int, maps: Collection[str] = ()) -> Train
 
     Args:
         spp: samples per pixel of the exemplars.
-        maps: maps that layers paint beside base_color.
+        maps: maps that layers paint besides base_color.
     """
     discriminator = config.discriminator
     if discriminator.compares != "auto":

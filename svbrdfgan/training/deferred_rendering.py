@@ -32,8 +32,7 @@ from svbrdfgan.training.scene_batch import (
     seen_in_gradient,
     with_progress,
 )
-from svbrdfgan.types import Layer, Material, Materials
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS, Layer, Material, Materials
 from svbrdfgan.utils.copy_async import copy_async
 
 _BLACK = (0.0, 0.0, 0.0)

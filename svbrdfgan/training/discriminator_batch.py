@@ -1,4 +1,4 @@
-"""Pictures for the discriminator: exemplars beside fakes, composited over a background and tone-mapped."""
+"""Pictures for the discriminator: exemplars and fakes, composited over a background and tone-mapped."""
 
 from __future__ import annotations
 

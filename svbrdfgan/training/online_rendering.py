@@ -119,7 +119,7 @@ class OnlineRendering:
         """None: what is seen is known of the exemplars' own pictures alone."""
 
     def resampled(self, spp: int) -> OnlineRendering:
-        """The same scenes with so many samples per pixel."""
+        """The same scenes with another number of samples per pixel."""
         return replace(self, layer=replace(self.layer, spp=spp))
 
     def _batch(

@@ -44,7 +44,7 @@ class ResolvedRun:
 
     @property
     def fake_spp(self) -> int:
-        """Samples in each pixel of a fake's learnable parts; its noise is that of so many."""
+        """Samples in each pixel of a fake's learnable parts; the noise of a fake is that of this number."""
         return min(self.config.spp, self.config.hits) if self.deferred else self.config.spp
 
     def with_config(self, **update: object) -> ResolvedRun:

@@ -52,7 +52,7 @@ class RunConfig(StrictModel):
 
     @property
     def maps(self) -> dict[str, float]:
-        """Maps that layers paint beside base_color, and the mean of their values under the layer in the data set."""
+        """Maps that layers paint besides base_color, and the mean of their values under the layer in the data set."""
         return {name: min(max(mean(value), 0.0), 1.0) for name, value in self.dataset.maps.items()}
 
     @property

@@ -15,8 +15,7 @@ from svbrdfgan.metrics.recovered import SeenTexels
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.demodulation import Demodulator
-from svbrdfgan.types import Layer
-from svbrdfgan.types.layer import RGBA
+from svbrdfgan.types import RGBA, Layer
 
 Layers = Float[Tensor, "batch rows cols channels"]
 Images = Float[Tensor, "batch height width 3"]
@@ -74,7 +73,7 @@ class SceneRendering(Protocol):
         """Positive at texels that an exemplar's picture shows of the outermost learnable surface."""
 
     def own_scenes(self, spp: int, *, keep: bool) -> SceneRendering:
-        """The exemplars' own scenes, one for each, with so many samples per pixel where they are stored.
+        """The exemplars' own scenes, one for each, with `spp` samples per pixel where they are stored.
 
         Args:
             keep: whether training looks at them at every step, so that they stay on the device, and not just once.
@@ -84,7 +83,7 @@ class SceneRendering(Protocol):
         """`seen` of otherwise perturbed scenes, one for each exemplar; None if only the exemplars' own are known."""
 
     def resampled(self, spp: int) -> SceneRendering | None:
-        """The same scenes with so many samples, new at each visit; None where pictures are of stored samples."""
+        """The same scenes with `spp` samples per pixel, new at each visit; None where samples are stored."""
 
 
 def with_progress(indices: Iterable[int], progress: Progress | None) -> Iterator[int]:

@@ -73,7 +73,7 @@ class State:
         Args:
             processes: number that share each step.
             labels: numbers that both networks are told of each layer (`Conditions.labels`).
-            judged: channels of what the discriminator judges, beside those of buffers and labels.
+            judged: channels of what the discriminator judges, besides those of buffers and labels.
         """
         rng = torch.Generator().manual_seed(config.seed)
         generator = make_generator(config.generator, maps, labels)

@@ -30,7 +30,7 @@ MakeBatch = Callable[[int, Sequence[int], np.random.Generator], DiscriminatorBat
 def training_step(
     fabric: Fabric, config: TrainConfig, state: State, source: BatchSource, batches: Sequence[Sequence[int]]
 ) -> Diagnostics:
-    """`adversarial_step` on pictures: exemplars beside renderings of the generator's layers."""
+    """`adversarial_step` on pictures: exemplars and renderings of the generator's layers."""
 
     def make(critic_step: int, indices: Sequence[int], rng: np.random.Generator) -> DiscriminatorBatch:
         visit = (state.step * len(batches) + critic_step) * config.batch_size // len(source)
@@ -95,7 +95,7 @@ def make_pair(
 
 
 def _with_buffers(image: Images, coverage: Coverage, real: ImageBatch, scenes: SceneBatch) -> ImageBatch:
-    """Fakes beside the buffers that exemplars have: those of their own scenes, or else the exemplars'."""
+    """Fakes and the buffers that exemplars have: those of their own scenes, or else the exemplars'."""
     gbuffer, light_buffer = real.gbuffer, real.light_buffer
     if gbuffer is not None and scenes.gbuffer is not None:
         gbuffer = scenes.gbuffer.to(gbuffer.device)

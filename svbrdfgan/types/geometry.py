@@ -12,7 +12,7 @@ from numpy import ndarray
 from svbrdfgan.errors import AssetError
 
 FILE_CHANNELS = {"roughness": 1, "metallic": 1, "normal": 3, "alpha": 1}
-"""The maps that files give beside base colour, and their channels."""
+"""The maps that files give besides base colour, and their channels."""
 
 
 @dataclass(frozen=True)

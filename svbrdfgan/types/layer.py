@@ -21,12 +21,12 @@ FURTHER_MAPS = tuple(name for name in CHANNELS if name != "base_color")
 
 
 def layer_channels(maps: Iterable[str]) -> int:
-    """Channels of a layer that paints these maps beside base_color."""
+    """Channels of a layer that paints these maps besides base_color."""
     return RGBA + sum(CHANNELS[name] for name in maps)
 
 
 def channel_slices(maps: Iterable[str]) -> dict[str, slice]:
-    """Where a layer holds `base_color`, `alpha` and these further maps among its channels, which have that order."""
+    """The channels at which a layer holds `base_color`, `alpha` and these further maps, which have that order."""
     sizes = {"base_color": CHANNELS["base_color"], "alpha": 1, **{name: CHANNELS[name] for name in maps}}
     ends = accumulate(sizes.values())
     return {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}

@@ -1,4 +1,4 @@
-"""What renderers return. Torch, float32, on the renderer's device."""
+"""Results of renderers. Torch, float32, on the renderer's device."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ class Environment:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What a picture shows: camera, light, and film size in pixels."""
+    """The camera, the light and the film size (pixels) of a picture."""
 
     camera: Camera
     environment: Environment

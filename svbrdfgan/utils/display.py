@@ -10,11 +10,9 @@ class Display(Protocol):
 
     def begin(self, what: str, total: int | None = None) -> None:
         """Ends the phase before, and starts one of `total` steps; None where their number is not known."""
-        ...
 
     def advance(self, steps: int = 1, note: str = "") -> None:
         """Counts steps as done. A note replaces the one before; an empty one leaves it."""
-        ...
 
 
 class SilentDisplay:

@@ -16,9 +16,7 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.geometry.texels import nearest_texels
-from svbrdfgan.types import Layer, Surface
-from svbrdfgan.types.layer import FURTHER_MAPS
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS, FURTHER_MAPS, Layer, Surface
 from svbrdfgan.weathering.mesh_maps import TexelGeometry
 from svbrdfgan.weathering.recipes import RECIPES, Recipe
 from svbrdfgan.weathering.site import Site
@@ -28,7 +26,7 @@ from svbrdfgan.weathering.survey import find_site
 def weather(
     surface: Surface, buffer: TexelGeometry, recipe: Recipe, maps: Collection[str] = (), *, site: Site | None = None
 ) -> Layer:
-    """The weathering layer at a buffer's texels, with `maps` beside base colour; float32.
+    """The weathering layer at a buffer's texels, with `maps` besides base colour; float32.
 
     All values are in [0, 1], but those of `normal`, which are unit vectors in tangent space. The layer is deterministic
     and does not depend on the model's size. Texels outside the mask continue it as smoothly as the buffer's filled

@@ -49,22 +49,18 @@ class TexelGeometry(Protocol):
     @property
     def position(self) -> Float[ndarray | Tensor, "rows cols 3"]:
         """Metres, in the surface's coordinates."""
-        ...
 
     @property
     def normal(self) -> Float[ndarray | Tensor, "rows cols 3"]:
         """Unit, outward."""
-        ...
 
     @property
     def face(self) -> Int[ndarray | Tensor, "rows cols"]:
         """Index into the surface's faces; only normal maps need it."""
-        ...
 
     @property
     def barycentric(self) -> Float[ndarray | Tensor, "rows cols 3"]:
         """Coordinates of the texel's centre in its face; only normal maps need them."""
-        ...
 
 
 def bake_mesh_maps(surface: Surface, buffer: TexelGeometry) -> MeshMaps:

@@ -69,7 +69,6 @@ class Recipe(Protocol):
 
     def paint(self, site: Site) -> Coat:
         """All maps: a pure function of the site. `amount` 0 gives alpha 0."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -305,7 +305,7 @@ def test_a_picture_by_another_light_and_with_roughness(car: Path, quick_glossy_r
         (("--picture", "car.png", "--environment", "sky.hdr"), "sky.hdr does not exist"),
         (
             ("--picture", "car.png", "--renderer", "numpy", "--map", "roughness=0.2"),
-            "NumpyRenderer cannot render roughness",
+            "numpy renderer cannot render roughness",
         ),
     ],
 )

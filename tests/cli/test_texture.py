@@ -10,7 +10,7 @@ from PIL import Image
 
 from svbrdfgan.cli import main
 from svbrdfgan.io.gltf import save_mesh_glb
-from svbrdfgan.io.image import load_texture
+from svbrdfgan.io.image import load_image
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
@@ -38,7 +38,7 @@ def test_a_finer_layer_and_finer_base_colours(car: Path, varied_run: Path, tmp_p
     asked = ("--model", varied_run, "--recipe", "rust", "--resolution", 64)
     result = texture(car, *asked, "-o", tmp_path / "fine.glb")
     assert result.exit_code == 0, result.output
-    assert load_texture(tmp_path / "fine.layer.png").shape[:2] == (64, 64)
+    assert load_image(tmp_path / "fine.layer.png").flip(0).shape[:2] == (64, 64)
     sizes = {part.texture.shape for part in load_mesh(tmp_path / "fine.glb").parts if part.texture is not None}
     assert sizes == {(64, 64, 3)}
 

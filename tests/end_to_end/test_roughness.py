@@ -27,7 +27,7 @@ from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.inference.apply import paint
 from svbrdfgan.inference.export import write_weathered
-from svbrdfgan.io.image import load_image, load_texture, srgb_from_linear
+from svbrdfgan.io.image import load_image, srgb_from_linear
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import RendererCapabilities
@@ -141,7 +141,7 @@ def test_the_model_paints_and_exports_the_map(run: Path, folder: Path, tmp_path:
     assert layer.values.shape == (32, 32, 5)
     write_weathered(tmp_path / "car.glb", subject, layer, model.config.maps)
     assert {path.name for path in tmp_path.iterdir()} == {"car.glb", "car.layer.png", "car.roughness.png"}
-    stored = srgb_from_linear(load_texture(tmp_path / "car.roughness.png"))[..., 0]
+    stored = srgb_from_linear(load_image(tmp_path / "car.roughness.png").flip(0))[..., 0]
     alpha, value = layer.alpha, layer["roughness"][..., 0]
     expected = 0.35 * (1 - alpha) + value * alpha
     torch.testing.assert_close(stored, expected, atol=0.6 / 255, rtol=0)
@@ -187,7 +187,7 @@ def test_a_stored_scene_renders_again(folder: Path, tmp_path: Path) -> None:
 
 
 def test_a_renderer_that_stores_no_light_is_refused(settings: Settings, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"NumpyRenderer does not: set rendering: online or choose") as caught:
+    with pytest.raises(ConfigError, match=r"numpy does not: set rendering: online or choose") as caught:
         train(settings(rendering="stored", renderer="numpy"), tmp_path / "run")
     assert len(str(caught.value).splitlines()) == 1
 
@@ -197,8 +197,8 @@ def test_a_renderer_without_the_map_is_refused(
 ) -> None:
     """Before anything is written that would have to be deleted."""
     monkeypatch.setattr(NumpyRenderer, "capabilities", RendererCapabilities())
-    with pytest.raises(ConfigError, match=r"^NumpyRenderer cannot learn roughness, .*choose a renderer that can"):
+    with pytest.raises(ConfigError, match=r"^numpy renderer cannot learn roughness, .*choose a renderer that can"):
         train(settings(renderer="numpy"), tmp_path / "run")
-    with pytest.raises(ConfigError, match=r"^NumpyRenderer cannot render roughness, .*choose a renderer that can"):
+    with pytest.raises(ConfigError, match=r"^numpy renderer cannot render roughness, .*choose a renderer that can"):
         generate(dataset_config(declared(renderer="numpy"), "here"), tmp_path / "data", base=Path())
     assert not (tmp_path / "data").exists()

@@ -18,7 +18,7 @@ from svbrdfgan.geometry.bake_materials import bake_file_maps
 from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.inference.export import write_weathered
-from svbrdfgan.io.image import load_texture, srgb_from_linear
+from svbrdfgan.io.image import load_image, srgb_from_linear
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
@@ -88,7 +88,7 @@ def test_every_map_is_a_picture_beside_it(written: Path, subject: Subject, mater
     assert {path.name for path in written.parent.iterdir()} == names
     painted = materials[subject.learnable[0]].maps
     for name in MAPS:
-        stored = srgb_from_linear(load_texture(written.with_suffix(f".{name}.png")))
+        stored = srgb_from_linear(load_image(written.with_suffix(f".{name}.png")).flip(0))
         expected = 0.5 + 0.5 * unit(painted[name]) if name == "normal" else painted[name]
         torch.testing.assert_close(stored[..., : expected.shape[-1]], expected, atol=0.6 / 255, rtol=0)
 

@@ -75,10 +75,9 @@ def test_more_downsamplings_keep_the_blocks(downsamplings: int, upsampling: Upsa
     block = generator.blocks[0]
     assert isinstance(block, ResidualBlock)
     assert block.first.convolve.in_channels == 64
-    assert generator.multiple == 1 << downsamplings
     sizes: list[torch.Size] = []
     block.first.convolve.register_forward_hook(lambda _module, _given, result: sizes.append(result.shape[-2:]))
-    side = 8 * generator.multiple
+    side = 8 << downsamplings
     assert generator(torch.randn(1, 6, side, side), torch.tensor([3])).shape == (1, side, side, 4)
     assert sizes == [(8, 8)]
 

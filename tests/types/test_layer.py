@@ -6,8 +6,7 @@ import pytest
 import torch
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.types import Layer
-from svbrdfgan.types.layer import FURTHER_MAPS, channel_slices, layer_channels
+from svbrdfgan.types import FURTHER_MAPS, Layer, channel_slices, layer_channels
 
 SETS = [(), ("roughness",), ("roughness", "metallic"), ("normal",), ("roughness", "normal"), FURTHER_MAPS]
 

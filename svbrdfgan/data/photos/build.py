@@ -138,7 +138,7 @@ def _require_free(folder: Path) -> None:
 
 @contextmanager
 def _stage(folder: Path) -> Iterator[Path]:
-    """A temporary folder beside the final one, deleted when the block ends."""
+    """A temporary folder next to the final one, deleted when the block ends."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as stage:

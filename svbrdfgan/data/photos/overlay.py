@@ -36,7 +36,7 @@ _GREY = (40, 40, 40)
 
 
 def visible_parts(mesh: Mesh, camera: Camera, width: int, height: int) -> Int[ndarray, "height width"]:
-    """The part that the centre of each pixel shows, `NO_PART` beside the mesh; row 0 on top.
+    """The part that the centre of each pixel shows, `NO_PART` outside the mesh; row 0 on top.
 
     Raises:
         ConfigError: a part of the mesh is not in front of the camera.

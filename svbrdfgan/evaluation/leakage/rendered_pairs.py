@@ -21,7 +21,7 @@ from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.resolve import ResolvedRun
 from svbrdfgan.training.scene_batch import SceneRendering
 from svbrdfgan.training.step import make_pair
-from svbrdfgan.types.layer import layer_channels
+from svbrdfgan.types import layer_channels
 
 _CHUNK = 8
 

@@ -1,5 +1,5 @@
 """Metrics for the four qualities of a UV embedding (thesis, section 4.1), on the surface visible from outside.
 
-`summary_of(surface)` measures distortion, compactness, connectivity, flips and overlaps; `similarity` compares the maps
-of two surfaces.
+`UVSummary.of(visible_surface(surface))` measures distortion, compactness, connectivity, flips and overlaps;
+`similarity` compares the maps of two surfaces.
 """

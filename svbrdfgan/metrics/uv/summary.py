@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from svbrdfgan.metrics.uv.distortion import Distortion, distortion
 from svbrdfgan.metrics.uv.layout import Layout, layout
 from svbrdfgan.metrics.uv.neighbours import connectivity
-from svbrdfgan.metrics.uv.visibility import VisibleSurface, visible_surface
-from svbrdfgan.types import Surface
+from svbrdfgan.metrics.uv.visibility import VisibleSurface
 
 
 @dataclass(frozen=True)
@@ -39,8 +38,3 @@ class UVSummary:
         """The measures by name."""
         own = {name: getattr(self, name) for name in ("connectivity", "kept", "seen", "area")}
         return {**vars(self.distortion), **vars(self.layout), **own}
-
-
-def summary_of(surface: Surface) -> UVSummary:
-    """The measures of a surface; takes seconds. If the embedding is not one-to-one, call `hide_inner_layers` first."""
-    return UVSummary.of(visible_surface(surface))

@@ -1,4 +1,4 @@
-"""What is stored of scenes in memory, within a budget; and the prefetching of light transports from files."""
+"""Stored scenes in memory, within a budget; and the prefetching of light transports from files."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Stored = TypeVar("Stored", bound=_Stored)
 
 
 class MemoryCache(MutableMapping[Key, Stored], Generic[Key, Stored]):
-    """What is stored of scenes, by key, within a budget of bytes. The least recently used are dropped first."""
+    """Stored scenes, by key, within a budget of bytes. The least recently used are dropped first."""
 
     def __init__(self, budget: int | None = None, share: float = _SHARE) -> None:
         """An empty cache of `budget` bytes; None takes this share of the memory of the first value's device."""

@@ -59,7 +59,7 @@ class CsrProduct:
         return torch.from_numpy(texels)
 
     def _blocks(self) -> Iterator[tuple[csr_matrix, list[Float[ndarray, " entries"]], slice, slice]]:
-        """For each view: its matrix, the weights of each channel, and its rows (pixels) and columns (texels).
+        """Each view's matrix, the weights of each channel, and the view's rows (pixels) and columns (texels).
 
         The channels share their indices; the caller sets `matrix.data` to the weights of one.
         """

@@ -132,6 +132,6 @@ class LightTransport:
             raise ValueError("texel names texels that the textures do not have")
 
     def tensors(self) -> dict[str, Tensor]:
-        """Its tensors by the name of the attribute."""
+        """The tensors, by the name of the attribute."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if isinstance(value, Tensor)}

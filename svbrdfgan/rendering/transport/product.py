@@ -26,15 +26,12 @@ class Product(Protocol):
 
     def picture(self, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
         """background + T @ texels."""
-        ...
 
     def linear(self, texels: Float[Tensor, "texels 3"]) -> Float[Tensor, "pixels 3"]:
         """T @ texels. Unlike a difference of two images, it keeps small values beside a bright background."""
-        ...
 
     def transposed(self, grad: Float[Tensor, "pixels 3"]) -> Float[Tensor, "texels 3"]:
         """T^T @ grad."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
 
@@ -201,11 +201,8 @@ def _strong_sun() -> PairScene:
 
 
 def _low_light() -> PairScene:
-    return _scene("low light", bowl(16, 32), Camera((0.4, 1.9, 1.5), (0.0, -0.3, 0.0), vertical_fov=0.74), _dim(6))
-
-
-def _dim(seed: int) -> Environment:
-    return soft_light(seed, strength=1e-4)
+    camera, dim = Camera((0.4, 1.9, 1.5), (0.0, -0.3, 0.0), vertical_fov=0.74), soft_light(6, strength=1e-4)
+    return _scene("low light", bowl(16, 32), camera, dim)
 
 
 def _vehicle() -> PairScene:
@@ -216,18 +213,6 @@ def _vehicle() -> PairScene:
 def _real_car() -> PairScene:
     mesh, light = (_asset(name) for name in _REAL_CAR)
     return _on_wheels("real car", load_mesh(mesh), load_environment(light))
-
-
-def _glossy() -> PairScene:
-    return _still_life("glossy", "pmndrs_studio", {"roughness"})
-
-
-def _metallic() -> PairScene:
-    return _still_life("metallic", "pmndrs_lobby", {"roughness", "metallic"})
-
-
-def _normal_mapped() -> PairScene:
-    return _still_life("normal-mapped", "pmndrs_sunset", {"roughness", "metallic", "normal"})
 
 
 def _still_life(name: str, light: str, maps: Collection[str]) -> PairScene:
@@ -263,9 +248,9 @@ SCENES: Mapping[str, Callable[[], PairScene]] = MappingProxyType(
         "low light": _low_light,
         "vehicle": _vehicle,
         "real car": _real_car,
-        "glossy": _glossy,
-        "metallic": _metallic,
-        "normal-mapped": _normal_mapped,
+        "glossy": partial(_still_life, "glossy", "pmndrs_studio", {"roughness"}),
+        "metallic": partial(_still_life, "metallic", "pmndrs_lobby", {"roughness", "metallic"}),
+        "normal-mapped": partial(_still_life, "normal-mapped", "pmndrs_sunset", {"roughness", "metallic", "normal"}),
     }
 )
 """The scenes of the table, in its order."""

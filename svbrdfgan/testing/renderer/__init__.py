@@ -40,4 +40,4 @@ class RendererTests(
     DeferredTests,
     StressTests,
 ):
-    """What every renderer must do: `svbrdfgan.protocols` and `docs/conventions.md`."""
+    """The duties of every renderer: `svbrdfgan.protocols` and `docs/conventions.md`."""

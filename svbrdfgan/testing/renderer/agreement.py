@@ -16,7 +16,6 @@ from svbrdfgan.testing.renderer import cases
 from svbrdfgan.testing.renderer.cases import Case, RenderedCase
 from svbrdfgan.testing.renderer.statistical_assertions import Known, StatisticalKit
 from svbrdfgan.testing.statistics import block_sums
-from svbrdfgan.types import Environment
 
 _BLOCK = 4
 
@@ -47,7 +46,8 @@ class AgreementTests(StatisticalKit):
 
     def test_image_in_low_light(self) -> None:
         """A plane in very low light looks as quadrature says, to 3 % in every block."""
-        self._image(cases.sheet(_dim(scenes.random_light(rotation=0.9))))
+        light = scenes.random_light(rotation=0.9)
+        self._image(cases.sheet(replace(light, radiance=1e-4 * light.radiance)))
 
     def test_image_of_gloss(self) -> None:
         """A plane of varying roughness looks as quadrature says, to 3 % in blocks."""
@@ -102,12 +102,12 @@ class AgreementTests(StatisticalKit):
         self._interreflection(cases.corner())
 
     def test_interreflection_of_metal_as_numpy(self) -> None:
-        """So do parts with all the maps that it has: metal, gloss, tilted normals."""
+        """Parts with all the maps that it has light one another likewise: metal, gloss, tilted normals."""
         declared(len(self.capabilities.maps) > 1, "another map")
         self._interreflection(cases.rich(self.capabilities.maps))
 
     def test_interreflection_behind_clear_parts_as_numpy(self) -> None:
-        """So do parts behind others that rays pass through."""
+        """Parts behind others that rays pass through light one another likewise."""
         declared(self.capabilities.alpha, "alpha")
         self._interreflection(cases.clear_corner())
 
@@ -159,7 +159,3 @@ def _pairs(gradient: Float[ndarray, "rows cols 3"]) -> Float[ndarray, "rows pair
     """Sums over pairs of columns, so that each holds enough light."""
     rows, cols, channels = gradient.shape
     return gradient.reshape(rows, cols // 2, 2, channels).sum(axis=2)
-
-
-def _dim(light: Environment) -> Environment:
-    return replace(light, radiance=1e-4 * light.radiance)

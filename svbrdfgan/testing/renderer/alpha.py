@@ -103,7 +103,7 @@ def _declares(kit: MeasuredKit) -> None:
 
 
 def _filled() -> View:
-    """Of nothing but `plane(2)`."""
+    """A view of nothing but `plane(2)`."""
     return scenes.front_view(scenes.constant_light(), 1.0, 4, 4, 0.5)
 
 

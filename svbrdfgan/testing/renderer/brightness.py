@@ -40,7 +40,7 @@ class MeasuredKit(RendererKit):
         return ROUNDING if self.capabilities.stochastic else GRAIN
 
     def pictures(self, *cases: Inputs, spp: int = 16, runs: int = RUNS) -> list[list[Rendering]]:
-        """For each run a picture of each case, each with its own seed."""
+        """A picture of each case for each run, each with its own seed."""
         runs, spp = fewer(runs, spp, self.power) if self.capabilities.stochastic else (2, spp)
         ready = [(self.renderer.prepare(surface), materials, view) for surface, materials, view in cases]
         return [[self.renderer.render(*case, spp=spp, seed=next(self.seeds)) for case in ready] for _ in range(runs)]
@@ -51,7 +51,7 @@ class MeasuredKit(RendererKit):
         return np.array([[p.image.double().mean(dim=(0, 1)).cpu().numpy() for p in run] for run in pictures])
 
     def brightnesses(self, *cases: Inputs, spp: int = 16, runs: int = RUNS) -> Brightnesses:
-        """As `radiances`, the mean of the channels."""
+        """The mean of the channels of `radiances`."""
         return self.radiances(*cases, spp=spp, runs=runs).mean(axis=-1)
 
     def check_values(self, runs: ndarray, truth: Sequence[float] | ndarray, message: str) -> None:

@@ -97,7 +97,7 @@ def flat(gradients: Gradients) -> dict[str, ndarray]:
 
 
 def differentiable(capabilities: RendererCapabilities) -> list[str]:
-    """What the renderer can differentiate."""
+    """All that the renderer can differentiate."""
     return sorted(capabilities.differentiable)
 
 

@@ -18,8 +18,7 @@ from svbrdfgan.testing import scenes
 from svbrdfgan.testing.contract import PluginTests
 from svbrdfgan.testing.kit import check
 from svbrdfgan.testing.renderer.base import RendererKit
-from svbrdfgan.types import Gradients
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS, Gradients
 
 WHITE = scenes.lambertian((1.0, 1.0, 1.0))
 VIEW = scenes.front_view(scenes.random_light(), width=6, height=4)

@@ -15,13 +15,12 @@ from torch import Tensor
 from svbrdfgan.rendering.checked_renderer import CheckedLight, checked
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check, declared
-from svbrdfgan.testing.quadrature import Quadrature
 from svbrdfgan.testing.renderer import cases, stored_light
 from svbrdfgan.testing.renderer.cases import Case
 from svbrdfgan.testing.renderer.statistical_assertions import Known, StatisticalKit, exactly
 from svbrdfgan.testing.renderer.stored_light import StoredCase, shade_together
 from svbrdfgan.testing.statistics import block_sums, numbers
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS
 
 _SPP = 16
 _FEW, _ALL = 3, 64
@@ -109,7 +108,7 @@ class DeferredTests(StatisticalKit):
         self._require_independent("visits eight apart", np.stack(pictures))
 
     def test_views_of_a_batch_have_their_own_noise(self) -> None:
-        """What is drawn anew for a picture is drawn for each view of a batch."""
+        """Each view of a batch has random numbers of its own for what is drawn anew."""
         self._declared_deferred()
         stored = StoredCase(self.renderer, stored_light.uniform(cases.side_light()), (0,))
         lights = [stored.store(hits=4, spp=4, seed=seed) for seed in range(4)]
@@ -158,7 +157,9 @@ class DeferredTests(StatisticalKit):
     def _require_pictures(self, *views: tuple[Case, tuple[int, ...]]) -> None:
         """Fails unless these views are right; by turns few hits of each pixel are kept, and all."""
         stored = [StoredCase(self.renderer, case, learnable) for case, learnable in views]
-        known = _joined([self.known(case, _blocks, grid=8, split=8) for case, _ in views])
+        known = _joined(
+            [self.known(case, lambda scene: block_sums(scene.image(), 2), grid=8, split=8) for case, _ in views]
+        )
 
         def measure(spp: int, seed: int) -> Float[ndarray, "views rows cols 3"]:
             visit, kept = _VISITS[seed % len(_VISITS)], [max(1, spp // 4), 2 * spp]
@@ -186,7 +187,7 @@ class DeferredTests(StatisticalKit):
     def _known_gradient(
         self, case: Case, grad: ndarray, name: str, summary: Summary
     ) -> tuple[Known, Float[ndarray, " channels"]]:
-        """That of one map in units of its largest value, and that value for each channel."""
+        """The gradient of one map in units of its largest value, and that value for each channel."""
         known = self.known(case, lambda scene: summary(scene.map_gradients(name, (grad,), 0)[0]), split=16)
         largest = known.size.max()
         one = np.ones_like(known.size)
@@ -216,10 +217,6 @@ class DeferredTests(StatisticalKit):
 
     def _declared_deferred(self) -> None:
         declared(self.capabilities.deferred, "stored light")
-
-
-def _blocks(scene: Quadrature) -> Float[ndarray, "rows cols 3"]:
-    return block_sums(scene.image(), 2)
 
 
 def _joined(known: Sequence[Known], axis: int | None = None) -> Known:

@@ -207,7 +207,7 @@ class PictureJacobian:
 
     @classmethod
     def by_differences(cls, rendered: RenderedCase, part: int, *, spp: int, seed: int) -> PictureJacobian:
-        """By differences at one seed, with a rule that is exact for polynomials of degree four: up to four bounces."""
+        """Derivatives by differences at one seed, by a rule that is exact up to degree four: up to four bounces."""
         value = rendered.case.materials[part].base_color
 
         def picture(texel: int, steps: int) -> Picture:

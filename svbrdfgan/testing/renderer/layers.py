@@ -1,4 +1,4 @@
-"""What the core builds on a renderer: stored light transport and a torch layer. Both must agree with the renderer."""
+"""Stored light transport and the torch layer, which the core builds on a renderer. Both must agree with it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class LayerTests(RendererKit):
                 exactly(f"gradient of part {part}", rendered.map_gradient(grad, "base_color", part), wanted)
 
     def test_pullback_is_the_gradient(self) -> None:
-        """What `render_pullback` gives is `render`'s picture, and `render_vjp`'s gradient of every cotangent."""
+        """`render_pullback` gives `render`'s picture, and `render_vjp`'s gradient of every cotangent."""
         declared(self.capabilities.pullback, "pullback")
         able = cases.differentiable(self.capabilities)
         for maps in {frozenset({"base_color"}), self.capabilities.maps}:

@@ -145,7 +145,7 @@ class MaterialTests(MeasuredKit):
 
 
 def _dielectric_and_metal(kit: MeasuredKit, roughness: float) -> list[Materials]:
-    """Of one roughness; metal where the renderer knows it."""
+    """Materials of one roughness; metal where the renderer knows it."""
     able = "metallic" in kit.capabilities.maps
     return [glossy((0.1, 0.1, 0.1), roughness)] + [metal((0.5, 0.5, 0.5), roughness)] * able
 
@@ -186,6 +186,6 @@ def glossy(base_color: tuple[float, float, float], roughness: float | Float[Tens
 
 
 def _floor_view(degrees: float, light: Environment) -> View:
-    """Of the floor's middle, so far from straight down."""
+    """A view of the floor's middle, so far from straight down."""
     angle = math.radians(degrees)
     return scenes.spot_view((0.0, 0.0, 0.0), (0.0, math.cos(angle), math.sin(angle)), light)

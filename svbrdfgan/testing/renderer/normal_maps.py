@@ -14,7 +14,9 @@ from svbrdfgan.testing.kit import declared
 from svbrdfgan.testing.renderer.brightness import Inputs, MeasuredKit, check_zero, expected
 from svbrdfgan.types import Material, Materials, Surface, View
 
-FRONT, BACK, ORIGIN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.0, 0.0, 0.0)
+FRONT = (0.0, 0.0, 1.0)
+BACK = (0.0, 0.0, -1.0)
+ORIGIN = (0.0, 0.0, 0.0)
 TILTS = ((0.5, 0.0, 0.8), (-0.5, 0.0, 0.8), (0.0, 0.5, 0.8), (0.0, -0.5, 0.8), (0.0, 0.0, 1.0))
 _NAMES = "Tilted towards +u, -u, +v, -v, and not"
 _BESIDE = (10, 55, 32, 64)

@@ -20,7 +20,8 @@ from svbrdfgan.testing.statistics import numbers
 from svbrdfgan.types import Camera, Environment, Materials, Surface, View
 
 WHITE = scenes.lambertian((1.0, 1.0, 1.0))
-UP, FRONT = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+UP = (0.0, 1.0, 0.0)
+FRONT = (0.0, 0.0, 1.0)
 
 
 class RadiometryTests(MeasuredKit):
@@ -209,7 +210,7 @@ def _edged_square(kit: MeasuredKit) -> tuple[Brightnesses, Brightnesses]:
 
 
 def _steps(kit: MeasuredKit, repeat: tuple[bool, bool]) -> list[float]:
-    """How far a texture of two texels, black and white, goes from one edge to the other, in u and in v."""
+    """The steps of a texture of two texels, black and white, from one edge to the other, in u and in v."""
     across = torch.tensor([0.0, 1.0])[None, :, None].expand(2, 2, 3)
     ends = [[(0.001, 0.5), (0.999, 0.5)], [(0.5, 0.001), (0.5, 0.999)]]
     values = [
@@ -241,7 +242,7 @@ def _facing(light: Environment) -> Inputs:
 
 
 def _filled(light: Environment) -> View:
-    """Of nothing but `plane(2)`."""
+    """A view of nothing but `plane(2)`."""
     return scenes.front_view(light, 1.0, 8, 8, 0.5)
 
 

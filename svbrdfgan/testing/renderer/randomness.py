@@ -144,7 +144,7 @@ class RandomnessTests(StatisticalKit):
         return [(name, found[0][name], found[1][name]) for name in found[0]]
 
     def _noise(self) -> Float[ndarray, "seeds height width"]:
-        """Of neighbouring seeds, with mean 0 and variance 1 in each pixel."""
+        """Noise of neighbouring seeds, with mean 0 and variance 1 in each pixel."""
         declared(self.capabilities.stochastic, "chance")
         rendered = RenderedCase(self.renderer, cases.sheet(size=16))
         images = np.stack([rendered.image(seed=seed, spp=4).mean(axis=-1) for seed in range(32)])

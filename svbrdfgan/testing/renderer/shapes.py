@@ -16,8 +16,7 @@ from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.testing.renderer.base import RendererKit
 from svbrdfgan.testing.statistics import numbers
-from svbrdfgan.types import Environment, Gradients, Material, Materials, TransportSamples, View
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS, Environment, Gradients, Material, Materials, TransportSamples, View
 
 WHITE = scenes.lambertian((1.0, 1.0, 1.0))
 

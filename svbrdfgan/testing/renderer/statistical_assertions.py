@@ -25,7 +25,9 @@ SAMPLES = 1_000_000
 
 _COARSE = 0.25  # power at which half as fine a quadrature is as good, beside the claim
 _FIRST_SEED = 1000
-_ROUNDS, _SHARE, _ROUNDING = 4, 0.02, 2e-5
+_ROUNDS = 4  # of samples, until a bias is found or excluded
+_SHARE = 0.02  # of the total: smaller blocks are held to the same absolute error
+_ROUNDING = 2e-5  # of the largest value: what single precision may lose
 
 Measure = Callable[[int, int], Float[ndarray, "*shape"]]
 """A measurement with a number of samples per pixel and a seed."""
@@ -92,7 +94,7 @@ class Known:
 
     @classmethod
     def zero(cls, size: Float[ndarray, "*shape"]) -> Known:
-        """For differences that should vanish."""
+        """The known value of differences that should vanish."""
         return cls(np.zeros_like(size), np.full_like(size, _ROUNDING * size.max()), size)
 
 

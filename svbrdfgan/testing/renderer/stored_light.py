@@ -16,13 +16,13 @@ from svbrdfgan.testing import scenes
 from svbrdfgan.testing.renderer import cases
 from svbrdfgan.testing.renderer.cases import Case, Picture, RenderedCase
 from svbrdfgan.testing.statistics import numbers
-from svbrdfgan.types import Camera, Environment, Material, Materials
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS, Camera, Environment, Material, Materials
 
 Textures = Float[Tensor, "textures rows cols channels"]
 Shaded = tuple[Float[Tensor, "views height width 3"], Callable[[Tensor], Tensor]]
 
-_FILM, _TEXELS = 4, (3, 2)
+_FILM = 4
+_TEXELS = (3, 2)
 _CONSTANTS = {"base_color": [0.2, 0.4, 0.8], "roughness": [0.5], "metallic": [0.7], "normal": [0.3, -0.2, 0.9]}
 _BLACK = Material.lambertian((0.0, 0.0, 0.0))
 

@@ -18,7 +18,9 @@ from svbrdfgan.types import View
 
 _FIELDS = ("arena", "ordblks", "smblks", "hblks", "hblkhd", "usmblks", "fsmblks", "uordblks", "fordblks", "keepcost")
 WHITE = scenes.lambertian((1.0, 1.0, 1.0))
-SCENES, ROUNDS, LATER = 2, 10, 6
+SCENES = 2  # new ones in each round
+ROUNDS = 10
+LATER = 6  # of the rounds count: caches may fill in the first ones
 
 
 class StressTests(RendererKit):

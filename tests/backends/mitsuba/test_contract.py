@@ -13,7 +13,7 @@ from svbrdfgan.errors import ConfigError, PluginError
 from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.testing import scenes
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS
 
 WHITE = scenes.lambertian((1.0, 1.0, 1.0))
 VIEW = scenes.front_view(scenes.random_light(), width=24, height=16)

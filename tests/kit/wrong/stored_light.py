@@ -11,8 +11,7 @@ import torch
 from torch import Tensor
 
 from svbrdfgan.rendering.checked_renderer import CheckedLight
-from svbrdfgan.types import View
-from svbrdfgan.types.material import CHANNELS
+from svbrdfgan.types import CHANNELS, View
 from wrong.base import Right
 from wrong.table import caught_by
 

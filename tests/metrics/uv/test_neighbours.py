@@ -7,8 +7,8 @@ import pytest
 from known_maps import cylinder, dome, flat, grid, sheet, surface_of
 
 from svbrdfgan.metrics.uv.neighbours import PROBES, REACH, connectivity, similarity, spread
-from svbrdfgan.metrics.uv.summary import summary_of
-from svbrdfgan.metrics.uv.visibility import whole_surface
+from svbrdfgan.metrics.uv.summary import UVSummary
+from svbrdfgan.metrics.uv.visibility import visible_surface, whole_surface
 
 
 def test_a_plane_keeps_all_neighbours() -> None:
@@ -101,7 +101,7 @@ def test_nothing_alike_has_no_number() -> None:
 
 
 def test_the_card_holds_every_measure() -> None:
-    summary = summary_of(sheet(dome, 48, 48)).flat()
+    summary = UVSummary.of(visible_surface(sheet(dome, 48, 48))).flat()
     assert summary["stretch_l2"] == pytest.approx(np.sqrt(5 * np.pi / 12), rel=0.02)
     assert summary["area"] == pytest.approx(2 * np.pi, rel=0.01)
     assert summary["coverage"] == pytest.approx(
