@@ -39,7 +39,7 @@ def run(code_blocks: Callable[[str, str], list[str]], tmp_path: Path, monkeypatc
 @pytest.mark.full
 def test_the_example_of_the_readme(run: Run) -> None:
     names = run("README.md")
-    assert names["layer"].grad.abs().sum() > 0
+    assert names["layer"].values.grad.abs().sum() > 0
     assert 0.1 < float((names["picture"].coverage > 0).float().mean()) < 0.9  # the van fills the picture, within it
     assert len(load_mesh("dirty_van.glb").faces) >= len(names["mesh"].faces)
     assert Path("dirty_van.layer.png").is_file()

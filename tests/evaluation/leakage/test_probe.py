@@ -22,6 +22,7 @@ from svbrdfgan.evaluation.leakage.report import LeakageReport
 from svbrdfgan.io.environment import save_environment
 from svbrdfgan.io.image import load_image
 from svbrdfgan.plugins.registry import load_renderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.training.batches import make_scenes, own_buffers
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.resolve import resolve_run
@@ -151,18 +152,18 @@ def test_the_probe_shows_the_buffers_that_training_shows(
 def test_another_renderer_is_told_and_named(training: Training, monkeypatch: pytest.MonkeyPatch) -> None:
     """One that made the exemplars half as bright again, which the others' trials do not see."""
 
-    class Brighter(type(load_renderer("warp", {"device": "cpu"}))):  # type: ignore[misc]
+    warp = load_renderer("warp", {"device": "cpu"})
+
+    class Brighter(type(warp.plugin)):  # type: ignore[misc]
         def render(self, *given: Any, **more: Any) -> Rendering:
             rendering = super().render(*given, **more)
             return Rendering(rendering.image * 1.5, rendering.coverage)
 
-    makers = {"warp": lambda: Brighter(device="cpu"), "auto": lambda: load_renderer("warp", {"device": "cpu"})}
-    monkeypatch.setattr(probe, "resolve_renderer", lambda choice, *_, **__: (makers[choice.name](), choice))
+    renderers = {"warp": CheckedRenderer(Brighter(device="cpu"), "brighter"), "auto": warp}
+    monkeypatch.setattr(probe, "resolve_renderer", lambda choice, *_, **__: (renderers[choice.name], choice))
     report = probe_shortcuts(training(renderer="auto", scenes={"camera": {}})).report
     assert (tried(report), leaking(report)) == ({"pose", "renderer"}, {"renderer"})
-    assert (
-        report.alone["renderer"].differs == "Brighter with 1 bounce for exemplars, WarpRenderer with 1 bounce for fakes"
-    )
+    assert report.alone["renderer"].differs == "brighter with 1 bounce for exemplars, warp with 1 bounce for fakes"
 
 
 @pytest.mark.full
