@@ -117,7 +117,7 @@ def test_honest_renderers_agree_and_biases_would_have_been_found(dice: int) -> N
     ("profile", "other", "quantities"),
     [
         (SLOW, Noisy(gradient=block_factor(TEXTURE, 5, 0.012), dice=2), {"gradient", "jacobian"}),
-        (SLOW, Noisy(picture=block_factor(64, 9, -0.012), dice=2), {"image"}),
+        pytest.param(SLOW, Noisy(picture=block_factor(64, 9, -0.012), dice=2), {"image"}, marks=pytest.mark.full),
         (CI, Noisy(gradient=block_factor(TEXTURE, 5, 0.06), dice=2), {"gradient", "jacobian"}),
         (CI, Noisy(picture=block_factor(64, 9, 0.06), dice=2), {"image"}),
         (CI, Noisy(picture=1.012, dice=2), {"image"}),

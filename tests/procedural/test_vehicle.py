@@ -135,7 +135,7 @@ def test_pickup_has_a_bed_and_the_others_a_roof(vehicles: dict[str, Mesh]) -> No
         assert (top < 0.55) == (kind == "pickup"), (kind, top)
 
 
-@pytest.mark.parametrize("end", [0, 1])
+@pytest.mark.parametrize("end", [0, pytest.param(1, marks=pytest.mark.full)])
 def test_every_limit_can_be_built(end: int) -> None:
     """One parameter at a time at the end of its range, the others as sampled."""
     shape = sample_vehicle("suv", 1)
