@@ -22,7 +22,8 @@ def autograd_vjp(
 ) -> Gradients:
     """The gradient of sum(image * grad_image), by torch's own differentiation of `picture`.
 
-    Memory holds the graph of the whole picture. Drawn directions must be constants of that graph.
+    Gradients are float32 on the picture's device. Memory holds the graph of the whole picture. Drawn directions must be
+    constants of that graph.
 
     Args:
         picture: the image as a differentiable function of the materials' maps and the environment's radiance.
@@ -32,13 +33,11 @@ def autograd_vjp(
     with torch.enable_grad():
         lit = replace(view, environment=Environment(radiance, view.environment.rotation))
         image = picture(Materials(tuple(map(Material, maps))), lit)
-    leaves = [
-        value for value in (radiance, *(value for part in maps for value in part.values())) if value.requires_grad
-    ]
+    leaves = [value for value in (radiance, *(v for part in maps for v in part.values())) if value.requires_grad]
     if leaves and image.requires_grad:
         image.backward(grad_image.detach().to(image), inputs=leaves)
-    parts = tuple({name: _gradient(value) for name, value in part.items() if name in wrt} for part in maps)
-    return Gradients(parts, _gradient(radiance) if "environment" in wrt else None)
+    parts = tuple({name: _gradient(v, image.device) for name, v in part.items() if name in wrt} for part in maps)
+    return Gradients(parts, _gradient(radiance, image.device) if "environment" in wrt else None)
 
 
 def _leaf(value: Tensor, differentiated: bool) -> Tensor:
@@ -46,5 +45,5 @@ def _leaf(value: Tensor, differentiated: bool) -> Tensor:
     return value.detach().clone().requires_grad_(differentiated)
 
 
-def _gradient(leaf: Tensor) -> Tensor:
-    return torch.zeros_like(leaf) if leaf.grad is None else leaf.grad
+def _gradient(leaf: Tensor, device: torch.device) -> Tensor:
+    return (torch.zeros_like(leaf) if leaf.grad is None else leaf.grad).to(device, torch.float32)

@@ -1,4 +1,4 @@
-"""The door through which the core calls renderers. It checks every argument, so that plugins hold physics alone."""
+"""The door through which the core calls renderers: all checks of arguments, so that plugins need none."""
 
 from __future__ import annotations
 
@@ -56,10 +56,10 @@ class CheckedLight:
 
 @dataclass(frozen=True)
 class CheckedRenderer:
-    """A renderer whose arguments are checked at every call. It has all optional methods of `svbrdfgan.protocols`.
+    """A renderer with every method of `svbrdfgan.protocols`, whose arguments are checked at every call.
 
-    Each raises `UnsupportedError` unless `capabilities` declares it. `svbrdfgan.load_renderer` returns one; to call a
-    renderer that is not installed, make one of it: `CheckedRenderer(MyRenderer(), "mine")`.
+    An optional method raises `UnsupportedError` unless `capabilities` declares it. `svbrdfgan.load_renderer` returns a
+    checked renderer. `CheckedRenderer(MyRenderer(), "mine")` makes one of a renderer that is not installed.
 
     Attributes:
         plugin: the renderer itself, which may rely on its arguments.

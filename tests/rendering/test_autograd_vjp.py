@@ -5,7 +5,7 @@ import torch
 
 from svbrdfgan.rendering.autograd_vjp import autograd_vjp
 from svbrdfgan.testing import scenes
-from svbrdfgan.types import Materials, View
+from svbrdfgan.types import Material, Materials, View
 
 VIEW = scenes.front_view(scenes.random_light(2, 3), width=3, height=2)
 COLORS = scenes.lambertian(scenes.random_texture(2, 3), (0.2, 0.3, 0.4))
@@ -44,3 +44,11 @@ def test_the_caller_s_graph_is_left_alone() -> None:
 def test_a_picture_that_depends_on_nothing_has_a_gradient_of_zero() -> None:
     found = autograd_vjp(lambda m, v: torch.ones(2, 3, 3), COLORS, VIEW, COTANGENT, wrt=frozenset({"base_color"}))
     assert not found.materials[0]["base_color"].any()
+
+
+def test_gradients_are_single_precision_whatever_the_inputs() -> None:
+    given = scenes.lambertian(scenes.random_texture(2, 3), (0.2, 0.3, 0.4))
+    double = Materials(tuple(Material({"base_color": part.base_color.double()}) for part in given.parts))
+    found = autograd_vjp(product, double, VIEW, COTANGENT, wrt=frozenset({"base_color", "environment"}))
+    gradients = (*(part["base_color"] for part in found.materials), found.environment)
+    assert {gradient.dtype for gradient in gradients} == {torch.float32}
