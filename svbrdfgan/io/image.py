@@ -122,7 +122,7 @@ def texture_png(texture: Float[Tensor, "rows cols channels"], encoding: Encoding
 
 
 def picture(image: Float[Tensor, "height width channels"], encoding: Encoding = "srgb") -> Image:
-    """A Pillow image (8-bit) of 1, 3 or 4 linear channels, clipped to [0, 1]; alpha is not sRGB-encoded."""
+    """An 8-bit Pillow image of 1, 3 or 4 channels, clipped to [0, 1]; `encoding` is that of all but alpha."""
     from PIL import Image as PillowImage
 
     values = image.detach().cpu().float()

@@ -135,9 +135,14 @@ def own_buffers(
     config: DiscriminatorConfig, own_scenes: SceneRendering, indices: Sequence[int]
 ) -> tuple[Float[Tensor, "exemplars height width 6"] | None, Float[Tensor, "exemplars height width 9"] | None]:
     """G-buffers and light buffers of these exemplars' own scenes, in half precision; None if they are not shown."""
-    gbuffers = (own_scenes.first_scenes([index]).gbuffer for index in indices if config.gbuffer)
-    lights = (own_scenes.first_scenes([index]).light_buffer for index in indices if config.light_buffer)
-    return _halves(gbuffers), _halves(lights)
+    shown = [index for index in indices if config.gbuffer or config.light_buffer]
+    batches = (own_scenes.first_scenes([index]) for index in shown)  # one for both buffers: making it may trace
+    buffers = [
+        (_half(batch.gbuffer) if config.gbuffer else None, _half(batch.light_buffer) if config.light_buffer else None)
+        for batch in batches
+    ]
+    gbuffers, lights = zip(*buffers, strict=True) if buffers else ((), ())
+    return _joined(gbuffers), _joined(lights)
 
 
 def stack_inputs(exemplars: Exemplars, device: torch.device) -> Float[Tensor, "subjects inputs rows cols"]:
@@ -197,6 +202,10 @@ def _by_subject(exemplars: Exemplars) -> list[int]:
     return np.argsort(place[exemplars.subject_of.numpy()], kind="stable").tolist()
 
 
-def _halves(buffers: Iterable[Tensor | None]) -> Tensor | None:
-    known = [buffer.half() for buffer in buffers if buffer is not None]
+def _half(buffer: Tensor | None) -> Tensor | None:
+    return None if buffer is None else buffer.half()
+
+
+def _joined(buffers: Iterable[Tensor | None]) -> Tensor | None:
+    known = [buffer for buffer in buffers if buffer is not None]
     return torch.cat(known) if known else None

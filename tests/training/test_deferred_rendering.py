@@ -21,8 +21,8 @@ from svbrdfgan.data.generate import generate
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.rendering.compositing import composite_maps, composite_values
-from svbrdfgan.training.batches import BatchSource, make_batch_source
-from svbrdfgan.training.config import ScenesConfig, train_config
+from svbrdfgan.training.batches import BatchSource, make_batch_source, own_buffers
+from svbrdfgan.training.config import DiscriminatorConfig, ScenesConfig, train_config
 from svbrdfgan.training.deferred_rendering import DeferredRendering, _stacked
 from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.training.state import checkpoints
@@ -172,6 +172,19 @@ def test_scenes_that_do_not_match_carry_their_own_buffers(rendering: DeferredRen
     image, coverage = batch.render(layers(2))
     assert bool(torch.isfinite(image).all())
     assert not image[coverage == 0].any()
+
+
+def test_both_buffers_of_scenes_that_are_not_kept_take_one_trace(
+    rendering: DeferredRendering, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own, traced = rendering.own_scenes(16, keep=False), []
+    trace = own._trace
+    monkeypatch.setattr(own, "_trace", lambda index, scene: traced.append(index) or trace(index, scene))
+    gbuffers, lights = own_buffers(DiscriminatorConfig(gbuffer=True, light_buffer=True), own, [0, 1])
+    assert traced == [0, 1]
+    assert gbuffers is not None
+    assert lights is not None
+    assert len(gbuffers) == len(lights) == 2
 
 
 def test_seen_texels_lie_on_learnable_parts(source: BatchSource, rendering: DeferredRendering) -> None:
