@@ -42,7 +42,7 @@ class MaterialPass:
         surface = tracer.surface
         with quiet():
             wp.load_module(material_kernels, device=wp.device_from_torch(surface.device))
-        return cls(tracer, view, chunks, PackedMaps.of(materials, surface.repeat, surface.device))
+        return cls(tracer, view, chunks, PackedMaps.of(materials, surface.surface.repeat, surface.device))
 
     def forward(self, *, keep: bool = False) -> Rendering:
         """The picture. Unless `keep`, memory holds no more than the picture, the inputs and a few chunks."""

@@ -32,14 +32,12 @@ class PreparedSurface:
     Attributes:
         geometry: what the kernels read.
         centre: middle of the bounding box, in the surface's own coordinates.
-        repeat: `Surface.repeat`.
         surface: as it was given.
         alpha: of the parts; None if all are opaque.
     """
 
     geometry: trace_kernels.Geometry
     centre: Float[ndarray, 3]
-    repeat: tuple[bool, bool]
     device: torch.device
     surface: Surface
     alpha: AlphaMaps | None
@@ -86,7 +84,7 @@ def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
     alpha = None if opaque else _alpha_maps(surface, geometry, device)
     if device.type == "cuda":
         torch.cuda.synchronize(device)  # the caller may render in another stream than this one
-    return PreparedSurface(geometry, centre, surface.repeat, device, surface, alpha)
+    return PreparedSurface(geometry, centre, device, surface, alpha)
 
 
 def _alpha_maps(surface: Surface, geometry: trace_kernels.Geometry, device: torch.device) -> AlphaMaps:

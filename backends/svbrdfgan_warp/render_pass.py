@@ -42,7 +42,7 @@ class RenderPass:
     def of(cls, tracer: Tracer, view: View, chunks: list[FilmChunk], materials: Materials) -> RenderPass:
         """The pass that renders these materials."""
         surface = tracer.surface
-        atlas = _atlas(materials, surface.repeat, surface.device)
+        atlas = _atlas(materials, surface.surface.repeat, surface.device)
         return cls(tracer, view, chunks, materials, atlas, _packed(materials, surface.device))
 
     def forward(self, *, keep: bool = False) -> Rendering:

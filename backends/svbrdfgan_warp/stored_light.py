@@ -80,7 +80,7 @@ class StoredLight:
         if surface.alpha is not None:
             result.alpha = surface.alpha
         result.origin, result.texture = self.camera_origin, wp.from_torch(self.texture)
-        result.repeat_u, result.repeat_v = surface.repeat
+        result.repeat_u, result.repeat_v = surface.surface.repeat
         result.start, result.weight = wp.from_torch(hits.start), wp.from_torch(hits.weight)
         result.pixel, result.face = wp.from_torch(hits.pixel), wp.from_torch(hits.face)
         result.at = wp.from_torch(hits.at, dtype=wp.vec2)

@@ -65,8 +65,7 @@ def axis_table(axis: str, results: Sequence[Result], centre: Result) -> TextTabl
     rows = []
     for name in names:
         for step, kind in (("forward_backward", "fresh"), ("stored_forward_backward", "stored")):
-            timed = [[f.seconds.get(step) for f in result.programs if f.name == name] for result in results]
-            cells = [milliseconds(next(iter(found), None)) for found in timed]
+            cells = [milliseconds(_seconds(result, name, step)) for result in results]
             if any(cells):
                 rows.append((name, kind, *cells))
     head = ("forward + backward, ms", "", *(f"{along(axis, result):,}" for result in results))
@@ -104,6 +103,10 @@ def _title(result: Result) -> str:
     batch = "" if case.batch == 1 else f", {case.batch} pictures at once"
     size = f"{result.vertices:,} vertices, {result.faces:,} triangles, {case.pixels}x{case.pixels} pixels"
     return f"{case.scene}: {size}, {case.spp} spp{batch}"
+
+
+def _seconds(result: Result, name: str, step: str) -> float | None:
+    return next((f.seconds.get(step) for f in result.programs if f.name == name), None)
 
 
 def milliseconds(seconds: float | None) -> str:

@@ -102,7 +102,10 @@ def _options_model(factory: Callable[..., object]) -> tuple[type[BaseModel], dic
         raise TypeError(f"the annotations of {factory!r} cannot be resolved: {error}") from error
     names = {f"option_{number}": parameter.name for number, parameter in enumerate(usable)}
     fields: dict[str, Any] = {
-        field: (Any if p.annotation is p.empty else p.annotation, Field(_default(p), alias=p.name))
+        field: (
+            Any if p.annotation is p.empty else p.annotation,
+            Field(PydanticUndefined if p.default is p.empty else p.default, alias=p.name),
+        )
         for field, p in zip(names, usable, strict=True)
     }
     return create_model("Options", __config__=_STRICT, **fields), names
@@ -110,10 +113,6 @@ def _options_model(factory: Callable[..., object]) -> tuple[type[BaseModel], dic
 
 def _usable(signature: inspect.Signature) -> list[inspect.Parameter]:
     return [p for p in signature.parameters.values() if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
-
-
-def _default(parameter: inspect.Parameter) -> Any:
-    return PydanticUndefined if parameter.default is parameter.empty else parameter.default
 
 
 def _as_json(data: object, source: str) -> str:

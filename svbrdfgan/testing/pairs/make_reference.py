@@ -87,7 +87,8 @@ def carry_out(work: Work, processes: int, seconds: float, out: Path) -> None:
     end, saved = time.monotonic() + seconds, time.monotonic()
     tasks: dict[Future[Float[ndarray, " blocks"]], tuple[Key, int, int]] = {}
     done: dict[tuple[Key, int], dict[int, Float[ndarray, " blocks"]]] = {}
-    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _single_thread) as pool:
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, spawn, initializer=torch.set_num_threads, initargs=(1,)) as pool:
         while True:
             while len(tasks) < _AHEAD * processes and time.monotonic() < end and (begun := work.begin()):
                 for run in range(RUNS):
@@ -124,10 +125,6 @@ def _keys(renderer: str, scene: str) -> list[Key]:
 
 def _measured(renderer: str, scene: str, quantity: str, seed: int) -> Float[ndarray, " blocks"]:
     return QUANTITIES[quantity].measure(_subject(renderer, scene), SPP, seed)
-
-
-def _single_thread() -> None:
-    torch.set_num_threads(1)
 
 
 def _available(scenes: Iterable[str]) -> list[str]:
