@@ -17,7 +17,7 @@ from svbrdfgan.data.index import INDEX
 from svbrdfgan.data.sampler import EnvironmentAsset, MeshAsset
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.environment import load_environment, save_environment
-from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.io.image import luminance
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.procedural.kinds import sample_vehicle

@@ -17,7 +17,7 @@ from torch.nn.functional import normalize
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.geometry.tangents import corner_tangents
-from svbrdfgan.io.gltf import save_glb
+from svbrdfgan.io.gltf.surface_files import save_glb
 from svbrdfgan.io.image import save_image, save_texture
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.compositing import over

@@ -1,4 +1,4 @@
-"""Read what mesh files say of materials, from trimesh's visuals: base colour, roughness, metallic, normal and alpha."""
+"""What files say of materials: pictures decoded once for each use, and the parts of OBJ, PLY and STL files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor
 
-from svbrdfgan.io.gltf_header import TEXTURES, HeaderMaterial
 from svbrdfgan.io.image import linear_from_picture, linear_from_srgb, numbers_from_picture
 from svbrdfgan.io.uv_sets import UVSet
 from svbrdfgan.types import FileMap, Part
@@ -26,8 +25,6 @@ log = logging.getLogger(__name__)
 
 Color = tuple[float, float, float]
 WHITE: Color = (1.0, 1.0, 1.0)
-_CUTOFF = 0.5
-"""glTF's default of `alphaCutoff`."""
 
 
 @dataclass(frozen=True)
@@ -83,23 +80,17 @@ class Look:
     further: tuple[UVSet, ...] = ()
 
 
-def read_look(pictures: Pictures, name: str, visual: Any, header: tuple[HeaderMaterial, ...]) -> Look:
-    """The part for a trimesh visual, named after its material, or else `name`.
-
-    Args:
-        header: the materials of a glTF file's header, by whose index its visuals are named; empty for other files.
-    """
+def read_look(pictures: Pictures, name: str, visual: Any) -> Part:
+    """The part for a trimesh visual, named after its material, or else `name`."""
     import trimesh
 
     if not isinstance(visual, trimesh.visual.TextureVisuals):
-        return Look(_colored_part(pictures.path, name, visual))
+        return _colored_part(pictures.path, name, visual)
     material = visual.material
-    if isinstance(material, trimesh.visual.material.PBRMaterial):
-        return _gltf_look(pictures, name, material, header[int(material.name)])
     if not material.kwargs and material.image is not None and material.image.format is None:
-        return Look(Part(name))  # trimesh's placeholder material, for a file with UVs but no material
-    color = _unit_interval(_mtl_color(material))
-    return Look(Part(material.name or name, color, pictures.color(material.image), file_maps=_mtl_maps(material)))
+        return Part(name)  # trimesh's placeholder material, for a file with UVs but no material
+    color = unit_interval(_mtl_color(material))
+    return Part(material.name or name, color, pictures.color(material.image), file_maps=_mtl_maps(material))
 
 
 def _colored_part(path: Path, name: str, visual: Any) -> Part:
@@ -110,47 +101,6 @@ def _colored_part(path: Path, name: str, visual: Any) -> Part:
     colors = np.asarray(visual.vertex_colors if visual.kind == "vertex" else visual.face_colors)[:, :3] / 255.0
     red, green, blue = linear_from_srgb(torch.from_numpy(colors)).mean(dim=0).tolist()
     return Part(name, (red, green, blue))
-
-
-def _gltf_look(pictures: Pictures, name: str, material: Any, found: HeaderMaterial) -> Look:
-    for key in sorted(found.textures):
-        if getattr(material, key) is None:
-            log.warning(
-                "%s: the picture %s of material '%s' cannot be read; its numbers are used alone",
-                *(pictures.path, key, found.name),
-            )
-    further = tuple(dict.fromkeys(uv_set for uv_set in found.textures.values() if uv_set != UVSet()))
-    color, gloss, normal = ((UVSet(), *further).index(found.textures.get(key, UVSet())) for key in TEXTURES)
-    maps = {
-        "alpha": _gltf_alpha(pictures, material, found, color),
-        "normal": _gltf_normal(pictures, material, found, normal),
-    }
-    if not found.lambertian:
-        image = material.metallicRoughnessTexture
-        maps["roughness"] = FileMap(_factor(material.roughnessFactor), pictures.numbers(image, 1), uv_set=gloss)
-        maps["metallic"] = FileMap(_factor(material.metallicFactor), pictures.numbers(image, 2), uv_set=gloss)
-    given = {key: file_map for key, file_map in maps.items() if file_map is not None}
-    texture = pictures.color(material.baseColorTexture)
-    part = Part(found.name or name, _unit_interval(found.base_color), texture, file_maps=given, texture_uv_set=color)
-    return Look(part, further)
-
-
-def _gltf_alpha(pictures: Pictures, material: Any, found: HeaderMaterial, uv_set: int) -> FileMap | None:
-    """Alpha by the material's `alphaMode`; None if it is opaque."""
-    if material.alphaMode not in ("MASK", "BLEND"):
-        return None
-    cutoff = None
-    if material.alphaMode == "MASK":
-        cutoff = _CUTOFF if material.alphaCutoff is None else material.alphaCutoff
-    texture = pictures.numbers(material.baseColorTexture, 3)
-    if texture is None and found.alpha >= (1.0 if cutoff is None else cutoff):
-        return None
-    return FileMap(_unit_interval((found.alpha,)), texture, cutoff, uv_set)
-
-
-def _gltf_normal(pictures: Pictures, material: Any, found: HeaderMaterial, uv_set: int) -> FileMap | None:
-    texture, scale = pictures.normal(material.normalTexture), found.normal_scale
-    return None if texture is None else FileMap((scale, scale, 1.0), texture, uv_set=uv_set)
 
 
 def _mtl_color(material: Any) -> Color:
@@ -180,16 +130,11 @@ def _mtl_maps(material: Any) -> dict[str, FileMap]:
 def _mtl_number(material: Any, key: str) -> float | None:
     """A number in [0, 1], the last word of its line (`d -halo 0.5`); None if there is none."""
     try:
-        return _unit_interval((float(material.kwargs[key][-1]),))[0]
+        return unit_interval((float(material.kwargs[key][-1]),))[0]
     except (KeyError, IndexError, TypeError, ValueError):
         return None
 
 
-def _factor(number: float | None) -> tuple[float]:
-    """A factor of glTF, whose default is 1."""
-    return _unit_interval((1.0 if number is None else number,))
-
-
-def _unit_interval(values: tuple[float, ...]) -> Any:
+def unit_interval(values: tuple[float, ...]) -> Any:
     """The values clamped to [0, 1], as a tuple of as many; 0 for what is not a number."""
     return tuple(np.clip(np.nan_to_num(values), 0.0, 1.0).tolist())

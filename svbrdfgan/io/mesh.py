@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,11 @@ from numpy import ndarray
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.files import check_file
-from svbrdfgan.io.mesh_pieces import Piece, read_pieces
+from svbrdfgan.io.gltf.document import SUFFIXES as DOCUMENTS
+from svbrdfgan.io.gltf.document import read_document
+from svbrdfgan.io.gltf.pieces import document_pieces
+from svbrdfgan.io.mesh_pieces import trimesh_pieces
+from svbrdfgan.io.pieces import Piece
 from svbrdfgan.io.rows import merge_rows
 from svbrdfgan.types import Mesh, Part
 
@@ -39,15 +43,48 @@ def load_mesh(path: str | os.PathLike[str]) -> Mesh:
         AssetError: the file is missing, broken or of another kind, has no faces, or has invalid coordinates.
     """
     path = check_file(path, SUFFIXES, "mesh")
-    pieces = [piece for piece in read_pieces(path) if len(piece.faces)]
-    count = sum(len(piece.faces) for piece in pieces)
-    if not 0 < count <= MAX_FACES:
-        raise AssetError(f"{path} holds {count or 'no'} faces; wanted a mesh of 1 to {MAX_FACES} triangles.")
-    return _join(path, pieces)
+    return join_pieces(path, _read_pieces(path)).mesh
 
 
-def _join(path: Path, pieces: Sequence[Piece]) -> Mesh:
-    """All pieces as one checked, welded mesh, without degenerate faces (repeated vertices) and unused vertices."""
+def _read_pieces(path: Path) -> list[Piece]:
+    kind = path.suffix.lower()
+    try:
+        return document_pieces(read_document(path)) if kind in DOCUMENTS else trimesh_pieces(path)
+    except AssetError:
+        raise
+    except FileNotFoundError as error:
+        raise AssetError(f"{path} cannot be read: {error}.") from error
+    except Exception as error:  # parsers raise many types; each means that the file is invalid
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise AssetError(f"{path} cannot be read as {kind[1:].upper()} ({reason}); is it whole?") from error
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """A mesh of pieces, and where each of its faces comes from: a piece, by index, and a face of that piece."""
+
+    mesh: Mesh
+    piece: Int[ndarray, " faces"]
+    piece_face: Int[ndarray, " faces"]
+
+
+def join_pieces(path: Path, pieces: Sequence[Piece]) -> Joined:
+    """All pieces as one checked, welded mesh, without degenerate faces (repeated vertices) and unused vertices.
+
+    Raises:
+        AssetError: there are no faces, too many, or invalid coordinates.
+    """
+    counts = [len(piece.faces) for piece in pieces]
+    if not 0 < sum(counts) <= MAX_FACES:
+        raise AssetError(f"{path} holds {sum(counts) or 'no'} faces; wanted a mesh of 1 to {MAX_FACES} triangles.")
+    owner = np.repeat(np.arange(len(pieces)), counts)
+    own_face = np.concatenate([np.arange(count) for count in counts])
+    mesh, keep = _joined(path, [piece for piece in pieces if len(piece.faces)])
+    return Joined(mesh, owner[keep], own_face[keep])
+
+
+def _joined(path: Path, pieces: Sequence[Piece]) -> tuple[Mesh, Bool[ndarray, " faces"]]:
+    """The mesh of pieces that all have faces, and which of these it keeps."""
     positions = np.concatenate([piece.positions for piece in pieces])
     _check_positions(path, positions)
     starts = np.cumsum([0] + [len(piece.positions) for piece in pieces[:-1]])
@@ -65,7 +102,8 @@ def _join(path: Path, pieces: Sequence[Piece]) -> Mesh:
     positions, faces = _used(positions, faces[keep])
     _check_extent(path, positions)
     uv, *further = [None if uv is None else uv[keep] for uv in sets]
-    return Mesh(positions, faces, face_part[keep], parts, uv, tuple(each for each in further if each is not None))
+    mesh = Mesh(positions, faces, face_part[keep], parts, uv, tuple(each for each in further if each is not None))
+    return mesh, keep
 
 
 def _merge_parts(found: Sequence[Part]) -> tuple[tuple[Part, ...], Int[ndarray, " pieces"]]:

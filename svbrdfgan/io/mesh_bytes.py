@@ -7,6 +7,7 @@ from io import BytesIO
 from pathlib import Path
 
 from svbrdfgan.errors import AssetError
+from svbrdfgan.io.neighbours import as_utf8
 
 
 def open_mesh(path: Path) -> BytesIO:
@@ -24,15 +25,6 @@ def open_mesh(path: Path) -> BytesIO:
     if kind == ".stl" and not _is_binary_stl(path, data):
         data = as_utf8(data)
     return BytesIO(data)
-
-
-def as_utf8(text: bytes) -> bytes:
-    """The text as UTF-8. Text that is not valid UTF-8 is read as Latin-1, which is common in old files."""
-    try:
-        text.decode("utf-8")
-    except UnicodeDecodeError:
-        return text.decode("latin-1").encode("utf-8")
-    return text
 
 
 def _is_binary_stl(path: Path, data: bytes) -> bool:

@@ -17,7 +17,7 @@ from svbrdfgan.geometry.normals import face_areas
 from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.exr import save_exr
-from svbrdfgan.io.gltf import save_glb
+from svbrdfgan.io.gltf.surface_files import save_glb
 from svbrdfgan.io.image import save_texture
 from svbrdfgan.types import Mesh
 

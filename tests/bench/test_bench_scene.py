@@ -11,7 +11,7 @@ from svbrdfgan.bench.bench_scene import BenchScene
 from svbrdfgan.bench.standard_scenes import standard_scene, vehicle_scene
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.environment import save_environment
-from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.plugins.registry import load_embedding, load_renderer
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle

@@ -139,7 +139,7 @@ def test_a_vehicle_has_a_table_of_its_own(tmp_path: Path) -> None:
     import torch
 
     from svbrdfgan.io.environment import save_environment
-    from svbrdfgan.io.gltf import save_mesh_glb
+    from svbrdfgan.io.gltf.surface_files import save_mesh_glb
     from svbrdfgan.procedural.kinds import sample_vehicle
     from svbrdfgan.procedural.vehicle import build_vehicle
 

@@ -17,7 +17,7 @@ from svbrdfgan.cli import main
 from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.data.photos.manifest import read_manifest
-from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.training.config import train_config

@@ -21,7 +21,7 @@ from svbrdfgan_numpy import NumpyRenderer
 from svbrdfgan.cli import main
 from svbrdfgan.data.exemplar_files import load_picture
 from svbrdfgan.io.environment import save_environment
-from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle

@@ -31,7 +31,7 @@ from svbrdfgan.data.make_index import make_index
 from svbrdfgan.data.prebake import prebake
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.environment import load_environment
-from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.plugins import select
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.procedural.kinds import sample_vehicle

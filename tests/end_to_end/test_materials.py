@@ -17,7 +17,7 @@ from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.inference.apply import paint
 from svbrdfgan.inference.export import write_weathered
-from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle

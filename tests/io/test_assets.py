@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from svbrdfgan.io.environment import load_environment
-from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.io.mesh import load_mesh
 
 pytestmark = pytest.mark.assets

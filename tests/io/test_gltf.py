@@ -11,7 +11,7 @@ import torch
 from PIL import Image
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io.gltf import save_glb, save_mesh_glb
+from svbrdfgan.io.gltf.surface_files import save_glb, save_mesh_glb
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.types import Mesh, Part, Surface
 

@@ -23,7 +23,7 @@ from torch import Tensor
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.data.config import PAINTS
 from svbrdfgan.io.environment import load_environment
-from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.io.image import save_image
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.plugins.registry import load_embedding, load_renderer

@@ -13,7 +13,7 @@ from PIL import Image
 from svbrdfgan.data.photos.build import import_pictures
 from svbrdfgan.data.photos.manifest import read_manifest
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
 

@@ -12,7 +12,7 @@ import pytest
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.generate import generate
-from svbrdfgan.io.gltf import save_mesh_glb
+from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.types import Mesh, Part
 

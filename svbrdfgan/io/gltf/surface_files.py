@@ -1,14 +1,8 @@
-"""Write GLB files: surfaces with their generated textures, and unchanged meshes.
-
-The module writes GLB itself instead of using a mesh library: colour factors keep their precision, parts share images,
-and textures clamp or repeat as the surface requires.
-"""
+"""Write GLB files: surfaces with their generated textures, and unchanged meshes."""
 
 from __future__ import annotations
 
-import json
 import os
-import struct
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,8 +16,9 @@ from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.io.gltf_header import LAMBERTIAN
+from svbrdfgan.io.gltf.accessors import INDICES, append_accessor
+from svbrdfgan.io.gltf.document import Document, Json, write_document
+from svbrdfgan.io.gltf.materials import LAMBERTIAN
 from svbrdfgan.io.image import texture_png
 from svbrdfgan.io.rows import merge_rows
 from svbrdfgan.types import FileMap, Mesh, Part, Surface
@@ -32,10 +27,6 @@ from svbrdfgan.types.geometry import FILE_CHANNELS
 Texture = Float[Tensor, "rows cols channels"]
 
 # Constants of the glTF 2.0 specification (OpenGL enumerants).
-FLOAT = 5126  # component types of accessors
-UINT = 5125
-VERTICES = 34962  # targets of buffer views
-INDICES = 34963
 LINEAR = 9729  # filter of samplers
 CLAMP = 33071  # wrapping of samplers
 REPEAT = 10497
@@ -45,19 +36,26 @@ ROUGHNESS = 0.9
 
 
 @dataclass
-class _Document:
-    """A GLB file under construction: its JSON tables and its binary chunk."""
+class _Builder:
+    """A document under construction, and the pictures that it has so far.
 
-    repeat: tuple[bool, bool]
-    binary: bytearray = field(default_factory=bytearray)
-    views: list[dict[str, Any]] = field(default_factory=list)
-    accessors: list[dict[str, Any]] = field(default_factory=list)
-    materials: list[dict[str, Any]] = field(default_factory=list)
-    meshes: list[dict[str, Any]] = field(default_factory=list)
-    images: list[dict[str, Any]] = field(default_factory=list)
+    Attributes:
+        sampler: how textures are filtered and wrapped.
+        kept: the textures whose addresses are keys of `image_of`, so that no other takes their place in memory.
+    """
+
+    document: Document
+    sampler: Json
     image_of: dict[tuple[Any, ...], int] = field(default_factory=dict)
     kept: list[Any] = field(default_factory=list)
-    """The textures whose addresses are keys of `image_of`, so that no other takes their place in memory."""
+
+    @classmethod
+    def at(cls, path: str | os.PathLike[str], repeat: tuple[bool, bool]) -> _Builder:
+        """An empty document for a file, whose textures repeat in u and in v."""
+        wrap_u, wrap_v = (REPEAT if repeats else CLAMP for repeats in repeat)
+        header: Json = {"asset": {"version": "2.0", "generator": "svbrdfgan"}, "scene": 0, "scenes": [{"nodes": []}]}
+        sampler = {"magFilter": LINEAR, "minFilter": LINEAR, "wrapS": wrap_u, "wrapT": wrap_v}
+        return cls(Document(header, [], Path(path)), sampler)
 
 
 def save_glb(
@@ -91,37 +89,46 @@ def save_glb(
             _check_texture(
                 path, surface, index, values.expand(1, 1, -1) if values.ndim == 1 else values, (FILE_CHANNELS[name],)
             )
-    document = _Document(surface.repeat)
+    builder = _Builder.at(path, surface.repeat)
     for index, part in enumerate(surface.parts):
         chosen = surface.face_part == index
         if chosen.any():
             look = _surface_maps(part, textures.get(index), maps.get(index, {}))
-            material = _add_material(document, part.name, look)
+            material = _add_material(builder, part.name, look)
             framed = tangents if "normal" in look else None
-            _add_mesh(document, part.name, *_surface_attributes(surface, chosen, framed), material)
-    _write(path, document)
+            _add_mesh(builder.document, part.name, *_surface_attributes(surface, chosen, framed), material)
+    write_document(path, builder.document)
 
 
 def save_mesh_glb(path: str | os.PathLike[str], mesh: Mesh) -> None:
     """Writes a mesh as GLB. `load_mesh` returns the same triangles, parts and UVs (positions rounded to float32).
 
-    No normals are written: viewers shade the mesh flat, and this package computes its own normals.
-
     Raises:
         AssetError: the suffix is not .glb, or the file cannot be written.
     """
     _check_suffix(path)
-    document = _Document((True, True))
+    write_document(path, mesh_document(path, mesh))
+
+
+def mesh_document(path: str | os.PathLike[str], mesh: Mesh) -> Document:
+    """The document of a mesh, with one node, one mesh and one material for each part.
+
+    No normals are stored: viewers shade the mesh flat, and this package computes its own normals.
+
+    Args:
+        path: of the file that it is or will be.
+    """
+    builder = _Builder.at(path, (True, True))
     for index, part in enumerate(mesh.parts):
         chosen = mesh.face_part == index
         if chosen.any():
             look = {name: _over(mesh, given) for name, given in part.all_maps.items()}
             if "normal" in look and look["normal"].texture is None:
                 del look["normal"]
-            material = _add_material(document, part.name, look)
+            material = _add_material(builder, part.name, look)
             sets = range(1 + max((given.uv_set for given in look.values() if given.texture is not None), default=0))
-            _add_mesh(document, part.name, *_split_corners(mesh, chosen, sets), material)
-    _write(path, document)
+            _add_mesh(builder.document, part.name, *_split_corners(mesh, chosen, sets), material)
+    return builder.document
 
 
 def _over(mesh: Mesh, given: FileMap) -> FileMap:
@@ -208,72 +215,50 @@ def _split_corners(
     return attributes, faces
 
 
-def _add_view(document: _Document, data: bytes, target: int | None = None) -> int:
-    view: dict[str, Any] = {"buffer": 0, "byteOffset": len(document.binary), "byteLength": len(data)}
-    document.views.append(view if target is None else {**view, "target": target})
-    # glTF requires 4-byte alignment of accessors and chunks
-    document.binary += data + b"\0" * (-len(data) % 4)
-    return len(document.views) - 1
-
-
-def _add_accessor(document: _Document, array: ndarray, kind: str, component: int, target: int) -> int:
-    accessor: dict[str, Any] = {
-        "bufferView": _add_view(document, array.tobytes(), target),
-        "componentType": component,
-        "count": len(array),
-        "type": kind,
-    }
-    if kind == "VEC3":  # glTF requires min and max for POSITION
-        accessor |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
-    document.accessors.append(accessor)
-    return len(document.accessors) - 1
-
-
 def _add_mesh(
-    document: _Document, name: str, attributes: Mapping[str, ndarray], faces: Int[ndarray, "*corners"], material: int
+    document: Document, name: str, attributes: Mapping[str, ndarray], faces: Int[ndarray, "*corners"], material: int
 ) -> None:
-    indices = faces.reshape(-1).astype("<u4")
     primitive = {
         "attributes": {
-            key: _add_accessor(document, array.astype("<f4"), f"VEC{array.shape[1]}", FLOAT, VERTICES)
+            key: append_accessor(document, array.astype("<f4"), bounds=array.shape[1] == 3)
             for key, array in attributes.items()
         },
-        "indices": _add_accessor(document, indices, "SCALAR", UINT, INDICES),
+        "indices": append_accessor(document, faces.reshape(-1).astype("<u4"), target=INDICES),
         "material": material,
     }
-    document.meshes.append({"name": name, "primitives": [primitive]})
+    mesh = document.add("meshes", {"name": name, "primitives": [primitive]})
+    document.header["scenes"][0]["nodes"].append(document.add("nodes", {"name": name, "mesh": mesh}))
 
 
-def _add_material(document: _Document, name: str, look: Mapping[str, FileMap]) -> int:
+def _add_material(builder: _Builder, name: str, look: Mapping[str, FileMap]) -> int:
     """The index of the material with these maps: `base_color`, and those that the part has of `FILE_CHANNELS`."""
     color, alpha, normal = look["base_color"], look.get("alpha", FileMap((1.0,))), look.get("normal")
     pbr: dict[str, Any] = {"baseColorFactor": [*color.factor, *alpha.factor]}
     entry: dict[str, Any] = {"name": name, "pbrMetallicRoughness": pbr}
     if alpha.texture is not None:
-        pbr["baseColorTexture"] = _add_texture(document, _color_png, (color, alpha), 3)
+        pbr["baseColorTexture"] = _add_texture(builder, _color_png, (color, alpha), 3)
     elif color.texture is not None:
-        pbr["baseColorTexture"] = _add_texture(document, _color_png, (color,), 3)
-    pbr |= _gloss(document, look)
+        pbr["baseColorTexture"] = _add_texture(builder, _color_png, (color,), 3)
+    pbr |= _gloss(builder, look)
     if normal is not None and normal.texture is not None:
-        picture = _add_texture(document, _normal_png, (normal,), 3)
+        picture = _add_texture(builder, _normal_png, (normal,), 3)
         entry["normalTexture"] = picture if normal.factor[0] == 1.0 else picture | {"scale": normal.factor[0]}
     entry |= {"alphaMode": "OPAQUE", "doubleSided": True}
     if "alpha" in look:
         entry |= {"alphaMode": "BLEND"} if alpha.cutoff is None else {"alphaMode": "MASK", "alphaCutoff": alpha.cutoff}
     if "roughness" not in look:
         entry["extras"] = {LAMBERTIAN: True}
-    document.materials.append(entry)
-    return len(document.materials) - 1
+    return builder.document.add("materials", entry)
 
 
-def _gloss(document: _Document, look: Mapping[str, FileMap]) -> dict[str, Any]:
+def _gloss(builder: _Builder, look: Mapping[str, FileMap]) -> dict[str, Any]:
     """The keys of roughness and metallic."""
     if "roughness" not in look:
         return {"metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
     rough, metallic = look["roughness"], look.get("metallic", FileMap((0.0,)))
     keys: dict[str, Any] = {"metallicFactor": metallic.factor[0], "roughnessFactor": rough.factor[0]}
     if rough.texture is not None or metallic.texture is not None:
-        keys["metallicRoughnessTexture"] = _add_texture(document, _gloss_png, (rough, metallic), 1)
+        keys["metallicRoughnessTexture"] = _add_texture(builder, _gloss_png, (rough, metallic), 1)
     return keys
 
 
@@ -292,7 +277,7 @@ def _normal_png(normal: Texture) -> bytes:
 
 
 def _add_texture(
-    document: _Document, encode: Callable[..., bytes], maps: tuple[FileMap, ...], channels: int
+    builder: _Builder, encode: Callable[..., bytes], maps: tuple[FileMap, ...], channels: int
 ) -> dict[str, Any]:
     """glTF's `textureInfo` of the picture that holds these maps.
 
@@ -302,17 +287,17 @@ def _add_texture(
     sets = {given.uv_set for given in maps if given.texture is not None}
     if len(sets) > 1:
         raise AssetError(f"textures that share a picture in GLB are over the UV sets {sorted(sets)}; wanted one set.")
-    info, number = {"index": _add_image(document, encode, tuple(m.texture for m in maps), channels)}, max(sets)
+    info, number = {"index": _add_picture(builder, encode, tuple(m.texture for m in maps), channels)}, max(sets)
     return info | {"texCoord": number} if number else info
 
 
-def _add_image(
-    document: _Document,
+def _add_picture(
+    builder: _Builder,
     encode: Callable[..., bytes],
     textures: tuple[Float[ndarray, "rows cols channels"] | None, ...],
     channels: int,
 ) -> int:
-    """The index of the picture that `encode` makes of the textures; the same textures give one picture for all parts.
+    """The index of the texture whose picture `encode` makes; the same arguments give the same texture.
 
     Args:
         channels: of the first texture, if it is missing. A missing texture is 1 everywhere.
@@ -321,44 +306,17 @@ def _add_image(
         AssetError: the textures that glTF keeps in one picture differ in size.
     """
     key = (encode, *(None if t is None else (t.ctypes.data, t.shape, t.strides) for t in textures))
-    if key not in document.image_of:
+    if key not in builder.image_of:
         sizes = {texture.shape[:2] for texture in textures if texture is not None}
         if len(sizes) > 1:
             raise AssetError(f"textures that share a picture in GLB have the sizes {sorted(sizes)}; wanted one size.")
         ones = np.ones((*sizes.pop(), channels), np.float32)
         values = [torch.from_numpy(ones if t is None else np.ascontiguousarray(t)).float() for t in textures]
-        view = _add_view(document, encode(*values))
-        document.images.append({"bufferView": view, "mimeType": "image/png"})
-        document.image_of[key] = len(document.images) - 1
-        document.kept.append(textures)
-    return document.image_of[key]
-
-
-def _header(document: _Document) -> dict[str, Any]:
-    wrap_u, wrap_v = (REPEAT if repeats else CLAMP for repeats in document.repeat)
-    header: dict[str, Any] = {
-        "asset": {"version": "2.0", "generator": "svbrdfgan"},
-        "scene": 0,
-        "scenes": [{"nodes": list(range(len(document.meshes)))}],
-        "nodes": [{"name": mesh["name"], "mesh": index} for index, mesh in enumerate(document.meshes)],
-        "meshes": document.meshes,
-        "materials": document.materials,
-        "accessors": document.accessors,
-        "bufferViews": document.views,
-        "buffers": [{"byteLength": len(document.binary)}],
-    }
-    if document.images:
-        header["images"] = document.images
-        header["samplers"] = [{"magFilter": LINEAR, "minFilter": LINEAR, "wrapS": wrap_u, "wrapT": wrap_v}]
-        header["textures"] = [{"sampler": 0, "source": index} for index in range(len(document.images))]
-    return header
-
-
-def _write(path: str | os.PathLike[str], document: _Document) -> None:
-    text = json.dumps(_header(document), separators=(",", ":"), allow_nan=False).encode()
-    text += b" " * (-len(text) % 4)
-    size = 12 + 8 + len(text) + 8 + len(document.binary)
-    with atomic_path(path) as temporary, temporary.open("wb") as file:
-        file.write(struct.pack("<4sII", b"glTF", 2, size))
-        file.write(struct.pack("<I4s", len(text), b"JSON") + text)
-        file.write(struct.pack("<I4s", len(document.binary), b"BIN\0") + document.binary)
+        document = builder.document
+        view = document.add_view(encode(*values))
+        image = document.add("images", {"bufferView": view, "mimeType": "image/png"})
+        if "samplers" not in document.header:
+            document.add("samplers", builder.sampler)
+        builder.image_of[key] = document.add("textures", {"sampler": 0, "source": image})
+        builder.kept.append(textures)
+    return builder.image_of[key]

@@ -1,0 +1,101 @@
+"""The triangles of a glTF document, piece by piece: each primitive as often as nodes show it."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io.gltf.accessors import read_floats
+from svbrdfgan.io.gltf.document import Document, Json
+from svbrdfgan.io.gltf.materials import DocumentPictures, look_of
+from svbrdfgan.io.gltf.nodes import Placement, placements, world_matrices
+from svbrdfgan.io.gltf.primitives import is_solid, posed_positions, skin_matrices, texture_coordinates, triangles
+from svbrdfgan.io.materials import Look, Pictures
+from svbrdfgan.io.pieces import Piece, Source
+from svbrdfgan.io.uv_sets import UVSet
+from svbrdfgan.types import Part
+
+log = logging.getLogger(__name__)
+
+
+def document_pieces(document: Document) -> list[Piece]:
+    """One piece for each primitive with faces and each time that a node shows it, ordered by mesh, primitive and place.
+
+    Raises:
+        AssetError: accessors, nodes or indices are broken, or all meshes are points and lines.
+    """
+    shown = sorted(placements(document), key=lambda place: (place.mesh, place.matrix.tolist()))
+    meshes = document.table("meshes")
+    solid = [
+        (mesh, number)
+        for mesh in dict.fromkeys(place.mesh for place in shown)
+        for number, primitive in enumerate(meshes[mesh]["primitives"])
+        if is_solid(primitive)
+    ]
+    if shown and not solid:
+        raise AssetError(f"{document.path} holds only points or lines, no faces; export it as a mesh.")
+    builder = _Builder(document)
+    return [
+        builder.piece(place, number, alone=len(solid) == 1)
+        for mesh, number in solid
+        for place in shown
+        if place.mesh == mesh
+    ]
+
+
+class _Builder:
+    """Makes pieces of a document, each picture and look once."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.world = dict(world_matrices(document))
+        self.pictures, self.decoded = DocumentPictures(document), Pictures(document.path)
+        self.looks: dict[tuple[int, int], Look] = {}
+
+    def piece(self, place: Placement, number: int, *, alone: bool) -> Piece:
+        """A primitive as a placement shows it. Mirroring transforms reverse the winding, as glTF specifies."""
+        mesh, node = (self.document.table(name)[k] for name, k in (("meshes", place.mesh), ("nodes", place.node)))
+        primitive = mesh["primitives"][number]
+        faces, matrix, skin = triangles(self.document, primitive), place.matrix, None
+        if "skin" in node:
+            skin = skin_matrices(self.document, self.document.table("skins")[node["skin"]], self.world)
+            matrix = np.eye(4)  # glTF ignores the node's own transform
+        if np.isfinite(matrix).all() and np.linalg.det(matrix[:3, :3]) < 0:
+            faces = faces[:, ::-1]
+        positions = posed_positions(self.document, primitive, mesh, skin)
+        positions = positions @ matrix[:3, :3].T + matrix[:3, 3]
+        look = self._look(place.mesh, number, alone=alone)
+        own = texture_coordinates(self.document, primitive, 0)
+        uv_sets = (own, *(self._further(primitive, uv_set, len(positions)) for uv_set in look.further))
+        return Piece(positions, faces, uv_sets, look.part, Source(place.node, place.mesh, number, place.instance))
+
+    def _look(self, mesh: int, number: int, *, alone: bool) -> Look:
+        if (mesh, number) not in self.looks:
+            entry = self.document.table("meshes")[mesh]
+            primitive, stored = entry["primitives"][number], entry.get("name")
+            name = stored if isinstance(stored, str) and stored and not alone else self.document.path.stem
+            self.looks[mesh, number] = self._made(primitive, name)
+        return self.looks[mesh, number]
+
+    def _made(self, primitive: Json, name: str) -> Look:
+        if "material" in primitive:
+            material = self.document.table("materials")[primitive["material"]]
+            return look_of(self.pictures, self.decoded, name, material)
+        if "COLOR_0" not in primitive["attributes"]:
+            return Look(Part(name))
+        log.info("%s: colours of single vertices are averaged over '%s'", self.document.path, name)
+        mean = read_floats(self.document, primitive["attributes"]["COLOR_0"])[:, :3].mean(axis=0)
+        red, green, blue = np.clip(mean, 0.0, 1.0).tolist()
+        return Look(Part(name, (red, green, blue)))
+
+    def _further(self, primitive: Json, uv_set: UVSet, vertices: int) -> Float[ndarray, "vertices 2"]:
+        """The coordinates that a texture is looked up at; zeros, with a warning, if the primitive lacks the set."""
+        uv = texture_coordinates(self.document, primitive, uv_set.number)
+        if uv is None:
+            log.warning("%s has a texture over TEXCOORD_%d, which its mesh lacks", self.document.path, uv_set.number)
+            uv = np.zeros((vertices, 2))
+        return uv_set.moved(uv)
