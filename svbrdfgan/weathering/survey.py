@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
@@ -39,23 +41,55 @@ def survey(
         position, texel: in metres.
         maps: the mesh maps at these points, if they are known.
     """
-    used = surface.positions[np.unique(surface.faces)]
-    low, high = used.min(axis=0), used.max(axis=0)
-    extent, length = high - low, length_of(surface)
-    ground = np.array([(low[0] + high[0]) / 2.0, low[1], (low[2] + high[2]) / 2.0])
-    centred = (position - ground) / length
     visibility, curvature = survey_maps(surface, position, normal) if maps is None else maps.flat()
-    return Site(
-        position=centred,
-        height=np.clip(centred[:, 1] * length / max(extent[1], 1e-6 * length), 0.0, 1.0),
-        normal=normal,
-        visibility=visibility,
-        curvature=curvature,
-        axles=find_axles(
-            (scatter(surface, 0.01 * length)[0] - ground) / [length, max(extent[1], 1e-6 * length), length]
-        ),
-        texel=texel / length,
-    )
+    return Grounds.of(surface).site(position, normal, visibility, curvature, texel)
+
+
+@dataclass(frozen=True, eq=False)
+class Grounds:
+    """What all sites on one model share.
+
+    Attributes:
+        origin: the centre of the bounding box's bottom face, metres.
+        length: metres to a length of the model.
+        height: metres from the ground to the roof.
+        axles: z of the wheels, in lengths of the model from the origin.
+    """
+
+    origin: Float[ndarray, " axes"]
+    length: float
+    height: float
+    axles: tuple[float, ...]
+
+    @classmethod
+    def of(cls, surface: Surface) -> Grounds:
+        used = surface.positions[np.unique(surface.faces)]
+        low, high = used.min(axis=0), used.max(axis=0)
+        length = length_of(surface)
+        height = max(float(high[1] - low[1]), 1e-6 * length)
+        origin = np.array([(low[0] + high[0]) / 2.0, low[1], (low[2] + high[2]) / 2.0])
+        cloud = scatter(surface, 0.01 * length)[0]
+        return cls(origin, length, height, find_axles((cloud - origin) / [length, height, length]))
+
+    def site(
+        self,
+        position: Float[ndarray, "points 3"],
+        normal: Float[ndarray, "points 3"],
+        visibility: Float[ndarray, " points"],
+        curvature: Float[ndarray, " points"],
+        texel: float,
+    ) -> Site:
+        """The site at points; `position` and `texel` in metres."""
+        centred = (position - self.origin) / self.length
+        return Site(
+            position=centred,
+            height=np.clip(centred[:, 1] * self.length / self.height, 0.0, 1.0),
+            normal=normal,
+            visibility=visibility,
+            curvature=curvature,
+            axles=self.axles,
+            texel=texel / self.length,
+        )
 
 
 def find_axles(cloud: Float[ndarray, "points 3"]) -> tuple[float, ...]:
