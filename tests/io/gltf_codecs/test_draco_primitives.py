@@ -42,9 +42,11 @@ def test_vertices_begin_at_multiples_of_four_bytes() -> None:
 
 def test_primitives_of_one_source_share_its_accessors() -> None:
     header = quad()
+    header["meshes"][0]["primitives"][0]["mode"] = 5  # Draco gives triangles of what was a strip
     header["meshes"][0]["primitives"] *= 2
     plain, _, done = decompressed(header, [QUAD], "quad")
     assert done == ("2 primitives were compressed with Draco; they come out uncompressed",)
+    assert {primitive["mode"] for primitive in plain["meshes"][0]["primitives"]} == {4}
     assert plain["accessors"] == decompressed(quad(), [QUAD], "quad")[0]["accessors"]
 
 

@@ -48,6 +48,28 @@ def test_the_specifications_example_of_a_group() -> None:
     assert not elements[:, 1:].any()
 
 
+def literal(elements: np.ndarray) -> bytes:
+    """A stream of version 1 that stores all deltas as bytes, compared with zero at first."""
+    count, stride = elements.shape
+    deltas = np.diff(elements, axis=0, prepend=np.uint8(0))
+    codes = (deltas << 1) ^ -(deltas >> 7)
+    size = min(8192 // stride // 16 * 16, 256)
+    blocks = [b"\xff" * (stride // 4) + codes[start : start + size].T.tobytes() for start in range(0, count, size)]
+    return b"\xa1" + b"".join(blocks) + bytes(max(24, stride + stride // 4))
+
+
+@pytest.mark.parametrize(("count", "stride"), [(256, 4), (600, 4), (100, 256), (96, 256), (500, 20)])
+def test_elements_of_many_blocks_keep_their_places(count: int, stride: int) -> None:
+    elements = np.random.default_rng(0).integers(0, 256, (count, stride), dtype=np.uint8)
+    assert decode(literal(elements), count=count, stride=stride, mode="ATTRIBUTES") == elements.tobytes()
+
+
+def test_triangles_may_begin_their_count_anew() -> None:
+    data = b"\xe1" + b"\xfe\xfe\xf0" + b"\x00\x00" + bytes(16)
+    indices = np.frombuffer(decode(data, count=9, stride=2, mode="TRIANGLES"), "<u2")
+    assert indices.tolist() == [0, 1, 2, 0, 1, 2, 3, 4, 5]
+
+
 @pytest.mark.parametrize("stream", STREAMS[::3])
 def test_a_stream_of_another_length_is_refused(stream: dict[str, Any]) -> None:
     data = bytes.fromhex(stream["data"])
