@@ -72,11 +72,6 @@ BAD: dict[str, tuple[str, Callable[[], bytes], str]] = {
         "gone.bin' that it names is missing",
     ),
     "gltf of a trillion vertices": ("a.glb", lambda: glb(gltf(accessors=[HUGE]), CORNERS), "at most"),
-    "gltf compressed": (
-        "a.glb",
-        lambda: glb(gltf(extensionsRequired=["KHR_draco_mesh_compression"]), CORNERS),
-        "export it without compression",
-    ),
     "gltf with an index out of range": (
         "a.glb",
         lambda: glb(

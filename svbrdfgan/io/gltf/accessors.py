@@ -9,7 +9,8 @@ from jaxtyping import Float, Num
 from numpy import ndarray
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io.gltf.document import MAX_ELEMENTS, Document, Json
+from svbrdfgan.io.gltf.document import Document, Json
+from svbrdfgan.io.gltf_codecs.plain import MAX_ELEMENTS
 
 Matrix = Float[ndarray, "4 4"]
 

@@ -26,11 +26,7 @@ from svbrdfgan.io.neighbours import Neighbours
 Json = dict[str, Any]
 
 SUFFIXES = (".glb", ".gltf")
-MAX_ELEMENTS = 150_000_000
-"""Per accessor: the corners of 50 million triangles. A header that claims more is broken, and would fill the memory."""
-
 _TABLES = ("accessors", "bufferViews", "buffers", "images", "materials", "meshes", "nodes", "scenes", "textures")
-_COMPRESSION = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
 _ALIGNMENT = 4  # of accessors and chunks, as glTF demands it
 _CHUNK_HEAD = 8
 _GLB_HEAD = 12
@@ -74,7 +70,7 @@ class Document:
 
 
 def read_document(path: str | os.PathLike[str]) -> Document:
-    """The document of a .glb or .gltf file.
+    """The document of a .glb or .gltf file, with Draco and meshopt compression undone.
 
     Raises:
         AssetError: the file is missing, truncated, or not glTF 2.0, or refers to bytes that do not exist.
@@ -161,38 +157,50 @@ def _document(path: Path, header: Json, chunk: memoryview | None) -> Document:
     version = header["asset"].get("version")
     if not (isinstance(version, str) and version.startswith("2.")):
         raise AssetError(f"{path} is glTF version {version}; wanted version 2.")
-    for name in header.get("extensionsRequired", []):
-        if name in _COMPRESSION:
-            raise AssetError(f"{path} needs the glTF extension {name}; export it without compression.")
     for name in _TABLES:
         if not isinstance(header.get(name, []), list):
             raise AssetError(f"{path} cannot be read as glTF: its '{name}' is no list.")
-    largest = max((entry["count"] for entry in header.get("accessors", [])), default=0)
-    if largest > MAX_ELEMENTS:
-        raise AssetError(f"{path} claims {largest} elements in one accessor; wanted at most {MAX_ELEMENTS}.")
     buffers = [_buffer(path, entry, chunk if k == 0 else None) for k, entry in enumerate(header.get("buffers", []))]
-    views: list[bytes | memoryview] = [_view(path, entry, buffers) for entry in header.get("bufferViews", [])]
-    return Document(header, views, path)
+    from svbrdfgan.io.gltf_codecs.decompress import decompressed  # few files need it
+
+    before = _named_views(header)
+    header, plain, changes = decompressed(header, buffers, str(path))
+    views: list[bytes | memoryview] = [_view(path, entry, plain) for entry in header.get("bufferViews", [])]
+    document = Document(header, views, path, list(changes))
+    drop_views(document, before - _named_views(header))
+    return document
 
 
-def _buffer(path: Path, entry: Json, chunk: memoryview | None) -> memoryview:
+def _named_views(entry: Any) -> set[int]:
+    """The buffer views that anything in a header names."""
+    found: set[int] = set()
+    for key, value in entry.items() if isinstance(entry, dict) else enumerate(entry):
+        if key == "bufferView" and isinstance(value, int):
+            found.add(value)
+        elif isinstance(value, dict | list) and key != "extras":
+            found |= _named_views(value)
+    return found
+
+
+def _buffer(path: Path, entry: Json, chunk: memoryview | None) -> bytes:
     uri = entry.get("uri")
+    if uri is None and chunk is None:
+        return b""  # of meshopt's fallback buffers nothing is stored
     try:
-        data = chunk if uri is None and chunk is not None else memoryview(b"" if uri is None else _resource(path, uri))
+        data = bytes(chunk) if uri is None and chunk is not None else _resource(path, str(uri))
     except FileNotFoundError as error:
         raise AssetError(f"{path} cannot be read: {error}.") from error
-    assert data is not None
     if len(data) < entry["byteLength"]:
         raise AssetError(f"{path} is cut short: a buffer has {len(data)} of {entry['byteLength']} bytes.")
     return data
 
 
-def _view(path: Path, entry: Json, buffers: list[memoryview]) -> memoryview:
+def _view(path: Path, entry: Json, buffers: list[bytes]) -> memoryview:
     start, length = int(entry.get("byteOffset", 0)), int(entry["byteLength"])
     buffer = buffers[entry["buffer"]]
     if start < 0 or length < 0 or start + length > len(buffer):
         raise AssetError(f"{path} has a buffer view of bytes {start} to {start + length} of {len(buffer)}.")
-    return buffer[start : start + length]
+    return memoryview(buffer)[start : start + length]
 
 
 def _resource(path: Path, uri: str) -> bytes:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.gltf.document import Document, Json, picture_bytes
+from svbrdfgan.io.gltf_codecs.pictures import decode_picture
 from svbrdfgan.io.materials import Look, Pictures, unit_interval
 from svbrdfgan.io.uv_sets import UVSet
 from svbrdfgan.types import FileMap, Part
@@ -47,19 +47,11 @@ class DocumentPictures:
         return self._opened[number]
 
     def _open(self, number: int) -> Image | None:
-        from PIL import Image as PillowImage
-
+        entry = self.document.table("images")[number]
         try:
-            return PillowImage.open(BytesIO(picture_bytes(self.document, number)))
-        except (
-            AssetError,
-            FileNotFoundError,
-            OSError,
-            SyntaxError,
-            ValueError,
-            PillowImage.DecompressionBombError,
-        ) as e:
-            log.warning("%s: picture %d cannot be read (%s)", self.document.path, number, e)
+            return decode_picture(picture_bytes(self.document, number), entry.get("mimeType"))
+        except (AssetError, OSError, ValueError) as error:
+            log.warning("%s: picture %d cannot be read (%s)", self.document.path, number, error)
             return None
 
 
