@@ -160,10 +160,17 @@ def _extension_names(
 
 
 def _readable(*primitives: Mapping[str, Any]) -> bool:
-    """Whether all arrays of the primitives could be decoded."""
-    arrays = [item for primitive in primitives for item in primitive["attributes"].values()]
-    is_packed = any("componentType" in item.content for item in arrays)
-    return not is_packed and not any(DRACO in primitive.get("extensions", {}) for primitive in primitives)
+    """Whether all arrays of the primitives could be decoded, and no index points beyond them."""
+    return not any(
+        DRACO in primitive.get("extensions", {})
+        or any("componentType" in item.content for item in primitive["attributes"].values())
+        or _last_index(primitive) >= min(len(item.content["values"]) for item in primitive["attributes"].values())
+        for primitive in primitives
+    )
+
+
+def _last_index(primitive: Mapping[str, Any]) -> int:
+    return int(primitive["indices"].content["values"].max(initial=0)) if "indices" in primitive else 0
 
 
 def _without(content: Mapping[str, Any], keys: Iterable[str]) -> dict[str, Any]:

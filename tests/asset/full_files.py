@@ -12,7 +12,8 @@ class FullFile:
     """A file as artists make them, with the facts of its line in the manifest.
 
     `features` are the manifest's abbreviations: `vcol` vertex colours, `dbl` doubleSided, `tan` tangents,
-    `cam` cameras, `MASK` and `BLEND` alpha modes, `morph`, `sparse`, `extras`, `scenes2`.
+    `cam` cameras, `MASK` and `BLEND` alpha modes, `morph`, `sparse`, `extras`, `scenes2`. `error_count` is what the
+    validator finds among its first 200 issues; `error_codes` also has the warnings of files with errors.
     """
 
     name: str
@@ -28,7 +29,8 @@ class FullFile:
     skins: int
     extensions: frozenset[str]
     features: frozenset[str]
-    errors: Counter[str]
+    error_count: int
+    error_codes: Counter[str]
 
 
 NUMBERS = ("nodes", "meshes", "triangles", "materials", "textures", "uv_sets", "animations", "skins")
@@ -53,7 +55,8 @@ def _full_file(folder: Path, row: dict[str, Any]) -> FullFile:
         is_vehicle=row["kind"] == "vehicle",
         extensions=_words(row["extensionsUsed"]),
         features=_words(row["features"]),
-        errors=_counts(row["validator_error_codes"]),
+        error_count=int(row["validator_errors"]),
+        error_codes=_counts(row["validator_error_codes"]),
         **{name: int(row[name]) for name in NUMBERS},
     )
 

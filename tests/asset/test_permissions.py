@@ -21,7 +21,7 @@ COVERED = {
 
 
 def weathered(pieces: Pieces) -> None:
-    """Paint with another texture, over a further UV set for which a vertex was split, in copies of material and mesh."""
+    """Paint with another texture over a further UV set, which splits a vertex, in copies of material and mesh."""
     primitive = deepcopy(pieces["meshes"][0]["primitives"][0])
     arrays = pieces["accessors"]
     for name, accessor in primitive["attributes"].items():
