@@ -1,8 +1,8 @@
 """Files as Blender opens and renders them.
 
-Blender is the package `bpy` 5.0, which needs CPython 3.11 and is no dependency of the project. It gets a virtual environment
-of its own inside that of the tests, made at first use, once for all workers of pytest-xdist: 1 GB. On Linux it also wants
-the X client libraries and libGL of the system, though it opens no window.
+Blender is the package `bpy` 5.0, which needs CPython 3.11 and is no dependency of the project. It gets a virtual
+environment of its own inside that of the tests, made at first use, once for all workers of pytest-xdist: 1 GB. On Linux
+it also wants the X client libraries and libGL of the system, though it opens no window.
 """
 
 import json
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import OpenImageIO as oiio
+import OpenImageIO
 import pytest
 from filelock import FileLock
 from jaxtyping import Float
@@ -98,7 +98,7 @@ def opened(files: Sequence[Path], samples: int = SAMPLES) -> list[Opened]:
 def compare(before: Path, after: Path, samples: int = SAMPLES) -> Seen:
     """What Blender shows of the second file and not of the first, or otherwise.
 
-    Materials may have copies, which are called as the original with a suffix; meshes may have more vertices and UV sets.
+    Materials may have copies, called as the original with a suffix; meshes may have more vertices and UV sets.
     """
     first, second = opened([before, after], samples)
     change = np.abs(first.picture - second.picture).max(axis=2)
@@ -142,7 +142,7 @@ def _is_copy(name: str, other: str) -> bool:
 
 
 def _read(path: str) -> Float[ndarray, "height width 3"]:
-    pixels: Float[ndarray, "height width channels"] = oiio.ImageBuf(path).get_pixels(oiio.FLOAT)
+    pixels: Float[ndarray, "height width channels"] = OpenImageIO.ImageBuf(path).get_pixels(OpenImageIO.FLOAT)
     return pixels[:, :, :3]
 
 

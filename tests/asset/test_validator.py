@@ -6,14 +6,13 @@ from pathlib import Path
 import pytest
 from full_files import full_files, vehicles
 from sample_document import sample_document, write
+from validator import counts, new_errors, validated
 
 pytestmark = pytest.mark.full
 
 
 @pytest.mark.assets
 def test_real_files_have_the_errors_that_the_manifest_states(assets: Path) -> None:
-    from validator import counts, validated
-
     files = full_files(assets)
     assert len(files) == 49
     assert len(vehicles(assets)) == 16
@@ -25,14 +24,10 @@ def test_real_files_have_the_errors_that_the_manifest_states(assets: Path) -> No
 @pytest.mark.assets
 @pytest.mark.parametrize("name", ["cake_unlit.glb", "rc_toy/scene.gltf"])
 def test_a_file_has_no_errors_beside_its_own(name: str, assets: Path) -> None:
-    from validator import new_errors
-
     assert new_errors(assets / "full" / name, assets / "full" / name) == []
 
 
 def test_a_broken_copy_has_new_errors(tmp_path: Path) -> None:
-    from validator import new_errors
-
     before = write(sample_document(), tmp_path / "before.gltf")
     whole = json.loads(before.read_text())
     whole["materials"][0]["normalTexture"]["index"] = 9
@@ -44,8 +39,6 @@ def test_a_broken_copy_has_new_errors(tmp_path: Path) -> None:
 
 
 def test_a_lost_picture_is_an_error(tmp_path: Path) -> None:
-    from validator import new_errors
-
     before = write(sample_document(), tmp_path / "before.gltf")
     after = tmp_path / "elsewhere" / "after.gltf"
     after.parent.mkdir()
