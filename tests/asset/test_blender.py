@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from blender import compare, opened
+from blender import NOT_OPENED, compare, opened
+from full_files import vehicles
 from sample_document import Pieces, sample_document, write
 
 pytestmark = pytest.mark.full
@@ -47,3 +48,18 @@ def test_a_file_looks_the_same_twice(assets: Path) -> None:
     (once,) = opened([car], samples=1)
     assert set(once.materials) == {"truck", "window_trim", "glass", "wheels"}
     assert np.ptp(once.picture) > 0.3
+
+
+@pytest.mark.assets
+def test_blender_opens_the_vehicles_whose_extensions_it_knows(assets: Path) -> None:
+    known = [file for file in vehicles(assets) if file.extensions.isdisjoint(NOT_OPENED)]
+    assert len(known) == 14
+    for file, seen in zip(known, opened([file.path for file in known], samples=1), strict=True):
+        assert len(seen.objects) >= file.meshes, file.name
+        assert seen.picture.std() > 0.01, file.name
+
+
+@pytest.mark.assets
+def test_blender_refuses_what_it_does_not_know(assets: Path) -> None:
+    with pytest.raises(RuntimeError, match="EXT_meshopt_compression"):
+        opened([assets / "full" / "toy_car_meshopt.glb"], samples=1)
