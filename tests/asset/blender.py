@@ -119,7 +119,7 @@ def _facts(name: str, first: dict[str, Any], second: dict[str, Any]) -> list[str
     for key in first:
         old, new = first[key], second.get(key)
         if key == "matrix":
-            same = np.allclose(old, new, atol=FLOATS)
+            same = new is not None and np.allclose(old, new, atol=FLOATS)
         elif key == "materials":
             same = len(old) == len(new or []) and all(map(_is_copy, old, new or []))
         else:
@@ -144,8 +144,7 @@ def _is_copy(name: str, other: str) -> bool:
 
 
 def _read(path: str) -> Float[ndarray, "height width 3"]:
-    pixels: Float[ndarray, "height width channels"] = OpenImageIO.ImageBuf(path).get_pixels(OpenImageIO.FLOAT)
-    return pixels[:, :, :3]
+    return np.asarray(OpenImageIO.ImageBuf(path).get_pixels(OpenImageIO.FLOAT))[:, :, :3]
 
 
 def _ran(words: Sequence[str | Path]) -> None:

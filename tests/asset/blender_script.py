@@ -1,6 +1,6 @@
 """What Blender sees in files, as JSON, and a small picture of each; run by `blender.py` with Blender's own Python.
 
-`python blender_script.py WORDS`: a JSON object with `files`, `pictures` (EXR), `size`, `samples`, and the file `answer`.
+`python blender_script.py WORDS`: a JSON object with `files`, `pictures` (EXR), `size`, `samples`, and `answer`, a file.
 The camera is framed around the first file, and the same for all.
 """
 

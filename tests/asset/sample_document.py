@@ -106,7 +106,7 @@ USED = ("KHR_lights_punctual", "KHR_materials_variants", "KHR_materials_clearcoa
 
 def sample_document() -> Pieces:
     """The pieces of the document; new ones each time."""
-    root = {
+    root: Pieces = {
         "asset": {"version": "2.0", "generator": "Hand", "copyright": "CC0", "extras": {"author": "B"}},
         "scene": 0,
         "scenes": [{"name": "Scene", "nodes": [0, 4, 6], "extras": {"floor": 0}}],
@@ -176,10 +176,7 @@ def interleaved(accessors: list[Pieces], buffer: Buffer) -> list[Pieces]:
         rows = np.concatenate(columns, axis=1)
         view = buffer.add(rows.tobytes(), byteStride=rows.shape[1])
         starts = np.cumsum([0, *(column.shape[1] for column in columns)])
-        described += [
-            _described(*pair, int(start))
-            for *pair, start in zip(together, [view] * len(together), starts, strict=False)
-        ]
+        described += [_described(accessor, view, int(start)) for accessor, start in zip(together, starts, strict=False)]
     return described
 
 

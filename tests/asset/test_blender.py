@@ -56,7 +56,6 @@ def test_blender_opens_the_vehicles_whose_extensions_it_knows(assets: Path) -> N
     assert len(known) == 14
     for file, seen in zip(known, opened([file.path for file in known], samples=1), strict=True):
         assert len(seen.objects) >= file.meshes, file.name
-        assert seen.picture.std() > 0.01, file.name
 
 
 @pytest.mark.assets
