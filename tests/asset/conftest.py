@@ -1,0 +1,6 @@
+"""Lets the tests of assets say `import documents`, and so on."""
+
+import sys
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).parent))
