@@ -33,16 +33,14 @@ class Evidence:
 
     points: Float[ndarray, "points 3"]
     normals: Float[ndarray, "points 3"]
-    sides: Float[ndarray, "3"]
+    sides: Float[ndarray, " axes"]
     wheels: Wheels
     said: Mapping[str, Bool[ndarray, " points"]] = field(default_factory=dict)
 
     def turned(self, matrix: Float[ndarray, "3 3"]) -> Evidence:
         """The same in other axes. The matrix only permutes axes and changes signs."""
         sides = np.abs(matrix) @ self.sides
-        return Evidence(
-            self.points @ matrix.T, self.normals @ matrix.T, sides, self.wheels.turned(matrix), self.said
-        )
+        return Evidence(self.points @ matrix.T, self.normals @ matrix.T, sides, self.wheels.turned(matrix), self.said)
 
     @property
     def relative(self) -> Float[ndarray, "points 3"]:

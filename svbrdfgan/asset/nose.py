@@ -84,6 +84,8 @@ def _profile(evidence: Evidence, chosen: Bool[ndarray, " points"]) -> Float[ndar
 def _cabin(heights: Float[ndarray, " bins"]) -> tuple[float, float]:
     """How much longer the bonnet is than the boot, or else the load bed than what is before the cabin."""
     high = np.flatnonzero(heights > _CABIN)
+    if not len(high):  # nothing lies in the middle
+        return 0.0, 0.0
     behind, before = high[0] / _BINS, (_BINS - 1 - high[-1]) / _BINS
     longer = float(before - behind)
     return (longer, 0.0) if max(behind, before) < _LONG_BONNET else (0.0, -longer)

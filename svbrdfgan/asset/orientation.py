@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
-from scipy.special import expit, softmax
+from scipy.special import softmax
 
 from svbrdfgan.asset.evidence import Evidence, gather
 from svbrdfgan.asset.nose import NOSE, nose
@@ -18,23 +18,20 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.types import Mesh
 
 AXES = MappingProxyType(
-    {
-        sign + name: np.eye(3)[axis] * (1.0 if sign == "+" else -1.0)
-        for axis, name in enumerate("XYZ")
-        for sign in "+-"
-    }
+    {sign + name: np.eye(3)[axis] * (1.0 if sign == "+" else -1.0) for axis, name in enumerate("XYZ") for sign in "+-"}
 )
 """The six directions that a nose or a roof can have, and their unit vectors."""
 
 _UP_PRIOR = MappingProxyType({"+Y": 2.0, "+Z": 0.5})  # glTF says Y, and Z is common elsewhere; logarithms of odds
 _FRONT_PRIOR = MappingProxyType({"+Z": 0.1})  # glTF's, where nothing else tells
-_SURE = 0.9
+_SURE = 0.95
+_AGREEMENT = 0.5  # of all that speaks for either end, what is left after the contrary is taken off
 _WHEELS_ENOUGH = 0.7  # of `standing`: three on two axles
 _NAMES_ENOUGH = 2
 
 _TOLD = MappingProxyType(
     {
-        "names": "parts named after lights or bumpers",
+        "names": "the names of parts",
         "lower_half": "the lower half of the body",
         "bonnet": "the longer bonnet",
         "bed": "the cabin before the load bed",
@@ -147,7 +144,7 @@ def _likelihoods(evidence: Evidence, options: Sequence[tuple[str, str]]) -> Floa
     for front, up in options:
         matrix = _rotation(front, up)
         turned = evidence.turned(matrix)
-        ahead = float(np.log(expit(_ahead(turned).sum() + _FRONT_PRIOR.get(front, 0.0))))
+        ahead = -float(np.logaddexp(0.0, -_ahead(turned).sum() - _FRONT_PRIOR.get(front, 0.0)))
         stands = float(stance(turned, np.abs(matrix) @ asymmetric) @ weights)
         scores.append(stands + ahead + _UP_PRIOR.get(up, 0.0))
     return np.asarray(softmax(scores))
@@ -172,8 +169,18 @@ def _decided(
     if not wheels and sum(bool(said.any()) for said in evidence.said.values()) < _NAMES_ENOUGH:
         return _convention(options, front, up)
     up_sure = up is not None or chance_up >= _SURE
-    front_sure = front is not None or (up_sure and float(likely.max()) >= _SURE)
+    likely_front = up_sure and float(likely.max()) >= _SURE
+    front_sure = front is not None or (likely_front and _supported(_ahead(turned), wheels))
     return Orientation(*best, front_sure, up_sure, _reason(turned, best, (front_sure, up_sure), wheels))
+
+
+def _supported(ahead: Float[ndarray, " numbers"], wheels: bool) -> bool:
+    """Whether names tell the nose, or else shapes agree on it, of what stands on wheels.
+
+    A tank or a tractor's shovel is unlike the vehicles that the weights were fitted to; there they contradict.
+    """
+    named = ahead[list(NOSE).index("names")] > 0.5 * NOSE["names"]
+    return bool(named or (wheels and ahead.sum() > _AGREEMENT * np.abs(ahead).sum()))
 
 
 def _convention(options: Sequence[tuple[str, str]], front: str | None, up: str | None) -> Orientation:

@@ -14,7 +14,7 @@ from svbrdfgan.asset.wheels import Wheels
 
 STANCE = MappingProxyType(
     {
-        "wheels": 3.7,
+        "wheels": 6.0,
         "mirrored": 2.2,
         "upright": 1.2,
         "longer_than_wide": 1.9,
@@ -26,7 +26,8 @@ STANCE = MappingProxyType(
 )
 """The numbers' names, in order, and weights, with which they add up to the logarithm of a likelihood.
 
-The weights are those of a conditional logistic regression over the twelve stances of each vehicle.
+The weights are those of a conditional logistic regression over the twelve stances of each vehicle, except that
+of `wheels`, which tell nearly always, so that a fit cannot say how much they count.
 """
 
 _QUERIES = 2_000
@@ -34,7 +35,7 @@ _SPACING = 0.01  # between a point and its nearest neighbour, on most vehicles
 _LEVEL = 0.03  # wheels' lowest points on one plane, of the longest side
 
 
-def asymmetry(evidence: Evidence) -> Float[ndarray, "3"]:
+def asymmetry(evidence: Evidence) -> Float[ndarray, " axes"]:
     """For each axis, the mean distance from a point's mirror image to the surface, in longest sides."""
     tree = cKDTree(evidence.points)
     some = evidence.points[:: len(evidence.points) // _QUERIES]
@@ -42,7 +43,7 @@ def asymmetry(evidence: Evidence) -> Float[ndarray, "3"]:
     return np.array([tree.query(points)[0].mean() for points in mirrored])
 
 
-def stance(evidence: Evidence, asymmetric: Float[ndarray, "3"]) -> Float[ndarray, " numbers"]:
+def stance(evidence: Evidence, asymmetric: Float[ndarray, " axes"]) -> Float[ndarray, " numbers"]:
     """The numbers that `STANCE` names, none of which changes if nose and tail are exchanged."""
     x, y, z = evidence.relative.T
     narrow = np.log(np.maximum(evidence.sides, 0.01))

@@ -1,4 +1,4 @@
-"""What the names of materials and nodes tell of a vehicle: which parts are glass, wheels, at the nose or at the tail."""
+"""What the names of materials and nodes tell of a vehicle: which parts are glass, wheels, in front or at the rear."""
 
 from __future__ import annotations
 
