@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -42,7 +43,7 @@ class Evidence:
         sides = np.abs(matrix) @ self.sides
         return Evidence(self.points @ matrix.T, self.normals @ matrix.T, sides, self.wheels.turned(matrix), self.said)
 
-    @property
+    @cached_property
     def relative(self) -> Float[ndarray, "points 3"]:
         """The points in a box of sides 1, centred at 0."""
         return self.points / np.maximum(self.sides, 1e-9)

@@ -31,8 +31,8 @@ NOSE = MappingProxyType(
 )
 """The numbers' names, in order, and weights, with which they add up to the logarithm of the odds for +Z.
 
-The weights are those of a logistic regression, except those of `names`, `rear_axles` and `rear_wheels`: these differ
-too little among the vehicles that it was fitted to.
+The weights are those of a logistic regression on 39 real and 40 procedural vehicles, with and without names. Those of
+`names`, `rear_axles` and `rear_wheels` were set by hand: these differ too little among those vehicles.
 """
 
 _BINS = 40
