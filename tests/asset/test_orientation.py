@@ -97,13 +97,13 @@ def test_axes_that_are_none_are_refused(front: str, up: str | None, told: str) -
         axes(front, up)
 
 
-@pytest.mark.parametrize("given", ALL[2::17])
+@pytest.mark.parametrize("given", ALL[7:8])
 def test_nose_and_roof_are_found_in_any_axes(vehicle: Mesh, given: tuple[str, str]) -> None:
     found = find_orientation(moved(vehicle, *given, scale=340.0, shift=7.0))
     assert (found.front, found.up, found.front_sure, found.up_sure) == (*given, True, True)
 
 
-@pytest.mark.parametrize("given", ALL[19:20])
+@pytest.mark.parametrize("given", ALL[13:14])
 def test_without_names_the_roof_is_found_and_a_wrong_nose_is_unsure(vehicle: Mesh, given: tuple[str, str]) -> None:
     found = find_orientation(moved(unnamed(vehicle), *given))
     assert (found.up, found.up_sure) == (given[1], True)
