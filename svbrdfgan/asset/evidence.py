@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from svbrdfgan.asset.wheels import Wheels, find_wheels
+from svbrdfgan.asset.round_pieces import Wheels, find_wheels
 from svbrdfgan.asset.words import named_parts
 from svbrdfgan.io.rows import merge_rows
 from svbrdfgan.types import Mesh, Part

@@ -10,7 +10,7 @@ from numpy import ndarray
 from scipy.spatial import cKDTree
 
 from svbrdfgan.asset.evidence import Evidence
-from svbrdfgan.asset.wheels import Wheels
+from svbrdfgan.asset.round_pieces import Wheels
 
 STANCE = MappingProxyType(
     {

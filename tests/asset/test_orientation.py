@@ -11,7 +11,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.asset.orientation import AXES, Orientation, axes, find_orientation
-from svbrdfgan.asset.wheels import find_wheels
+from svbrdfgan.asset.round_pieces import find_wheels
 from svbrdfgan.asset.words import named_parts
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.mesh import load_mesh
