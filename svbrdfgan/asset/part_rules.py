@@ -78,22 +78,24 @@ def _by_names(facts: Facts, context: Context) -> Judgement | None:
 
 
 def _wheel_by_name(facts: Facts, context: Context, said: Telling) -> Judgement | None:
-    """Rubber beside found wheels is trim, and a steering wheel belongs to the interior."""
+    """Rubber beside found wheels seals something, and a wheel far above the ground steers."""
     stands = facts.low[1] < 0.1
     if facts.share > _MOST[said.kind] and facts.wheel < _IN_WHEEL:
         return None
-    if (said.weak or (said.kind == "rubber" and context.wheels)) and facts.wheel < 0.3:
+    if said.weak and facts.wheel < 0.3:
         return None
     if said.kind == "wheel" and not stands and facts.wheel == 0.0 and facts.share < 0.02 and facts.low[1] > 0.3:
         return Judgement("interior", False, "a wheel that is far from the ground", sure=False)
-    kind = "tyre" if said.kind == "rubber" else said.kind
+    kind = "tyre" if said.kind == "rubber" and (facts.wheel > 0.3 or not context.wheels) else said.kind
     return Judgement(kind, False, f"called '{said.word}'")
 
 
 def _by_wheels(facts: Facts, context: Context) -> Judgement | None:
     if facts.wheel < _IN_WHEEL:
         return None
-    looks, tread = facts.looks, facts.tread > 0.5 * facts.wheel
+    looks, tread, positive = facts.looks, facts.tread > 0.5 * facts.wheel, _positive(facts, context)
+    if not tread and positive is not None:  # such as an axle between the wheels
+        return None
     rubber = looks.luminance < 0.1 and (looks.metallic or 0.0) < 0.5 and (looks.roughness or 1.0) > 0.3
     if tread and rubber:
         return Judgement("tyre", False, "round, dark and on the ground")
@@ -101,7 +103,8 @@ def _by_wheels(facts: Facts, context: Context) -> Judgement | None:
 
 
 def _by_emission(facts: Facts, context: Context) -> Judgement | None:
-    if facts.looks.emission < _GLOWS or facts.share > _MOST["lamp"]:
+    named = _positive(facts, context) is not None and facts.share > _MOST_WEAK
+    if named or facts.looks.emission < _GLOWS or facts.share > _MOST["lamp"]:
         return None
     return Judgement("lamp", False, "emits light")
 
@@ -116,7 +119,7 @@ def _by_gloss(facts: Facts, context: Context) -> Judgement | None:
     if looks.metallic > 0.9 and looks.saturation < 0.2 and looks.luminance > 0.3 and facts.share < 0.1:
         return Judgement("chrome", False, "a smooth, bright, grey metal", sure=False)
     above = facts.low[1] > 0.35 and facts.high[1] < 0.99 and facts.wheel == 0.0
-    if above and looks.luminance < 0.06 and facts.share < 0.2:
+    if above and looks.luminance < 0.06 and 0.005 < facts.share < 0.2:
         return Judgement("glass", False, "dark and smooth, above the belt line", sure=False)
     return None
 

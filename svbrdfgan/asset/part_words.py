@@ -54,7 +54,7 @@ _WORDS = {
 _WHEELS_WEAK = {"tier": "tyre", "tiers": "tyre", "tiere": "tyre", "trak": "tyre", "hub": "rim", "hubs": "rim"}
 _KIND = {word: kind for kind, text in _WORDS.items() for word in text.split()}
 
-KEPT = ("glass", "tyre", "rubber", "rim", "wheel", "chrome", "lamp", "mirror", "plate", "interior", "ground", "decal")
+KEPT = ("glass", "tyre", "rubber", "lamp", "rim", "wheel", "chrome", "mirror", "plate", "interior", "ground", "decal")
 """Kinds of parts that the words of a name keep, most telling first."""
 
 WEATHERED = ("paint", "trim", "chassis")

@@ -13,8 +13,10 @@ from scipy.sparse.csgraph import connected_components
 from svbrdfgan.io.rows import merge_rows
 
 _DIRECTIONS = 16
-_ROUND = 0.09
-"""Relative deviation of a wheel's outline from a circle; a hexagon has 0.07, a square 0.17."""
+_ROUND = 0.1
+"""Relative deviation of a wheel's widths from a circle's; a hexagon has 0.093, a square 0.21."""
+_CENTRED = 0.2
+"""Likewise, of its reach from the middle of its box; a triangle, whose widths are even, has 0.4."""
 _CONTACT = 0.06  # of the height: how far above the ground a wheel may end
 _DIAMETERS = (0.08, 0.92)  # of the height
 _SLACK = 1.06  # of the radius, within which things belong to a wheel
@@ -104,7 +106,8 @@ def _wheel(points: Float[ndarray, "points 3"], low: float, height: float) -> Whe
     for axis in (0, 2):
         flat, centre = np.delete(points, axis, axis=1), np.delete(0.5 * (bottom + top), axis)
         if _is_round(flat - centre):
-            return Wheel(axis, centre, 0.5 * float(size[1]), (float(bottom[axis]), float(top[axis])))
+            radius = float(np.linalg.norm(flat - centre, axis=1).max())  # half the height is less for a nonagon
+            return Wheel(axis, centre, radius, (float(bottom[axis]), float(top[axis])))
     return None
 
 
@@ -112,4 +115,6 @@ def _is_round(flat: Float[ndarray, "points 2"]) -> bool:
     """Whether the convex outline is a circle about the origin."""
     turn = np.arange(_DIRECTIONS) * (2.0 * np.pi / _DIRECTIONS)
     reach = (flat @ np.stack([np.cos(turn), np.sin(turn)])).max(axis=0)
-    return bool(np.abs(reach / reach.mean() - 1.0).max() < _ROUND)
+    width = reach + np.roll(reach, _DIRECTIONS // 2)
+    even = bool(np.abs(width / width.mean() - 1.0).max() < _ROUND)
+    return even and bool(np.abs(reach / reach.mean() - 1.0).max() < _CENTRED)
