@@ -46,8 +46,8 @@ class Facts:
     above: tuple[str, ...]
     area: float
     share: float
-    low: Float[ndarray, "3"]
-    high: Float[ndarray, "3"]
+    low: Float[ndarray, " 3"]
+    high: Float[ndarray, " 3"]
     looks: Looks
     wheel: float
     tread: float

@@ -7,25 +7,37 @@ import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+
+def _split(text: str) -> list[str]:
+    return text.split()
+
+
 _WORDS = {
     "glass": "glass glas glazing window windows windshield windshields windscreen windscreens sunroof skylight vitre "
-    "vitres verre verres parebrise fenetre scheibe scheiben fenster vidrio vidrios ventana ventanas parabrisas cristal "
+    "vitres verre verres parebrise fenetre scheibe scheiben fenster vidrio vidrios ventana ventanas parabrisas "
+    "cristal "
     "cristales luneta vetro vetri finestrino finestrini parabrezza vidro vidros janela janelas parabrisa szyba szyby "
     "szklo steklo stekla stekl steklos okno okna lobovoe lobovuha quarterlight quarterlights visor visors",
     "tyre": "tyre tyres tire tires pneu pneus pneumatico pneumatici pneumatique reifen neumatico neumaticos "
     "opona opony shina shiny shina pokryshka pokryshki pokrishka bieznik protektor tread treads gomma gomme",
     "rubber": "rubber rubbers gummi rezina rezin caoutchouc goma borracha guma kautschuk caucho",
     "rim": "rim rims felge felgen jante jantes llanta llantas cerchio cerchi cerchione cerchioni felga felgi "
-    "hubcap hubcaps spokes alloys radkappe radkappen tapacubos kolpak kolpaki brakedisc brakedisk bremsscheibe caliper "
+    "hubcap hubcaps spokes alloys radkappe radkappen tapacubos kolpak kolpaki brakedisc brakedisk bremsscheibe "
+    "caliper "
     "calipers brakes brake lugnut lugnuts diska rotor rotors",
     "wheel": "wheel wheels rad raeder roue roues rueda ruedas ruota ruote roda rodas kolo kola koleso kolesa kolyosa",
     "chrome": "chrome chromed chrom cromo cromado cromato chromo hrom khrom krom chromowany crom",
-    "lamp": "lamp lamps light lights lens lenses headlamp headlamps headlight headlights taillight taillights taillamp "
-    "taillamps foglight foglights foglamp foglamps brakelight brakelights indicator indicators blinker blinkers blink "
-    "turnsignal turnsignals drl led leds bulb bulbs reflector reflectors flasher flashers beacon beacons siren sirens "
-    "strobe strobes licht lichter leuchte leuchten scheinwerfer ruecklicht rueckleuchte lampe lampen blinklicht feu feux "
+    "lamp": "lamp lamps light lights lens lenses headlamp headlamps headlight headlights taillight taillights "
+    "taillamp "
+    "taillamps foglight foglights foglamp foglamps brakelight brakelights indicator indicators blinker blinkers "
+    "blink "
+    "turnsignal turnsignals drl led leds bulb bulbs reflector reflectors flasher flashers beacon beacons siren "
+    "sirens "
+    "strobe strobes licht lichter leuchte leuchten scheinwerfer ruecklicht rueckleuchte lampe lampen blinklicht "
+    "feu feux "
     "phare phares lumiere clignotant clignotants luz luces faro faros piloto pilotos intermitente intermitentes luce "
-    "luci fari fanale fanali freccia farol farois lanterna lanternas lampa lampy swiatlo swiatla reflektor reflektory "
+    "luci fari fanale fanali freccia farol farois lanterna lanternas lampa lampy swiatlo swiatla reflektor "
+    "reflektory "
     "fara fary far fonar fonari fonary svet povorotnik povorotniki optika tailight headligth lightbar",
     "mirror": "mirror mirrors spiegel retroviseur retro retrovisor retrovisores espejo espejos specchio specchi "
     "specchietto espelho espelhos lusterko lusterka zerkalo zerkala",
@@ -33,8 +45,10 @@ _WORDS = {
     "matricula targa placa rejestracja tablica nomer nomera gosnomer numplate regplate",
     "interior": "interior interiors cockpit dashboard dash seat seats steering steeringwheel seatbelt seatbelts "
     "upholstery pedal pedals gauge gauges speedometer headrest headrests armrest carpet driver drivers passenger "
-    "passengers pilot dummy innenraum innen armaturenbrett lenkrad sitz sitze fahrer interieur habitacle siege sieges "
-    "volant tableau conducteur asiento asientos volante salpicadero tablero conductor sedile sedili cruscotto abitacolo "
+    "passengers pilot dummy innenraum innen armaturenbrett lenkrad sitz sitze fahrer interieur habitacle siege "
+    "sieges "
+    "volant tableau conducteur asiento asientos volante salpicadero tablero conductor sedile sedili cruscotto "
+    "abitacolo "
     "assento assentos banco bancos painel wnetrze fotel fotele kierownica kierowca salon sidenie sidenia sidenya rul "
     "torpeda torpedo voditel cabininterior insides",
     "ground": "ground shadow shadows floorplane groundplane boden schatten sol ombre suelo sombra terreno pavimento "
@@ -42,13 +56,15 @@ _WORDS = {
     "decal": "decal decals sticker stickers logo logos emblem emblems badge badges aufkleber autocollant pegatina "
     "adesivo naklejka nakleyka",
     "paint": "paint paints carpaint painted paintjob lack autolack lackierung peinture pintura vernice lakier kraska "
-    "body bodywork bodypaint carbody coachwork karosserie karosse carrosserie carroceria carrozzeria carrocaria karoseria "
+    "body bodywork bodypaint carbody coachwork karosserie karosse carrosserie carroceria carrozzeria carrocaria "
+    "karoseria "
     "nadwozie kuzov kuzova livery primary secondary hood bonnet door doors trunk boot fender fenders roof tailgate "
     "fuselage hull motorhaube tuer tueren dach kotfluegel capot porte portes toit coffre porta portas porte puerta "
     "puertas cofano tetto drzwi maska dach dver dveri kapot krysha bagazhnik krylo kabina cab",
-    "trim": "trim plastic plastics bumper bumpers grille grill spoiler skirt skirts sill sills diffuser splitter molding "
+    "trim": "trim plastic plastics bumper bumpers grille grill spoiler skirt skirts sill sills diffuser "
+    "splitter molding "
     "moulding wiper wipers stossstange parechoc paraurti parachoque zderzak bamper reshetka",
-    "chassis": "chassis frame undercarriage underbody undercarriage axle axles suspension exhaust muffler engine motor "
+    "chassis": "chassis frame undercarriage underbody axle axles suspension exhaust muffler engine motor "
     "bed cargo trailer tank bottom underside rahmen auspuff fahrgestell achse telaio chasis rama os vyhlop",
 }
 _WHEELS_WEAK = {"tier": "tyre", "tiers": "tyre", "tiere": "tyre", "trak": "tyre", "hub": "rim", "hubs": "rim"}
@@ -70,20 +86,28 @@ _ENDS = {
 }
 """Ends of compounds that are written as one word, such as "frontglass"."""
 
-_NOT = set(
-    "fiberglass fibreglass hourglass entire attire retire satire clamp clamps highlight highlights flight slight twilight "
-    "daylight sunlight moonlight starlight delight lightweight flywheel".split()
+_NOT = frozenset(
+    _split(
+        "fiberglass fibreglass hourglass entire attire retire satire clamp clamps highlight highlights flight "
+        "slight twilight "
+        "daylight sunlight moonlight starlight delight lightweight flywheel"
+    )
 )
-_HOLDERS = set(
-    "frame frames housing housings trim arch arches archs well wells guard guards bezel surround surrounds bracket "
-    "brackets mount mounts casing case seal seals fender fenders house box bay carrier holder rahmen gehaeuse edge "
-    "border sill liner bucket post pillar rail rails ".split()
+_HOLDERS = frozenset(
+    _split(
+        "frame frames housing housings trim arch arches archs well wells guard guards bezel surround surrounds bracket "
+        "brackets mount mounts casing case seal seals fender fenders house box bay carrier holder rahmen gehaeuse edge "
+        "border sill liner bucket post pillar rail rails"
+    )
 )
-_COLOURS = set(
-    "blue grey gray green red white black brown yellow orange purple pink beige wood metal steel paint color colour skin "
-    "leather cyan dark tan gold silver aluminium aluminum plastic fabric stone".split()
+_COLOURS = frozenset(
+    _split(
+        "blue grey gray green red white black brown yellow orange purple pink beige wood metal steel paint color "
+        "colour skin "
+        "leather cyan dark tan gold silver aluminium aluminum plastic fabric stone"
+    )
 )
-_PLATES = set("license licence number num reg registration nummer front rear back car".split())
+_PLATES = frozenset(_split("license licence number num reg registration nummer front rear back car"))
 
 
 @dataclass(frozen=True)
@@ -124,7 +148,8 @@ def telling(name: str, others: Iterable[str] = ()) -> Telling | None:
 
 def _said(words: tuple[str, ...], position: int) -> Telling | None:
     word, rest = words[position], words[position + 1 :]
-    kind = _kind(word)
+    joined = words[position - 1] + word if position else word  # "wind_shield", "FiberGlass"
+    kind = None if joined in _NOT else _KIND.get(joined) or _kind(word)
     if kind is None:
         return Telling(_WHEELS_WEAK[word], word, weak=True) if word in _WHEELS_WEAK else None
     if kind in ("glass", "lamp", "wheel", "mirror", "rim") and _HOLDERS.intersection(rest):

@@ -22,7 +22,7 @@ class Verdict:
     Attributes:
         piece: index into the asset's pieces.
         name: of the material, the mesh and the node, joined by " / ".
-        kind: such as paint, body, trim, chassis, glass, lamp, tyre, rim, wheel, chrome, interior, plate, mirror, ground.
+        kind: such as paint, body, trim, chassis, glass, lamp, tyre, rim, wheel, chrome, interior, plate, ground.
         reason: one short clause.
         area: share of the asset's area.
         sure: whether more than a doubtful name or its looks tell.
@@ -84,7 +84,8 @@ def warnings(verdicts: Sequence[Verdict], asset: Asset) -> list[str]:
     kept = max((verdict for verdict in verdicts if not verdict.weathers), key=lambda each: each.area, default=None)
     if kept is not None and kept.kind != "ground" and kept.area > max(v.area for v in verdicts if v.weathers):
         found.append(
-            f"the largest part, '{kept.name}', is kept ({kept.kind}: {kept.reason}); --learnable PATTERN lets it weather."
+            f"the largest part, '{kept.name}', is kept ({kept.kind}: {kept.reason}); "
+            "--learnable PATTERN lets it weather."
         )
     return found
 

@@ -19,6 +19,7 @@ _CENTRED = 0.2
 """Likewise, of its reach from the middle of its box; a triangle, whose widths are even, has 0.4."""
 _CONTACT = 0.06  # of the height: how far above the ground a wheel may end
 _DIAMETERS = (0.08, 0.92)  # of the height
+_OUTER = 0.92  # of the radius, from which on a shell reaches to the ground
 _SLACK = 1.06  # of the radius, within which things belong to a wheel
 
 
@@ -33,16 +34,21 @@ class Wheel:
     """
 
     axis: int
-    centre: Float[ndarray, "2"]
+    centre: Float[ndarray, " 2"]
     radius: float
     extent: tuple[float, float]
 
+    def reach(self, points: Float[ndarray, "points 3"]) -> float:
+        """The greatest distance of points from the axis, in radii of the wheel."""
+        across = np.delete(points, self.axis, axis=1) - self.centre
+        return float(np.linalg.norm(across, axis=1).max()) / self.radius
+
     def holds(self, points: Float[ndarray, "points 3"]) -> bool:
         """Whether all points lie in the wheel, or as far beside it as it is wide."""
-        along, across = points[:, self.axis], np.delete(points, self.axis, axis=1) - self.centre
+        along = points[:, self.axis]
         low, high = self.extent
         near = (along > low - (high - low)).all() and (along < high + (high - low)).all()
-        return bool(near and (np.linalg.norm(across, axis=1) <= _SLACK * self.radius).all())
+        return bool(near) and self.reach(points) <= _SLACK
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +88,10 @@ def find_wheels(
     if len(wheels) < 2:
         return WheelFaces(inside, tread, ())
     for member, points in zip(members, corners, strict=True):
-        if any(wheel.holds(points) for wheel in wheels):
+        around = [wheel for wheel in wheels if wheel.holds(points)]
+        if around:
             inside[member] = True
-            tread[member] = points[:, 1].min() < low + _CONTACT * height
+            tread[member] = max(around, key=lambda wheel: wheel.radius).reach(points) > _OUTER
     return WheelFaces(inside, tread, tuple(wheels))
 
 

@@ -30,9 +30,7 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path, dir_okay=False),
     help="Also draw the mesh from four sides, coloured by verdict, to a .png or .jpg file.",
 )
-def command(
-    mesh: Path, learnable: tuple[str, ...], keep: tuple[str, ...], as_json: bool, picture: Path | None
-) -> None:
+def command(mesh: Path, learnable: tuple[str, ...], keep: tuple[str, ...], as_json: bool, picture: Path | None) -> None:
     """Show which parts of MESH weather and which are kept, and why.
 
     Patterns such as 'body*' match names of materials, meshes and nodes, case ignored. --keep wins over --learnable.

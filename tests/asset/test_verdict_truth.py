@@ -1,7 +1,7 @@
 """Verdicts on real vehicles, against a table that was made by looking at pictures of them.
 
-The table holds, for each file, whether each of its parts should weather. What is not in it does not count: shapes of two
-game files that only its physics uses, and strips of a bus that no picture shows. The rules were made on other vehicles.
+The table holds, for each file, whether each of its parts should weather. What is not in it does not count: shapes in
+two files of a game that only its physics uses, and strips of a bus that no picture shows.
 """
 
 import json
@@ -16,7 +16,7 @@ from svbrdfgan.asset.verdicts import judge
 TRUTH: dict[str, dict[str, bool]] = json.loads((Path(__file__).parent / "verdict_truth.json").read_text())
 
 
-def right_and_wrong(path: Path, truth: dict[str, bool]) -> tuple[float, dict[str, float]]:
+def judged(path: Path, truth: dict[str, bool]) -> tuple[float, dict[str, float]]:
     """The share of the area that the table knows, and what of it is judged wrongly, by part."""
     known, wrong = 0.0, {}
     for verdict in judge(load_asset(path)):
@@ -33,9 +33,12 @@ def test_nearly_all_of_the_area_is_judged_rightly(folder: str, assets: Path) -> 
     files = {name: parts for name, parts in TRUTH.items() if name.startswith(folder)}
     scores = []
     for name, parts in files.items():
-        known, wrong = right_and_wrong(assets / name, parts)
+        known, wrong = judged(assets / name, parts)
         assert known > 0.3, f"{name}: the table does not know its parts"
         scores.append(1.0 - sum(wrong.values()) / known)
-        print(f"{name}: {scores[-1]:.3f} of {known:.3f}", *(f"\n  wrong: {part} ({area:.3f})" for part, area in wrong.items()))
+        print(
+            f"{name}: {scores[-1]:.3f} of {known:.3f}",
+            *(f"\n  wrong: {part} ({area:.3f})" for part, area in wrong.items()),
+        )
     print(f"{folder}: {np.mean(scores):.4f} of {len(scores)} vehicles")
     assert np.mean(scores) >= 0.95
