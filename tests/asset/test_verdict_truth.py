@@ -18,7 +18,8 @@ TRUTH: dict[str, dict[str, bool]] = json.loads((Path(__file__).parent / "verdict
 
 def judged(path: Path, truth: dict[str, bool]) -> tuple[float, dict[str, float]]:
     """The share of the area that the table knows, and what of it is judged wrongly, by part."""
-    known, wrong = 0.0, {}
+    known: float = 0.0
+    wrong: dict[str, float] = {}
     for verdict in judge(load_asset(path)):
         if verdict.name in truth:
             known += verdict.area
