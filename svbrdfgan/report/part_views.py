@@ -25,7 +25,7 @@ from svbrdfgan.types import Part, Surface
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-_SIDES = (("front left", 40, 18), ("rear right", 220, 18), ("side", 90, 4), ("from above", 90, 80))
+_SIDES = (("corner", 40, 18), ("opposite corner", 220, 18), ("side", 90, 4), ("from above", 90, 80))
 """Azimuth and elevation of each view, degrees."""
 _SIZE = (640, 400)  # of a view; pixels, as all sizes
 _GAP = 16
@@ -36,6 +36,7 @@ _COLORS = {
     "glass": (0.45, 0.75, 0.95),
     "lamp": (0.98, 0.86, 0.30),
     "tyre": (0.20, 0.21, 0.24),
+    "rubber": (0.28, 0.36, 0.33),
     "wheel": (0.36, 0.38, 0.43),
     "rim": (0.58, 0.60, 0.66),
     "chrome": (0.84, 0.86, 0.90),
@@ -67,9 +68,11 @@ def write_part_views(
     width, height = 2 * _SIZE[0] + 3 * _GAP, 2 * (_SIZE[1] + _GAP) + _GAP + _LINE * (1 + (len(keys) - 1) // 4) + _GAP
     sheet = PillowImage.new("RGB", (width, height), PAPER)
     surface, colors = _surface(asset, verdicts, orientation), _face_colors(asset, verdicts)
+    size = np.ptp(surface.positions, axis=0)
+    across = 90 if orientation is None and size[0] > 1.3 * size[2] else 0  # the file's nose lies along X
     for number, (label, azimuth, elevation) in enumerate(_SIDES):
         corner = (_GAP + number % 2 * (_SIZE[0] + _GAP), _GAP + number // 2 * (_SIZE[1] + _GAP))
-        sheet.paste(_view(surface, colors, azimuth, elevation), corner)
+        sheet.paste(_view(surface, colors, azimuth + across, elevation), corner)
         ImageDraw.Draw(sheet).text((corner[0] + 8, corner[1] + 6), label, fill=INK, font=font(15))
     _legend(sheet, keys, verdicts, 2 * (_SIZE[1] + _GAP) + _GAP)
     with atomic_path(path) as temporary:
@@ -127,5 +130,11 @@ def _legend(sheet: Image, keys: Sequence[str], verdicts: Sequence[Verdict], top:
         rgb = tuple(round(255 * channel) for channel in _COLORS[key])
         draw.rectangle((left, line + 4, left + 18, line + 22), fill=rgb, outline=INK)
         share = sum(verdict.area for verdict in verdicts if _key(verdict) == key)
-        text = f"weathers: {share:.0%}" if key == "weathers" else f"kept, {key}: {share:.1%}"
+        text = (
+            f"weathers: {share:.0%}"
+            if key == "weathers"
+            else f"{key}: {share:.1%}"
+            if key == "kept"
+            else f"kept, {key}: {share:.1%}"
+        )
         draw.text((left + 26, line + 4), text, fill=INK, font=font(15))
