@@ -28,6 +28,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
         ),
         "check": ("svbrdfgan.cli.check:command", "Run the conformance kit on an installed plugin."),
         "bake": ("svbrdfgan.cli.bake:command", "Unwrap a mesh and write its geometry buffer."),
+        "parts": ("svbrdfgan.cli.parts:command", "Show which parts of a mesh weather, and why."),
         "weather": ("svbrdfgan.cli.weather:command", "Weather a mesh by a procedural recipe."),
         "dataset": ("svbrdfgan.cli.dataset:command", "Make exemplar images with their scenes."),
         "probe": (

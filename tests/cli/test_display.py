@@ -231,6 +231,8 @@ LONG_WORK = [
     ("weather {mesh} --resolution 16 -o {out}/a.glb", "svbrdfgan.inference.export.write_weathered", "writing"),
     ("bake {mesh} --resolution 16 -o {out}", "svbrdfgan.io.mesh.load_mesh", "loading"),
     ("bake {mesh} --resolution 16 -o {out}", "svbrdfgan.report.uv_summary.write_summary", "measuring and drawing"),
+    ("parts {mesh}", "svbrdfgan.asset.asset.load_asset", "loading"),
+    ("parts {mesh}", "svbrdfgan.asset.verdicts.judge", "judging the parts"),
     ("embeddings --compare {folder} --embedding lscm", "svbrdfgan.cli.uv_comparison.measure_embedding", "lscm"),
     ("texture {mesh} --model {out} -o {out}/a.glb", "svbrdfgan.training.run.load_model", "loading"),
     ("dataset {dataset} -o {out}", "svbrdfgan.data.generate.generate", "unwrapping and baking"),

@@ -55,7 +55,9 @@ def test_the_help_of_no_command_imports_torch() -> None:
 
 
 def test_the_names_are_fixed() -> None:
-    names = "demo backends embeddings check bake weather dataset probe train evaluate experiment texture render bench"
+    names = (
+        "demo backends embeddings check bake parts weather dataset probe train evaluate experiment texture render bench"
+    )
     assert list(cli.COMMANDS) == names.split()
 
 

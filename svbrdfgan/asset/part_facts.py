@@ -1,0 +1,183 @@
+"""What is known of the parts of an asset: place, shape, looks over the UVs that they use, and how open they lie."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from svbrdfgan.asset.asset import Asset
+from svbrdfgan.asset.part_looks import Looks, PartLooks
+from svbrdfgan.asset.wheels import find_wheels
+from svbrdfgan.geometry.normals import face_areas, face_normals
+from svbrdfgan.geometry.sampling import faces_by_area, points_in_triangle
+from svbrdfgan.types import Part, Surface
+from svbrdfgan.weathering.occlusion import ambient_visibility
+
+Orientation = Float[ndarray, "3 3"]
+
+_SAMPLES = 256
+"""Points on each part at which textures and visibility are looked up."""
+_FLAT = 0.02  # height of a flat part, of the height of the whole
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """What is known of a part: all pieces of one material and of the same names.
+
+    Attributes:
+        pieces: indices into the asset's pieces.
+        names: of the material, the mesh and the node, in this order; unnamed ones are left out.
+        above: of the nodes above, nearest first, but for those that stand above every piece.
+        area: share of the asset's area.
+        share: share of its area without the ground.
+        low, high: corners of the bounding box, where 0 and 1 are the corners of the vehicle's box. Y is up.
+        looks: colour, gloss, alpha and emission.
+        wheel, tread: shares of its area that belong to wheels, and to their outermost shells.
+        open: mean ambient visibility, on the more open side of each point.
+        ground: whether it is a flat sheet under all else.
+    """
+
+    pieces: tuple[int, ...]
+    names: tuple[str, ...]
+    above: tuple[str, ...]
+    area: float
+    share: float
+    low: Float[ndarray, " 3"]
+    high: Float[ndarray, " 3"]
+    looks: Looks
+    wheel: float
+    tread: float
+    open: float
+    ground: bool
+
+
+def part_facts(asset: Asset, orientation: Orientation | None = None) -> tuple[Facts, ...]:
+    """The facts of each part, in the order of its first piece. Pieces without faces are left out.
+
+    Args:
+        orientation: turns the file's axes to Y up and the nose at +Z; None if the file has them so.
+    """
+    mesh, groups = asset.mesh, _groups(asset)
+    positions = mesh.positions if orientation is None else mesh.positions @ orientation.T
+    corners, area = positions[mesh.faces], face_areas(positions, mesh.faces)
+    part = np.array([groups.index(_key(asset, piece)) for piece in range(len(asset.pieces))])[asset.face_piece]
+    used = [number for number in range(len(groups)) if (part == number).any()]
+    ground = np.zeros(len(groups), bool)
+    ground[_ground(corners, part, used)] = True
+    standing = ~ground[part]
+    box = _box(corners[standing])
+    low, size = box[0], np.maximum(box[1] - box[0], 1e-12)
+    wheels = find_wheels(positions, mesh.faces, np.where(standing, asset.face_piece, -1), low[1], size[1])
+    samples = {number: _samples(area, np.flatnonzero(part == number)) for number in used}
+    opened = _openness(positions, mesh.faces, samples)
+    looks, total = PartLooks(asset), max(float(area.sum()), 1e-300)
+    without_ground = max(float(area[standing].sum()), 1e-300)
+    found = []
+    for number in used:
+        mine, pieces = part == number, _pieces(asset, part, number)
+        own, place = max(float(area[mine].sum()), 1e-300), (_box(corners[mine]) - low) / size
+        facts = Facts(
+            pieces,
+            groups[number][1],
+            _above(asset, pieces[0]),
+            own / total,
+            own / without_ground,
+            place[0],
+            place[1],
+            looks.of(pieces[0], *samples[number]),
+            float(area[mine & wheels.inside].sum()) / own,
+            float(area[mine & wheels.tread].sum()) / own,
+            opened[number],
+            bool(ground[number]),
+        )
+        found.append(facts)
+    return tuple(found)
+
+
+def piece_names(asset: Asset, piece: int) -> tuple[str, ...]:
+    """The names of a piece's material, mesh and node, in this order; unnamed ones and repetitions are left out."""
+    material, mesh = asset.material(piece) or {}, asset.document.table("meshes")[asset.source(piece).mesh]
+    node = asset.document.table("nodes")[asset.source(piece).node]
+    names = (entry.get("name") for entry in (material, mesh, node))
+    found = tuple(dict.fromkeys(name for name in names if isinstance(name, str) and name))
+    return found or (asset.pieces[piece].part.name,)
+
+
+_Key = tuple[int | None, tuple[str, ...]]
+
+
+def _key(asset: Asset, piece: int) -> _Key:
+    return asset.primitive(piece).get("material"), piece_names(asset, piece)
+
+
+def _groups(asset: Asset) -> list[_Key]:
+    return list(dict.fromkeys(_key(asset, piece) for piece in range(len(asset.pieces))))
+
+
+def _pieces(asset: Asset, part: Int[ndarray, " faces"], number: int) -> tuple[int, ...]:
+    return tuple(np.unique(asset.face_piece[part == number]).tolist())
+
+
+def _above(asset: Asset, piece: int) -> tuple[str, ...]:
+    """Names of the nodes above a piece, nearest first, without those that stand above all pieces."""
+    every = [set(asset.node_names(index)) for index in range(len(asset.pieces))]
+    shared = set.intersection(*every) if len(every) > 1 else every[0]
+    own = set(piece_names(asset, piece))
+    return tuple(name for name in reversed(asset.node_names(piece)) if name not in shared | own)
+
+
+def _box(corners: Float[ndarray, "faces 3 3"]) -> Float[ndarray, "2 3"]:
+    return np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
+
+
+def _ground(corners: Float[ndarray, "faces 3 3"], part: Int[ndarray, " faces"], used: list[int]) -> list[int]:
+    """The parts that are flat sheets under all others, at least about as large as these."""
+    boxes = {number: _box(corners[part == number]) for number in used}
+    found = []
+    for number in used if len(used) > 1 else []:
+        rest = [boxes[other] for other in used if other != number]
+        low, high = np.min([box[0] for box in rest], axis=0), np.max([box[1] for box in rest], axis=0)
+        mine, height = boxes[number], max(float(high[1] - low[1]), 1e-12)
+        flat = mine[1, 1] - mine[0, 1] < _FLAT * height and mine[1, 1] < low[1] + 2.0 * _FLAT * height
+        beyond = (mine[0] < low + 0.1 * (high - low)) & (mine[1] > high - 0.1 * (high - low))
+        if flat and beyond[0] and beyond[2]:
+            found.append(number)
+    return found
+
+
+def _samples(
+    area: Float[ndarray, " faces"], mine: Int[ndarray, " mine"]
+) -> tuple[Int[ndarray, " points"], Float[ndarray, "points 3"]]:
+    """Faces of a part and barycentric coordinates in them, evenly spread over its area."""
+    total = np.cumsum(np.maximum(area[mine], 1e-300))
+    owner = faces_by_area(total, _SAMPLES)
+    return mine[owner], points_in_triangle(np.arange(_SAMPLES))
+
+
+def _openness(
+    positions: Float[ndarray, "vertices 3"],
+    faces: Int[ndarray, "faces 3"],
+    samples: Mapping[int, tuple[Int[ndarray, " points"], Float[ndarray, "points 3"]]],
+) -> dict[int, float]:
+    normals = face_normals(positions, faces)
+    flat = np.arange(3 * len(faces)).reshape(-1, 3)
+    shape = _unwelded(positions[faces].reshape(-1, 3), np.repeat(normals, 3, axis=0), flat)
+    face = np.concatenate([face for face, _ in samples.values()])
+    weight = np.concatenate([weight for _, weight in samples.values()])
+    points, facing = np.einsum("pk,pki->pi", weight, positions[faces[face]]), normals[face]
+    both = ambient_visibility(shape, np.r_[points, points], np.r_[facing, -facing]).reshape(2, len(samples), -1)
+    return dict(zip(samples, both.max(axis=0).mean(axis=1).tolist(), strict=True))
+
+
+def _unwelded(
+    positions: Float[ndarray, "corners 3"], normals: Float[ndarray, "corners 3"], faces: Int[ndarray, "faces 3"]
+) -> Surface:
+    """A surface whose UVs mean nothing."""
+    zeros: Bool[ndarray, " faces"] = np.zeros(len(faces), np.int64)
+    weights, uv = np.tile(np.eye(3), (len(faces), 1, 1)), np.zeros((len(positions), 2))
+    elevation = np.zeros(len(positions))
+    return Surface(positions, normals, uv, faces, zeros, (Part("all"),), elevation, np.arange(len(faces)), weights)
