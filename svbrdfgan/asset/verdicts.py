@@ -79,7 +79,7 @@ def warnings(verdicts: Sequence[Verdict], asset: Asset) -> list[str]:
     if largest > _PAINTED * weathered and largest > 0.5 and not any(verdict.kind == "glass" for verdict in verdicts):
         found.append(
             f"{largest:.0%} of {asset.path.name} is one material and no part is glass: if windows or lamps are painted "
-            "on, they weather, too; spare them with --mask FILE, or whole parts with --keep PATTERN."
+            "on, they weather, too; --keep PATTERN spares whole parts."
         )
     kept = max((verdict for verdict in verdicts if not verdict.weathers), key=lambda each: each.area, default=None)
     if kept is not None and kept.kind != "ground" and kept.area > max(v.area for v in verdicts if v.weathers):

@@ -24,13 +24,23 @@ if TYPE_CHECKING:
     "--learnable", multiple=True, metavar="PATTERN", help="Parts that weather, whatever they are; repeatable."
 )
 @click.option("--keep", multiple=True, metavar="PATTERN", help="Parts that are kept as they are; repeatable.")
+@click.option("--front", metavar="AXIS", help="Where the nose is, such as +X.  [default: found]")
+@click.option("--up", metavar="AXIS", help="Where the roof is, such as +Z.  [default: found]")
 @click.option("--json", "as_json", is_flag=True, help="Print the verdicts and warnings as an object instead.")
 @click.option(
     "--picture",
     type=click.Path(path_type=Path, dir_okay=False),
     help="Also draw the mesh from four sides, coloured by verdict, to a .png or .jpg file.",
 )
-def command(mesh: Path, learnable: tuple[str, ...], keep: tuple[str, ...], as_json: bool, picture: Path | None) -> None:
+def command(
+    mesh: Path,
+    learnable: tuple[str, ...],
+    keep: tuple[str, ...],
+    front: str | None,
+    up: str | None,
+    as_json: bool,
+    picture: Path | None,
+) -> None:
     """Show which parts of MESH weather and which are kept, and why.
 
     Patterns such as 'body*' match names of materials, meshes and nodes, case ignored. --keep wins over --learnable.
@@ -39,21 +49,26 @@ def command(mesh: Path, learnable: tuple[str, ...], keep: tuple[str, ...], as_js
         raise click.UsageError(f"--picture is {picture}; wanted a .png or .jpg file.")
     with progress(f"loading {mesh}") as display:
         from svbrdfgan.asset.asset import load_asset
+        from svbrdfgan.asset.orientation import axes, find_orientation
         from svbrdfgan.asset.verdicts import judge, warnings
 
+        front, up = axes(front, up)
         asset = load_asset(mesh)
         display.stage(f"judging the parts of {mesh}")
-        verdicts = judge(asset, learnable=learnable, keep=keep)
+        found = find_orientation(asset.mesh, front=front, up=up)
+        verdicts = judge(asset, orientation=found.matrix(), learnable=learnable, keep=keep)
         doubts = warnings(verdicts, asset)
         if picture is not None:
             from svbrdfgan.report.part_views import write_part_views
 
             display.stage(f"drawing {picture}")
-            write_part_views(picture, asset, verdicts)
+            write_part_views(picture, asset, verdicts, found.matrix())
     if as_json:
-        click.echo(json.dumps({"parts": [asdict(each) for each in verdicts], "warnings": doubts}, indent=2))
+        report = {"orientation": asdict(found), "parts": [asdict(each) for each in verdicts], "warnings": doubts}
+        click.echo(json.dumps(report, indent=2))
     else:
         print_table(_table(mesh, verdicts))
+    click.echo(str(found), err=True)
     for doubt in doubts:
         click.echo(f"warning: {doubt}", err=True)
     if picture is not None:

@@ -47,6 +47,14 @@ def test_json_is_the_verdicts(car: Path) -> None:
     assert "is kept" in found["warnings"][0]
 
 
+def test_nose_and_roof_are_told_and_can_be_given(car: Path) -> None:
+    found = parts(car, "--json", "--front", "x")
+    assert json.loads(found.stdout)["orientation"]["front"] == "+X"
+    assert "the nose is at +X and the roof at +Y" in found.stderr
+    refused = parts(car, "--front", "up")
+    assert refused.exit_code != 0
+
+
 def test_the_picture_changes_with_the_verdicts(car: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("svbrdfgan.report.part_views._SIZE", (200, 120))
     pictures = []
