@@ -1,0 +1,122 @@
+"""A layer painted over the asset's own UVs: all maps at the texels of one material's texture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from svbrdfgan.asset.painters import Paint, Painter
+from svbrdfgan.asset.texture_bands import Band, bands
+from svbrdfgan.geometry.normals import unit
+from svbrdfgan.types import Mesh
+
+CHANNELS = 9
+"""Of a painted texture: base colour (3), alpha, roughness, metallic, and the normal in tangent space (3)."""
+COLOR, ALPHA, ROUGHNESS, METALLIC, NORMAL = slice(0, 3), 3, 4, 5, slice(6, 9)
+
+_SAME_SHEET = 4.0  # texels: neighbours in UV that are further apart on the surface lie on other islands
+
+
+@dataclass(frozen=True, eq=False)
+class Canvas:
+    """The faces that share one texture.
+
+    Attributes:
+        mesh: the whole model, nose at +Z.
+        faces: numbers of the faces in the mesh.
+        uv: of their corners, in [0, 1], origin lower left; no two faces overlap.
+        reversed: of all faces of the mesh: those that are seen from the side that their winding calls the back.
+    """
+
+    mesh: Mesh
+    faces: Int[ndarray, " faces"]
+    uv: Float[ndarray, "faces 3 2"]
+    reversed: Bool[ndarray, " mesh_faces"]
+
+    def texel(self, rows: int, cols: int) -> float:
+        """Metres along a texel's side, of the mean over the area."""
+        corners = self.mesh.positions[self.mesh.faces[self.faces]]
+        edges, sides = corners[:, 1:] - corners[:, :1], self.uv[:, 1:] - self.uv[:, :1]
+        area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum()
+        texels = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]).sum() * rows * cols
+        return float(np.sqrt(area / max(texels, 1e-12)))
+
+
+def paint_texture(canvas: Canvas, painter: Painter, rows: int, cols: int) -> Float[ndarray, "rows cols channels"]:
+    """The layer of all maps, as float16; texels outside of the faces continue what is nearest, for any mip level."""
+    texture = np.zeros((rows, cols, CHANNELS), np.float16)
+    known = np.zeros((rows, cols), bool)
+    texel = canvas.texel(rows, cols)
+    for band in bands(canvas.uv, canvas.faces, rows, cols, halo=1):
+        own = slice(band.first, band.first + len(band.covered) - 2)
+        known[own] = band.covered[1:-1]
+        if band.covered.any():
+            texture[own] = _painted(canvas, band, painter(band.points, texel))[1:-1]
+    fill(texture, known)
+    return texture
+
+
+def _painted(canvas: Canvas, band: Band, paint: Paint) -> Float[ndarray, "rows cols channels"]:
+    """The band with its halo."""
+    shape = band.covered.shape
+    made = np.zeros((*shape, CHANNELS), np.float32)
+    values = np.column_stack([paint.color, paint.alpha, paint.roughness, paint.metallic])
+    made[band.covered, : NORMAL.start] = values
+    made[..., NORMAL] = _relief(canvas, band, paint.height)
+    return made
+
+
+def _relief(canvas: Canvas, band: Band, height: Float[ndarray, " points"]) -> Float[ndarray, "rows cols 3"]:
+    """Unit normals in tangent space, from the slopes of the height between neighbouring texels of one island."""
+    shape = band.covered.shape
+    normal = np.zeros((*shape, 3), np.float32)
+    normal[..., 2] = 1.0
+    if not height.any():
+        return normal
+    heights, places = np.zeros(shape), np.full((*shape, 3), np.nan)
+    # relief rises from the side that is seen, and tangent space belongs to the winding's front
+    side = np.where(canvas.reversed[band.points.face], -1.0, 1.0)
+    heights[band.covered], places[band.covered] = height * side, band.points.positions(canvas.mesh)
+    slopes = [_slope(heights, places, axis) for axis in (1, 0)]
+    normal[..., 0], normal[..., 1] = -slopes[0], -slopes[1]
+    return unit(normal).astype(np.float32)
+
+
+def _slope(
+    heights: Float[ndarray, "rows cols"], places: Float[ndarray, "rows cols 3"], axis: int
+) -> Float[ndarray, "rows cols"]:
+    """The mean slope to the texels before and after along an axis; 0 where neither is on the same island."""
+    step = np.linalg.norm(np.diff(places, axis=axis), axis=2)
+    usual = np.nanmedian(step) if np.isfinite(step).any() else np.nan
+    near = step < _SAME_SHEET * usual  # false where either is missing
+    rise = np.where(near, np.diff(heights, axis=axis) / np.where(near, np.maximum(step, 1e-12), 1.0), 0.0)
+    pads = ((0, 0), (1, 0)) if axis == 1 else ((1, 0), (0, 0))
+    after = tuple(pad[::-1] for pad in pads)
+    total = np.pad(rise, pads) + np.pad(rise, after)
+    count = np.pad(near.astype(np.int64), pads) + np.pad(near.astype(np.int64), after)
+    slope: Float[ndarray, "rows cols"] = total / np.maximum(count, 1)
+    return slope
+
+
+def fill(texture: Float[ndarray, "rows cols channels"], known: Bool[ndarray, "rows cols"]) -> None:
+    """Fills unknown texels, in place, by the mean of the nearest known ones: those of the finest mip level with any."""
+    rows, cols = known.shape
+    if known.all() or not known.any() or min(rows, cols) == 1:
+        if known.any():
+            texture[~known] = texture[known].astype(np.float32).mean(axis=0)
+        return
+    tall, wide = -(-rows // 2), -(-cols // 2)
+    weight = np.zeros((tall, wide), np.float32)
+    coarse = np.zeros((tall, wide, texture.shape[2]), np.float32)
+    for row in (0, 1):
+        for col in (0, 1):
+            mine, mask = texture[row::2, col::2], known[row::2, col::2]
+            weight[: mask.shape[0], : mask.shape[1]] += mask
+            coarse[: mask.shape[0], : mask.shape[1]] += np.where(mask[..., None], mine, 0)
+    coarse /= np.maximum(weight, 1.0)[..., None]
+    fill(coarse, weight > 0)
+    at = np.nonzero(~known)
+    texture[at] = coarse[at[0] // 2, at[1] // 2]
