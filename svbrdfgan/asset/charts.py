@@ -6,11 +6,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from svbrdfgan.asset.islands import areas, components, signed_areas, uv_islands, welded
+from svbrdfgan.asset.islands import areas, components, extent, signed_areas, uv_islands, welded
 from svbrdfgan.asset.packing import import_xatlas
 
 _STRETCH = 2.0  # the most that an own island may be longer or shorter in UV than in space
 _STRETCHED = 0.05  # share of an island's area that may be stretched more
+_UNITS = 1000.0  # of a surface's extent, for xatlas: its tolerances are absolute
 _CONFETTI = 4.0  # own islands of fewer faces than this, on average, are no help to an artist
 
 
@@ -46,7 +47,8 @@ def new_charts(positions: Float[ndarray, "faces 3 3"]) -> tuple[Float[ndarray, "
     xatlas = import_xatlas()
     used, faces = np.unique(welded(positions), return_inverse=True)
     points = np.zeros((len(used), 3))
-    points[faces.reshape(-1)] = positions.reshape(-1, 3) - positions.reshape(-1, 3).mean(axis=0)
+    scaled = (positions - positions.mean(axis=(0, 1))) * (_UNITS / extent(positions))
+    points[faces.reshape(-1)] = scaled.reshape(-1, 3)
     atlas, charting, packing = xatlas.Atlas(), xatlas.ChartOptions(), xatlas.PackOptions()
     charting.max_iterations = 1
     packing.resolution, packing.padding, packing.bilinear = 256, 0, False
@@ -78,14 +80,19 @@ def cut(
 def _to_length(
     positions: Float[ndarray, "faces 3 3"], flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]
 ) -> tuple[Float[ndarray, "faces 3 2"], Int[ndarray, " faces"]]:
-    """The same charts, each scaled to its area in space; faces without area in either leave them."""
-    held = np.abs(signed_areas(flat))
+    """The same charts, each scaled to its area in space and not mirrored; faces without area in the plane leave them."""
+    signed = signed_areas(flat)
+    held = np.abs(signed)
     chart = np.where(held > 0.0, chart, -1)
     placed = chart >= 0
     wanted = np.bincount(chart[placed], areas(positions)[placed])
     scale = np.ones(len(flat))
     scale[placed] = np.sqrt(wanted / np.maximum(np.bincount(chart[placed], held[placed]), 1e-300))[chart[placed]]
-    return flat * scale[:, None, None], chart
+    mirrored = np.zeros(len(flat), dtype=bool)
+    mirrored[placed] = (np.bincount(chart[placed], signed[placed]) < 0.0)[chart[placed]]
+    flat = flat * scale[:, None, None]
+    flat[mirrored, :, 0] *= -1.0  # xatlas packs charts of negative area as points
+    return flat, chart
 
 
 def _edges(
