@@ -6,12 +6,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from svbrdfgan.asset.islands import areas, components, extent, signed_areas, uv_islands, welded
+from svbrdfgan.asset.box_charts import box_charts
+from svbrdfgan.asset.islands import areas, components, edge_neighbours, extent, signed_areas, uv_islands, welded
 from svbrdfgan.asset.packing import import_xatlas
 
 _STRETCH = 2.0  # the most that an own island may be longer or shorter in UV than in space
 _STRETCHED = 0.05  # share of an island's area that may be stretched more
 _UNITS = 1000.0  # of a surface's extent, for xatlas: its tolerances are absolute
+_MOST = 100_000  # faces that are left to xatlas
 _CONFETTI = 4.0  # own islands of fewer faces than this, on average, are no help to an artist
 
 
@@ -40,10 +42,13 @@ def own_charts(
 
 
 def new_charts(positions: Float[ndarray, "faces 3 3"]) -> tuple[Float[ndarray, "faces 3 2"], Int[ndarray, " faces"]]:
-    """The charts that xatlas finds, in units of length, and the chart of each face; -1 for faces without area.
+    """Charts in units of length, and the chart of each face; -1 for faces without area.
 
+    xatlas finds them, save on large meshes: where these are rough, it takes minutes. There, faces are grouped by axis.
     One iteration: further ones take longer and leave as many charts. Packing, which xatlas does too, is made cheap.
     """
+    if len(positions) > _MOST:
+        return _to_length(positions, *box_charts(positions))
     xatlas = import_xatlas()
     used, faces = np.unique(welded(positions), return_inverse=True)
     points = np.zeros((len(used), 3))
@@ -65,13 +70,8 @@ def cut(
     positions: Float[ndarray, "faces 3 3"], chart: Int[ndarray, " faces"], taken: Bool[ndarray, " faces"]
 ) -> Int[ndarray, " faces"]:
     """The charts after the taken faces have left theirs: connected ones of one chart are a new chart together."""
-    corner = welded(positions)
-    ends = np.sort(np.stack([corner, np.roll(corner, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    owner = np.repeat(np.arange(len(chart)), 3)
-    order = np.lexsort((ends[:, 0], ends[:, 1], taken[owner], chart[owner]))
-    ends, owner = ends[order], owner[order]
-    one, other = owner[:-1], owner[1:]
-    same = (ends[1:] == ends[:-1]).all(axis=1) & (chart[one] == chart[other]) & (taken[one] == taken[other])
+    one, other = edge_neighbours(welded(positions))
+    same = (chart[one] == chart[other]) & (taken[one] == taken[other])
     piece = components(len(chart), one[same], other[same])
     touched = np.isin(chart, chart[taken])  # what remains of a chart can be in pieces, too
     return np.unique(np.where(touched, piece + chart.max() + 1, chart), return_inverse=True)[1]
@@ -80,7 +80,7 @@ def cut(
 def _to_length(
     positions: Float[ndarray, "faces 3 3"], flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]
 ) -> tuple[Float[ndarray, "faces 3 2"], Int[ndarray, " faces"]]:
-    """The same charts, each scaled to its area in space and not mirrored; faces without area in the plane leave them."""
+    """The same charts, scaled to their areas in space and not mirrored; faces without area in the plane leave them."""
     signed = signed_areas(flat)
     held = np.abs(signed)
     chart = np.where(held > 0.0, chart, -1)

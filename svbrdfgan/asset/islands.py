@@ -54,12 +54,20 @@ def find_islands(
     """
     count = int(places.max(initial=0)) + 1
     corner = np.unique(vertices * count + places, return_inverse=True)[1].reshape(-1, 3)
+    one, other = edge_neighbours(corner)
+    alike = side[one] == side[other]
+    return components(len(vertices), one[alike], other[alike])
+
+
+def edge_neighbours(corner: Int[ndarray, "faces 3"]) -> tuple[Int[ndarray, " pairs"], Int[ndarray, " pairs"]]:
+    """Pairs of faces that share an edge. Where many faces do, each is paired with the next three."""
     ends = np.sort(np.stack([corner, np.roll(corner, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    owner = np.repeat(np.arange(len(vertices)), 3)
-    order = np.lexsort((ends[:, 0], ends[:, 1], side[owner]))
-    ends, owner = ends[order], owner[order]
-    same = (ends[1:] == ends[:-1]).all(axis=1) & (side[owner[1:]] == side[owner[:-1]])
-    return components(len(vertices), owner[:-1][same], owner[1:][same])
+    edge = ends[:, 0] * (int(corner.max(initial=0)) + 1) + ends[:, 1]
+    order = np.argsort(edge, kind="stable")
+    edge, owner = edge[order], np.repeat(np.arange(len(corner)), 3)[order]
+    found = [(owner[:-k][edge[k:] == edge[:-k]], owner[k:][edge[k:] == edge[:-k]]) for k in (1, 2, 3)]
+    one, other = (np.concatenate(side) for side in zip(*found, strict=True))
+    return one, other
 
 
 def components(count: int, one: Int[ndarray, " pairs"], other: Int[ndarray, " pairs"]) -> Int[ndarray, " count"]:

@@ -9,16 +9,13 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from svbrdfgan.asset.islands import signed_areas
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.rows import merge_rows
 
-_FULL = 0.85  # of the square: more than charts ever fill, gutters included
-_SMALLER = 0.9  # the ratio of the scales that are tried first
-_LEAST = 0.02  # texels per unit: below that, gutters alone fill the square
-_REFINED = 2  # halvings of the interval between the last scales, one too large and one that fits
+_STEP = 0.95  # the ratio of the scales that are tried
+_TRIES = 40  # to a scale of an eighth of the first guess
+_GROWTHS = 4  # further scales after the first that fits
 _SHRUNK = 0.97  # xatlas shrinks charts that are longer than the square
-
 
 _Charts = tuple[Float[ndarray, "vertices 2"], Int[ndarray, "faces 3"], Int[ndarray, " faces"]]
 
@@ -32,7 +29,9 @@ def import_xatlas() -> Any:
     try:
         return importlib.import_module("xatlas")
     except ImportError as error:
-        raise AssetError("a second UV set needs xatlas, which is not installed; pip install svbrdfgan[gltf].") from error
+        raise AssetError(
+            "a second UV set needs xatlas, which is not installed; pip install svbrdfgan[gltf]."
+        ) from error
 
 
 def pack(
@@ -49,15 +48,15 @@ def pack(
     Raises:
         AssetError: there are too many charts for the size, or xatlas is missing.
     """
-    area = float(np.abs(signed_areas(flat)).sum())
     flat = _upright(flat, chart)
-    texels = size * float(np.sqrt(_FULL / max(area, 1e-300)))
-    mesh = (*_spread(flat * texels, chart), chart)  # xatlas' tolerances are absolute: it needs numbers near those of texels
-    scale = 1.0
-    while scale > _LEAST:
+    texels = _guess(flat, chart, size, gutter)
+    mesh = (
+        *_spread(flat * texels, chart),
+        chart,
+    )  # xatlas' tolerances are absolute: it needs numbers near those of texels
+    for scale in _STEP ** np.arange(_TRIES) if texels > 0.0 else ():
         if (placed := _placed(mesh, (size, gutter, scale))) is not None:
-            return _refined(mesh, (size, gutter, scale), placed) / size
-        scale *= _SMALLER
+            return _grown(mesh, (size, gutter, scale), placed) / size
     raise AssetError(
         f"{chart.max() + 1} charts do not fit {size} x {size} texels with gutters of {gutter}; "
         "ask for a larger texture, or simplify the mesh."
@@ -69,7 +68,7 @@ def _upright(flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -
     order = np.argsort(chart, kind="stable")
     points, starts = flat[order], np.searchsorted(chart[order], np.arange(int(chart.max()) + 1))
     best, least = np.zeros(len(starts)), np.full(len(starts), np.inf)
-    for steps in (np.arange(0.0, 90.0, 3.0), np.arange(-1.5, 1.6, 0.25)):  # ties keep the first: as the artist had them
+    for steps in (np.arange(0.0, 90.0, 5.0), np.arange(-2.5, 2.6, 0.5)):  # ties keep the first: as the artist had them
         around = best
         for step in np.deg2rad(steps):
             turned = _turned(points, (around + step)[chart[order]])
@@ -89,25 +88,45 @@ def _spread(
     flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]
 ) -> tuple[Float[ndarray, "vertices 2"], Int[ndarray, "faces 3"]]:
     """Vertices with the charts on a grid, so that none lie on each other, and the vertices of each face."""
-    count = int(chart.max()) + 1
-    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
-    np.minimum.at(low, chart, flat.min(axis=1))
-    np.maximum.at(high, chart, flat.max(axis=1))
-    side = int(np.ceil(np.sqrt(count)))
+    low, high = _boxes(flat, chart)
+    side = int(np.ceil(np.sqrt(len(low))))
     cell = 1.1 * float((high - low).max())
-    offset = cell * np.stack(np.divmod(np.arange(count), side), axis=1) - low
+    offset = cell * np.stack(np.divmod(np.arange(len(low)), side), axis=1) - low
     vertices, index = merge_rows((flat + offset[chart][:, None]).reshape(-1, 2).astype(np.float32).astype(np.float64))
     return vertices, index.reshape(-1, 3)
 
 
-def _refined(mesh: _Charts, room: tuple[int, int, float], placed: ndarray) -> ndarray:
-    """Corners in texels, a little larger than `placed` if they fit."""
-    size, gutter, fitting = room
-    step = _SMALLER
-    for _ in range(_REFINED):
-        step = step**0.5
-        if (larger := _placed(mesh, (size, gutter, fitting / step))) is not None:
-            placed, fitting = larger, fitting / step
+def _guess(flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"], size: int, gutter: int) -> float:
+    """Texels per unit at which bounding boxes with gutters fill the square, or 0 if gutters alone are too many."""
+    low, high = _boxes(flat, chart)
+    sides = high - low
+    least, most = 0.0, size / float(sides.max())
+    if (gutter + 1) ** 2 * len(sides) >= size**2:
+        return 0.0
+    for _ in range(40):
+        middle = (least + most) / 2.0
+        fits = np.prod(sides * middle + gutter + 1.0, axis=1).sum() <= size**2
+        least, most = (middle, most) if fits else (least, middle)
+    return least
+
+
+def _boxes(flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> tuple[ndarray, ndarray]:
+    """Lower and upper corners of each chart's bounding box."""
+    count = int(chart.max()) + 1
+    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+    np.minimum.at(low, chart, flat.min(axis=1))
+    np.maximum.at(high, chart, flat.max(axis=1))
+    return low, high
+
+
+def _grown(mesh: _Charts, room: tuple[int, int, float], placed: ndarray) -> Float[ndarray, "faces 3 2"]:
+    """Corners in texels, larger than `placed` as long as they fit."""
+    size, gutter, scale = room
+    for _ in range(_GROWTHS):
+        scale /= _STEP
+        if (larger := _placed(mesh, (size, gutter, scale))) is None:
+            break
+        placed = larger
     return np.clip(placed, 0.0, size)
 
 

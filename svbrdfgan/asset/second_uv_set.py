@@ -15,8 +15,6 @@ from svbrdfgan.asset.shared_texels import texel_use
 
 log = logging.getLogger(__name__)
 
-_CUTS = 4  # rounds of cutting charts that overlap themselves; what is left after them is below a texel
-
 
 def second_uv_set(
     positions: Float[ndarray, "faces 3 3"], uv: Float[ndarray, "faces 3 2"] | None, size: int, gutter: int = 4
@@ -69,26 +67,31 @@ def _one_to_one(
     room: tuple[int, int],
 ) -> tuple[Float[ndarray, "faces 3 2"], int]:
     """The packed charts and their number. Charts that overlap themselves are cut, and all packed again."""
-    for _ in range(_CUTS):
-        placed = pack(flat, chart, *room)
-        upper = _upper(positions, placed, room[0])
-        if not upper.any():
-            break
-        chart = cut(positions, chart, upper)
-    return placed, int(chart.max()) + 1
+    placed = pack(flat, chart, *room)
+    parted = _parted(positions, placed, chart, room[0])
+    if parted.max() > chart.max():
+        placed = pack(flat, parted, *room)
+    return placed, int(parted.max()) + 1
 
 
-def _upper(
-    positions: Float[ndarray, "faces 3 3"], placed: Float[ndarray, "faces 3 2"], size: int
-) -> Bool[ndarray, " faces"]:
-    """At each texel with two places, all faces but that of the lowest number."""
+def _parted(
+    positions: Float[ndarray, "faces 3 3"],
+    placed: Float[ndarray, "faces 3 2"],
+    chart: Int[ndarray, " faces"],
+    size: int,
+) -> Int[ndarray, " faces"]:
+    """The charts, after faces that lie on others of their chart, at some texel's centre, have left it."""
     use = texel_use(positions, placed, size, size)
     face, texel = use.face[use.doubled], use.texel[use.doubled]
-    lowest = np.full(size * size, len(positions), dtype=np.int64)
-    np.minimum.at(lowest, texel, face)
-    upper = np.zeros(len(positions), dtype=bool)
-    upper[face[face != lowest[texel]]] = True
-    return upper
+    while True:
+        key = texel * (int(chart.max()) + 1) + chart[face]
+        order = np.lexsort((face, key))
+        upper = face[order[1:]][key[order[1:]] == key[order[:-1]]]
+        if not len(upper):
+            return chart
+        taken = np.zeros(len(chart), dtype=bool)
+        taken[upper] = True
+        chart = cut(positions, chart, taken)
 
 
 def _with_slivers(

@@ -34,7 +34,9 @@ class TexelUse:
         return np.bincount(self.face, self.doubled, minlength=count) / np.maximum(total, 1)
 
 
-def texel_use(positions: Float[ndarray, "faces 3 3"], uv: Float[ndarray, "faces 3 2"], rows: int, cols: int) -> TexelUse:
+def texel_use(
+    positions: Float[ndarray, "faces 3 3"], uv: Float[ndarray, "faces 3 2"], rows: int, cols: int
+) -> TexelUse:
     """The faces over each texel's centre, and whether they are different places in space.
 
     Surfaces closer to each other than two texels' footprint count as one place, such as both sides of a sheet.

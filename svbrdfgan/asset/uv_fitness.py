@@ -84,7 +84,7 @@ def _into_tile(uv: Float[ndarray, "faces 3 2"]) -> Float[ndarray, "faces 3 2"]:
 
 
 def _leaves(uv: Float[ndarray, "faces 3 2"]) -> Bool[ndarray, " faces"]:
-    return ((uv < -_BEYOND) | (uv > 1.0 + _BEYOND)).any(axis=(1, 2))
+    return (uv.min(axis=(1, 2)) < -_BEYOND) | (uv.max(axis=(1, 2)) > 1.0 + _BEYOND)
 
 
 def _flaws(
