@@ -143,6 +143,17 @@ def rasterize_triangles(
     return _raster(corners, top, best, rows, cols)
 
 
+def triangle_fragments(
+    corners: Float[ndarray, "faces 3 2"], rows: int, cols: int
+) -> tuple[Int[ndarray, " fragments"], Int[ndarray, " fragments"], Float[ndarray, "fragments 3"]]:
+    """Triangle, point (row * cols + col) and barycentric coordinates wherever a whole (col, row) lies in a triangle."""
+    found = list(_fragments(corners, np.arange(len(corners)), rows, cols))
+    if not found:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+    face, texel, barycentric = (np.concatenate(list(column)) for column in zip(*found, strict=True))
+    return face, texel, barycentric
+
+
 def _texel_corners(surface: Surface, rows: int, cols: int) -> Float[ndarray, "faces 3 2"]:
     """The faces' UVs in units of texels; texel centres are at integers."""
     return surface.uv[surface.faces] * (cols, rows) - 0.5

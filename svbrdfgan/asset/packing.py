@@ -1,0 +1,195 @@
+"""Charts placed side by side in the unit square, by xatlas."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io.rows import merge_rows
+
+_STEP = 0.95  # the ratio of the scales that are tried
+_TRIES = 40  # to a scale of an eighth of the first guess
+_GROWTHS = 4  # further scales after the first that fits
+_SHRUNK = 0.97  # xatlas shrinks charts that are longer than the square
+
+_Charts = tuple[Float[ndarray, "vertices 2"], Int[ndarray, "faces 3"], Int[ndarray, " faces"]]
+
+
+def import_xatlas() -> Any:
+    """The module xatlas.
+
+    Raises:
+        AssetError: it is not installed.
+    """
+    try:
+        return importlib.import_module("xatlas")
+    except ImportError as error:
+        raise AssetError(
+            "a second UV set needs xatlas, which is not installed; pip install svbrdfgan[gltf]."
+        ) from error
+
+
+def pack(
+    flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"], size: int, gutter: int
+) -> Float[ndarray, "faces 3 2"]:
+    """Corner UVs in [0, 1], with each chart turned and moved, all scaled by one factor, as large as fits.
+
+    Args:
+        flat: corners in the plane of each chart. Charts are packed as they are, even if they overlap themselves.
+        chart: of each face, numbered from 0.
+        size: texels along a side.
+        gutter: texels between charts.
+
+    Raises:
+        AssetError: there are too many charts for the size, or xatlas is missing.
+    """
+    flat = _upright(flat, chart)
+    texels = _guess(flat, chart, size, gutter)
+    mesh = (
+        *_spread(flat * texels, chart),
+        chart,
+    )  # xatlas' tolerances are absolute: it needs numbers near those of texels
+    for scale in _STEP ** np.arange(_TRIES) if texels > 0.0 else ():
+        if (placed := _placed(mesh, (size, gutter, scale))) is not None:
+            return _grown(mesh, (size, gutter, scale), placed) / size
+    raise AssetError(
+        f"{chart.max() + 1} charts do not fit {size} x {size} texels with gutters of {gutter}; "
+        "ask for a larger texture, or simplify the mesh."
+    )
+
+
+def _upright(flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> Float[ndarray, "faces 3 2"]:
+    """The charts turned so that the areas of their bounding boxes are about the smallest."""
+    order = np.argsort(chart, kind="stable")
+    points, starts = flat[order], np.searchsorted(chart[order], np.arange(int(chart.max()) + 1))
+    best, least = np.zeros(len(starts)), np.full(len(starts), np.inf)
+    for steps in (np.arange(0.0, 90.0, 5.0), np.arange(-2.5, 2.6, 0.5)):  # ties keep the first: as the artist had them
+        around = best
+        for step in np.deg2rad(steps):
+            turned = _turned(points, (around + step)[chart[order]])
+            size = np.maximum.reduceat(turned.max(axis=1), starts) - np.minimum.reduceat(turned.min(axis=1), starts)
+            smaller = size.prod(axis=1) < least * (1.0 - 1e-6)
+            best = np.where(smaller, around + step, best)
+            least = np.where(smaller, size.prod(axis=1), least)
+    return _turned(flat, best[chart])
+
+
+def _turned(points: Float[ndarray, "faces 3 2"], angle: Float[ndarray, " faces"]) -> Float[ndarray, "faces 3 2"]:
+    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    return np.stack([cos * points[..., 0] - sin * points[..., 1], sin * points[..., 0] + cos * points[..., 1]], axis=2)
+
+
+def _spread(
+    flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]
+) -> tuple[Float[ndarray, "vertices 2"], Int[ndarray, "faces 3"]]:
+    """Vertices with the charts on a grid, so that none lie on each other, and the vertices of each face."""
+    low, high = _boxes(flat, chart)
+    side = int(np.ceil(np.sqrt(len(low))))
+    cell = 1.1 * float((high - low).max())
+    offset = cell * np.stack(np.divmod(np.arange(len(low)), side), axis=1) - low
+    vertices, index = merge_rows((flat + offset[chart][:, None]).reshape(-1, 2).astype(np.float32).astype(np.float64))
+    return vertices, index.reshape(-1, 3)
+
+
+def _guess(flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"], size: int, gutter: int) -> float:
+    """Texels per unit at which bounding boxes with gutters fill the square, or 0 if gutters alone are too many."""
+    low, high = _boxes(flat, chart)
+    sides = high - low
+    least, most = 0.0, size / float(sides.max())
+    if (gutter + 1) ** 2 * len(sides) >= size**2:
+        return 0.0
+    for _ in range(40):
+        middle = (least + most) / 2.0
+        fits = np.prod(sides * middle + gutter + 1.0, axis=1).sum() <= size**2
+        least, most = (middle, most) if fits else (least, middle)
+    return least
+
+
+def _boxes(flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> tuple[ndarray, ndarray]:
+    """Lower and upper corners of each chart's bounding box."""
+    count = int(chart.max()) + 1
+    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+    np.minimum.at(low, chart, flat.min(axis=1))
+    np.maximum.at(high, chart, flat.max(axis=1))
+    return low, high
+
+
+def _grown(mesh: _Charts, room: tuple[int, int, float], placed: ndarray) -> Float[ndarray, "faces 3 2"]:
+    """Corners in texels, larger than `placed` as long as they fit."""
+    size, gutter, scale = room
+    for _ in range(_GROWTHS):
+        scale /= _STEP
+        if (larger := _placed(mesh, (size, gutter, scale))) is None:
+            break
+        placed = larger
+    return np.clip(placed, 0.0, size)
+
+
+def _placed(mesh: _Charts, room: tuple[int, int, float]) -> Float[ndarray, "faces 3 2"] | None:
+    """Corners in texels, or None where they need more than one square.
+
+    Args:
+        mesh: vertices, faces and the chart of each face.
+        room: texels along a side, gutter, and texels per unit of the vertices.
+    """
+    size, gutter, scale = room
+    vertices, faces, chart = mesh
+    xatlas = import_xatlas()
+    atlas, options = xatlas.Atlas(), xatlas.PackOptions()
+    options.resolution, options.texels_per_unit, options.bilinear = size, scale, False
+    options.rotate_charts_to_axis = False  # it makes points of many charts whose corners are above one another
+    options.padding = (gutter + 1) // 2  # xatlas widens each chart by that much, so that two are twice as far apart
+    atlas.add_uv_mesh(vertices.astype(np.float32), faces.astype(np.uint32), chart.astype(np.uint32)[:, None])
+    atlas.generate(xatlas.ChartOptions(), options)
+    if atlas.atlas_count != 1:
+        return None
+    _, found, uv = atlas.get_mesh(0)
+    placed = uv.astype(np.float64)[found.reshape(-1, 3)] * (atlas.width, atlas.height)
+    piece = np.full(len(faces), -1, dtype=np.int64)  # xatlas parts charts that hang together by a corner only
+    for number in range(atlas.get_mesh_chart_count(0)):
+        piece[np.asarray(atlas.get_mesh_chart(0, number).faces, dtype=np.int64)] = number
+    known = piece >= 0
+    unsnapped = _unsnapped(vertices[faces[known]] * scale, placed[known], piece[known])
+    if unsnapped is None:
+        return None
+    placed[known] = unsnapped
+    return placed
+
+
+def _unsnapped(
+    flat: Float[ndarray, "faces 3 2"], placed: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]
+) -> Float[ndarray, "faces 3 2"] | None:
+    """The charts turned and moved to where they were placed, or None if the longest was placed in a smaller size.
+
+    xatlas stretches charts to whole texels, and makes points of those below half a texel: only places are taken.
+    """
+    corner = np.repeat(chart, 3)
+    flat, _ = _centred(flat.reshape(-1, 2), corner)
+    placed, place = _centred(placed.reshape(-1, 2), corner)
+    sums = [np.bincount(corner, placed[:, i] * flat[:, j]) for i in (0, 1) for j in (0, 1)]
+    left, size, right = np.linalg.svd(np.stack(sums, axis=1).reshape(-1, 2, 2))
+    length = np.bincount(corner, np.square(flat).sum(axis=1))
+    longest = np.argmax(_extents(flat, corner))
+    if size[longest].sum() < _SHRUNK * length[longest]:
+        return None
+    return (np.einsum("cxy,cy->cx", (left @ right)[corner], flat) + place[corner]).reshape(-1, 3, 2)
+
+
+def _centred(
+    points: Float[ndarray, "points 2"], group: Int[ndarray, " points"]
+) -> tuple[Float[ndarray, "points 2"], Float[ndarray, "groups 2"]]:
+    """Points relative to the mean of their group, and the means."""
+    mean = np.stack([np.bincount(group, axis) for axis in points.T], axis=1) / np.bincount(group)[:, None]
+    return points - mean[group], mean
+
+
+def _extents(points: Float[ndarray, "points 2"], group: Int[ndarray, " points"]) -> Float[ndarray, " groups"]:
+    """The greatest distance of a point from its group's middle."""
+    far = np.zeros(int(group.max()) + 1)
+    np.maximum.at(far, group, np.linalg.norm(points, axis=1))
+    return far
