@@ -43,9 +43,7 @@ class Sheet:
             )
         return np.asarray(whole).reshape(self.rows, self.cols, -1)[::-1]
 
-    def resampled(
-        self, picture: Image, uv: Float[ndarray, "faces 3 2"]
-    ) -> UInt8[ndarray, "rows cols channels"]:
+    def resampled(self, picture: Image, uv: Float[ndarray, "faces 3 2"]) -> UInt8[ndarray, "rows cols channels"]:
         """A picture over other UVs, given at the corners of the canvas's faces, looked up at each texel."""
         texture = torch.from_numpy(np.array(_eight_bit(picture))[::-1].astype(np.float32))
         texture = texture.reshape(*texture.shape[:2], -1)
