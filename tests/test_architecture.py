@@ -20,9 +20,9 @@ FOR_BACKENDS = (*CONTRACT, "svbrdfgan.geometry.tangents", "svbrdfgan.rendering.a
 FOR_EMBEDDINGS = (*CONTRACT, *(f"svbrdfgan.geometry.{name}" for name in ("cells", "normals", "split", "subdivide")))
 
 ROOMS = (
-    *("errors", "types", "protocols", "utils", "config", "geometry", "io", "asset", "rendering", "plugins", "procedural"),
-    *("networks", "weathering", "scene", "data", "metrics", "training", "evaluation", "inference", "report"),
-    *("experiments", "bench", "testing", "cli"),
+    *("errors", "types", "protocols", "utils", "config", "geometry", "io", "asset", "rendering", "plugins"),
+    *("procedural", "networks", "weathering", "scene", "data", "metrics", "training", "evaluation", "inference"),
+    *("report", "experiments", "bench", "testing", "cli"),
 )
 """The rooms of the core, lowest first: each imports only from itself and from those before it."""
 

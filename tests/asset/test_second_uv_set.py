@@ -156,8 +156,7 @@ def test_an_island_over_itself_is_cut() -> None:
 
 def test_a_long_strip_does_not_make_all_else_small() -> None:
     pytest.importorskip("xatlas")
-    x = np.arange(101.0)[:, None] * (1.0, 0.0, 0.0)
-    low, high = x, x + (0.0, 0.1, 0.0)
+    low, high = (np.stack([np.arange(101.0), np.full(101, y), np.zeros(101)], axis=1) for y in (0.0, 0.1))
     strip = np.concatenate(
         [np.stack([low[:-1], low[1:], high[1:]], axis=1), np.stack([low[:-1], high[1:], high[:-1]], axis=1)]
     )
