@@ -9,11 +9,13 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from svbrdfgan.asset.islands import signed_areas
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.rows import merge_rows
 
 _STEP = 0.95  # the ratio of the scales that are tried
 _TRIES = 40  # to a scale of an eighth of the first guess
+_LONGEST = 1.2  # of the side of a square of the charts' area: about the side of the texture that they fill
 _GROWTHS = 4  # further scales after the first that fits
 _SHRUNK = 0.97  # xatlas shrinks charts that are longer than the square
 
@@ -94,6 +96,18 @@ def _spread(
     offset = cell * np.stack(np.divmod(np.arange(len(low)), side), axis=1) - low
     vertices, index = merge_rows((flat + offset[chart][:, None]).reshape(-1, 2).astype(np.float32).astype(np.float64))
     return vertices, index.reshape(-1, 3)
+
+
+def shortened(flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> Int[ndarray, " faces"]:
+    """The charts, with those that are longer than the square cut across, so that they do not make all others small."""
+    flat = _upright(flat, chart)
+    low, high = _boxes(flat, chart)
+    sides = high - low
+    limit = _LONGEST * float(np.sqrt(np.abs(signed_areas(flat)).sum()))
+    pieces = np.ceil(sides.max(axis=1) / limit)
+    along = np.where(sides[chart, 0] >= sides[chart, 1], *(flat.mean(axis=1) - low[chart]).T) / sides.max(axis=1)[chart]
+    piece = np.minimum(np.floor(along * pieces[chart]), pieces[chart] - 1).astype(np.int64)
+    return np.unique(chart * (int(pieces.max()) + 1) + piece, return_inverse=True)[1]
 
 
 def _guess(flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"], size: int, gutter: int) -> float:

@@ -8,12 +8,16 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from svbrdfgan.asset.box_charts import box_charts
 from svbrdfgan.asset.charts import cut, new_charts, own_charts
 from svbrdfgan.asset.islands import areas, signed_areas, welded
-from svbrdfgan.asset.packing import pack
+from svbrdfgan.asset.packing import pack, shortened
 from svbrdfgan.asset.shared_texels import texel_use
 
 log = logging.getLogger(__name__)
+
+_PACKINGS = 3  # at most: a new packing has new texels, at which further faces can be found to overlap
+_DOUBLED = 1e-4  # share of texels that may show two places
 
 
 def second_uv_set(
@@ -52,10 +56,11 @@ def _charts(
     flat, chart = np.zeros((*positions.shape[:2], 2)), np.full(len(positions), -1, dtype=np.int64)
     if uv is not None:
         flat, chart = own_charts(positions, uv)
-    rest = np.flatnonzero((chart < 0) & (areas(positions) > 0.0))
-    if len(rest):
-        flat[rest], found = new_charts(positions[rest])
-        chart[rest] = np.where(found >= 0, found + chart.max() + 1, -1)
+    for method in (new_charts, box_charts):  # the second for faces that xatlas makes lines of
+        rest = np.flatnonzero((chart < 0) & (areas(positions) > 0.0))
+        if len(rest):
+            flat[rest], found = method(positions[rest])
+            chart[rest] = np.where(found >= 0, found + chart.max() + 1, -1)
     chart[chart >= 0] = np.unique(chart[chart >= 0], return_inverse=True)[1]
     return flat, chart
 
@@ -67,11 +72,14 @@ def _one_to_one(
     room: tuple[int, int],
 ) -> tuple[Float[ndarray, "faces 3 2"], int]:
     """The packed charts and their number. Charts that overlap themselves are cut, and all packed again."""
-    placed = pack(flat, chart, *room)
-    parted = _parted(positions, placed, chart, room[0])
-    if parted.max() > chart.max():
-        placed = pack(flat, parted, *room)
-    return placed, int(parted.max()) + 1
+    chart = shortened(flat, chart)
+    for _ in range(_PACKINGS):
+        placed = pack(flat, chart, *room)
+        parted, doubled = _parted(positions, placed, chart, room[0])
+        if doubled <= _DOUBLED:
+            break
+        chart = parted
+    return placed, int(chart.max()) + 1
 
 
 def _parted(
@@ -79,16 +87,20 @@ def _parted(
     placed: Float[ndarray, "faces 3 2"],
     chart: Int[ndarray, " faces"],
     size: int,
-) -> Int[ndarray, " faces"]:
-    """The charts, after faces that lie on others of their chart, at some texel's centre, have left it."""
+) -> tuple[Int[ndarray, " faces"], float]:
+    """The charts, after faces that lie on others of their chart have left it, and the share of texels with such faces.
+
+    Only texels' centres are looked at.
+    """
     use = texel_use(positions, placed, size, size)
     face, texel = use.face[use.doubled], use.texel[use.doubled]
+    share = len(face) / max(len(use.face), 1)
     while True:
         key = texel * (int(chart.max()) + 1) + chart[face]
         order = np.lexsort((face, key))
         upper = face[order[1:]][key[order[1:]] == key[order[:-1]]]
         if not len(upper):
-            return chart
+            return chart, share
         taken = np.zeros(len(chart), dtype=bool)
         taken[upper] = True
         chart = cut(positions, chart, taken)

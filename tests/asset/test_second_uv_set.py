@@ -154,6 +154,16 @@ def test_an_island_over_itself_is_cut() -> None:
     assert uv_islands(positions, found).max() + 1 <= 6
 
 
+def test_a_long_strip_does_not_make_all_else_small() -> None:
+    pytest.importorskip("xatlas")
+    low, high = (np.stack([np.arange(101.0), np.full(101, y), np.zeros(101)], axis=1) for y in (0.0, 0.1))
+    strip = np.concatenate(
+        [np.stack([low[:-1], low[1:], high[1:]], axis=1), np.stack([low[:-1], high[1:], high[:-1]], axis=1)]
+    )
+    used = np.abs(signed_areas(second_uv_set(strip, None, SIZE, 1))).sum()
+    assert used > 0.4  # in one piece it would be 0.001
+
+
 def test_too_many_charts_say_so() -> None:
     pytest.importorskip("xatlas")
     boxes = np.concatenate([SHAPES["box"] + (2.0 * k, 0.0, 0.0) for k in range(30)])
