@@ -1,0 +1,168 @@
+"""A document in which pieces weather: those have new textures, and all else is as it was."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from documents import differences
+from gltf_reader import read
+from numpy import ndarray
+from permissions import weathering
+from PIL import Image
+
+from svbrdfgan.asset.asset import Asset, load_asset
+from svbrdfgan.asset.painters import Paint
+from svbrdfgan.asset.points import SurfacePoints
+from svbrdfgan.asset.weather_document import Edited, Model, Textures, weather_document
+from svbrdfgan.io.gltf.accessors import INDICES, append_accessor
+from svbrdfgan.io.gltf.document import Document, write_document
+from svbrdfgan.types import Mesh
+
+RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Halves:
+    """Paints solid red where x > 0, and nothing elsewhere."""
+
+    mesh: Mesh
+    alpha: float = 1.0
+
+    def __call__(self, points: SurfacePoints, texel: float) -> Paint:
+        alpha = self.alpha * (points.positions(self.mesh)[:, 0] > 0.0)
+        color, zero = np.tile(RED, (len(points), 1)), np.zeros(len(points))
+        return Paint(color, alpha, np.full(len(points), 0.25), zero, zero)
+
+
+def square(document: Document, x: float, *, uv: ndarray | None) -> dict[str, int]:
+    """Attributes of a square of side 1 whose left edge is at x."""
+    corners = np.array([[x, 0, 0], [x + 1, 0, 0], [x + 1, 1, 0], [x, 1, 0]], "<f4")
+    attributes = {"POSITION": append_accessor(document, corners, bounds=True)}
+    if uv is not None:
+        attributes["TEXCOORD_0"] = append_accessor(document, uv.astype("<f4"))
+    return attributes
+
+
+UNIT = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], float)
+LEFT, RIGHT = UNIT * (0.5, 1.0), UNIT * (0.5, 1.0) + (0.5, 0.0)
+
+
+def two_squares(path: Path, *, uv: tuple[ndarray | None, ndarray | None], materials: tuple[int, int]) -> Asset:
+    """An asset of a square at x in [-1, 0] and one at [0, 1], in two nodes; the first material has a blue texture."""
+    document = Document({"asset": {"version": "2.0", "copyright": "somebody"}, "extras": {"kept": 1}}, [], path)
+    stream = BytesIO()
+    Image.new("RGB", (32, 32), (0, 0, 255)).save(stream, format="PNG")
+    document.add("images", {"bufferView": document.add_view(stream.getvalue()), "mimeType": "image/png"})
+    document.add("textures", {"source": 0})
+    gloss = {"metallicFactor": 0.5, "roughnessFactor": 1.0}
+    document.add("materials", {"name": "paint", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, **gloss}})
+    document.add("materials", {"name": "other", "doubleSided": True, "extras": {"id": 7}})
+    index = append_accessor(document, np.array([0, 1, 2, 0, 2, 3], "<u4"), target=INDICES)
+    for number, x in enumerate((-1.0, 0.0)):
+        attributes = square(document, x, uv=uv[number])
+        primitive = {"attributes": attributes, "indices": index, "material": materials[number]}
+        document.add("nodes", {"name": f"node{number}", "mesh": document.add("meshes", {"primitives": [primitive]})})
+    document.header |= {"scene": 0, "scenes": [{"nodes": [0, 1]}]}
+    write_document(path, document)
+    return load_asset(path)
+
+
+def weathered(asset: Asset, *pieces: int, size: int | None = None, alpha: float = 1.0) -> Edited:
+    model = Model(asset.mesh, np.zeros(len(asset.mesh.faces), bool))
+    return weather_document(asset, model, Halves(asset.mesh, alpha), pieces, Textures(size=size, painted=512))
+
+
+def found(edited: Edited, asset: Asset, path: Path, *materials: str) -> list[str]:
+    """What differs beyond these materials."""
+    write_document(path, edited.document)
+    return differences(read(asset.path), read(path), weathering(*materials))
+
+
+def picture(edited: Edited, material: int, key: str = "baseColorTexture") -> ndarray:
+    entry = edited.document.table("materials")[material]
+    texture = edited.document.table("textures")[(entry["pbrMetallicRoughness"] | entry)[key]["index"]]
+    view = edited.document.table("images")[texture["source"]]["bufferView"]
+    return np.asarray(Image.open(BytesIO(bytes(edited.document.views[view]))))
+
+
+def test_the_layer_lies_where_the_surface_is_in_the_asset_s_own_uvs(tmp_path: Path) -> None:
+    asset = two_squares(tmp_path / "a.glb", uv=(LEFT, RIGHT), materials=(0, 0))
+    edited = weathered(asset, 0, 1)
+    color = picture(edited, 0)
+    assert color.shape == (32, 32, 3)
+    assert (color[:, :16] == (0, 0, 255)).all()
+    assert (color[:, 16:] == (255, 0, 0)).all()
+    gloss = picture(edited, 0, "metallicRoughnessTexture")
+    assert (gloss[:, :16, 1:] == (255, 128)).all()
+    assert (gloss[:, 16:, 1:] == (64, 0)).all()
+    assert found(edited, asset, tmp_path / "b.glb", "paint") == []
+    assert edited.told == []
+
+
+def test_where_the_layer_is_clear_no_byte_of_a_colour_changes(tmp_path: Path) -> None:
+    asset = two_squares(tmp_path / "a.glb", uv=(LEFT, RIGHT), materials=(0, 0))
+    assert (picture(weathered(asset, 0, 1, alpha=0.0), 0) == (0, 0, 255)).all()
+
+
+def test_textures_have_the_size_that_is_asked_for(tmp_path: Path) -> None:
+    asset = two_squares(tmp_path / "a.glb", uv=(LEFT, RIGHT), materials=(0, 0))
+    assert picture(weathered(asset, 0, 1, size=64), 0).shape == (64, 64, 3)
+
+
+def test_a_material_that_only_some_pieces_weather_is_copied(tmp_path: Path) -> None:
+    asset = two_squares(tmp_path / "a.glb", uv=(LEFT, RIGHT), materials=(0, 0))
+    edited = weathered(asset, 1)
+    first, second = (asset.source(piece).mesh for piece in (0, 1))
+    meshes = edited.document.table("meshes")
+    assert meshes[first]["primitives"][0]["material"] == 0
+    assert meshes[second]["primitives"][0]["material"] == 2
+    assert edited.document.table("materials")[0] == asset.document.table("materials")[0]
+    assert "copied" in edited.told[0]
+    assert found(edited, asset, tmp_path / "b.glb", "paint") == []
+
+
+@pytest.mark.parametrize("uv", [(UNIT, UNIT), (None, None)], ids=["overlapping", "none"])
+def test_a_second_uv_set_is_made_where_the_own_one_cannot_hold_a_layer(
+    tmp_path: Path, uv: tuple[ndarray | None, ndarray | None]
+) -> None:
+    pytest.importorskip("xatlas")
+    asset = two_squares(tmp_path / "a.glb", uv=uv, materials=(0, 0))
+    edited = weathered(asset, 0, 1, size=64)
+    number = 0 if uv[0] is None else 1
+    assert (
+        edited.document.table("materials")[0]["pbrMetallicRoughness"]["baseColorTexture"].get("texCoord", 0) == number
+    )
+    assert f"TEXCOORD_{number}" in edited.told[0]
+    assert found(edited, asset, tmp_path / "b.glb", "paint") == []
+    again = load_asset(tmp_path / "b.glb")
+    color = picture(edited, 0).astype(int)
+    for piece, wanted in ((0, BLUE), (1, RED)):
+        places = again.uv(piece, number)
+        assert places is not None
+        middle = places.mean(axis=0) * 64
+        shown = color[64 - 1 - int(middle[1]), int(middle[0])] / 255
+        assert np.allclose(shown, wanted, atol=0.01)
+
+
+def test_a_mesh_that_two_nodes_show_is_copied_for_places_that_differ(tmp_path: Path) -> None:
+    pytest.importorskip("xatlas")
+    asset = two_squares(tmp_path / "a.glb", uv=(UNIT, UNIT), materials=(0, 0))
+    document = asset.document.copy()
+    document.table("nodes")[1] |= {"mesh": 0, "translation": [1.0, 0.0, 0.0]}
+    write_document(tmp_path / "shared.glb", document)
+    shared = load_asset(tmp_path / "shared.glb")
+    edited = weathered(shared, 0, 1, size=64)
+    meshes = {node["mesh"] for node in edited.document.table("nodes")}
+    assert len(meshes) == 2
+    assert found(edited, shared, tmp_path / "b.glb", "paint") == []
+
+
+def test_of_nothing_that_weathers_the_document_stays(tmp_path: Path) -> None:
+    asset = two_squares(tmp_path / "a.glb", uv=(LEFT, RIGHT), materials=(0, 1))
+    edited = weathered(asset)
+    assert edited.document.header == asset.document.header
+    assert found(edited, asset, tmp_path / "b.glb") == []
