@@ -39,7 +39,7 @@ def import_xatlas() -> Any:
 def pack(
     flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"], size: int, gutter: int
 ) -> Float[ndarray, "faces 3 2"]:
-    """Corner UVs in [0, 1], with each chart turned and moved, all scaled by one factor, as large as fits.
+    """Corner UVs in [0, 1]: charts moved, perhaps turned by right angles, and scaled by one factor, as large as fits.
 
     Args:
         flat: corners in the plane of each chart. Charts are packed as they are, even if they overlap themselves.
@@ -50,7 +50,6 @@ def pack(
     Raises:
         AssetError: there are too many charts for the size, or xatlas is missing.
     """
-    flat = _upright(flat, chart)
     texels = _guess(flat, chart, size, gutter)
     mesh = (
         *_spread(flat * texels, chart),
@@ -65,7 +64,7 @@ def pack(
     )
 
 
-def _upright(flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> Float[ndarray, "faces 3 2"]:
+def upright(flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> Float[ndarray, "faces 3 2"]:
     """The charts turned so that the areas of their bounding boxes are about the smallest."""
     order = np.argsort(chart, kind="stable")
     points, starts = flat[order], np.searchsorted(chart[order], np.arange(int(chart.max()) + 1))
@@ -99,8 +98,10 @@ def _spread(
 
 
 def shortened(flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) -> Int[ndarray, " faces"]:
-    """The charts, with those that are longer than the square cut across, so that they do not make all others small."""
-    flat = _upright(flat, chart)
+    """The charts, with those that are longer than the square cut across, so that they do not make all others small.
+
+    Charts must be upright.
+    """
     low, high = _boxes(flat, chart)
     sides = high - low
     limit = _LONGEST * float(np.sqrt(np.abs(signed_areas(flat)).sum()))

@@ -11,7 +11,7 @@ from numpy import ndarray
 from svbrdfgan.asset.box_charts import box_charts
 from svbrdfgan.asset.charts import cut, new_charts, own_charts
 from svbrdfgan.asset.islands import areas, signed_areas, welded
-from svbrdfgan.asset.packing import pack, shortened
+from svbrdfgan.asset.packing import pack, shortened, upright
 from svbrdfgan.asset.shared_texels import texel_use
 
 log = logging.getLogger(__name__)
@@ -72,6 +72,7 @@ def _one_to_one(
     room: tuple[int, int],
 ) -> tuple[Float[ndarray, "faces 3 2"], int]:
     """The packed charts and their number. Charts that overlap themselves are cut, and all packed again."""
+    flat = upright(flat, chart)
     chart = shortened(flat, chart)
     for _ in range(_PACKINGS):
         placed = pack(flat, chart, *room)

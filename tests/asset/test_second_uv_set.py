@@ -10,6 +10,7 @@ from numpy import ndarray
 from scipy.ndimage import distance_transform_cdt
 
 from svbrdfgan.asset import charts
+from svbrdfgan.asset.box_charts import box_charts
 from svbrdfgan.asset.charts import own_charts
 from svbrdfgan.asset.islands import areas, signed_areas, uv_islands
 from svbrdfgan.asset.second_uv_set import second_uv_set
@@ -80,6 +81,22 @@ def test_one_density(name: str) -> None:
 
 
 @pytest.mark.usefixtures("method")
+def test_small_flat_charts_have_the_density_of_large_ones() -> None:
+    """Charts of a few texels are not stretched to whole ones."""
+    boxes = np.concatenate([SHAPES["box"]] + [(0.03 + 0.007 * k) * SHAPES["box"] + (2.0 * k, 2, 2) for k in range(9)])
+    density = np.sqrt(np.abs(signed_areas(second_uv_set(boxes, None, SIZE))) / areas(boxes))
+    assert density.max() < 1.01 * density.min()
+
+
+def test_both_sides_of_a_rough_sheet_get_as_few_charts_as_one_side_alone() -> None:
+    smooth = trimesh.creation.icosphere(3)
+    rough = smooth.vertices * np.random.default_rng(1).uniform(0.97, 1.03, (len(smooth.vertices), 1))
+    ball = rough[smooth.faces]
+    both = np.concatenate([ball, ball[:, ::-1]])
+    assert box_charts(both)[1].max() == 2 * (box_charts(ball)[1].max() + 1) - 1
+
+
+@pytest.mark.usefixtures("method")
 def test_charts_are_few() -> None:
     uv = second_uv_set(SHAPES["ball"], None, SIZE)
     assert uv_islands(SHAPES["ball"], uv).max() + 1 <= 12
@@ -113,6 +130,13 @@ def test_mirrored_twins_keep_their_islands_and_both_get_a_place() -> None:
     found = second_uv_set(positions, uv, SIZE)
     assert uv_fitness(positions, found, (SIZE, SIZE)).fits
     assert (np.bincount(uv_islands(positions, found)) == len(positions) // 2).all()
+
+
+def test_twins_that_are_folded_on_each_other_along_their_seam_are_two_islands() -> None:
+    positions, uv = mirrored_pair()
+    positions[50:, :, 0] += 1.0
+    positions[50:], uv[50:] = positions[50:, ::-1].copy(), uv[50:, ::-1].copy()  # both sides face one way
+    assert np.bincount(own_charts(positions, uv)[1]).tolist() == [50, 50]
 
 
 def test_own_islands_get_the_lengths_of_space() -> None:

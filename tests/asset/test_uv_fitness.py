@@ -59,6 +59,13 @@ def test_a_distant_second_layer_is_another_place() -> None:
     assert not uv_fitness(layers, np.concatenate([uv, uv]), SIZE).fits
 
 
+def test_few_texels_do_not_make_distant_places_one() -> None:
+    """Where a texel is as wide as the gap between two parts, they are two places all the same."""
+    layers = np.concatenate([LEFT, quad((0.0, 0.0), (1.0, 1.0), height=0.5)])
+    uv = plane((0.1, 0.1), (0.2, 0.2))
+    assert uv_fitness(layers, np.concatenate([uv, uv]), (16, 16)).overlap == pytest.approx(1.0)
+
+
 def test_islands_in_another_tile_fit_after_a_shift() -> None:
     uv = np.concatenate([plane((0.0, 0.0), (0.5, 1.0)), plane((1.5, -3.0), (2.0, -2.0))])
     assert uv_fitness(BOTH, uv, SIZE).fits
