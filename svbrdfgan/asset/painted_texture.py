@@ -51,7 +51,7 @@ def paint_texture(canvas: Canvas, painter: Painter, rows: int, cols: int) -> Flo
     known = np.zeros((rows, cols), bool)
     texel = canvas.texel(rows, cols)
     for band in bands(canvas.uv, canvas.faces, rows, cols, halo=1):
-        own = slice(band.first, band.first + len(band.covered) - 2)
+        own = slice(band.rows.start + 1, band.rows.stop - 1)
         known[own] = band.covered[1:-1]
         if band.covered.any():
             texture[own] = _painted(canvas, band, painter(band.points, texel))[1:-1]

@@ -20,12 +20,12 @@ class Band:
     """Some rows of a texture; row 0 of the texture is at v = 0.
 
     Attributes:
-        first: number of the first row.
+        rows: their numbers, which may reach beyond the texture.
         covered: texels whose centre lies in a face.
         points: of the covered texels, row by row, on the mesh.
     """
 
-    first: int
+    rows: range
     covered: Bool[ndarray, "rows cols"]
     points: SurfacePoints
 
@@ -40,14 +40,16 @@ def bands(
         faces: the numbers of these in the mesh.
         halo: rows that each band has beyond its own at either side; those outside of the texture are empty.
     """
-    corners = uv * (cols, rows) - 0.5
-    low, high = corners[..., 1].min(axis=1), corners[..., 1].max(axis=1)
     height = max(1, _TEXELS_AT_ONCE // cols)
     for first in range(0, rows, height):
-        start, stop = first - halo, min(first + height, rows) + halo
-        chosen = np.flatnonzero((high >= start) & (low <= stop))
-        moved = corners[chosen] - (0.0, float(start))
-        raster = rasterize_triangles(moved, np.zeros((len(chosen), 3)), stop - start, cols)
-        covered = raster.mask
-        found = chosen[raster.face[covered]]
-        yield Band(first, covered, SurfacePoints(faces[found], raster.barycentric[covered]))
+        yield band(uv, faces, (rows, cols), range(first - halo, min(first + height, rows) + halo))
+
+
+def band(uv: Float[ndarray, "faces 3 2"], faces: Int[ndarray, " faces"], size: tuple[int, int], rows: range) -> Band:
+    """Some rows of a texture of `size` (rows, cols); see `bands`."""
+    corners = uv * size[::-1] - 0.5
+    chosen = np.flatnonzero((corners[..., 1].max(axis=1) >= rows.start) & (corners[..., 1].min(axis=1) <= rows.stop))
+    moved = corners[chosen] - (0.0, float(rows.start))
+    raster = rasterize_triangles(moved, np.zeros((len(chosen), 3)), len(rows), size[1])
+    covered = raster.mask
+    return Band(rows, covered, SurfacePoints(faces[chosen[raster.face[covered]]], raster.barycentric[covered]))

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from svbrdfgan.asset.asset import Asset
+from svbrdfgan.asset.freed_places import take_freed_places
 from svbrdfgan.asset.painted_texture import Canvas, paint_texture
 from svbrdfgan.asset.painters import Painter
 from svbrdfgan.asset.second_uv_set import second_uv_set
@@ -69,6 +70,7 @@ def weather_document(
     edited = Edited(asset.document.copy())
     for group in _groups(asset, weathers):
         _weather_group(edited, asset, model, painter, group, textures)
+    take_freed_places(edited.document, asset.document)
     return edited
 
 
@@ -104,7 +106,7 @@ def _weather_group(
     own = _corner_uv(asset, group, uv_set)
     positions = model.mesh.positions[model.mesh.faces[group.faces]]
     fitness = uv_fitness(positions, own)
-    rows, cols = changed.size(textures.size or 0) or (textures.size or DEFAULT_SIZE,) * 2
+    rows, cols = changed.size(textures.size) or (textures.size or DEFAULT_SIZE,) * 2
     number = None
     if fitness.fits and own is not None:
         uv = wrapped(own)
@@ -116,8 +118,15 @@ def _weather_group(
     canvas = Canvas(model.mesh, group.faces, uv, model.reversed)
     scale = _painted_scale(canvas, textures.painted, rows, cols)
     painted = paint_texture(canvas, painter, rows // scale, cols // scale)
-    sheet = Sheet(canvas, rows, cols)
-    changed.weather(sheet, painted, lambda info: _corner_uv(asset, group, UVSet.of(info)), number)
+    sheet = Sheet(
+        canvas,
+        rows,
+        cols,
+        uv_set if number is None else None,
+        lambda info: _corner_uv(asset, group, UVSet.of(info)),
+        changed.pictures,
+    )
+    changed.weather(sheet, painted, number)
     _assign(edited, asset, group, changed.material, None if number is None else (number, uv))
 
 

@@ -44,25 +44,20 @@ def layer_bands(painted: Layer, rows: int, cols: int) -> Iterator[tuple[slice, L
         yield own, resized[start : start + own.stop - own.start]
 
 
-def weathered_color(base: Bytes, factor: Float[ndarray, " 3"], layer: Layer, tint: ndarray | None = None) -> Bytes:
+def weathered_color(factor: Float[ndarray, " rgb"], base: Bytes, layer: Layer) -> Bytes:
     """Base colour under the layer, sRGB; bytes stay as they are where the layer is clear and nothing is multiplied.
 
     Args:
         factor: linear, baked into the texture.
-        tint: linear, of vertex colours, likewise.
     """
-    linear = _DECODED[base[..., :3]] * factor.astype(np.float32)
-    if tint is not None:
-        linear = linear * tint
-    alpha = layer[..., ALPHA, None]
-    mixed = linear + alpha * (layer[..., COLOR] - linear)
-    made = _encoded(mixed)
-    if tint is None and (factor == 1.0).all():
+    linear, alpha = _DECODED[base[..., :3]] * factor.astype(np.float32), layer[..., ALPHA, None]
+    made = _encoded(linear + alpha * (layer[..., COLOR] - linear))
+    if (factor == 1.0).all():
         made = np.where(alpha > 0.0, made, base[..., :3])
     return made if base.shape[2] == 3 else np.concatenate([made, base[..., 3:]], axis=2)
 
 
-def weathered_gloss(base: Bytes, factors: tuple[float, float], layer: Layer) -> Bytes:
+def weathered_gloss(factors: tuple[float, float], base: Bytes, layer: Layer) -> Bytes:
     """Roughness in green and metallic in blue under the layer; red stays, which may hold occlusion."""
     alpha, made = layer[..., ALPHA], base[..., :3].copy()
     for channel, factor, number in ((1, factors[0], ROUGHNESS), (2, factors[1], METALLIC)):
@@ -71,11 +66,11 @@ def weathered_gloss(base: Bytes, factors: tuple[float, float], layer: Layer) -> 
     return made
 
 
-def weathered_normal(base: Bytes | None, scale: float, layer: Layer) -> Bytes:
-    """Normals in tangent space under the layer; flat without a base."""
+def weathered_normal(scale: float | None, base: Bytes, layer: Layer) -> Bytes:
+    """Normals in tangent space under the layer; flat ones where the scale is None."""
     own = np.zeros((*layer.shape[:2], 3), np.float32)
     own[..., 2] = 1.0
-    if base is not None:
+    if scale is not None:
         own = unit((base[..., :3] / 127.5 - 1.0) * (scale, scale, 1.0))
     mixed = own + layer[..., ALPHA, None] * (layer[..., NORMAL] - own)
     return _rounded(0.5 + 0.5 * unit(mixed))
@@ -83,8 +78,7 @@ def weathered_normal(base: Bytes | None, scale: float, layer: Layer) -> Bytes:
 
 def covered(base: Bytes, layer: Layer) -> Bytes:
     """A texture of what lies under the dirt, such as emission: less by the layer's alpha."""
-    made = base.copy()
-    made[..., :3] = np.round(base[..., :3] * (1.0 - layer[..., ALPHA, None]))
+    made: Bytes = np.round(base[..., :3] * (1.0 - layer[..., ALPHA, None])).astype(np.uint8)
     return made
 
 

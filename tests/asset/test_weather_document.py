@@ -161,6 +161,15 @@ def test_a_mesh_that_two_nodes_show_is_copied_for_places_that_differ(tmp_path: P
     assert found(edited, shared, tmp_path / "b.glb", "paint") == []
 
 
+def test_a_replaced_picture_leaves_the_file(tmp_path: Path) -> None:
+    asset = two_squares(tmp_path / "a.glb", uv=(LEFT, RIGHT), materials=(0, 0))
+    whole, copied = weathered(asset, 0, 1).document, weathered(asset, 1).document
+    assert (len(whole.table("textures")), len(whole.table("images"))) == (2, 2)
+    assert len(whole.views) == len(asset.document.views) + 1
+    assert (len(copied.table("textures")), len(copied.table("images"))) == (3, 3)
+    assert picture(weathered(asset, 1), 0).tobytes() == bytes((0, 0, 255)) * 32 * 32
+
+
 def test_of_nothing_that_weathers_the_document_stays(tmp_path: Path) -> None:
     asset = two_squares(tmp_path / "a.glb", uv=(LEFT, RIGHT), materials=(0, 1))
     edited = weathered(asset)

@@ -163,22 +163,22 @@ def _document(path: Path, header: Json, chunk: memoryview | None) -> Document:
     buffers = [_buffer(path, entry, chunk if k == 0 else None) for k, entry in enumerate(header.get("buffers", []))]
     from svbrdfgan.io.gltf_codecs.decompress import decompressed  # few files need it
 
-    before = _named_views(header)
+    before = named_views(header)
     header, plain, changes = decompressed(header, buffers, str(path))
     views: list[bytes | memoryview] = [_view(path, entry, plain) for entry in header.get("bufferViews", [])]
     document = Document(header, views, path, list(changes))
-    drop_views(document, before - _named_views(header))
+    drop_views(document, before - named_views(header))
     return document
 
 
-def _named_views(entry: Any) -> set[int]:
+def named_views(entry: Any) -> set[int]:
     """The buffer views that anything in a header names."""
     found: set[int] = set()
     for key, value in entry.items() if isinstance(entry, dict) else enumerate(entry):
         if key == "bufferView" and isinstance(value, int):
             found.add(value)
         elif isinstance(value, dict | list) and key != "extras":
-            found |= _named_views(value)
+            found |= named_views(value)
     return found
 
 
