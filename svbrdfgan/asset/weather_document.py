@@ -92,8 +92,19 @@ def _groups(asset: Asset, weathers: Collection[int]) -> Iterator[_Group]:
         chosen = tuple(piece for piece in pieces if piece in weathers and asset.source(piece).instance == 0)
         faces = np.flatnonzero(np.isin(asset.face_piece, chosen))
         if len(faces):
-            others = [piece for piece in pieces if piece not in weathers]
-            yield _Group(material, chosen, faces, bool(others))
+            others = (piece for piece in range(len(asset.pieces)) if piece not in weathers)
+            shared = any(_shows(asset.primitive(piece), material) for piece in others)
+            yield _Group(material, chosen, faces, shared and material is not None)
+
+
+def _shows(primitive: Json, material: int | None) -> bool:
+    """Whether a primitive has the material, or one of its variants does."""
+    return material in (primitive.get("material"), *(mapping["material"] for mapping in _variants(primitive)))
+
+
+def _variants(primitive: Json) -> list[Json]:
+    found: list[Json] = primitive.get("extensions", {}).get("KHR_materials_variants", {}).get("mappings", [])
+    return found
 
 
 def _weather_group(
@@ -180,6 +191,9 @@ def _assign(edited: Edited, asset: Asset, group: _Group, material: Json, second:
     for piece in group.pieces:
         primitive = _own_primitive(edited, asset, piece, alone=second is None and number == group.material)
         primitive["material"] = number
+        for mapping in _variants(primitive):
+            if mapping["material"] == group.material:
+                mapping["material"] = number
         if second is not None:
             mine = asset.face_piece[group.faces] == piece
             _add_uv(document, asset, piece, primitive, second[0], second[1][mine])

@@ -161,6 +161,24 @@ def test_a_mesh_that_two_nodes_show_is_copied_for_places_that_differ(tmp_path: P
     assert found(edited, shared, tmp_path / "b.glb", "paint") == []
 
 
+def test_a_variant_of_what_is_kept_keeps_its_material(tmp_path: Path) -> None:
+    asset = two_squares(tmp_path / "a.glb", uv=(LEFT, RIGHT), materials=(1, 0))
+    document = asset.document.copy()
+    for mesh in document.table("meshes"):
+        mappings = [{"material": 0, "variants": [0]}]
+        mesh["primitives"][0]["extensions"] = {"KHR_materials_variants": {"mappings": mappings}}
+    document.header |= {"extensionsUsed": ["KHR_materials_variants"]}
+    document.header["extensions"] = {"KHR_materials_variants": {"variants": [{"name": "painted"}]}}
+    write_document(tmp_path / "variants.glb", document)
+    shown = load_asset(tmp_path / "variants.glb")
+    edited = weathered(shown, 1).document
+    kept, changed = (mesh["primitives"][0] for mesh in edited.table("meshes"))
+    assert kept["extensions"]["KHR_materials_variants"]["mappings"][0]["material"] == 0
+    assert edited.table("materials")[0] == shown.document.table("materials")[0]
+    assert changed["material"] == 2
+    assert changed["extensions"]["KHR_materials_variants"]["mappings"][0]["material"] == 2
+
+
 def test_a_replaced_picture_leaves_the_file(tmp_path: Path) -> None:
     asset = two_squares(tmp_path / "a.glb", uv=(LEFT, RIGHT), materials=(0, 0))
     whole, copied = weathered(asset, 0, 1).document, weathered(asset, 1).document
