@@ -70,7 +70,7 @@ class Orientation:
         """One sentence for the user, loud where it is a guess."""
         told = f"the nose is at {self.front} and the roof at {self.up}: {self.reason.rstrip('.')}"
         unsure = [option for option, sure in (("--front", self.front_sure), ("--up", self.up_sure)) if not sure]
-        return told if not unsure else f"warning: {told}; this is a guess, so look, and say {' and '.join(unsure)}"
+        return told if not unsure else f"warning: {told}; look, and say {' and '.join(unsure)}"
 
     def matrix(self) -> Float[ndarray, "3 3"]:
         """The rotation from the file's axes to the project's: the roof to +Y, the nose to +Z."""

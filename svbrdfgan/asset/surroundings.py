@@ -53,14 +53,14 @@ class Surroundings:
     @classmethod
     def of(cls, mesh: Mesh) -> Surroundings:
         """The surroundings of all faces; takes about a second for 60,000 nodes."""
-        surface, grounds = surface_over(mesh, np.zeros((len(mesh.faces), 3, 2))), None
+        surface = surface_over(mesh, np.zeros((len(mesh.faces), 3, 2)))
         grounds = Grounds.of(surface)
         back = _seen_from_behind(mesh, surface)
         normals = corner_normals(mesh.positions, mesh.faces) * np.where(back, -1.0, 1.0)[:, None, None]
         divisions = _divisions(mesh, _SPACING * grounds.length)
         nodes = (divisions + 1) * (divisions + 2) // 2
         start = np.cumsum(nodes) - nodes
-        points = _lattice(divisions, nodes)
+        points = _lattice(divisions)
         # coordinates in float32: the nodes of two faces at their edge differ by rounding
         position, normal = points.positions(mesh), unit(points.interpolate(normals))
         rows = np.column_stack([position.astype(np.float32), np.round(normal, 2)]).astype(np.float64)
@@ -101,14 +101,13 @@ def _divisions(mesh: Mesh, spacing: float) -> Int[ndarray, " faces"]:
     return np.clip(np.ceil(longest / spacing), 1, _FINEST).astype(np.int64)
 
 
-def _lattice(divisions: Int[ndarray, " faces"], nodes: Int[ndarray, " faces"]) -> SurfacePoints:
+def _lattice(divisions: Int[ndarray, " faces"]) -> SurfacePoints:
     """All nodes of all faces, in the order of `_number`."""
     face, row = ranges(np.zeros_like(divisions), divisions + 1)
     line, col = ranges(np.zeros_like(row), divisions[face] + 1 - row)
     owner, i = face[line], row[line]
     d = divisions[owner]
     weights = np.stack([d - i - col, i, col], axis=1) / d[:, None]
-    assert len(owner) == nodes.sum()
     return SurfacePoints(owner, weights)
 
 

@@ -19,9 +19,10 @@ from svbrdfgan.asset.second_uv_set import second_uv_set
 from svbrdfgan.asset.sheet import Sheet
 from svbrdfgan.asset.uv_fitness import uv_fitness, wrapped
 from svbrdfgan.asset.weathered_material import WeatheredMaterial
-from svbrdfgan.io.gltf.accessors import INDICES, append_accessor, read_accessor
+from svbrdfgan.io.gltf.accessors import append_accessor, read_accessor
 from svbrdfgan.io.gltf.document import Document, Json
 from svbrdfgan.io.gltf.materials import DocumentPictures
+from svbrdfgan.io.gltf_codecs.plain import INDICES
 from svbrdfgan.io.rows import merge_rows
 from svbrdfgan.io.uv_sets import UVSet
 from svbrdfgan.types import Mesh
@@ -226,7 +227,7 @@ def _add_uv(
     if "targets" in primitive:
         primitive["targets"] = [_gathered(document, asset, target, source) for target in primitive["targets"]]
     faces = corner.reshape(-1, 3)
-    if _mirrored(asset, piece):
+    if asset.source(piece).mirrored:
         faces = faces[:, ::-1]
     primitive["indices"] = append_accessor(document, faces.reshape(-1).astype("<u4"), target=INDICES)
     primitive.pop("mode", None)
@@ -240,12 +241,3 @@ def _gathered(document: Document, asset: Asset, attributes: Json, source: Int[nd
         keys = {"normalized": True} if entry.get("normalized") else {}
         made[name] = append_accessor(document, values, bounds=name == "POSITION", **keys)
     return made
-
-
-def _mirrored(asset: Asset, piece: int) -> bool:
-    """Whether the mesh's faces run the other way than the primitive's."""
-    from svbrdfgan.io.gltf.nodes import placements
-
-    source = asset.source(piece)
-    place = next(p for p in placements(asset.document) if (p.node, p.instance) == (source.node, source.instance))
-    return "skin" not in asset.document.table("nodes")[source.node] and bool(np.linalg.det(place.matrix[:3, :3]) < 0)

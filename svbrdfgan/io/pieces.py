@@ -12,12 +12,17 @@ from svbrdfgan.types import Part
 
 @dataclass(frozen=True)
 class Source:
-    """The place of a piece in its glTF document: indices into the header's tables, and the GPU instance or 0."""
+    """The place of a piece in its glTF document: indices into the header's tables, and the GPU instance or 0.
+
+    Attributes:
+        mirrored: whether the node mirrors it, so that the piece's faces run the other way than the document's.
+    """
 
     node: int
     mesh: int
     primitive: int
     instance: int = 0
+    mirrored: bool = False
 
 
 @dataclass(frozen=True, eq=False)

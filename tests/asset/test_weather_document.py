@@ -18,8 +18,9 @@ from svbrdfgan.asset.asset import Asset, load_asset
 from svbrdfgan.asset.painters import Paint
 from svbrdfgan.asset.points import SurfacePoints
 from svbrdfgan.asset.weather_document import Edited, Model, Textures, weather_document
-from svbrdfgan.io.gltf.accessors import INDICES, append_accessor
+from svbrdfgan.io.gltf.accessors import append_accessor
 from svbrdfgan.io.gltf.document import Document, write_document
+from svbrdfgan.io.gltf_codecs.plain import INDICES
 from svbrdfgan.types import Mesh
 
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)

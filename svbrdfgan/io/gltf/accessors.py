@@ -9,17 +9,10 @@ from jaxtyping import Float, Num
 from numpy import ndarray
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io.gltf.document import Document, Json
-from svbrdfgan.io.gltf_codecs.plain import MAX_ELEMENTS
+from svbrdfgan.io.gltf.document import Document
+from svbrdfgan.io.gltf_codecs.plain import COMPONENTS, DTYPES, MAX_ELEMENTS, VERTICES, Json
 
 Matrix = Float[ndarray, "4 4"]
-
-COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-"""NumPy's types by glTF's `componentType`, OpenGL enumerants."""
-
-VERTICES, INDICES = 34962, 34963
-"""Targets of buffer views."""
 
 
 def read_accessor(document: Document, index: int) -> Num[ndarray, "count components"]:

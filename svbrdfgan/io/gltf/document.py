@@ -21,9 +21,8 @@ from urllib.parse import quote
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.files import check_file
+from svbrdfgan.io.gltf_codecs.plain import Json
 from svbrdfgan.io.neighbours import Neighbours
-
-Json = dict[str, Any]
 
 SUFFIXES = (".glb", ".gltf")
 _TABLES = ("accessors", "bufferViews", "buffers", "images", "materials", "meshes", "nodes", "scenes", "textures")

@@ -64,14 +64,17 @@ class _Builder:
         if "skin" in node:
             skin = skin_matrices(self.document, self.document.table("skins")[node["skin"]], self.world)
             matrix = np.eye(4)  # glTF ignores the node's own transform
-        if np.isfinite(matrix).all() and np.linalg.det(matrix[:3, :3]) < 0:
+        mirrored = bool(np.isfinite(matrix).all() and np.linalg.det(matrix[:3, :3]) < 0)
+        if mirrored:
             faces = faces[:, ::-1]
         positions = posed_positions(self.document, primitive, mesh, skin)
         positions = positions @ matrix[:3, :3].T + matrix[:3, 3]
         look = self._look(place.mesh, number, alone=alone)
         own = texture_coordinates(self.document, primitive, 0)
         uv_sets = (own, *(self._further(primitive, uv_set, len(positions)) for uv_set in look.further))
-        return Piece(positions, faces, uv_sets, look.part, Source(place.node, place.mesh, number, place.instance))
+        return Piece(
+            positions, faces, uv_sets, look.part, Source(place.node, place.mesh, number, place.instance, mirrored)
+        )
 
     def _look(self, mesh: int, number: int, *, alone: bool) -> Look:
         if (mesh, number) not in self.looks:

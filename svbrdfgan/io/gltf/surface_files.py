@@ -16,9 +16,10 @@ from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io.gltf.accessors import INDICES, append_accessor
+from svbrdfgan.io.gltf.accessors import append_accessor
 from svbrdfgan.io.gltf.document import Document, Json, write_document
 from svbrdfgan.io.gltf.materials import LAMBERTIAN
+from svbrdfgan.io.gltf_codecs.plain import INDICES
 from svbrdfgan.io.image import texture_png
 from svbrdfgan.io.rows import merge_rows
 from svbrdfgan.types import FileMap, Mesh, Part, Surface

@@ -8,15 +8,20 @@ import numpy as np
 from numpy import ndarray
 
 from svbrdfgan.io.gltf_codecs.draco import decode
-from svbrdfgan.io.gltf_codecs.plain import Json, NewBuffer, slice_of, without_extensions
+from svbrdfgan.io.gltf_codecs.plain import (
+    COMPONENTS,
+    DTYPES,
+    INDICES,
+    VERTICES,
+    Json,
+    NewBuffer,
+    slice_of,
+    without_extensions,
+)
 
 DRACO = "KHR_draco_mesh_compression"
 
-# Constants of the glTF 2.0 specification (OpenGL enumerants).
-TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-UINT, FLOAT = 5125, 5126
-VERTICES, INDICES = 34962, 34963
+UINT, FLOAT = 5125, 5126  # of glTF's component types
 TRIANGLES = 4
 
 
@@ -103,9 +108,9 @@ def _filled(document: _Document, accessor: Json, values: ndarray, target: int) -
     kind = accessor["componentType"]
     if values.shape[1] != COMPONENTS.get(accessor["type"]):
         raise ValueError(f"Draco has {values.shape[1]} components for an accessor of type {accessor['type']}")
-    if target == INDICES and values.max(initial=0) > np.iinfo(TYPES[kind]).max:
+    if target == INDICES and values.max(initial=0) > np.iinfo(DTYPES[kind]).max:
         kind = UINT
-    stored = values.astype(TYPES[kind])
+    stored = values.astype(DTYPES[kind])
     if kind != FLOAT and not np.array_equal(stored, values):
         raise ValueError(f"Draco's values do not fit the accessor's component type {kind}")
     document.views.append(document.new.add(_rows(stored, target)) | {"target": target})

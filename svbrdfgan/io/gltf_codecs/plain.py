@@ -11,6 +11,13 @@ Json = dict[str, Any]
 MAX_ELEMENTS = 150_000_000
 """Per accessor: the corners of 50 million triangles. A header that claims more is broken, and would fill the memory."""
 
+COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+"""NumPy's types by glTF's `componentType`, OpenGL enumerants."""
+
+VERTICES, INDICES = 34962, 34963
+"""Targets of buffer views."""
+
 
 @dataclass
 class NewBuffer:

@@ -12,7 +12,7 @@ import pytest
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.gltf_codecs.decompress import decompressed
-from svbrdfgan.io.gltf_codecs.draco_primitives import COMPONENTS, TYPES
+from svbrdfgan.io.gltf_codecs.plain import COMPONENTS, DTYPES
 
 STREAMS: list[dict[str, Any]] = json.loads(Path(__file__).with_name("meshopt_streams.json").read_text())
 STREAM = next(stream for stream in STREAMS if stream["mode"] == "TRIANGLES" and stream["stride"] == 2)
@@ -50,7 +50,7 @@ def load(path: Path) -> tuple[dict[str, Any], list[bytes]]:
 def values(header: dict[str, Any], buffers: list[bytes], index: int) -> np.ndarray:
     accessor = header["accessors"][index]
     view = header["bufferViews"][accessor["bufferView"]]
-    dtype, columns = np.dtype(TYPES[accessor["componentType"]]), COMPONENTS[accessor["type"]]
+    dtype, columns = np.dtype(DTYPES[accessor["componentType"]]), COMPONENTS[accessor["type"]]
     stride = view.get("byteStride", dtype.itemsize * columns)
     start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
     assert start % dtype.itemsize == 0
