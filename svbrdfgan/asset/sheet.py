@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -15,17 +14,17 @@ from torch import Tensor
 
 from svbrdfgan.asset.painted_texture import Canvas
 from svbrdfgan.asset.texture_bands import Band
+from svbrdfgan.asset.weathered_maps import tinted
 from svbrdfgan.geometry.texels import sample_texture
+from svbrdfgan.io.eight_bit import flipped_bytes, resized_bytes
 from svbrdfgan.io.gltf.document import Json
 from svbrdfgan.io.gltf.materials import DocumentPictures
+from svbrdfgan.io.gltf.samplers import Sampler
 from svbrdfgan.io.uv_sets import UVSet
 
-if TYPE_CHECKING:
-    from PIL.Image import Image
-
 Bytes = UInt8[ndarray, "rows cols channels"]
-Lookup = Callable[[Json], Float[ndarray, "faces 3 2"] | None]
-"""The UVs at which a `textureInfo` is looked up, at the corners of a canvas's faces; None if there are none."""
+Lookup = Callable[[UVSet], Float[ndarray, "faces 3 2"] | None]
+"""The UVs of a set at the corners of a canvas's faces; None if there are none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +37,7 @@ class Sheet:
         own: the UVs that the sheet shares with the material's own textures; None if it lies over a new set.
         lookup: of the material's own textures.
         pictures: of the file as it was.
+        colors: linear RGBA of the vertices, at the corners of all faces of the mesh; None if there are none.
     """
 
     canvas: Canvas
@@ -46,17 +46,28 @@ class Sheet:
     own: UVSet | None
     lookup: Lookup
     pictures: DocumentPictures
+    colors: Float[ndarray, "mesh_faces 3 4"] | None = None
 
-    def source(self, info: Json | None) -> Source:
-        """Where a texture of the material is found at the sheet's texels; white if there is none that can be read."""
+    def source(self, info: Json | None, *, tinted: bool = False) -> Source:
+        """Where a texture of the material is found at the sheet's texels; white if there is none.
+
+        Args:
+            tinted: whether vertex colours multiply it.
+        """
+        source = self._untinted(info)
+        return source if self.colors is None or not tinted else Tinted(source, self.colors)
+
+    def _untinted(self, info: Json | None) -> Untinted:
         picture = self.pictures.of(info)
         if info is None or picture is None:
             return White()
         if UVSet.of(info) == self.own:
-            return InPlace(_resized(picture, self.rows, self.cols))
-        uv = self.lookup(info)
+            return InPlace(resized_bytes(picture, self.rows, self.cols))
+        uv = self.lookup(UVSet.of(info))
         # without UVs viewers take one corner of the texture
-        return Elsewhere(self.canvas, _texture(picture), np.zeros_like(self.canvas.uv) if uv is None else uv)
+        uv = np.zeros_like(self.canvas.uv) if uv is None else uv
+        texture = torch.from_numpy(flipped_bytes(picture).astype(np.float32))
+        return Elsewhere(self.canvas, texture, uv, Sampler.of(self.pictures.document, info))
 
 
 class White:
@@ -66,7 +77,7 @@ class White:
     needs_points = False
 
     def rows(self, band: Band, cols: int) -> Bytes:
-        return np.full((len(band.rows), cols, 3), 255, np.uint8)
+        return np.full((len(band.rows), cols, 4), 255, np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +92,7 @@ class InPlace:
         return self.texture.shape[2]
 
     def rows(self, band: Band, cols: int) -> Bytes:
-        return self.texture[band.rows.start : band.rows.stop]
+        return _rgba(self.texture[band.rows.start : band.rows.stop])
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +102,7 @@ class Elsewhere:
     canvas: Canvas
     texture: Float[Tensor, "rows cols channels"]
     uv: Float[ndarray, "faces 3 2"]
+    sampler: Sampler
     needs_points = True
 
     @property
@@ -105,37 +117,33 @@ class Elsewhere:
 
     def rows(self, band: Band, cols: int) -> Bytes:
         made = np.zeros((len(band.rows), cols, self.channels), np.uint8)
-        at = torch.from_numpy(band.points.interpolate(self._corners)).float()
-        found = sample_texture(self.texture, at, repeat=(True, True))
+        at = self.sampler.inside(band.points.interpolate(self._corners), *self.texture.shape[:2])
+        found = sample_texture(self.texture, torch.from_numpy(at).float(), self.sampler.repeat)
         made[band.covered] = found.round().clamp(0, 255).byte().numpy()
-        return made
+        return _rgba(made)
 
 
-Source = White | InPlace | Elsewhere
+@dataclass(frozen=True, eq=False)
+class Tinted:
+    """A texture times the vertices' colours, at each texel that shows a face."""
+
+    source: Untinted
+    colors: Float[ndarray, "mesh_faces 3 4"]
+    needs_points = True
+
+    @property
+    def channels(self) -> int:
+        return 4 if (self.colors[..., 3] != 1.0).any() else self.source.channels
+
+    def rows(self, band: Band, cols: int) -> Bytes:
+        color = np.ones((len(band.rows), cols, 4), np.float32)
+        color[band.covered] = band.points.interpolate(self.colors)
+        return tinted(self.source.rows(band, cols), color)
 
 
-def _texture(picture: Image) -> Float[Tensor, "rows cols channels"]:
-    return torch.from_numpy(np.array(_eight_bit(picture))[::-1].astype(np.float32))
+Untinted = White | InPlace | Elsewhere
+Source = Untinted | Tinted
 
 
-def _resized(picture: Image, rows: int, cols: int) -> Bytes:
-    """The picture at that size, row 0 at v = 0; averaged where it becomes smaller."""
-    from PIL import Image as PillowImage
-
-    whole = _eight_bit(picture)
-    if whole.size != (cols, rows):
-        smaller = whole.size[0] > cols or whole.size[1] > rows
-        filter_ = PillowImage.Resampling.BOX if smaller else PillowImage.Resampling.BILINEAR
-        whole = whole.resize((cols, rows), filter_)
-    return np.asarray(whole)[::-1]
-
-
-def _eight_bit(picture: Image) -> Image:
-    """The picture with 8 bits a channel, RGB or RGBA."""
-    from PIL import Image as PillowImage
-
-    if picture.mode.startswith("I"):  # 16-bit grey, which Pillow's convert would clip
-        grey = np.clip(np.asarray(picture).astype(np.float32) / 257.0, 0, 255).astype(np.uint8)
-        picture = PillowImage.fromarray(grey)
-    alpha = "A" in picture.getbands() or "transparency" in picture.info
-    return picture.convert("RGBA" if alpha else "RGB")
+def _rgba(texture: Bytes) -> UInt8[ndarray, "rows cols 4"]:
+    return texture if texture.shape[2] == 4 else np.pad(texture, ((0, 0), (0, 0), (0, 1)), constant_values=255)
