@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from svbrdfgan.asset.sheet import Sheet, Source
 from svbrdfgan.asset.weathered_maps import (
     Bytes,
     Layer,
@@ -46,14 +47,14 @@ class MapRule:
         owner, key: the table that names it, and under which key.
         compose: of the old texture's RGBA and the layer, the new RGBA.
         channels: of the new texture; None for those of the old one.
-        is_color: whether vertex colours multiply it.
+        source: of a sheet, that finds the old texture.
     """
 
     owner: Json
     key: str
     compose: Callable[[Bytes, Layer], Bytes]
     channels: int | None = None
-    is_color: bool = False
+    source: Callable[[Sheet, Json | None], Source] = Sheet.source
 
     @property
     def old(self) -> Json | None:
@@ -92,16 +93,18 @@ def _color(material: Json, owner: Json, keys: tuple[str, str], paint: Paint) -> 
     *rgb, alpha = owner.pop(keys[1], _WHITE)
     if material.get("alphaMode") == "BLEND":
         factor = np.array([*rgb, alpha], np.float32)
-        return MapRule(owner, keys[0], partial(translucent_color, factor, paint), channels=4, is_color=True)
+        return MapRule(owner, keys[0], partial(translucent_color, factor, paint), channels=4, source=Sheet.color_source)
     if alpha != 1.0:
         owner[keys[1]] = [1.0, 1.0, 1.0, alpha]
-    return MapRule(owner, keys[0], partial(weathered_color, np.array(rgb, np.float32), paint), is_color=True)
+    return MapRule(
+        owner, keys[0], partial(weathered_color, np.array(rgb, np.float32), paint), source=Sheet.color_source
+    )
 
 
 def _normal(material: Json) -> Iterator[MapRule]:
     old = material.get(NORMAL_MAP)
     scale = None if old is None else float(old.get("scale", 1.0))
-    yield MapRule(material, NORMAL_MAP, partial(weathered_normal, scale))
+    yield MapRule(material, NORMAL_MAP, partial(weathered_normal, scale), source=Sheet.normal_source)
 
 
 def _emission(material: Json) -> Iterator[MapRule]:

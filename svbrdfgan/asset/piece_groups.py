@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from svbrdfgan.asset.asset import Asset
@@ -62,6 +62,11 @@ class Group:
             if key.startswith("TEXCOORD_")
         ]
         return max(taken, default=-1) + 1
+
+    def with_tangents(self) -> Bool[ndarray, " mesh_faces"]:
+        """The faces of pieces whose tangents the file has."""
+        pieces = [piece for piece in self.pieces if "TANGENT" in self.asset.primitive(piece)["attributes"]]
+        return np.isin(self.asset.face_piece, pieces)
 
     def tinted(self) -> tuple[int, ...]:
         """The pieces whose vertex colours multiply the base colour, and can go into its texture instead.

@@ -13,6 +13,7 @@ from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.asset.painted_texture import Canvas
+from svbrdfgan.asset.tangent_turns import Turns, turned
 from svbrdfgan.asset.texture_bands import Band
 from svbrdfgan.asset.weathered_maps import tinted
 from svbrdfgan.geometry.texels import sample_texture
@@ -38,6 +39,7 @@ class Sheet:
         lookup: of the material's own textures.
         pictures: of the file as it was.
         colors: linear RGBA of the vertices, at the corners of all faces of the mesh; None if there are none.
+        turns: of the file's normals; None if they stay as they are.
     """
 
     canvas: Canvas
@@ -47,17 +49,20 @@ class Sheet:
     lookup: Lookup
     pictures: DocumentPictures
     colors: Float[ndarray, "mesh_faces 3 4"] | None = None
+    turns: Turns | None = None
 
-    def source(self, info: Json | None, *, tinted: bool = False) -> Source:
-        """Where a texture of the material is found at the sheet's texels; white if there is none.
+    def color_source(self, info: Json | None) -> Source:
+        """Where a colour of the material is found at the sheet's texels, times that of vertices; white if it has none."""
+        source = self.source(info)
+        return source if self.colors is None else Tinted(source, self.colors)
 
-        Args:
-            tinted: whether vertex colours multiply it.
-        """
-        source = self._untinted(info)
-        return source if self.colors is None or not tinted else Tinted(source, self.colors)
+    def normal_source(self, info: Json | None) -> Source:
+        """Where a normal of the material is found at the sheet's texels, in the sheet's tangent frames."""
+        source = self.source(info)
+        return source if self.turns is None else Turned(source, self.turns)
 
-    def _untinted(self, info: Json | None) -> Untinted:
+    def source(self, info: Json | None) -> Plain:
+        """Where other textures of the material are found at the sheet's texels; white if there is none."""
         picture = self.pictures.of(info)
         if info is None or picture is None:
             return White()
@@ -127,7 +132,7 @@ class Elsewhere:
 class Tinted:
     """A texture times the vertices' colours, at each texel that shows a face."""
 
-    source: Untinted
+    source: Plain
     colors: Float[ndarray, "mesh_faces 3 4"]
     needs_points = True
 
@@ -141,8 +146,28 @@ class Tinted:
         return tinted(self.source.rows(band, cols), color)
 
 
-Untinted = White | InPlace | Elsewhere
-Source = Untinted | Tinted
+@dataclass(frozen=True, eq=False)
+class Turned:
+    """A normal map in other tangent frames, at each texel that shows a face."""
+
+    source: Plain
+    turns: Turns
+    needs_points = True
+
+    @property
+    def channels(self) -> int:
+        return self.source.channels
+
+    def rows(self, band: Band, cols: int) -> Bytes:
+        made = self.source.rows(band, cols).copy()
+        normals = made[band.covered, :3] / 127.5 - 1.0
+        stored = 127.5 * (turned(normals, band.points.interpolate(self.turns)) + 1.0)
+        made[band.covered, :3] = np.round(np.clip(stored, 0.0, 255.0)).astype(np.uint8)
+        return made
+
+
+Plain = White | InPlace | Elsewhere
+Source = Plain | Tinted | Turned
 
 
 def _rgba(texture: Bytes) -> UInt8[ndarray, "rows cols 4"]:

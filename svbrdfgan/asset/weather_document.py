@@ -11,6 +11,7 @@ from numpy import ndarray
 
 from svbrdfgan.asset.asset import Asset
 from svbrdfgan.asset.freed_places import take_freed_places
+from svbrdfgan.asset.material_rules import NORMAL_MAP
 from svbrdfgan.asset.packing import ChartsError
 from svbrdfgan.asset.painted_texture import Canvas, paint_texture
 from svbrdfgan.asset.painters import Painter
@@ -18,6 +19,7 @@ from svbrdfgan.asset.piece_editor import NewUVSet, PieceEditor
 from svbrdfgan.asset.piece_groups import Group, groups
 from svbrdfgan.asset.second_uv_set import second_uv_set
 from svbrdfgan.asset.sheet import Sheet
+from svbrdfgan.asset.tangent_turns import turn_layer, turns_of_file
 from svbrdfgan.asset.uv_fitness import uv_fitness, wrapped
 from svbrdfgan.asset.weathered_material import WeatheredMaterial
 from svbrdfgan.io.gltf.document import Document
@@ -94,8 +96,10 @@ def _weather_group(edited: Edited, model: Model, painter: Painter, group: Group,
     canvas, rows, cols = places.canvas, places.rows, places.cols
     scale = _painted_scale(canvas, textures.painted, rows, cols)
     painted = paint_texture(canvas, painter, rows // scale, cols // scale)
-    own = changed.uv_set() if places.number is None else None
-    sheet = Sheet(canvas, rows, cols, own, group.uv, pictures, group.vertex_colors())
+    own, normal = changed.uv_set() if places.number is None else None, changed.material.get(NORMAL_MAP)
+    turn_layer(painted, canvas, group, normal, own)
+    turns = turns_of_file(canvas, group, normal, own)
+    sheet = Sheet(canvas, rows, cols, own, group.uv, pictures, group.vertex_colors(), turns)
     changed.weather(sheet, painted, places.number)
     second = None if places.number is None else NewUVSet(places.number, canvas.uv)
     PieceEditor(edited.document, group.asset, edited.told).assign(group, changed.material, second)

@@ -120,7 +120,7 @@ class WeatheredMaterial:
 
 
 def _new(rule: MapRule, sheet: Sheet) -> _Map:
-    source = sheet.source(rule.old, tinted=rule.is_color)
+    source = rule.source(sheet, rule.old)
     made = np.zeros((sheet.rows, sheet.cols, rule.channels or source.channels), np.uint8)
     return _Map(rule, source, made)
 
