@@ -52,7 +52,7 @@ class Sheet:
     turns: Turns | None = None
 
     def color_source(self, info: Json | None) -> Source:
-        """Where a colour of the material is found at the sheet's texels, times that of vertices; white if it has none."""
+        """Where a colour of the material is found at the sheet's texels, times that of vertices; white if none."""
         source = self.source(info)
         return source if self.colors is None else Tinted(source, self.colors)
 
