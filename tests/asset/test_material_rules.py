@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 from numpy import ndarray
-from squares import LEFT, RIGHT, add_picture, altered, found, picture, shown, two_squares, weathered
+from squares import LEFT, RIGHT, UNIT, add_picture, altered, found, picture, shown, two_squares, weathered
 
 from svbrdfgan.asset import weather_document
 from svbrdfgan.asset.asset import Asset, load_asset
@@ -293,3 +293,15 @@ def test_charts_that_fit_no_sheet_leave_the_material_clean(tmp_path: Path, monke
     assert edited.document.header == given.document.header
     assert len(edited.told) == 1
     assert edited.told[0].startswith("'paint' stays clean: 100 charts do not fit 32")
+
+
+def test_small_numbers_of_vertices_are_aligned(tmp_path: Path) -> None:
+    """Each vertex of an array starts at a multiple of four bytes, after a second UV set has split vertices, too."""
+    pytest.importorskip("xatlas")
+    overlapping = two_squares(tmp_path / "a.glb", uv=(UNIT, UNIT), materials=(0, 0))
+    given = color_vertices(overlapping, np.full((4, 3), 255, "u1"), np.full((4, 3), 9, "u1"))
+    edited = weathered(given, 0, size=64)
+    for mesh in edited.document.table("meshes"):
+        accessor = edited.document.table("accessors")[mesh["primitives"][0]["attributes"]["COLOR_0"]]
+        assert edited.document.table("bufferViews")[accessor["bufferView"]]["byteStride"] == 4
+    assert found(edited, given, tmp_path / "b.glb", "paint") == []

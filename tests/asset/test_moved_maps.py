@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,12 @@ from numpy import ndarray
 from squares import LEFT, RIGHT, UNIT, add_picture, altered, shown, two_squares, weathered
 
 from svbrdfgan.asset.asset import Asset
-from svbrdfgan.io.gltf.accessors import append_accessor
+from svbrdfgan.asset.painters import Paint
+from svbrdfgan.asset.points import SurfacePoints
+from svbrdfgan.asset.weather_document import Model, Textures, weather_document
+from svbrdfgan.io.gltf.accessors import append_accessor, read_floats
 from svbrdfgan.io.gltf.document import Document
+from svbrdfgan.types import Mesh
 
 SHADES = np.tile(np.arange(8)[:, None] * 4, (8, 1, 3))
 
@@ -94,18 +99,22 @@ def test_a_texture_that_is_mirrored_beyond_its_border_gets_a_second_uv_set(tmp_p
     )
     edited = weathered(given, 0, 1, alpha=0.0, size=64)
     assert "does not repeat" in edited.told[0]
-    uv = [given_uv(edited.document, node) for node in (0, 1)]
+    places = [given_uv(edited.document, node) for node in (0, 1)]
     color = shown(edited.document, edited.document.table("materials")[0]["pbrMetallicRoughness"]["baseColorTexture"])
-    left, right = (int(color[int(v * 64), int(u * 64), 0]) for u, v in (at.mean(axis=0) for at in uv))
+    left, right = (int(color[int(v * 64), int(u * 64), 0]) for u, v in (at.mean(axis=0) for at in places))
     assert left in (20, 24)  # mirrored: what is on the right of the texture
     assert right in (4, 8)
 
 
 def given_uv(document: Document, node: int) -> ndarray:
-    from svbrdfgan.io.gltf.accessors import read_floats
-
     mesh = document.table("meshes")[document.table("nodes")[node]["mesh"]]
     return read_floats(document, mesh["primitives"][0]["attributes"]["TEXCOORD_1"])
+
+
+def add_tangents(document: Document) -> None:
+    for mesh in document.table("meshes"):
+        values = np.tile(np.array([1, 0, 0, 1], "<f4"), (4, 1))
+        mesh["primitives"][0]["attributes"]["TANGENT"] = append_accessor(document, values)
 
 
 TILTED = np.tile(np.array([204, 128, 230]), (8, 8, 1))
@@ -124,12 +133,30 @@ def test_normals_turn_with_the_frames_of_their_uvs(tmp_path: Path, quarters: int
 def test_normals_stay_where_the_file_has_tangents(tmp_path: Path) -> None:
     info = {"index": 1, **moved(rotation=np.pi / 2)}
     given = asset(tmp_path, (LEFT, RIGHT), TILTED, normalTexture=info)
-
-    def tangents(document: Document) -> None:
-        for mesh in document.table("meshes"):
-            values = np.tile(np.array([1, 0, 0, 1], "<f4"), (4, 1))
-            mesh["primitives"][0]["attributes"]["TANGENT"] = append_accessor(document, values)
-
-    edited = weathered(altered(given, tangents), 0, 1, alpha=0.0)
+    edited = weathered(altered(given, add_tangents), 0, 1, alpha=0.0)
     normal = shown(edited.document, edited.document.table("materials")[0]["normalTexture"]).astype(int)
     assert np.abs(normal - TILTED[0, 0]).max() <= 2
+
+
+@dataclass(frozen=True)
+class Slope:
+    """Paints relief that rises along x."""
+
+    mesh: Mesh
+
+    def __call__(self, points: SurfacePoints, texel: float) -> Paint:
+        one, height = np.ones(len(points)), 0.5 * points.positions(self.mesh)[:, 0]
+        return Paint(np.zeros((len(points), 3)), one, one, one, height)
+
+
+@pytest.mark.parametrize("tangents", [False, True])
+def test_relief_is_painted_into_the_tangents_that_the_file_has(tmp_path: Path, tangents: bool) -> None:
+    pbr = {"baseColorTexture": {"index": 1, **moved(rotation=np.pi / 2)}}
+    given = asset(tmp_path, (LEFT, RIGHT), SHADES, pbrMetallicRoughness=pbr)
+    given = altered(given, add_tangents) if tangents else given
+    model = Model(given.mesh, np.zeros(len(given.mesh.faces), bool))
+    document = weather_document(given, model, Slope(given.mesh), (0, 1), Textures(size=32, painted=512)).document
+    normal = shown(document, document.table("materials")[0]["normalTexture"])[2:-2, 2:-2] / 127.5 - 1.0
+    lean = normal[..., 0] if tangents else normal[..., 1]  # v of the moved UVs grows where u of the file's does
+    assert np.abs(lean + 0.5 / np.sqrt(1.25)).max() < 0.02
+    assert np.abs(normal[..., 2] - 1.0 / np.sqrt(1.25)).max() < 0.02
