@@ -88,6 +88,10 @@ class PieceEditor:
         rows, corner = merge_rows(np.column_stack([vertex, uv.reshape(-1, 2) * (1.0, -1.0) + (0.0, 1.0)]))
         source = rows[:, 0].astype(np.int64)
         primitive["attributes"] = self._gathered(primitive["attributes"], source)
+        for lower in range(number):  # sets are numbered without gaps; where there is none, viewers take (0, 0)
+            if f"TEXCOORD_{lower}" not in primitive["attributes"]:
+                zeros = {"componentType": 5126, "count": len(rows), "type": "VEC2"}
+                primitive["attributes"][f"TEXCOORD_{lower}"] = self.document.add("accessors", zeros)
         primitive["attributes"][f"TEXCOORD_{number}"] = append_accessor(self.document, rows[:, 1:].astype("<f4"))
         if "targets" in primitive:
             primitive["targets"] = [self._gathered(target, source) for target in primitive["targets"]]
@@ -102,6 +106,6 @@ class PieceEditor:
         for name, index in attributes.items():
             entry = self.document.table("accessors")[index]
             values = read_accessor(self.document, index)[source]
-            keys = {"normalized": True} if entry.get("normalized") else {}
+            keys = {key: entry[key] for key in ("normalized", "name", "extras") if key in entry}
             made[name] = append_accessor(self.document, values, bounds=name == "POSITION", **keys)
         return made

@@ -23,7 +23,7 @@ class Group:
         material: its number in the document; None for pieces without one.
         pieces: their numbers.
         faces: their faces in the asset's mesh.
-        shared: whether pieces that do not weather show the material, too.
+        shared: whether anything else in the document has the material, too.
     """
 
     asset: Asset
@@ -108,14 +108,13 @@ def groups(asset: Asset, weathers: Collection[int]) -> Iterator[Group]:
     """The pieces of these numbers, material by material. Instances beyond the first weather with it."""
     of_material: dict[int | None, list[int]] = {}
     for piece in range(len(asset.pieces)):
-        of_material.setdefault(asset.primitive(piece).get("material"), []).append(piece)
+        if piece in weathers and asset.source(piece).instance == 0:
+            of_material.setdefault(asset.primitive(piece).get("material"), []).append(piece)
     for material, pieces in of_material.items():
-        chosen = tuple(piece for piece in pieces if piece in weathers and asset.source(piece).instance == 0)
-        faces = np.flatnonzero(np.isin(asset.face_piece, chosen))
+        faces = np.flatnonzero(np.isin(asset.face_piece, pieces))
         if len(faces):
-            others = (piece for piece in range(len(asset.pieces)) if piece not in weathers)
-            shared = any(_shows(asset.primitive(piece), material) for piece in others)
-            yield Group(asset, material, chosen, faces, shared and material is not None)
+            shared = material is not None and any(_shows(other, material) for other in _others(asset, pieces))
+            yield Group(asset, material, tuple(pieces), faces, shared)
 
 
 def variants(primitive: Json) -> list[Json]:
@@ -124,5 +123,18 @@ def variants(primitive: Json) -> list[Json]:
     return found
 
 
-def _shows(primitive: Json, material: int | None) -> bool:
+def _others(asset: Asset, pieces: Collection[int]) -> Iterator[Json]:
+    """The primitives that are more than these pieces: of other nodes, even outside of the scene, or of no node."""
+    own = {(asset.source(piece).node, asset.source(piece).primitive) for piece in pieces}
+    users: dict[int, list[int]] = {}
+    for number, node in enumerate(asset.document.table("nodes")):
+        users.setdefault(node.get("mesh", -1), []).append(number)
+    for mesh, entry in enumerate(asset.document.table("meshes")):
+        for number, primitive in enumerate(entry["primitives"]):
+            if any((node, number) not in own for node in users.get(mesh, [-1])):
+                yield primitive
+
+
+def _shows(primitive: Json, material: int) -> bool:
+    """Whether a primitive has the material, or one of its variants does."""
     return material in (primitive.get("material"), *(mapping["material"] for mapping in variants(primitive)))

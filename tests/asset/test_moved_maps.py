@@ -70,6 +70,21 @@ def test_a_new_uv_set_has_no_transform_and_other_occlusion_stays(tmp_path: Path)
     assert (shown(edited.document, material["occlusionTexture"]) == SHADES).all()
 
 
+def test_uv_sets_are_numbered_without_gaps(tmp_path: Path) -> None:
+    pytest.importorskip("xatlas")
+
+    def change(document: Document) -> None:
+        document.table("meshes")[0]["primitives"][0]["attributes"]["TEXCOORD_1"] = append_accessor(
+            document, UNIT.astype("<f4")
+        )
+
+    edited = weathered(
+        altered(two_squares(tmp_path / "a.glb", uv=(UNIT, None), materials=(0, 0)), change), 0, 1, size=32
+    )
+    for mesh in edited.document.table("meshes"):
+        assert {f"TEXCOORD_{k}" for k in range(3)} <= set(mesh["primitives"][0]["attributes"])
+
+
 def test_occlusion_in_the_red_of_the_gloss_follows_it(tmp_path: Path) -> None:
     pixels = SHADES.copy()
     pixels[..., 1:] = 255

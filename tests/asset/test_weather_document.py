@@ -103,6 +103,16 @@ def test_a_variant_of_what_is_kept_keeps_its_material(tmp_path: Path) -> None:
     assert changed["extensions"]["KHR_materials_variants"]["mappings"][0]["material"] == 2
 
 
+def test_what_lies_outside_of_the_scene_keeps_its_material(tmp_path: Path) -> None:
+    asset = two_squares(tmp_path / "a.glb", uv=(LEFT, RIGHT), materials=(0, 0))
+    document = asset.document.copy()
+    document.table("scenes")[0]["nodes"] = [1]
+    write_document(tmp_path / "part.glb", document)
+    edited = weathered(load_asset(tmp_path / "part.glb"), 0).document
+    assert edited.table("materials")[0] == document.table("materials")[0]
+    assert [mesh["primitives"][0]["material"] for mesh in edited.table("meshes")] == [0, 2]
+
+
 def test_a_replaced_picture_leaves_the_file(tmp_path: Path) -> None:
     asset = two_squares(tmp_path / "a.glb", uv=(LEFT, RIGHT), materials=(0, 0))
     whole, copied = weathered(asset, 0, 1).document, weathered(asset, 1).document
