@@ -10,8 +10,12 @@ from svbrdfgan.errors import SvbrdfganError as SvbrdfganError
 from svbrdfgan.evaluation.evaluate import evaluate as evaluate
 from svbrdfgan.evaluation.leakage.probe import probe_shortcuts as probe_shortcuts
 from svbrdfgan.inference.apply import paint as paint
-from svbrdfgan.inference.export import write_picture as write_picture
-from svbrdfgan.inference.export import write_weathered as write_weathered
+from svbrdfgan.inference.embedded import write_embedded as write_embedded
+from svbrdfgan.inference.learned import LearnedWeathering as LearnedWeathering
+from svbrdfgan.inference.studio import write_picture as write_picture
+from svbrdfgan.inference.weathered_file import write_weathered as write_weathered
+from svbrdfgan.inference.weatherings import RecipeWeathering as RecipeWeathering
+from svbrdfgan.inference.workpiece import open_workpiece as open_workpiece
 from svbrdfgan.io.environment import load_environment as load_environment
 from svbrdfgan.io.image import save_image as save_image
 from svbrdfgan.io.mesh import load_mesh as load_mesh

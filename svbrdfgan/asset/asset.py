@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -45,6 +46,14 @@ class Asset:
     def face_piece(self) -> Int[ndarray, " faces"]:
         """Index into `pieces` of each face of the mesh."""
         return self.joined.piece
+
+    def without(self, pieces: Collection[int]) -> Asset:
+        """The asset whose mesh lacks the faces of these pieces, which stay in the document and keep their numbers."""
+        if not pieces:
+            return self
+        nothing = np.zeros((0, 3), np.int64)
+        rest = [replace(p, faces=nothing) if k in pieces else p for k, p in enumerate(self.pieces)]
+        return replace(self, pieces=tuple(rest), joined=join_pieces(self.path, rest))
 
     def source(self, piece: int) -> Source:
         """Where the document holds a piece."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -25,6 +25,7 @@ from svbrdfgan.asset.weathered_maps import (
 )
 from svbrdfgan.io.gltf.document import Json
 from svbrdfgan.io.gltf.materials import SPECULAR_GLOSSINESS, is_lambertian
+from svbrdfgan.types import FURTHER_MAPS
 
 NORMAL_MAP, GLOSS_MAP = "normalTexture", "metallicRoughnessTexture"
 
@@ -63,27 +64,34 @@ class MapRule:
         return found
 
 
-def take_map_rules(material: Json) -> list[MapRule]:
-    """The maps of a material that weather, colour first. Factors that the new textures hold leave the material."""
-    gloss = not is_lambertian(material)
-    rules = [*_specular_glossiness(material)] if gloss else []
+def take_map_rules(material: Json, painted: Collection[str] = FURTHER_MAPS) -> list[MapRule]:
+    """The maps of a material that weather, colour first. Factors that the new textures hold leave the material.
+
+    Args:
+        painted: the maps that the layer has besides base colour. What it does not paint stays.
+    """
+    if is_lambertian(material):
+        return [*_metallic_roughness(material, ())]
+    rules = [*_specular_glossiness(material, painted)]
     if not rules or "pbrMetallicRoughness" in material:
-        rules += _metallic_roughness(material, gloss=gloss)
-    return [*rules, *_normal(material), *_emission(material), *_extensions(material)] if gloss else rules
+        rules += _metallic_roughness(material, painted)
+    normal = _normal(material) if "normal" in painted else ()
+    return [*rules, *normal, *_emission(material), *_extensions(material)]
 
 
-def _metallic_roughness(material: Json, *, gloss: bool) -> Iterator[MapRule]:
+def _metallic_roughness(material: Json, painted: Collection[str]) -> Iterator[MapRule]:
     pbr = material.setdefault("pbrMetallicRoughness", {})
     yield _color(material, pbr, ("baseColorTexture", "baseColorFactor"), paint_color)
-    if gloss:
+    if "roughness" in painted:
         factors = float(pbr.pop("roughnessFactor", 1.0)), float(pbr.pop("metallicFactor", 1.0))
-        yield MapRule(pbr, GLOSS_MAP, partial(weathered_gloss, factors))
+        yield MapRule(pbr, GLOSS_MAP, partial(weathered_gloss, factors, "metallic" in painted))
 
 
-def _specular_glossiness(material: Json) -> Iterator[MapRule]:
+def _specular_glossiness(material: Json, painted: Collection[str]) -> Iterator[MapRule]:
     entry = material.get("extensions", {}).get(SPECULAR_GLOSSINESS)
     if entry is not None:
         yield _color(material, entry, ("diffuseTexture", "diffuseFactor"), paint_diffuse)
+    if entry is not None and "roughness" in painted:
         factor = [*entry.pop("specularFactor", _WHITE[:3]), entry.pop("glossinessFactor", 1.0)]
         compose = partial(weathered_specular_gloss, np.array(factor, np.float32))
         yield MapRule(entry, "specularGlossinessTexture", compose, channels=4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,6 +12,7 @@ from numpy import ndarray
 
 from svbrdfgan.asset.points import SurfacePoints
 from svbrdfgan.asset.surroundings import Surroundings
+from svbrdfgan.types import FURTHER_MAPS
 from svbrdfgan.weathering.recipes import Recipe
 
 
@@ -23,6 +25,8 @@ class Paint:
         alpha: straight alpha in [0, 1], for all maps.
         roughness, metallic: in [0, 1].
         height: of the relief, in metres along the outward normal.
+        normal: unit normals of the relief in the mesh's axes, on the side of the winding's front; these are taken in
+            place of the height's.
     """
 
     color: Float[ndarray, "points 3"]
@@ -30,10 +34,15 @@ class Paint:
     roughness: Float[ndarray, " points"]
     metallic: Float[ndarray, " points"]
     height: Float[ndarray, " points"]
+    normal: Float[ndarray, "points 3"] | None = None
 
 
 class Painter(Protocol):
     """Paints points of one mesh, each by itself: how points are grouped does not matter."""
+
+    @property
+    def maps(self) -> Collection[str]:
+        """What is painted besides base colour, of `FURTHER_MAPS`; the paint's other maps mean nothing."""
 
     def __call__(self, points: SurfacePoints, texel: float) -> Paint:
         """The weathering at points that lie about `texel` metres apart."""
@@ -45,6 +54,7 @@ class RecipePainter:
 
     surroundings: Surroundings
     recipe: Recipe
+    maps: Collection[str] = FURTHER_MAPS
 
     def __call__(self, points: SurfacePoints, texel: float) -> Paint:
         site = self.surroundings.site(points, texel)

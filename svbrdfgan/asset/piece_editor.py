@@ -39,9 +39,9 @@ class PieceEditor:
     asset: Asset
     told: list[str]
 
-    def assign(self, group: Group, material: Json, uv_set: NewUVSet | None) -> None:
+    def assign(self, group: Group, material: Json, uv_set: NewUVSet | None) -> int:
         """Gives the pieces a material that holds their vertex colours: in place of the old if all its pieces weather,
-        else as a copy. Meshes of which other nodes show the old state are copied, too.
+        else as a copy. Meshes of which other nodes show the old state are copied, too. Returns the material's number.
         """
         tinted = group.tinted()
         number = self._material(group, material)
@@ -57,6 +57,7 @@ class PieceEditor:
                 self._add_uv(piece, primitive, uv_set.number, uv_set.uv[self.asset.face_piece[group.faces] == piece])
         if tinted:
             self.told.append(f"'{group.name}' has its vertex colours in its texture, for they would tint the layer.")
+        return number
 
     def _material(self, group: Group, material: Json) -> int:
         """The number of the new material."""

@@ -62,10 +62,12 @@ class Edited:
 
     Attributes:
         told: one sentence for each thing that was done beyond new textures.
+        materials: the numbers of those that weather.
     """
 
     document: Document
     told: list[str] = field(default_factory=list)
+    materials: list[int] = field(default_factory=list)
 
 
 def weather_document(
@@ -84,7 +86,7 @@ def weather_document(
 
 def _weather_group(edited: Edited, model: Model, painter: Painter, group: Group, textures: Textures) -> None:
     pictures = DocumentPictures(group.asset.document)
-    changed = WeatheredMaterial.of(edited.document, group.entry, pictures)
+    changed = WeatheredMaterial.of(edited.document, group.entry, pictures, painter.maps)
     if (fault := changed.fault()) is not None:
         edited.told.append(f"'{group.name}' stays clean: {fault.rstrip('.')}.")
         return
@@ -102,7 +104,8 @@ def _weather_group(edited: Edited, model: Model, painter: Painter, group: Group,
     sheet = Sheet(canvas, rows, cols, own, group.uv, pictures, group.vertex_colors(), turns)
     changed.weather(sheet, painted, places.number)
     second = None if places.number is None else NewUVSet(places.number, canvas.uv)
-    PieceEditor(edited.document, group.asset, edited.told).assign(group, changed.material, second)
+    editor = PieceEditor(edited.document, group.asset, edited.told)
+    edited.materials.append(editor.assign(group, changed.material, second))
 
 
 @dataclass(frozen=True, eq=False)

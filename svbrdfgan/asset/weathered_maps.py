@@ -90,13 +90,17 @@ def translucent_color(factor: Factor, paint: Paint, base: Bytes, layer: Layer) -
     return made
 
 
-def weathered_gloss(factors: tuple[float, float], base: Bytes, layer: Layer) -> Bytes:
-    """Roughness in green and metallic in blue under the layer; red stays, which may hold occlusion."""
+def weathered_gloss(factors: tuple[float, float], metallic: bool, base: Bytes, layer: Layer) -> Bytes:
+    """Roughness in green and metallic in blue under the layer; red stays, which may hold occlusion.
+
+    Args:
+        factors: of roughness and metallic, baked into the texture.
+        metallic: whether the layer paints it.
+    """
     made = base.copy()
     for channel, factor, number in ((1, factors[0], ROUGHNESS), (2, factors[1], METALLIC)):
-        made[..., channel] = _rounded(
-            _lerp(base[..., channel] * (factor / 255.0), layer[..., number], layer[..., ALPHA])
-        )
+        alpha = layer[..., ALPHA] * (number == ROUGHNESS or metallic)
+        made[..., channel] = _rounded(_lerp(base[..., channel] * (factor / 255.0), layer[..., number], alpha))
     return made
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Collection
 from dataclasses import dataclass
 from io import BytesIO
 
@@ -48,10 +49,12 @@ class WeatheredMaterial:
     pictures: DocumentPictures
 
     @classmethod
-    def of(cls, document: Document, material: Json, pictures: DocumentPictures) -> WeatheredMaterial:
-        """To be made of a copy of the material; what is given stays as it is."""
+    def of(
+        cls, document: Document, material: Json, pictures: DocumentPictures, painted: Collection[str]
+    ) -> WeatheredMaterial:
+        """To be made of a copy of the material; what is given stays as it is. The layer paints the maps `painted`."""
         copied = copy.deepcopy(material)
-        return cls(document, copied, take_map_rules(copied), pictures)
+        return cls(document, copied, take_map_rules(copied, painted), pictures)
 
     def infos(self) -> list[Json]:
         """The `textureInfo`s of the maps that weather, that of the colour first."""

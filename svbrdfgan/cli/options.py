@@ -2,31 +2,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
-from svbrdfgan.errors import ConfigError
+from svbrdfgan.errors import ConfigError, SvbrdfganError
 
 if TYPE_CHECKING:
-    from svbrdfgan.config.choices import PartSelection
-    from svbrdfgan.inference.export import Studio
-    from svbrdfgan.scene.subject import Subject
-    from svbrdfgan.types import Layer
+    from svbrdfgan.inference.studio import Studio
 
 Command = TypeVar("Command", bound=Callable[..., None])
 _SKY_SEED = 7  # of the cloudy sky that lights pictures by default
 
-learnable_option = click.option(
-    "--learnable",
-    multiple=True,
-    metavar="PATTERN",
-    help="Parts that carry the layer, such as 'body*'; repeatable.  "
-    "[default: all but glass, wheels, lights and the like]",
-)
+
+def part_options(command: Command) -> Command:
+    """Adds what decides which parts weather: `learnable`, `keep`, `front` and `up`."""
+    for option in (
+        click.option("--up", metavar="AXIS", help="Where the roof is, such as +Z.  [default: found]"),
+        click.option("--front", metavar="AXIS", help="Where the nose is, such as +X.  [default: found]"),
+        click.option("--keep", multiple=True, metavar="PATTERN", help="Parts that are kept as they are; repeatable."),
+        click.option(
+            "--learnable", multiple=True, metavar="PATTERN", help="Parts that weather, whatever they are; repeatable."
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def delivery_options(command: Command) -> Command:
+    """Adds what decides which files are written: `size`, `maps_folder`, `force`, `embedding_uvs`."""
+    folder = click.Path(path_type=Path, file_okay=False)
+    for option in (
+        click.option(
+            "--embedding-uvs",
+            is_flag=True,
+            help="For research: write the surface over the UVs of the embedding and the layer beside it, and nothing "
+            "else of the scene.",
+        ),
+        click.option("--force", is_flag=True, help="Overwrite an earlier result."),
+        click.option("--maps", "maps_folder", type=folder, help="Also write the weathered textures into this folder."),
+        click.option(
+            "--size",
+            type=click.IntRange(16, 8192),
+            help="Texels along the longer side of weathered textures.  [default: as they are; new ones 2048]",
+        ),
+    ):
+        command = option(command)
+    return command
 
 
 def picture_options(command: Command) -> Command:
@@ -59,30 +85,86 @@ def read_config(path: Path, overrides: tuple[str, ...]) -> dict[str, Any]:
     return apply_overrides(load_yaml(path), overrides)
 
 
-def selected(patterns: tuple[str, ...]) -> PartSelection | None:
-    """The parts that `--learnable` names; None if it was not given."""
-    from svbrdfgan.config.choices import PartSelection
+def results(
+    meshes: tuple[Path, ...], out: Path, *, force: bool, draws: Sequence[str] | None = None
+) -> list[list[Path]]:
+    """Where the results of each mesh are written: `out` itself, or files in the folder `out` if there are several.
 
-    return PartSelection(include=patterns, exclude=()) if patterns else None
-
-
-def require_apart(mesh: Path, out: Path) -> None:
-    """Refuses an output path that is the input mesh.
+    Args:
+        draws: of several results of each mesh, the ends of their names.
 
     Raises:
-        ConfigError: both are the same file.
+        ConfigError: a result would overwrite another, a mesh, or, without `force`, an earlier one.
     """
-    if out.exists() and mesh.exists() and out.samefile(mesh):
-        raise ConfigError(f"{out} is the input mesh, which the output would overwrite; choose another path.")
+    if len(meshes) == 1 and draws is None:
+        paths = [[out]]
+    else:
+        ends = [""] if draws is None else [f"-{draw}" for draw in draws]
+        paths = [[out / f"{mesh.stem}{end}.glb" for end in ends] for mesh in meshes]
+    every = [path for some in paths for path in some]
+    for path in every:
+        if every.count(path) > 1:
+            raise ConfigError(f"two meshes would be written to {path}; weather them one after the other.")
+        for mesh in meshes:
+            _require_free(mesh, path, force=force)
+    return paths
 
 
-def studio_maker(
-    pictures: Mapping[str, Path | None],
-    environment: Path | None,
-    renderer: str,
-    maps: Mapping[str, float | None],
-) -> Callable[[Subject], Studio]:
-    """A function that makes the studio in which a subject's pictures are rendered. Paths and renderer are checked now.
+def _require_free(mesh: Path, path: Path, *, force: bool) -> None:
+    """Refuses to overwrite a mesh or, without `force`, an earlier result; makes the folder of a result.
+
+    Raises:
+        ConfigError: the path is not one that can be written.
+    """
+    if path.exists() and mesh.exists() and path.samefile(mesh):
+        raise ConfigError(f"{path} is the input mesh, which the output would overwrite; choose another path.")
+    if path.exists() and not force:
+        raise ConfigError(f"{path} is there already; --force overwrites it.")
+    _require_writable(path, ".glb", ".gltf")
+
+
+def each_alone(meshes: tuple[Path, ...], work: Callable[[int], list[Path]]) -> Done:
+    """Does work on each mesh, by number. If there are several, one that fails is told and does not stop the others.
+
+    Raises:
+        SvbrdfganError: the only mesh failed.
+    """
+    done = Done(len(meshes))
+    for number, mesh in enumerate(meshes):
+        try:
+            done.written += work(number)
+        except SvbrdfganError as error:
+            if len(meshes) == 1:
+                raise
+            click.echo(f"Error: {mesh}: {error}", err=True)
+            done.failed += 1
+    return done
+
+
+@dataclass
+class Done:
+    """What came of work on several meshes."""
+
+    meshes: int
+    failed: int = 0
+    written: list[Path] = field(default_factory=list)
+
+    def report(self) -> None:
+        """Prints the paths written.
+
+        Raises:
+            ConfigError: some meshes failed.
+        """
+        for path in self.written:
+            click.echo(str(path))
+        if self.failed:
+            raise ConfigError(f"{self.failed} of {self.meshes} meshes could not be weathered; see above.")
+
+
+def studio_of(
+    pictures: Mapping[str, Path | None], environment: Path | None, renderer: str, maps: Mapping[str, float | None]
+) -> Studio | None:
+    """The studio in which pictures are rendered; None if none is wanted. Paths and renderer are checked.
 
     Args:
         pictures: by option, where each picture is written; None if it is not wanted.
@@ -91,60 +173,25 @@ def studio_maker(
         UsageError: no picture is wanted, but an environment or a renderer is named.
         ConfigError: a file cannot be written there.
         PluginError: the renderer does not work, or cannot read the maps.
+        AssetError: the environment cannot be read, or is black.
     """
     wanted = [path for path in pictures.values() if path is not None]
     if not wanted:
         if environment is not None or renderer != "auto":
             raise click.UsageError(f"--environment and --renderer need {' or '.join(pictures)}.")
-        return _no_studio
+        return None
     for path in wanted:
         _require_writable(path, ".png", ".jpg", ".jpeg")
 
     from svbrdfgan.config.choices import PluginChoice
-    from svbrdfgan.inference.export import Studio
+    from svbrdfgan.inference.studio import Studio
     from svbrdfgan.io.environment import load_environment
     from svbrdfgan.plugins.select import resolve_renderer
     from svbrdfgan.procedural.sky import build_sky, sample_sky
 
     chosen, _ = resolve_renderer(PluginChoice(name=renderer), maps=maps)
     light = build_sky(sample_sky(_SKY_SEED)) if environment is None else load_environment(environment)
-    return lambda subject: Studio(subject, chosen, light, maps)
-
-
-def _no_studio(_: Subject) -> Studio:
-    raise AssertionError("no picture was asked for")
-
-
-def writer(
-    out: Path, picture: Path | None, studio: Callable[[Subject], Studio], maps: Mapping[str, float | None]
-) -> Callable[[Subject, Layer], list[Path]]:
-    """A function that writes a weathered mesh and gives the paths written. Checks the mesh's path beforehand.
-
-    Raises:
-        ConfigError: a file cannot be written there.
-    """
-    _require_writable(out, ".glb")
-
-    def write(subject: Subject, layer: Layer) -> list[Path]:
-        from svbrdfgan.inference.export import write_weathered
-
-        written = [out, write_weathered(out, subject, layer, maps)]
-        if picture is not None:
-            studio(subject).write(picture, layer)
-            written.append(picture)
-        return written
-
-    return write
-
-
-def report_weathered(subject: Subject, written: list[Path]) -> None:
-    """Prints the paths written; and on stderr which parts carry the layer, since part names alone decide that."""
-    parts = [(part.name, number in subject.learnable) for number, part in enumerate(subject.surface.parts)]
-    carrying, clean = (", ".join(name for name, learnable in parts if learnable is wanted) for wanted in (True, False))
-    click.echo(f"layer on: {carrying}; left clean: {clean or 'none'}", err=True)
-    for warning in subject.overlooked():
-        click.echo(f"warning: {warning}", err=True)
-    click.echo("\n".join(map(str, written)))
+    return Studio(chosen, light)
 
 
 def _require_writable(path: Path, *suffixes: str) -> None:

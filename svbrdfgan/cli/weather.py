@@ -1,87 +1,153 @@
-"""`svbrdfgan weather`: weathers a mesh by one of the procedural recipes (G0)."""
+"""`svbrdfgan weather`: weathers mesh files by one of the procedural recipes (G0)."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.display import ProgressBar, ProgressLines, progress
 from svbrdfgan.cli.options import (
+    delivery_options,
+    each_alone,
     key_values,
-    learnable_option,
+    part_options,
     picture_options,
-    report_weathered,
-    require_apart,
-    selected,
-    studio_maker,
-    writer,
+    results,
+    studio_of,
 )
+
+if TYPE_CHECKING:
+    from svbrdfgan.inference.studio import Studio
+    from svbrdfgan.weathering.recipes import Recipe
+
+_DENSITY = 1024
+_EMBEDDED = 512
 
 
 @click.command("weather")
-@click.argument("mesh", type=click.Path(path_type=Path))
+@click.argument("meshes", metavar="MESH...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--recipe", default="road-dirt", show_default=True, help="road-dirt, dust, rust or chipped-paint.")
 @click.option("--amount", default=1.0, show_default=True, type=click.FloatRange(0, 1), help="0 is clean.")
 @click.option("--seed", default=0, show_default=True, help="Each seed gives another pattern.")
 @click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the recipe; repeatable.")
+@click.option("--base-color-only", is_flag=True, help="Weather base colour alone; gloss and relief stay.")
+@part_options
+@click.option(
+    "--resolution",
+    type=click.IntRange(16, 8192),
+    help="The layer is as fine as a texture of that many texels along a side over the whole model.  "
+    f"[default: {_DENSITY}; with --embedding-uvs {_EMBEDDED}]",
+)
+@click.option(
+    "-o", "--out", required=True, type=click.Path(path_type=Path), help="GLB or glTF file; of several MESHes a folder."
+)
+@delivery_options
+@click.option("--embedding", help="With --embedding-uvs: see `svbrdfgan embeddings`.  [default: hemispherical]")
 @click.option(
     "--map",
-    "maps",
+    "bare",
     multiple=True,
     metavar="NAME=BARE",
-    help="The value of this map on the bare surface, such as roughness=0.3 or normal=0 (flat); repeatable. Maps that "
-    "are not named are left out. By default all are weathered, from the file's own values.",
+    help="With --embedding-uvs: the value of this map on the bare surface, such as roughness=0.3 or normal=0 (flat); "
+    "repeatable. Maps that are not named are left out.  [default: all, from the file's own values]",
 )
-@click.option("--base-color-only", is_flag=True, help="Weather base colour alone; gloss, relief and alpha are dropped.")
-@click.option("--embedding", default="hemispherical", show_default=True, help="See `svbrdfgan embeddings`.")
-@learnable_option
-@click.option(
-    "--resolution", default=512, show_default=True, type=click.IntRange(16, 8192), help="Texels along a side."
-)
-@click.option("-o", "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="GLB file to write.")
 @picture_options
 def command(
-    mesh: Path,
+    meshes: tuple[Path, ...],
     recipe: str,
     amount: float,
     seed: int,
     options: tuple[str, ...],
-    maps: tuple[str, ...],
     base_color_only: bool,
-    embedding: str,
-    learnable: tuple[str, ...],
-    resolution: int,
+    resolution: int | None,
     out: Path,
+    force: bool,
+    embedding_uvs: bool,
+    embedding: str | None,
+    bare: tuple[str, ...],
     picture: Path | None,
     environment: Path | None,
     renderer: str,
+    learnable: tuple[str, ...],
+    keep: tuple[str, ...],
+    front: str | None,
+    up: str | None,
+    size: int | None,
+    maps_folder: Path | None,
 ) -> None:
-    """Weather MESH by a recipe; write it as GLB, and the layer and each map as PNG next to it."""
-    require_apart(mesh, out)
-    if maps and base_color_only:
+    """Weather each MESH by a recipe: its scene comes back, and only the textures of what weathers differ."""
+    if picture is not None and len(meshes) > 1:
+        raise click.UsageError("--picture is of one MESH.")
+    if (bare or embedding) and not embedding_uvs:
+        raise click.UsageError("--embedding and --map need --embedding-uvs.")
+    if bare and base_color_only:
         raise click.UsageError("--map and --base-color-only exclude each other.")
-    with progress(f"loading {mesh}") as display:
+    paths = results(meshes, out, force=force)
+    with progress(f"loading {meshes[0]}") as display:
+        from svbrdfgan.rendering.compositing import BARE
+        from svbrdfgan.scene.description import map_values
+        from svbrdfgan.weathering.layer import recipe_from_options
+
+        detail = {} if embedding_uvs else {"detail": 1.0}  # textures of scenes are seen from near
+        chosen = recipe_from_options(recipe, {"amount": amount, "seed": seed, **detail, **key_values(options)})
+        maps = {**map_values(key_values(bare), "--map")} if bare or base_color_only else dict.fromkeys(BARE)
+        studio = studio_of(
+            {"--picture": picture}, environment, renderer, maps if embedding_uvs else dict.fromkeys(BARE)
+        )
+        if embedding_uvs:
+            layers = _Embedded(display, embedding or "hemispherical", resolution or _EMBEDDED, learnable, keep)
+            done = each_alone(meshes, lambda k: layers.write(meshes[k], paths[k][0], chosen, maps, studio, picture))
+        else:
+            from svbrdfgan.asset.weather_document import Textures
+            from svbrdfgan.cli.scenes import Scenes
+            from svbrdfgan.inference.weatherings import RecipeWeathering
+
+            textures = Textures(size, resolution or _DENSITY)
+            scenes = Scenes(display, textures, maps_folder, learnable, keep, front, up)
+            weathering = RecipeWeathering(chosen, tuple(maps))
+            done = each_alone(
+                meshes, lambda k: scenes.write(scenes.open(meshes[k]), weathering, paths[k][0], studio, picture)
+            )
+    done.report()
+
+
+@dataclass(frozen=True)
+class _Embedded:
+    """Weathering over the UVs of an embedding."""
+
+    display: ProgressBar | ProgressLines
+    embedding: str
+    resolution: int
+    learnable: tuple[str, ...]
+    keep: tuple[str, ...]
+
+    def write(
+        self,
+        mesh: Path,
+        path: Path,
+        recipe: Recipe,
+        maps: Mapping[str, float | None],
+        studio: Studio | None,
+        picture: Path | None,
+    ) -> list[Path]:
+        from svbrdfgan.cli.embedded import report_embedded, selection, write_embedded_files
         from svbrdfgan.config.choices import PartSelection
         from svbrdfgan.io.mesh import load_mesh
         from svbrdfgan.plugins.registry import load_embedding
-        from svbrdfgan.rendering.compositing import BARE
-        from svbrdfgan.scene.description import map_values
         from svbrdfgan.scene.subject import make_subject
-        from svbrdfgan.weathering.layer import recipe_from_options, weather
+        from svbrdfgan.weathering.layer import weather
 
-        bare: dict[str, float | None] = {**map_values(key_values(maps), "--map")}
-        if not maps and not base_color_only:
-            bare = dict.fromkeys(BARE)
-        chosen = recipe_from_options(recipe, {"amount": amount, "seed": seed, **key_values(options)})
-        studio = studio_maker({"--picture": picture}, environment, renderer, bare)
-        write = writer(out, picture, studio, bare)
+        self.display.stage(f"loading {mesh}")
         loaded = load_mesh(mesh)
-        display.stage(f"unwrapping {mesh}")
-        parts = selected(learnable) or PartSelection()
-        subject = make_subject(loaded, load_embedding(embedding), resolution, parts, file_maps=bool(bare))
-        display.stage(f"weathering {mesh}")
-        layer = weather(subject.surface, subject.buffer, chosen, bare)
-        display.stage(f"writing {out}")
-        written = write(subject, layer)
-    report_weathered(subject, written)
+        self.display.stage(f"unwrapping {mesh}")
+        parts = selection(self.learnable, self.keep) or PartSelection()
+        subject = make_subject(loaded, load_embedding(self.embedding), self.resolution, parts, file_maps=bool(maps))
+        self.display.stage(f"weathering {mesh}")
+        layer = weather(subject.surface, subject.buffer, recipe, maps)
+        self.display.stage(f"writing {path}")
+        report_embedded(subject)
+        return write_embedded_files(path, subject, layer, maps, studio, picture)

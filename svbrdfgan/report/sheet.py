@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import torch
 
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.inference.apply import Canvas, choose_draw
-from svbrdfgan.inference.export import Studio, developed
+from svbrdfgan.inference.studio import Studio, developed
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.image import srgb_from_linear
 from svbrdfgan.networks.draw import Draw
@@ -77,18 +77,29 @@ def _rows(model: Model, seed: int | None, amount: float | None, recipe: str | No
         yield Row(", ".join(["Recipes", *of_amount, *of_seed]), cells)
 
 
-def write_sheet(path: Path, rows: Sequence[Row], canvas: Canvas, studio: Studio, *, spp: int = 64) -> None:
+def write_sheet(
+    path: Path,
+    rows: Sequence[Row],
+    canvas: Canvas,
+    studio: Studio,
+    maps: Mapping[str, float | None] | None = None,
+    *,
+    spp: int = 64,
+) -> None:
     """Renders each draw from the front, all with one exposure.
 
     Args:
         path: .png or .jpg.
+        maps: as for `Subject.materials`.
 
     Raises:
         AssetError: the file cannot be written.
     """
     from PIL import Image, ImageDraw
 
-    shown = [studio.show(canvas.paint(draw), spp=spp, sides=1) for row in rows for _, draw in row.cells]
+    stand, subject = studio.stand(canvas.subject.surface), canvas.subject
+    layers = (canvas.paint(draw) for row in rows for _, draw in row.cells)
+    shown = [stand.show(subject.materials(layer, maps), spp=spp, sides=1) for layer in layers]
     pictures = iter(srgb_from_linear(picture.clamp(0, 1)) for picture in developed(shown))
     (width, height), columns = _CELL, max(len(row.cells) for row in rows)
     tall = _HEAD + height + _LABEL

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from documents import differences
@@ -22,7 +22,7 @@ from svbrdfgan.asset.weather_document import Edited, Model, Textures, weather_do
 from svbrdfgan.io.gltf.accessors import append_accessor
 from svbrdfgan.io.gltf.document import Document, write_document
 from svbrdfgan.io.gltf_codecs.plain import INDICES
-from svbrdfgan.types import Mesh
+from svbrdfgan.types import FURTHER_MAPS, Mesh
 
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -33,6 +33,8 @@ class Halves:
 
     mesh: Mesh
     alpha: float = 1.0
+
+    maps: ClassVar = FURTHER_MAPS
 
     def __call__(self, points: SurfacePoints, texel: float) -> Paint:
         alpha = self.alpha * (points.positions(self.mesh)[:, 0] > 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from svbrdfgan.asset.points import SurfacePoints
 from svbrdfgan.asset.weather_document import Model, Textures, weather_document
 from svbrdfgan.io.gltf.accessors import append_accessor, read_floats
 from svbrdfgan.io.gltf.document import Document
-from svbrdfgan.types import Mesh
+from svbrdfgan.types import FURTHER_MAPS, Mesh
 
 SHADES = np.tile(np.arange(8)[:, None] * 4, (8, 1, 3))
 
@@ -158,6 +158,8 @@ class Slope:
     """Paints relief that rises along x."""
 
     mesh: Mesh
+
+    maps: ClassVar = FURTHER_MAPS
 
     def __call__(self, points: SurfacePoints, texel: float) -> Paint:
         one, height = np.ones(len(points)), 0.5 * points.positions(self.mesh)[:, 0]

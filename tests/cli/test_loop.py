@@ -253,7 +253,7 @@ def test_texture(run: Path, car: Path, tmp_path: Path) -> None:
 
 @pytest.fixture
 def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("svbrdfgan.inference.export._PICTURE", (48, 36))
+    monkeypatch.setattr("svbrdfgan.inference.studio._PICTURE", (48, 36))
 
 
 @pytest.mark.usefixtures("small_pictures")

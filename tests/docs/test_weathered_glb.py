@@ -42,7 +42,7 @@ def mesh(tmp_path: Path) -> sg.Mesh:
 
 def weathered(mesh: sg.Mesh, embedding: str, path: Path) -> tuple[sg.Mesh, dict[str, Any]]:
     subject = sg.make_subject(mesh, sg.load_embedding(embedding), 32, sg.PartSelection())
-    sg.write_weathered(path, subject, sg.Layer(torch.zeros(32, 32, 4)))
+    sg.write_embedded(path, subject, sg.Layer(torch.zeros(32, 32, 4)))
     data = path.read_bytes()
     return sg.load_mesh(path), json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
 

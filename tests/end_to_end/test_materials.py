@@ -16,7 +16,7 @@ from svbrdfgan.data.index import Dataset
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.inference.apply import paint
-from svbrdfgan.inference.export import write_weathered
+from svbrdfgan.inference.embedded import write_embedded
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.procedural.kinds import sample_vehicle
@@ -90,7 +90,7 @@ def test_the_model_paints_every_map_and_its_glb_says_so(run: Path, vehicles: Pat
     subject, layer = paint(load_mesh(vehicles / "two.glb"), model)
     assert layer.maps == ("roughness", "metallic", "normal")
     assert layer["normal"][..., :2].abs().max() < 1
-    write_weathered(tmp_path / "car.glb", subject, layer, model.config.maps)
+    write_embedded(tmp_path / "car.glb", subject, layer, model.config.maps)
     read: dict[str, Part] = {part.name: part for part in load_mesh(tmp_path / "car.glb").parts}
     assert read["body"].file_maps.keys() == {"roughness", "metallic", "normal"}
     assert read["glass"].file_maps["alpha"].factor == (0.25,)

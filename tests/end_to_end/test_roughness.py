@@ -26,7 +26,7 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.inference.apply import paint
-from svbrdfgan.inference.export import write_weathered
+from svbrdfgan.inference.embedded import write_embedded
 from svbrdfgan.io.image import load_image, srgb_from_linear
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.plugins.registry import load_renderer
@@ -139,7 +139,7 @@ def test_the_model_paints_and_exports_the_map(run: Path, folder: Path, tmp_path:
     assert model.config.maps == {"roughness": 0.35}
     subject, layer = paint(load_mesh(next((folder / "assets" / "meshes").iterdir())), model)
     assert layer.values.shape == (32, 32, 5)
-    write_weathered(tmp_path / "car.glb", subject, layer, model.config.maps)
+    write_embedded(tmp_path / "car.glb", subject, layer, model.config.maps)
     assert {path.name for path in tmp_path.iterdir()} == {"car.glb", "car.layer.png", "car.roughness.png"}
     stored = srgb_from_linear(load_image(tmp_path / "car.roughness.png").flip(0))[..., 0]
     alpha, value = layer.alpha, layer["roughness"][..., 0]

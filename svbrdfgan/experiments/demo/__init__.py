@@ -16,7 +16,8 @@ from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.experiments.demo.gloss import PAINT, glossy_picture, matt_dirt, polished
 from svbrdfgan.inference.apply import paint
-from svbrdfgan.inference.export import write_picture, write_weathered
+from svbrdfgan.inference.embedded import write_embedded
+from svbrdfgan.inference.studio import write_picture
 from svbrdfgan.io.environment import load_environment
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.plugins.select import resolve_renderer
@@ -64,7 +65,7 @@ def run_demo(out: Path, display: Display) -> DemoResult:
     vehicle = out / "weathered_vehicle.glb"
     subject, learned = paint(load_mesh(data / plan.meshes["test"][0].asset.path), load_model(run))
     subject, layer = polished(subject), matt_dirt(learned)
-    write_weathered(vehicle, subject, layer, PAINT)
+    write_embedded(vehicle, subject, layer, PAINT)
     sky = load_environment(data / plan.environments["test"][0].asset.path)
     write_picture(vehicle.with_suffix(".png"), subject, layer, renderer, sky, PAINT, spp=_SPP)
     picture = out / "overview.png"

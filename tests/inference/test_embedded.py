@@ -17,7 +17,7 @@ from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.geometry.bake_materials import bake_file_maps
 from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.geometry.tangents import corner_tangents
-from svbrdfgan.inference.export import write_weathered
+from svbrdfgan.inference.embedded import write_embedded
 from svbrdfgan.io.image import load_image, srgb_from_linear
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.procedural.kinds import sample_vehicle
@@ -56,7 +56,7 @@ def layer() -> Layer:
 @pytest.fixture(scope="module")
 def written(subject: Subject, layer: Layer, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path: Path = tmp_path_factory.mktemp("weathered") / "car.glb"
-    write_weathered(path, subject, layer, MAPS)
+    write_embedded(path, subject, layer, MAPS)
     return path
 
 
@@ -164,7 +164,7 @@ def test_tangents_are_those_of_the_surface(written: Path, subject: Subject) -> N
 
 
 def test_base_colour_alone_is_written_as_before(subject: Subject, layer: Layer, tmp_path: Path) -> None:
-    write_weathered(tmp_path / "car.glb", subject, Layer(layer.rgba))
+    write_embedded(tmp_path / "car.glb", subject, Layer(layer.rgba))
     header, _ = header_of(tmp_path / "car.glb")
     assert {path.name for path in tmp_path.iterdir()} == {"car.glb", "car.layer.png"}
     assert all("normalTexture" not in material for material in header["materials"])

@@ -1,0 +1,88 @@
+"""What `weather` and `texture` do to a mesh file: its whole scene is written again, weathered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+from svbrdfgan.asset.asset import load_asset
+from svbrdfgan.asset.weather_document import Textures
+from svbrdfgan.cli.display import ProgressBar, ProgressLines
+from svbrdfgan.inference.file_scene import file_scene
+from svbrdfgan.inference.studio import Studio
+from svbrdfgan.inference.weathered_file import weathered_document, write_maps
+from svbrdfgan.inference.weatherings import Weathering
+from svbrdfgan.inference.workpiece import Workpiece, above_ground, open_workpiece, turned
+from svbrdfgan.io.gltf.document import write_document
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """What is asked for of every scene.
+
+    Attributes:
+        display: shows what is being done.
+        textures: how large.
+        maps_folder: gets the weathered textures, too; None if they are not wanted.
+        learnable, keep, front, up: as for `open_workpiece`.
+    """
+
+    display: ProgressBar | ProgressLines
+    textures: Textures
+    maps_folder: Path | None
+    learnable: tuple[str, ...]
+    keep: tuple[str, ...]
+    front: str | None
+    up: str | None
+
+    def open(self, mesh: Path) -> Workpiece:
+        """The workpiece in a file. Which parts weather is printed on stderr."""
+        self.display.stage(f"loading {mesh}")
+        workpiece = open_workpiece(mesh, learnable=self.learnable, keep=self.keep, front=self.front, up=self.up)
+        _report(workpiece)
+        return workpiece
+
+    def write(
+        self,
+        workpiece: Workpiece,
+        weathering: Weathering,
+        path: Path,
+        studio: Studio | None = None,
+        picture: Path | None = None,
+    ) -> list[Path]:
+        """Writes the weathered scene, and a picture of it if one is wanted; returns the paths written.
+
+        What else was done to the scene is printed on stderr.
+        """
+        self.display.stage(f"weathering {workpiece.asset.path}")
+        edited = weathered_document(workpiece, weathering, self.textures)
+        self.display.stage(f"writing {path}")
+        written = write_document(path, edited.document)
+        for sentence in edited.told:
+            click.echo(sentence, err=True)
+        if self.maps_folder is not None:
+            written += write_maps(self.maps_folder, edited)
+        if studio is not None and picture is not None:
+            self._draw(workpiece, path, studio, picture)
+            written.append(picture)
+        return written
+
+    def _draw(self, workpiece: Workpiece, path: Path, studio: Studio, picture: Path) -> None:
+        """Renders a written scene as any other program would, from the front and from behind."""
+        self.display.stage(f"rendering {picture}")
+        shown = above_ground(load_asset(path), workpiece.verdicts)
+        surface, materials = file_scene(turned(shown.mesh, workpiece.orientation))
+        studio.stand(surface).write(picture, materials)
+
+
+def _report(workpiece: Workpiece) -> None:
+    names: dict[bool, dict[str, None]] = {True: {}, False: {}}
+    for verdict in workpiece.verdicts:
+        names[verdict.weathers].setdefault(workpiece.asset.pieces[verdict.piece].part.name)
+    weathering, kept = (", ".join(names[wanted]) or "nothing" for wanted in (True, False))
+    click.echo(f"weathers: {weathering}; kept: {kept}", err=True)
+    click.echo(str(workpiece.orientation), err=True)
+    for warning in workpiece.warnings:
+        click.echo(f"warning: {warning}", err=True)

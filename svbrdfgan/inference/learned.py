@@ -1,0 +1,269 @@
+"""What a trained generator paints, at any point of a mesh: its layers on peels of the mesh's embedding."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from numpy import ndarray
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from svbrdfgan.asset.painters import Paint, Painter
+from svbrdfgan.asset.peels import Peel, peels
+from svbrdfgan.asset.points import SurfacePoints
+from svbrdfgan.asset.subfaces import SubFaces
+from svbrdfgan.geometry.layers import embed_and_rasterize
+from svbrdfgan.geometry.normals import unit
+from svbrdfgan.geometry.tangents import Tangents, corner_tangents
+from svbrdfgan.geometry.texels import bilinear_taps
+from svbrdfgan.inference.apply import choose_draw, explain_memory, finer_factor
+from svbrdfgan.inference.workpiece import Workpiece
+from svbrdfgan.networks.draw import Draw
+from svbrdfgan.plugins.registry import load_embedding
+from svbrdfgan.training.run import Model
+from svbrdfgan.types import Mesh, Surface
+from svbrdfgan.weathering.mesh_maps import bake_mesh_maps
+
+_BENEATH = 1024
+"""Texels along a side at which peels beneath the outermost are painted at most, or those of the training."""
+_REACH = 1.5  # texels: a tap shows a point's surface if it lies within what so many texels span there
+_NEAR, _FAR = 1e-3, 0.03  # of the model's size: bounds of that distance
+_ENOUGH = 0.1  # weight of taps that show the surface; below it the nearest taps in space are taken
+_NEIGHBOURS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedWeathering:
+    """One draw of a trained model.
+
+    Attributes:
+        asked: what files say of it: model, seed, amount and recipe as they were asked for.
+        resolution: as for `paint`.
+    """
+
+    model: Model
+    draw: Draw
+    asked: Mapping[str, Any]
+    resolution: int | None = None
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        *,
+        name: str | None = None,
+        seed: int | None = None,
+        amount: float | None = None,
+        recipe: str | None = None,
+        resolution: int | None = None,
+    ) -> LearnedWeathering:
+        """The draw of these conditions; see `paint`.
+
+        Args:
+            name: of the model, for the files.
+
+        Raises:
+            ConfigError: the model does not know what is asked for, or cannot paint at that resolution.
+        """
+        finer_factor(model, resolution)
+        asked = {"model": name, "seed": seed, "amount": amount, "recipe": recipe}
+        draw = choose_draw(model, seed=seed, amount=amount, recipe=recipe)
+        return cls(model, draw, {key: value for key, value in asked.items() if value is not None}, resolution)
+
+    @property
+    def description(self) -> Mapping[str, Any]:
+        return self.asked
+
+    def painter(self, workpiece: Workpiece) -> Painter:
+        """The layers on all peels of the workpiece's mesh.
+
+        Raises:
+            EmbeddingError: the mesh cannot be embedded.
+            ConfigError: there is not enough memory.
+        """
+        with explain_memory(self.resolution):
+            return LearnedPainter.of(self, workpiece)
+
+
+@dataclass(frozen=True, eq=False)
+class _Layer:
+    """What is painted on one peel.
+
+    Attributes:
+        values: of a layer, `factor` times as fine as the peel; float16.
+        normals: of the layer are unit vectors in the surface's tangent frames.
+    """
+
+    values: Float[Tensor, "fine_texels channels"]
+    factor: int
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedPainter:
+    """Looks points up in the layer of the peel that shows them.
+
+    A point is looked up at its own UV, among the texels around that show its surface. Where none does, in what the
+    embedding hides deeper than the peels reach, it takes the mean of what the nearest texels in space show.
+
+    Attributes:
+        mesh: the model.
+        surface: embedded.
+        taps: position of each texel of each peel, metres; NaN where it has nothing of its own.
+        reach: of each face of the surface: how far off a tap may be, metres.
+    """
+
+    mesh: Mesh
+    surface: Surface
+    subfaces: SubFaces
+    tangents: Tangents
+    taps: Float[ndarray, "peels texels 3"]
+    shape: tuple[int, int]
+    layers: tuple[_Layer, ...]
+    channels: Mapping[str, slice]
+    reach: Float[ndarray, " faces"]
+    tree: cKDTree = field(repr=False)
+    tree_tap: Int[ndarray, " known"]
+
+    @property
+    def maps(self) -> Collection[str]:
+        return [name for name in self.channels if name not in ("base_color", "alpha")]
+
+    @classmethod
+    def of(cls, weathering: LearnedWeathering, workpiece: Workpiece) -> LearnedPainter:
+        """Embeds the mesh as the training did, and paints its peels."""
+        model, mesh = weathering.model, workpiece.mesh
+        trained = model.config.dataset
+        embedding = load_embedding(trained.embedding.name, trained.embedding.options)
+        fragments = embed_and_rasterize(embedding, mesh, trained.texture)
+        wanted = np.isin(workpiece.asset.face_piece, list(workpiece.weathered))
+        found = list(peels(fragments, wanted, workpiece.surroundings.reversed))
+        surface = fragments.surface
+        layers = tuple(_painted(weathering, surface, peel, outermost=k == 0) for k, peel in enumerate(found))
+        taps = np.stack([peel.positions.reshape(-1, 3) for peel in found])
+        known = np.flatnonzero(np.isfinite(taps[..., 0]).ravel())
+        return cls(
+            mesh,
+            surface,
+            SubFaces.of(surface, len(mesh.faces)),
+            corner_tangents(surface),
+            taps,
+            (fragments.rows, fragments.cols),
+            layers,
+            model.generator.channels,
+            _reach(surface, trained.texture),
+            cKDTree(taps.reshape(-1, 3)[known]),
+            known,
+        )
+
+    def __call__(self, points: SurfacePoints, texel: float) -> Paint:
+        at = self.subfaces.find(points)
+        values = self._values(points.positions(self.mesh).astype(np.float32), at)
+        found = {name: values[:, channels] for name, channels in self.channels.items()}
+        nothing = np.zeros((len(points), 1))
+        return Paint(
+            found["base_color"],
+            found["alpha"][:, 0],
+            found.get("roughness", nothing)[:, 0],
+            found.get("metallic", nothing)[:, 0],
+            nothing[:, 0],
+            self._normals(found["normal"], at) if "normal" in found else None,
+        )
+
+    def _values(self, position: Float[ndarray, "points 3"], at: SurfacePoints) -> Float[ndarray, "points channels"]:
+        uv = at.interpolate(self.surface.uv[self.surface.faces])
+        rows, cols = self.shape
+        index, weight = (
+            tensor.numpy() for tensor in bilinear_taps(torch.from_numpy(uv), rows, cols, self.surface.repeat)
+        )
+        peel = np.zeros(index.shape, np.int64)
+        for tap in range(index.shape[1]):
+            distance = np.linalg.norm(self.taps[:, index[:, tap]] - position, axis=2)
+            distance = np.where(np.isfinite(distance), distance, np.inf)
+            peel[:, tap] = distance.argmin(axis=0)
+            weight[:, tap] *= distance.min(axis=0) <= self.reach[at.face]
+        total = weight.sum(axis=1)
+        values = np.zeros((len(uv), self.layers[0].values.shape[1]), np.float32)
+        agree = (total > 1.0 - 1e-6) & (peel == peel[:, :1]).all(axis=1)
+        values[agree] = self._sampled(peel[agree, 0], uv[agree])
+        mixed = np.flatnonzero(~agree & (total >= _ENOUGH))
+        for tap in range(index.shape[1]):
+            share = weight[mixed, tap, None] / total[mixed, None]
+            near = self._within(index[mixed, tap], peel[mixed, tap], uv[mixed])
+            values[mixed] += share * self._sampled(peel[mixed, tap], near)
+        return self._with_neighbours(values, position, np.flatnonzero(total < _ENOUGH))
+
+    def _within(
+        self, tap: Int[ndarray, " points"], peel: Int[ndarray, " points"], uv: Float[ndarray, "points 2"]
+    ) -> Float[ndarray, "points 2"]:
+        """The UVs moved to between the centres of the finer texels in the texel of a tap: no other is looked up."""
+        size = np.array(self.shape[::-1])
+        centre = np.stack([tap % size[0], tap // size[0]], axis=1) + 0.5
+        inner = 0.5 - 0.5 / np.array([layer.factor for layer in self.layers])[peel, None]
+        return (centre + np.clip(uv * size - centre, -inner, inner)) / size
+
+    def _sampled(
+        self, peel: Int[ndarray, " points"], uv: Float[ndarray, "points 2"]
+    ) -> Float[ndarray, "points channels"]:
+        """The layers of peels at UVs."""
+        values = np.zeros((len(uv), self.layers[0].values.shape[1]), np.float32)
+        for number in np.unique(peel):
+            mine, layer = np.flatnonzero(peel == number), self.layers[number]
+            rows, cols = (side * layer.factor for side in self.shape)
+            index, weight = bilinear_taps(torch.from_numpy(uv[mine]), rows, cols, self.surface.repeat)
+            values[mine] = (layer.values[index].float() * weight[..., None]).sum(dim=1).numpy()
+        return values
+
+    def _with_neighbours(
+        self,
+        values: Float[ndarray, "points channels"],
+        position: Float[ndarray, "points 3"],
+        lost: Int[ndarray, " lost"],
+    ) -> Float[ndarray, "points channels"]:
+        """The values, where those of the lost points come from the nearest texels in space."""
+        if not len(lost):
+            return values
+        count = min(_NEIGHBOURS, len(self.tree_tap))
+        distance, near = self.tree.query(position[lost], k=range(1, count + 1))
+        weight = 1.0 / np.maximum(distance, 1e-9) ** 2
+        rows, cols = self.shape
+        peel, tap = np.divmod(self.tree_tap[near], rows * cols)
+        centre = np.stack([tap % cols + 0.5, tap // cols + 0.5], axis=-1) / (cols, rows)
+        found = self._sampled(peel.ravel(), centre.reshape(-1, 2)).reshape(*near.shape, -1)
+        values[lost] = (found * (weight / weight.sum(axis=1, keepdims=True))[..., None]).sum(axis=1)
+        return values
+
+    def _normals(self, tilted: Float[ndarray, "points 3"], at: SurfacePoints) -> Float[ndarray, "points 3"]:
+        """Unit normals of the mesh's axes, from those in the tangent frames of the surface."""
+        upward = unit(at.interpolate(self.surface.normals[self.surface.faces]))
+        along = at.interpolate(self.tangents.direction)
+        along = unit(along - (along * upward).sum(axis=1, keepdims=True) * upward)
+        across = self.tangents.handedness[at.face, None] * np.cross(upward, along)
+        x, y, z = tilted.T[..., None]
+        return unit(x * along + y * across + z * upward)
+
+
+def _painted(weathering: LearnedWeathering, surface: Surface, peel: Peel, *, outermost: bool) -> _Layer:
+    trained = weathering.model.config.dataset.texture
+    factor = finer_factor(weathering.model, weathering.resolution)
+    if not outermost:
+        factor = min(factor, max(_BENEATH // trained, 1))
+    geometry = peel.buffer.network_input()
+    if weathering.model.generator.mesh_maps:
+        geometry = torch.cat([geometry, bake_mesh_maps(surface, peel.buffer).network_input()])
+    with torch.no_grad():
+        values = weathering.draw(geometry.unsqueeze(0), factor)[0]
+    return _Layer(values.reshape(-1, values.shape[-1]).half(), factor)
+
+
+def _reach(surface: Surface, texels: int) -> Float[ndarray, " faces"]:
+    """By the greatest stretch along an edge of each face."""
+    corners, uv = surface.positions[surface.faces], surface.uv[surface.faces] * texels
+    length, span = (np.linalg.norm(each - np.roll(each, 1, axis=1), axis=2) for each in (corners, uv))
+    size = float(np.linalg.norm(np.ptp(surface.positions, axis=0)))
+    stretch = (length / np.maximum(span, 1e-6)).max(axis=1)
+    return np.clip(_REACH * stretch, _NEAR * size, _FAR * size)

@@ -1,0 +1,142 @@
+"""Weather a user's file: the scene that went in comes out, and only the materials that weather differ."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from svbrdfgan.asset.weather_document import Edited, Model, Textures, weather_document
+from svbrdfgan.errors import AssetError
+from svbrdfgan.inference.weatherings import RecipeWeathering, Weathering
+from svbrdfgan.inference.workpiece import Workpiece, open_workpiece
+from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.gltf.document import Document, picture_bytes, picture_type, write_document
+from svbrdfgan.io.gltf.materials import images_of
+from svbrdfgan.weathering.recipes import Recipe
+
+_ENDINGS = {"image/png": ".png", "image/jpeg": ".jpg", "image/webp": ".webp"}
+_MAPS = {
+    "baseColorTexture": "base_color",
+    "metallicRoughnessTexture": "metallic_roughness",
+    "normalTexture": "normal",
+    "emissiveTexture": "emissive",
+    "diffuseTexture": "diffuse",
+    "specularGlossinessTexture": "specular_glossiness",
+}
+
+
+@dataclass(frozen=True)
+class Weathered:
+    """What was written, and what the user should know.
+
+    Attributes:
+        paths: of the files, the scene first.
+        told: sentences on what was done to the file beyond new textures.
+        warnings: sentences on what the user should look at.
+    """
+
+    paths: tuple[Path, ...]
+    told: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def write_weathered(
+    path: str | os.PathLike[str],
+    source: str | os.PathLike[str] | Workpiece,
+    weathering: Weathering | Recipe,
+    textures: Textures | None = None,
+    *,
+    learnable: Sequence[str] = (),
+    keep: Sequence[str] = (),
+    front: str | None = None,
+    up: str | None = None,
+) -> Weathered:
+    """Writes a mesh file's whole scene, weathered. All that does not weather stays as it was.
+
+    Args:
+        path: .glb, or .gltf with files beside it.
+        source: .glb, .gltf, .obj, .ply or .stl; or what `open_workpiece` made of it, to which the patterns and axes
+            were given then.
+        weathering: a recipe, or another kind of weathering.
+        textures: how large; by default as the file's own.
+        learnable, keep, front, up: as for `open_workpiece`.
+
+    Raises:
+        AssetError: a file cannot be read or written, or the result would overwrite the source.
+        ConfigError: `front` or `up` is no axis.
+    """
+    if isinstance(source, Workpiece):
+        workpiece = source
+    else:
+        workpiece = open_workpiece(source, learnable=learnable, keep=keep, front=front, up=up)
+    require_apart(workpiece.asset.path, Path(path))
+    layer = weathering if isinstance(weathering, Weathering) else RecipeWeathering(weathering)
+    edited = weathered_document(workpiece, layer, textures or Textures())
+    return Weathered(tuple(write_document(path, edited.document)), tuple(edited.told), workpiece.warnings)
+
+
+def weathered_document(workpiece: Workpiece, weathering: Weathering, textures: Textures) -> Edited:
+    """The workpiece's document with a layer on what weathers; as it was if that is nothing."""
+    asset = workpiece.asset
+    if not workpiece.weathered:
+        return Edited(asset.document.copy())
+    model = Model(workpiece.mesh, workpiece.surroundings.reversed)
+    edited = weather_document(asset, model, weathering.painter(workpiece), workpiece.weathered, textures)
+    edited.told[:0] = asset.document.changes
+    _sign(edited.document, weathering)
+    return edited
+
+
+def require_apart(source: Path, out: Path) -> None:
+    """Refuses an output path that is the input.
+
+    Raises:
+        AssetError: both are the same file.
+    """
+    if out.exists() and source.exists() and out.samefile(source):
+        raise AssetError(f"{out} is the input mesh, which the output would overwrite; choose another path.")
+
+
+def write_maps(folder: Path, edited: Edited) -> list[Path]:
+    """Writes the textures of the materials that weather, such as `paint.base_color.png`.
+
+    Returns:
+        The paths written.
+
+    Raises:
+        AssetError: a file cannot be written.
+    """
+    document = edited.document
+    written: list[Path] = []
+    for number in edited.materials:
+        material = document.table("materials")[number]
+        name = re.sub(r"[^\w.-]+", "_", str(material.get("name") or "material"))
+        if any(path.name.startswith(f"{name}.") for path in written):
+            name = f"{name}.{number}"
+        for key, image in _images(document, material):
+            data = picture_bytes(document, image)
+            written.append(folder / f"{name}.{_MAPS[key]}{_ENDINGS[picture_type(data)]}")
+            with atomic_path(written[-1]) as temporary:
+                temporary.write_bytes(data)
+    return written
+
+
+def _images(document: Document, entry: Any) -> Iterator[tuple[str, int]]:
+    """The images of a material's weathered maps, each with the key of its `textureInfo`."""
+    for key, value in entry.items() if isinstance(entry, dict) else ():
+        if key in _MAPS and (images := images_of(document, value["index"])):
+            yield key, images[0]
+        elif key != "extras":
+            yield from _images(document, value)
+
+
+def _sign(document: Document, weathering: Weathering) -> None:
+    """Says in the asset's extras what weathered it."""
+    extras = document.header["asset"].setdefault("extras", {})
+    if isinstance(extras, dict):
+        extras["svbrdfgan"] = {"version": version("svbrdfgan"), **weathering.description}

@@ -1,0 +1,44 @@
+"""What can weather a workpiece: a procedural recipe, or what a trained model paints."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol, runtime_checkable
+
+from svbrdfgan.asset.painters import Painter, RecipePainter
+from svbrdfgan.inference.workpiece import Workpiece
+from svbrdfgan.types import FURTHER_MAPS
+from svbrdfgan.weathering.recipes import RECIPES, Recipe
+
+
+@runtime_checkable
+class Weathering(Protocol):
+    """One layer on any mesh."""
+
+    @property
+    def description(self) -> Mapping[str, Any]:
+        """What files say of their weathering, as JSON."""
+
+    def painter(self, workpiece: Workpiece) -> Painter:
+        """Paints the layer on one mesh."""
+
+
+@dataclass(frozen=True)
+class RecipeWeathering:
+    """Weathering by a recipe.
+
+    Attributes:
+        maps: what is painted besides base colour.
+    """
+
+    recipe: Recipe
+    maps: Collection[str] = FURTHER_MAPS
+
+    @property
+    def description(self) -> Mapping[str, Any]:
+        name = next(name for name, kind in RECIPES.items() if isinstance(self.recipe, kind))
+        return {"recipe": name, **asdict(self.recipe)}  # type: ignore[call-overload]
+
+    def painter(self, workpiece: Workpiece) -> Painter:
+        return RecipePainter(workpiece.surroundings, self.recipe, self.maps)
