@@ -19,6 +19,7 @@ from svbrdfgan.asset.weathered_maps import covered, layer_bands, weathered_color
 from svbrdfgan.io.gltf.document import Document, Json
 from svbrdfgan.io.gltf.materials import DocumentPictures, is_lambertian
 from svbrdfgan.io.uv_sets import UVSet
+from svbrdfgan.utils.threads import in_threads
 
 Bytes = UInt8[ndarray, "rows cols channels"]
 Layer = Float[ndarray, "rows cols channels"]
@@ -97,7 +98,8 @@ class WeatheredMaterial:
         second: Json = {"texCoord": number} if number else {}
         maps = self._maps(sheet, painted)
         _compose(maps, sheet, painted)
-        textures = [self._texture(each, place if number is None else second) for each in maps]
+        pngs = in_threads(_png, [each.made for each in maps])
+        textures = [self._texture(each, png, place if number is None else second) for each, png in zip(maps, pngs, strict=True)]
         self._share_occlusion(maps, textures)
         for each, info in zip(maps, textures, strict=True):
             each.owner[each.key] = info
@@ -126,13 +128,10 @@ class WeatheredMaterial:
                 maps.append(_new(entry, f"{prefix}Texture", sheet, covered))
         return maps
 
-    def _texture(self, each: _Map, where: Json) -> Json:
+    def _texture(self, each: _Map, png: bytes, where: Json) -> Json:
         """The `textureInfo` of a new texture, with the sampler of the old one."""
-        from PIL import Image as PillowImage
-
-        stream, document, old = BytesIO(), self.document, each.old
-        PillowImage.fromarray(np.ascontiguousarray(each.made[::-1])).save(stream, format="PNG", compress_level=3)
-        image = document.add("images", {"bufferView": document.add_view(stream.getvalue()), "mimeType": "image/png"})
+        document, old = self.document, each.old
+        image = document.add("images", {"bufferView": document.add_view(png), "mimeType": "image/png"})
         entry: Json = {"source": image}
         if old is not None and "sampler" in document.table("textures")[old["index"]]:
             entry["sampler"] = document.table("textures")[old["index"]]["sampler"]
@@ -153,6 +152,15 @@ class WeatheredMaterial:
         for each, info in zip(maps, textures, strict=True):
             if each.key == "metallicRoughnessTexture":
                 self.material["occlusionTexture"] = {**info, **kept}
+
+
+def _png(made: Bytes) -> bytes:
+    """The file of a texture, whose row 0 is at v = 0."""
+    from PIL import Image as PillowImage
+
+    stream = BytesIO()
+    PillowImage.fromarray(np.ascontiguousarray(made[::-1])).save(stream, format="PNG", compress_level=3)
+    return stream.getvalue()
 
 
 def _new(owner: Json, key: str, sheet: Sheet, compose: Callable[[Bytes, Layer], Bytes]) -> _Map:

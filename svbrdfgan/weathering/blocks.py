@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from svbrdfgan.utils.threads import in_threads
 
-BLOCK = 8192
+BLOCK = 16384
 """Points at a time: few enough that temporary arrays of 48 neighbours stay small."""
 
 
