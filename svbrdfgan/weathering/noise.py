@@ -42,11 +42,17 @@ def gradient_noise(points: Float[ndarray, "points 3"], seed: int) -> Float[ndarr
     fade = near * near * near * (near * (near * 6.0 - 15.0) + 10.0)
     weights = 1.0 - fade, fade
     gradients = _gradients(cell.astype(np.int64), seed)
+    across = {(i, j): weights[i][0] * weights[j][1] for i in (0, 1) for j in (0, 1)}
     total = np.zeros(len(points))
     for corner in _CORNERS:
         (x, y, z), (i, j, k) = gradients(corner), corner
-        slope = x * sides[i][0] + y * sides[j][1] + z * sides[k][2]
-        total += weights[i][0] * weights[j][1] * weights[k][2] * slope
+        x *= sides[i][0]
+        y *= sides[j][1]
+        z *= sides[k][2]
+        x += y
+        x += z
+        x *= across[i, j] * weights[k][2]
+        total += x
     return total * (2.0 / np.sqrt(3.0))
 
 
