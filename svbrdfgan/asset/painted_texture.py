@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from svbrdfgan.asset.painters import Paint, Painter
-from svbrdfgan.asset.texture_bands import Band, bands
+from svbrdfgan.asset.points import SurfacePoints
+from svbrdfgan.asset.texture_bands import TILE, TexelGrid
 from svbrdfgan.geometry.normals import unit
+from svbrdfgan.geometry.split import surface_over
+from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.types import Mesh
+from svbrdfgan.utils.threads import in_threads
 
 CHANNELS = 9
 """Of a painted texture: base colour (3), alpha, roughness, metallic, and the normal in tangent space (3)."""
@@ -44,42 +49,79 @@ class Canvas:
         texels = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]).sum() * rows * cols
         return float(np.sqrt(area / max(texels, 1e-12)))
 
+    def in_tangent_space(
+        self, points: SurfacePoints, normals: Float[ndarray, "points 3"]
+    ) -> Float[ndarray, "points 3"]:
+        """Unit normals of the mesh's axes, in the tangent frames of the canvas's UVs."""
+        direction, handedness, normal = self._frames
+        upward, along = unit(points.interpolate(normal)), points.interpolate(direction)
+        along = unit(along - (along * upward).sum(axis=1, keepdims=True) * upward)
+        across = handedness[points.face, None] * np.cross(upward, along)
+        return np.stack([(normals * axis).sum(axis=1) for axis in (along, across, upward)], axis=1)
+
+    @cached_property
+    def _frames(
+        self,
+    ) -> tuple[Float[ndarray, "mesh_faces 3 3"], Float[ndarray, " mesh_faces"], Float[ndarray, "mesh_faces 3 3"]]:
+        """Tangents, their handedness and normals at face corners; those of other faces mean nothing."""
+        uv = np.zeros((len(self.mesh.faces), 3, 2))
+        uv[self.faces] = self.uv
+        surface = surface_over(self.mesh, uv)
+        tangents = corner_tangents(surface)
+        return tangents.direction, tangents.handedness, surface.normals[surface.faces]
+
 
 def paint_texture(canvas: Canvas, painter: Painter, rows: int, cols: int) -> Float[ndarray, "rows cols channels"]:
-    """The layer of all maps, as float16; texels outside of the faces continue what is nearest, for any mip level."""
+    """The layer of all maps, as float16; texels outside of the faces continue what is nearest, for any mip level.
+
+    Tiles are painted on several threads; the result does not depend on how many there are.
+    """
     texture = np.zeros((rows, cols, CHANNELS), np.float16)
     known = np.zeros((rows, cols), bool)
-    texel = canvas.texel(rows, cols)
-    for band in bands(canvas.uv, canvas.faces, rows, cols, halo=1):
-        own = slice(band.rows.start + 1, band.rows.stop - 1)
-        known[own] = band.covered[1:-1]
-        if band.covered.any():
-            texture[own] = _painted(canvas, band, painter(band.points, texel))[1:-1]
+    texel, grid = canvas.texel(rows, cols), TexelGrid(canvas.uv, canvas.faces, (rows, cols))
+
+    def paint(tile: tuple[range, range]) -> None:
+        halo = [range(own.start - 1, own.stop + 1) for own in tile]
+        covered, points = grid.window(*halo)
+        own = tuple(slice(each.start, each.stop) for each in tile)
+        known[own] = covered[1:-1, 1:-1]
+        if known[own].any():
+            painted = _painted(canvas, covered, points, painter(points, texel))
+            texture[own] = painted[1:-1, 1:-1]
+
+    for _ in in_threads(paint, grid.tiles()):
+        pass
     fill(texture, known)
     return texture
 
 
-def _painted(canvas: Canvas, band: Band, paint: Paint) -> Float[ndarray, "rows cols channels"]:
-    """The band with its halo."""
-    shape = band.covered.shape
-    made = np.zeros((*shape, CHANNELS), np.float32)
+def _painted(
+    canvas: Canvas, covered: Bool[ndarray, "rows cols"], points: SurfacePoints, paint: Paint
+) -> Float[ndarray, "rows cols channels"]:
+    """A tile with its halo."""
+    made = np.zeros((*covered.shape, CHANNELS), np.float32)
     values = np.column_stack([paint.color, paint.alpha, paint.roughness, paint.metallic])
-    made[band.covered, : NORMAL.start] = values
-    made[..., NORMAL] = _relief(canvas, band, paint.height)
+    made[covered, : NORMAL.start] = values
+    if paint.normal is None:
+        made[..., NORMAL] = _relief(canvas, covered, points, paint.height)
+    else:
+        made[covered, NORMAL] = canvas.in_tangent_space(points, paint.normal)
     return made
 
 
-def _relief(canvas: Canvas, band: Band, height: Float[ndarray, " points"]) -> Float[ndarray, "rows cols 3"]:
+def _relief(
+    canvas: Canvas, covered: Bool[ndarray, "rows cols"], points: SurfacePoints, height: Float[ndarray, " points"]
+) -> Float[ndarray, "rows cols 3"]:
     """Unit normals in tangent space, from the slopes of the height between neighbouring texels of one island."""
-    shape = band.covered.shape
+    shape = covered.shape
     normal = np.zeros((*shape, 3), np.float32)
     normal[..., 2] = 1.0
     if not height.any():
         return normal
     heights, places = np.zeros(shape), np.full((*shape, 3), np.nan)
     # relief rises from the side that is seen, and tangent space belongs to the winding's front
-    side = np.where(canvas.reversed[band.points.face], -1.0, 1.0)
-    heights[band.covered], places[band.covered] = height * side, band.points.positions(canvas.mesh)
+    side = np.where(canvas.reversed[points.face], -1.0, 1.0)
+    heights[covered], places[covered] = height * side, points.positions(canvas.mesh)
     slopes = [_slope(heights, places, axis) for axis in (1, 0)]
     normal[..., 0], normal[..., 1] = -slopes[0], -slopes[1]
     return unit(normal).astype(np.float32)
@@ -118,5 +160,6 @@ def fill(texture: Float[ndarray, "rows cols channels"], known: Bool[ndarray, "ro
             coarse[: mask.shape[0], : mask.shape[1]] += np.where(mask[..., None], mine, 0)
     coarse /= np.maximum(weight, 1.0)[..., None]
     fill(coarse, weight > 0)
-    at = np.nonzero(~known)
-    texture[at] = coarse[at[0] // 2, at[1] // 2]
+    for first in range(0, rows, TILE):
+        row, col = np.nonzero(~known[first : first + TILE])
+        texture[first + row, col] = coarse[(first + row) // 2, col // 2]

@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from svbrdfgan.asset.painted_texture import NORMAL, Canvas, fill
 from svbrdfgan.asset.piece_groups import Group
-from svbrdfgan.asset.texture_bands import bands
+from svbrdfgan.asset.texture_bands import TexelGrid
 from svbrdfgan.geometry.normals import corner_normals
 from svbrdfgan.geometry.split import surface_over
 from svbrdfgan.geometry.tangents import corner_tangents
@@ -45,11 +45,12 @@ def turn_layer(
         return
     turns = _turns(canvas, canvas.uv, uv, tangents)
     known = np.zeros(painted.shape[:2], bool)
-    for band in bands(canvas.uv, canvas.faces, *painted.shape[:2]):
-        own_rows = slice(band.rows.start, band.rows.stop)
-        known[own_rows] = band.covered
-        layer = painted[own_rows]
-        layer[band.covered, NORMAL] = turned(layer[band.covered, NORMAL], band.points.interpolate(turns))
+    grid = TexelGrid(canvas.uv, canvas.faces, painted.shape[:2])
+    for rows, cols in grid.tiles():
+        tile = slice(rows.start, rows.stop), slice(cols.start, cols.stop)
+        known[tile], points = grid.window(rows, cols)
+        layer = painted[tile]
+        layer[known[tile], NORMAL] = turned(layer[known[tile], NORMAL], points.interpolate(turns))
     fill(painted, known)
 
 

@@ -159,10 +159,10 @@ def _second_uv_set(
 
 
 def _painted_scale(canvas: Canvas, painted: int, rows: int, cols: int) -> int:
-    """The power of two by which the layer is painted coarser than the texture, at the density that was asked for."""
+    """The power of two by which the layer is painted coarser than the texture, nearest to the density asked for."""
     corners = canvas.mesh.positions[canvas.mesh.faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2.0
-    wanted, scale = float(np.sqrt(area)) / painted, 1
-    while scale < 64 and canvas.texel(rows // (2 * scale), cols // (2 * scale)) <= wanted:
+    coarsest, scale = float(np.sqrt(2.0 * area)) / painted, 1
+    while scale < 64 and canvas.texel(rows // (2 * scale), cols // (2 * scale)) <= coarsest:
         scale *= 2
     return scale

@@ -21,6 +21,7 @@ from svbrdfgan.io.gltf.document import Document, Json
 from svbrdfgan.io.gltf.materials import DocumentPictures
 from svbrdfgan.io.gltf.samplers import Sampler
 from svbrdfgan.io.uv_sets import UVSet
+from svbrdfgan.utils.threads import in_threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,19 +95,19 @@ class WeatheredMaterial:
         rules = [rule for rule in self.rules if relief or rule.old is not None or rule.key != NORMAL_MAP]
         maps = [_new(rule, sheet) for rule in rules]
         _compose(maps, sheet, painted)
-        textures = [self._texture(each, place if number is None else second) for each in maps]
+        textures = [
+            self._texture(each, png, place if number is None else second)
+            for each, png in zip(maps, in_threads(_png, [each.made for each in maps]), strict=True)
+        ]
         for each, info in zip(maps, textures, strict=True):
             if each.rule.key == GLOSS_MAP:
                 self._share_occlusion(each.rule.old, info)
             each.rule.owner[each.rule.key] = info
 
-    def _texture(self, each: _Map, where: Json) -> Json:
+    def _texture(self, each: _Map, png: bytes, where: Json) -> Json:
         """The `textureInfo` of a new texture, with the sampler of the old one."""
-        from PIL import Image as PillowImage
-
-        stream, document, old = BytesIO(), self.document, each.rule.old
-        PillowImage.fromarray(np.ascontiguousarray(each.made[::-1])).save(stream, format="PNG", compress_level=3)
-        image = document.add("images", {"bufferView": document.add_view(stream.getvalue()), "mimeType": "image/png"})
+        document, old = self.document, each.rule.old
+        image = document.add("images", {"bufferView": document.add_view(png), "mimeType": "image/png"})
         entry: Json = {"source": image}
         if old is not None and "sampler" in document.table("textures")[old["index"]]:
             entry["sampler"] = document.table("textures")[old["index"]]["sampler"]
@@ -120,6 +121,15 @@ class WeatheredMaterial:
         if UVSet.of(occlusion) == UVSet.of(old):
             kept = {key: occlusion[key] for key in ("strength", "extras") if key in occlusion}
             self.material["occlusionTexture"] = {**new, **kept}
+
+
+def _png(made: UInt8[ndarray, "rows cols channels"]) -> bytes:
+    """The file of a texture, whose row 0 is at v = 0."""
+    from PIL import Image as PillowImage
+
+    stream = BytesIO()
+    PillowImage.fromarray(np.ascontiguousarray(made[::-1])).save(stream, format="PNG", compress_level=3)
+    return stream.getvalue()
 
 
 def _new(rule: MapRule, sheet: Sheet) -> _Map:

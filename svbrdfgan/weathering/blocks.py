@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-import torch
 from jaxtyping import Float
 from numpy import ndarray
 
-BLOCK = 8192
+from svbrdfgan.utils.threads import in_threads
+
+BLOCK = 16384
 """Points at a time: few enough that temporary arrays of 48 neighbours stay small."""
 
 
 def by_blocks(function: Callable[..., Float[ndarray, " _"]], *arrays: ndarray) -> Float[ndarray, " points"]:
     """`function(*arrays)`, whose value at each point must depend on that point's row alone.
 
-    The blocks do not change a bit of the result. NumPy frees the interpreter while it computes, so threads suffice.
+    The blocks do not change a bit of the result.
     """
     count = len(arrays[0])
     result = np.empty(count)
@@ -26,6 +26,6 @@ def by_blocks(function: Callable[..., Float[ndarray, " _"]], *arrays: ndarray) -
         rows = slice(start, start + BLOCK)
         result[rows] = function(*(array[rows] for array in arrays))
 
-    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        list(pool.map(fill, range(0, count, BLOCK)))
+    for _ in in_threads(fill, range(0, count, BLOCK)):
+        pass
     return result

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from svbrdfgan.geometry.normals import face_areas, unit
 from svbrdfgan.geometry.sampling import faces_by_area, points_in_triangle, upper_frames
 from svbrdfgan.types import Surface
+from svbrdfgan.utils.threads import in_threads
 from svbrdfgan.weathering.blocks import by_blocks
 
 _GRID = 128  # cells along a side of a depth map, which spans the diameter of the bounding sphere
@@ -51,11 +52,15 @@ def ambient_visibility(
     # a bias of more than a cell along the normal: without it the surface would occlude itself
     lifted = ((points - centre) / radius + 1.5 * cell * normals).astype(np.float32)
     free, total = np.zeros(len(points)), np.full(len(points), 1e-12)  # a normal of zero faces no direction
-    for frame in upper_frames(np.arange(_AXES)).astype(np.float32):
+
+    def along(frame: Float[ndarray, "3 3"]) -> tuple[Float[ndarray, " points"], Float[ndarray, " points"]]:
         cosine = np.einsum("pi,i->p", normals, frame[2])
         clearance = _clearance(_turn(occluders, frame), _turn(lifted, frame), cosine < 0.0)
-        free += np.abs(cosine) * np.clip(clearance / (2.0 * cell) + 1.5, 0.0, 1.0)
-        total += np.abs(cosine)
+        return np.abs(cosine), np.clip(clearance / (2.0 * cell) + 1.5, 0.0, 1.0)
+
+    for weight, share in in_threads(along, upper_frames(np.arange(_AXES)).astype(np.float32)):
+        free += weight * share
+        total += weight
     return free / total
 
 

@@ -1,0 +1,142 @@
+"""How much memory weathering takes at its peak, and whether that is allowed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from svbrdfgan.asset.asset import Asset
+from svbrdfgan.asset.weather_document import DEFAULT_SIZE, Textures
+from svbrdfgan.asset.weathered_material import WeatheredMaterial
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.io.gltf.materials import DocumentPictures
+
+_SHARE = 0.8
+"""Of the memory that is free, what weathering may take by default."""
+_UNKNOWN = 4 << 30
+"""Bytes that count as free where the system does not say."""
+_LEAST = 256
+"""Texels along a side: no smaller textures are suggested."""
+
+_PROGRAM = 420 << 20  # the interpreter, NumPy and torch, and the tiles that are being painted
+_TRIANGLE = 3000  # the asset, the surroundings and a second UV set
+_PAINTED = 19  # a layer's texel: nine channels of 16 bits, and whether it is known
+_FILLING = 20  # more while the texels around the faces are filled
+_OLD = 20  # a texel of an old texture: its bytes, and float32
+_NEW = 3  # a texel of a new texture
+_BLENDING = 256 * 220  # more to a column, while maps are blended by bands of rows
+_ENCODING = 16  # a texel, while textures are filled and become PNG files
+_STORED = 2.5  # a texel of a new texture as PNG, which noise hardly lets shrink
+
+
+def peak_bytes(
+    rows: int, cols: int, layer: tuple[int, int], *, maps: int = 3, old: Collection[int] = (), triangles: int = 0
+) -> int:
+    """What the process holds at most while one material is weathered.
+
+    Args:
+        rows, cols: of the new textures.
+        layer: rows and columns at which the layer is painted.
+        maps: the number of new textures.
+        old: texels of each texture that they replace.
+        triangles: of the whole model.
+    """
+    texels, painted = rows * cols, layer[0] * layer[1]
+    painting = (_PAINTED + _FILLING) * painted
+    blending = _PAINTED * painted + _OLD * sum(old) + (_NEW * maps + _ENCODING) * texels + _BLENDING * cols
+    return _PROGRAM + _TRIANGLE * triangles + max(painting, blending)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be weathered, one material after another.
+
+    Attributes:
+        triangles: of the whole model.
+        materials: of each weathered material, rows and columns of its textures.
+        textures: how large new ones will be.
+    """
+
+    triangles: int
+    materials: tuple[tuple[tuple[int, int], ...], ...]
+    textures: Textures
+
+    @classmethod
+    def of(cls, asset: Asset, weathers: Collection[int], textures: Textures) -> Plan:
+        """The plan for the pieces of these numbers."""
+        numbers = {asset.primitive(piece).get("material") for piece in weathers}
+        return cls(len(asset.mesh.faces), tuple(_old(asset, number) for number in numbers), textures)
+
+    def peak_bytes(self) -> int:
+        """What the process holds at most, files in memory included; never much less than it is."""
+        most, stored = 0, 0.0
+        for old in self.materials:
+            side = self.textures.size or max((max(size) for size in old), default=DEFAULT_SIZE)
+            texels = [rows * cols for rows, cols in old]
+            maps = max(3, len(old))
+            stored += _STORED * maps * side * side
+            # at most twice the texels of the resolution are painted, whatever the share of one material
+            layer = min(side, round(1.5 * self.textures.painted))
+            one = peak_bytes(side, side, (layer, layer), maps=maps, old=texels, triangles=self.triangles)
+            most = max(most, one)
+        return most + round(stored)
+
+    def smaller(self) -> Iterator[Plan]:
+        """The same with textures, then with textures and layers half as large, and so on."""
+        size, painted = self.textures.size or self._largest(), self.textures.painted
+        while size >= 2 * _LEAST:
+            size //= 2
+            painted = min(painted, size)
+            yield replace(self, textures=Textures(size, painted))
+
+    def _largest(self) -> int:
+        return max((max(size) for old in self.materials for size in old), default=DEFAULT_SIZE)
+
+
+def require_memory(plan: Plan, limit: int | None = None) -> None:
+    """Checks that a plan may run.
+
+    Args:
+        limit: bytes that the process may hold; None allows a share of what is free.
+
+    Raises:
+        ConfigError: the plan needs more.
+    """
+    limit = round(_SHARE * free_bytes()) if limit is None else limit
+    needed = plan.peak_bytes()
+    if needed <= limit:
+        return
+    given = f"weathering needs about {_gigabytes(needed)} of memory and {_gigabytes(limit)} are allowed"
+    fitting = next((other.textures for other in plan.smaller() if other.peak_bytes() <= limit), None)
+    if fitting is None:
+        raise ConfigError(f"{given}; no smaller textures fit either: allow more by --memory.")
+    raise ConfigError(f"{given}; --size {fitting.size} --resolution {fitting.painted} would fit.")
+
+
+def free_bytes() -> int:
+    """Memory that programs can still take, as the system says it."""
+    try:
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        return next(int(line.split()[1]) << 10 for line in lines if line.startswith("MemAvailable:"))
+    except (OSError, StopIteration):
+        pass
+    try:
+        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return _UNKNOWN
+
+
+def _old(asset: Asset, number: int | None) -> tuple[tuple[int, int], ...]:
+    """Rows and columns of a material's textures."""
+    if number is None:
+        return ()
+    pictures = DocumentPictures(asset.document)
+    material = WeatheredMaterial(asset.document, asset.document.table("materials")[number], pictures)
+    found = (pictures.of(info) for info in material.infos())
+    return tuple(picture.size[::-1] for picture in found if picture is not None)
+
+
+def _gigabytes(count: int) -> str:
+    return f"{count / 2**30:.1f} GiB"
