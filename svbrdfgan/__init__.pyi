@@ -1,5 +1,6 @@
 """The public names, each imported from the module that defines it: for type checkers, and for `__init__.py` to read."""
 
+from svbrdfgan.asset.weather_document import Textures as Textures
 from svbrdfgan.config.choices import PartSelection as PartSelection
 from svbrdfgan.config.yaml_files import load_yaml as load_yaml
 from svbrdfgan.data.config import DatasetConfig as DatasetConfig

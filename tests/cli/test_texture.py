@@ -35,7 +35,7 @@ def test_the_same_command_writes_the_same_bytes(car: Path, varied_run: Path, tmp
 
 
 def test_a_finer_layer_and_finer_base_colours(car: Path, varied_run: Path, tmp_path: Path) -> None:
-    asked = ("--model", varied_run, "--recipe", "rust", "--resolution", 64)
+    asked = ("--model", varied_run, "--recipe", "rust", "--resolution", 64, "--embedding-uvs")
     result = texture(car, *asked, "-o", tmp_path / "fine.glb")
     assert result.exit_code == 0, result.output
     assert load_image(tmp_path / "fine.layer.png").flip(0).shape[:2] == (64, 64)
@@ -44,13 +44,13 @@ def test_a_finer_layer_and_finer_base_colours(car: Path, varied_run: Path, tmp_p
 
 
 def test_many_draws_into_a_folder(car: Path, varied_run: Path, tmp_path: Path) -> None:
-    asked = ("--model", varied_run, "--recipe", "dust", "--amount", 0.9)
+    asked = ("--model", varied_run, "--recipe", "dust", "--amount", 0.9, "--size", 64)
     result = texture(car, *asked, "--seed", 3, "--count", 2, "-o", tmp_path / "many")
     assert result.exit_code == 0, result.output
-    names = [f"car-{seed}{end}" for seed in (3, 4) for end in (".glb", ".layer.png")]
+    names = [f"car-{seed}.glb" for seed in (3, 4)]
     assert result.stdout.splitlines() == [str(tmp_path / "many" / name) for name in names]
-    layers = [(tmp_path / "many" / name).read_bytes() for name in names[1::2]]
-    assert layers[0] != layers[1]
+    scenes = [(tmp_path / "many" / name).read_bytes() for name in names]
+    assert scenes[0] != scenes[1]
     assert texture(car, *asked, "--seed", 4, "-o", tmp_path / "alone.glb").exit_code == 0
     assert (tmp_path / "alone.glb").read_bytes() == (tmp_path / "many" / "car-4.glb").read_bytes()
 

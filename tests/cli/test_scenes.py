@@ -1,0 +1,145 @@
+"""`svbrdfgan weather` and `texture` on files as artists make them: the scene comes back, weathered."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from svbrdfgan.cli import main
+from svbrdfgan.io.gltf.document import Document, read_document, write_document
+from svbrdfgan.io.gltf.surface_files import mesh_document
+from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
+
+QUICK = ("--size", 64, "--resolution", 32)
+
+
+@pytest.fixture(scope="module")
+def car(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A van with what only a whole document keeps."""
+    path = tmp_path_factory.mktemp("car") / "car.glb"
+    document = mesh_document(path, build_vehicle(sample_vehicle("van", 5)))
+    document.header["asset"] |= {"copyright": "somebody", "extras": {"title": "van"}}
+    document.header["nodes"][0] |= {"name": "root", "extras": {"id": 7}}
+    for material in document.table("materials"):
+        material.pop("extras", None)  # that mark the parts as without gloss
+    document.add("cameras", {"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}})
+    write_document(path, document)
+    return path
+
+
+def run(*words: object) -> Result:
+    return CliRunner().invoke(main, [*map(str, words)])
+
+
+def written(result: Result, path: Path) -> Document:
+    assert result.exit_code == 0, result.output
+    assert str(path) in result.stdout.splitlines()
+    return read_document(path)
+
+
+def test_the_scene_comes_back(car: Path, tmp_path: Path) -> None:
+    result = run("weather", car, "--recipe", "rust", *QUICK, "-o", tmp_path / "a.glb")
+    before, after = read_document(car).header, written(result, tmp_path / "a.glb").header
+    assert after["asset"]["copyright"] == "somebody"
+    assert after["asset"]["extras"]["title"] == "van"
+    assert after["asset"]["extras"]["svbrdfgan"]["recipe"] == "rust"
+    for name in ("nodes", "cameras", "scenes"):
+        assert after[name] == before[name]
+    assert [entry["name"] for entry in after["materials"]] == [entry["name"] for entry in before["materials"]]
+    glass, body = (next(e for e in after["materials"] if e["name"] == name) for name in ("glass", "body"))
+    assert glass == next(entry for entry in before["materials"] if entry["name"] == "glass")
+    assert "baseColorTexture" in body["pbrMetallicRoughness"]
+    assert result.stderr.startswith("weathers: body")
+    np.testing.assert_allclose(load_mesh(tmp_path / "a.glb").bounds, load_mesh(car).bounds, atol=1e-6)
+
+
+def test_the_maps_of_what_weathers_in_a_folder(car: Path, tmp_path: Path) -> None:
+    words = (*QUICK, "--recipe", "rust", "--maps", tmp_path / "maps", "-o", tmp_path / "a.glb")
+    written(run("weather", car, *words), tmp_path / "a.glb")
+    with Image.open(tmp_path / "maps" / "body.base_color.png") as picture:
+        assert picture.size == (64, 64)
+        assert np.asarray(picture).std() > 1
+    names = {path.name for path in (tmp_path / "maps").iterdir()}
+    assert {"body.metallic_roughness.png", "body.normal.png"} <= names
+    assert not any(name.startswith("glass") for name in names)
+
+
+def test_base_colour_alone(car: Path, tmp_path: Path) -> None:
+    words = ("weather", car, "--base-color-only", *QUICK, "-o", tmp_path / "a.glb")
+    body = next(e for e in written(run(*words), tmp_path / "a.glb").table("materials") if e["name"] == "body")
+    assert "metallicRoughnessTexture" not in body["pbrMetallicRoughness"]
+    assert "normalTexture" not in body
+
+
+def test_an_earlier_result_is_only_overwritten_by_force(car: Path, tmp_path: Path) -> None:
+    words = ("weather", car, *QUICK, "-o", tmp_path / "a.glb")
+    written(run(*words), tmp_path / "a.glb")
+    again = run(*words)
+    assert again.exit_code == 1
+    assert "a.glb is there already; --force overwrites it." in again.stderr
+    assert run(*words, "--force").exit_code == 0
+
+
+def test_nothing_that_weathers_is_a_warning(car: Path, tmp_path: Path) -> None:
+    result = run("weather", car, "--keep", "*", *QUICK, "-o", tmp_path / "a.glb")
+    assert written(result, tmp_path / "a.glb").header == read_document(car).header
+    assert "warning: nothing of car.glb weathers" in result.stderr
+
+
+def test_of_several_meshes_each_fails_alone(car: Path, tmp_path: Path) -> None:
+    (tmp_path / "broken.glb").write_text("this is no mesh")
+    out = tmp_path / "out"
+    result = run("weather", tmp_path / "broken.glb", car, *QUICK, "-o", out)
+    assert result.exit_code == 1
+    assert result.stdout.splitlines() == [str(out / "car.glb")]
+    assert "broken.glb" in result.stderr
+    assert "1 of 2 meshes could not be weathered" in result.stderr
+    assert [path.name for path in out.iterdir()] == ["car.glb"]
+    twice = run("weather", car, car, *QUICK, "-o", tmp_path / "twice")
+    assert "two meshes would be written to" in twice.stderr
+
+
+def test_gltf_and_obj(car: Path, tmp_path: Path) -> None:
+    words = ("weather", car, *QUICK, "-o", tmp_path / "a.gltf")
+    assert written(run(*words), tmp_path / "a.gltf").table("images")
+    obj = tmp_path / "square.obj"
+    obj.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n")
+    result = run("weather", obj, "--front", "+Z", "--up", "+Y", *QUICK, "-o", tmp_path / "square.glb")
+    assert written(result, tmp_path / "square.glb").table("textures")
+
+
+def test_the_picture_is_of_the_written_file(
+    car: Path, quick_renderer: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("svbrdfgan.inference.studio._PICTURE", (48, 36))
+    look = ("--renderer", "warp", "--picture")
+    shown = []
+    for amount in (0, 1):
+        path = tmp_path / f"{amount}.png"
+        words = ("weather", car, "--recipe", "rust", "--amount", amount, *QUICK, "-o", tmp_path / f"{amount}.glb")
+        written(run(*words, *look, path), tmp_path / f"{amount}.glb")
+        with Image.open(path) as picture:
+            assert picture.size == (96, 36)
+            shown.append(np.asarray(picture).astype(int))
+    assert abs(shown[0] - shown[1]).mean() > 2
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--map", "roughness=0.2"), "--embedding and --map need --embedding-uvs"),
+        (("--front", "sideways"), "front is 'sideways'; wanted one of +X"),
+        (("--front", "+Y", "--up", "-Y"), "lie along one axis"),
+    ],
+)
+def test_what_cannot_be_is_told(words: tuple[str, ...], said: str, car: Path, tmp_path: Path) -> None:
+    result = run("weather", car, *words, "-o", tmp_path / "a.glb")
+    assert result.exit_code != 0
+    assert said in result.stderr
+    assert list(tmp_path.iterdir()) == []
