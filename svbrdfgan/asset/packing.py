@@ -22,6 +22,10 @@ _SHRUNK = 0.97  # xatlas shrinks charts that are longer than the square
 _Charts = tuple[Float[ndarray, "vertices 2"], Int[ndarray, "faces 3"], Int[ndarray, " faces"]]
 
 
+class ChartsError(AssetError):
+    """There are too many charts for the size of a texture."""
+
+
 def import_xatlas() -> Any:
     """The module xatlas.
 
@@ -48,7 +52,8 @@ def pack(
         gutter: texels between charts.
 
     Raises:
-        AssetError: there are too many charts for the size, or xatlas is missing.
+        ChartsError: there are too many charts for the size.
+        AssetError: xatlas is missing.
     """
     texels = _guess(flat, chart, size, gutter)
     mesh = (
@@ -58,7 +63,7 @@ def pack(
     for scale in _STEP ** np.arange(_TRIES) if texels > 0.0 else ():
         if (placed := _placed(mesh, (size, gutter, scale))) is not None:
             return _grown(mesh, (size, gutter, scale), placed) / size
-    raise AssetError(
+    raise ChartsError(
         f"{chart.max() + 1} charts do not fit {size} x {size} texels with gutters of {gutter}; "
         "ask for a larger texture, or simplify the mesh."
     )

@@ -35,7 +35,8 @@ def second_uv_set(
         gutter: least number of texels between charts.
 
     Raises:
-        AssetError: there are too many charts for the size, or xatlas is missing.
+        ChartsError: there are too many charts for the size.
+        AssetError: xatlas is missing.
     """
     flat, chart = _charts(positions, uv)
     solid = chart >= 0

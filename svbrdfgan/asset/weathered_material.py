@@ -2,76 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import copy
 from dataclasses import dataclass
-from functools import partial
 from io import BytesIO
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import UInt8
 from numpy import ndarray
 
+from svbrdfgan.asset.material_rules import GLOSS_MAP, NORMAL_MAP, MapRule, take_map_rules
 from svbrdfgan.asset.painted_texture import NORMAL, fill
 from svbrdfgan.asset.points import SurfacePoints
-from svbrdfgan.asset.sheet import Sheet, Source, White
+from svbrdfgan.asset.sheet import Sheet, Source
 from svbrdfgan.asset.texture_bands import Band, band
-from svbrdfgan.asset.weathered_maps import covered, layer_bands, weathered_color, weathered_gloss, weathered_normal
+from svbrdfgan.asset.weathered_maps import Layer, layer_bands
 from svbrdfgan.io.gltf.document import Document, Json
-from svbrdfgan.io.gltf.materials import DocumentPictures, is_lambertian
+from svbrdfgan.io.gltf.materials import DocumentPictures
+from svbrdfgan.io.gltf.samplers import Sampler
 from svbrdfgan.io.uv_sets import UVSet
 
-Bytes = UInt8[ndarray, "rows cols channels"]
-Layer = Float[ndarray, "rows cols channels"]
 
-_UNDER_DIRT = {"KHR_materials_clearcoat": "clearcoat", "KHR_materials_transmission": "transmission"}
-"""Extensions whose factor fades under the layer, by the prefix of their keys."""
-
-
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class _Map:
-    """A new texture in the making.
+    """A new texture in the making: the rule for it, the old texture at the new texels, and the new bytes."""
 
-    Attributes:
-        owner, key: the table that names it, and under which key.
-        old: the `textureInfo` that it replaces.
-        source: the old texture at the new texels.
-        compose: of its bytes and the layer, the bytes under the layer.
-        made: the new texture.
-    """
-
-    owner: Json
-    key: str
+    rule: MapRule
     source: Source
-    compose: Callable[[Bytes, Layer], Bytes]
-    made: Bytes
-
-    @property
-    def old(self) -> Json | None:
-        found: Json | None = self.owner.get(self.key)
-        return found
+    made: UInt8[ndarray, "rows cols channels"]
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class WeatheredMaterial:
     """A material that is being weathered.
 
     Attributes:
         document: gets the new textures.
         material: a copy of the file's, to be changed.
+        rules: for its maps that weather, colour first.
         pictures: of the file as it was.
     """
 
     document: Document
     material: Json
+    rules: list[MapRule]
     pictures: DocumentPictures
 
-    def infos(self) -> Iterator[Json]:
-        """The `textureInfo`s of the maps that weather, that of the base colour first."""
-        pbr = self.material.get("pbrMetallicRoughness", {})
-        places = ((pbr, "baseColorTexture"), (pbr, "metallicRoughnessTexture"))
-        for table, key in (*places, (self.material, "normalTexture"), (self.material, "emissiveTexture")):
-            if key in table:
-                yield table[key]
+    @classmethod
+    def of(cls, document: Document, material: Json, pictures: DocumentPictures) -> WeatheredMaterial:
+        """To be made of a copy of the material; what is given stays as it is."""
+        copied = copy.deepcopy(material)
+        return cls(document, copied, take_map_rules(copied), pictures)
+
+    def infos(self) -> list[Json]:
+        """The `textureInfo`s of the maps that weather, that of the colour first."""
+        return [rule.old for rule in self.rules if rule.old is not None]
+
+    def fault(self) -> str | None:
+        """Why one of the maps that weather cannot be read; None if all can."""
+        return next((fault for info in self.infos() if (fault := self.pictures.fault(info)) is not None), None)
+
+    def repeats(self) -> bool:
+        """Whether all of these textures repeat beyond their borders."""
+        return all(all(Sampler.of(self.pictures.document, info).repeat) for info in self.infos())
 
     def uv_set(self) -> UVSet:
         """Where the first of its textures is looked up."""
@@ -92,45 +84,24 @@ class WeatheredMaterial:
         Args:
             number: of the sheet's UV set, if it is a new one.
         """
-        own = next(self.infos(), {})
+        own = next(iter(self.infos()), {})
         place: Json = {key: own[key] for key in ("texCoord", "extensions") if key in own}
         second: Json = {"texCoord": number} if number else {}
-        maps = self._maps(sheet, painted)
+        relief = bool(painted[..., NORMAL.start : NORMAL.stop - 1].any())
+        rules = [rule for rule in self.rules if relief or rule.old is not None or rule.key != NORMAL_MAP]
+        maps = [_new(rule, sheet) for rule in rules]
         _compose(maps, sheet, painted)
         textures = [self._texture(each, place if number is None else second) for each in maps]
-        self._share_occlusion(maps, textures)
         for each, info in zip(maps, textures, strict=True):
-            each.owner[each.key] = info
-
-    def _maps(self, sheet: Sheet, painted: Layer) -> list[_Map]:
-        """What is to be made. The factors that new textures hold leave the material."""
-        material, pbr = self.material, self.material.setdefault("pbrMetallicRoughness", {})
-        *rgb, alpha = pbr.pop("baseColorFactor", (1.0, 1.0, 1.0, 1.0))
-        if alpha != 1.0:
-            pbr["baseColorFactor"] = [1.0, 1.0, 1.0, alpha]
-        maps = [_new(pbr, "baseColorTexture", sheet, partial(weathered_color, np.array(rgb, np.float64)))]
-        if not is_lambertian(material):
-            factors = float(pbr.pop("roughnessFactor", 1.0)), float(pbr.pop("metallicFactor", 1.0))
-            maps.append(_new(pbr, "metallicRoughnessTexture", sheet, partial(weathered_gloss, factors)))
-            old = material.get("normalTexture")
-            if old is not None or painted[..., NORMAL.start : NORMAL.stop - 1].any():
-                scale = float((old or {}).get("scale", 1.0))
-                relief = _new(material, "normalTexture", sheet, partial(weathered_normal, scale))
-                relief.compose = partial(weathered_normal, None if isinstance(relief.source, White) else scale)
-                maps.append(relief)
-        if any(material.get("emissiveFactor", ())):
-            maps.append(_new(material, "emissiveTexture", sheet, covered))
-        for name, prefix in _UNDER_DIRT.items():
-            entry = material.get("extensions", {}).get(name, {})
-            if entry.get(f"{prefix}Factor", 0.0) > 0.0:
-                maps.append(_new(entry, f"{prefix}Texture", sheet, covered))
-        return maps
+            if each.rule.key == GLOSS_MAP:
+                self._share_occlusion(each.rule.old, info)
+            each.rule.owner[each.rule.key] = info
 
     def _texture(self, each: _Map, where: Json) -> Json:
         """The `textureInfo` of a new texture, with the sampler of the old one."""
         from PIL import Image as PillowImage
 
-        stream, document, old = BytesIO(), self.document, each.old
+        stream, document, old = BytesIO(), self.document, each.rule.old
         PillowImage.fromarray(np.ascontiguousarray(each.made[::-1])).save(stream, format="PNG", compress_level=3)
         image = document.add("images", {"bufferView": document.add_view(stream.getvalue()), "mimeType": "image/png"})
         entry: Json = {"source": image}
@@ -138,42 +109,35 @@ class WeatheredMaterial:
             entry["sampler"] = document.table("textures")[old["index"]]["sampler"]
         return {"index": document.add("textures", entry), **where}
 
-    def _share_occlusion(self, maps: list[_Map], textures: list[Json]) -> None:
+    def _share_occlusion(self, old: Json | None, new: Json) -> None:
         """Occlusion that lay in the red of the gloss texture lies in that of the new one."""
-        occlusion, pbr = self.material.get("occlusionTexture"), self.material["pbrMetallicRoughness"]
-        old = pbr.get("metallicRoughnessTexture")
-        if (
-            occlusion is None
-            or old is None
-            or occlusion["index"] != old["index"]
-            or UVSet.of(occlusion) != UVSet.of(old)
-        ):
+        occlusion = self.material.get("occlusionTexture")
+        if occlusion is None or old is None or occlusion["index"] != old["index"]:
             return
-        kept = {key: occlusion[key] for key in ("strength", "extras") if key in occlusion}
-        for each, info in zip(maps, textures, strict=True):
-            if each.key == "metallicRoughnessTexture":
-                self.material["occlusionTexture"] = {**info, **kept}
+        if UVSet.of(occlusion) == UVSet.of(old):
+            kept = {key: occlusion[key] for key in ("strength", "extras") if key in occlusion}
+            self.material["occlusionTexture"] = {**new, **kept}
 
 
-def _new(owner: Json, key: str, sheet: Sheet, compose: Callable[[Bytes, Layer], Bytes]) -> _Map:
-    source = sheet.source(owner.get(key))
-    channels = source.channels if key == "baseColorTexture" else 3
-    return _Map(owner, key, source, compose, np.zeros((sheet.rows, sheet.cols, channels), np.uint8))
+def _new(rule: MapRule, sheet: Sheet) -> _Map:
+    source = rule.source(sheet, rule.old)
+    made = np.zeros((sheet.rows, sheet.cols, rule.channels or source.channels), np.uint8)
+    return _Map(rule, source, made)
 
 
 def _compose(maps: list[_Map], sheet: Sheet, painted: Layer) -> None:
-    """Fills all new textures, some rows at a time."""
-    seeking = any(each.source.needs_points for each in maps)
+    """Fills all new textures, some rows at a time; those that are looked up at points continue beyond the faces."""
+    seeking = [each for each in maps if each.source.needs_points]
     known = np.zeros((sheet.rows, sheet.cols), bool)
     for own, layer in layer_bands(painted, sheet.rows, sheet.cols):
         rows = range(own.start, own.stop)
         here = _points(sheet, rows) if seeking else Band(rows, known[own], _NOWHERE)
         known[own] = here.covered
         for each in maps:
-            each.made[own] = each.compose(each.source.rows(here, sheet.cols), layer)
-    if seeking:
-        for each in maps:
-            fill(each.made, known)
+            made = each.rule.compose(each.source.rows(here, sheet.cols), layer)
+            each.made[own] = made[..., : each.made.shape[2]]
+    for each in seeking:
+        fill(each.made, known)
 
 
 def _points(sheet: Sheet, rows: range) -> Band:

@@ -84,6 +84,8 @@ class Comparison:
         if before.kind == "primitives" and Change.UV_SETS in what and self.allowed.carrier(before):
             if "material" not in first and self.allowed.material(None):
                 second = _without(second, ("material",))
+            if Change.COLORS in what and "COLOR_0" not in second["attributes"]:
+                first = {**first, "attributes": _without(first["attributes"], ("COLOR_0",))}
             return (by_corner(first, first), by_corner(second, first)) if _readable(first, second) else (first, second)
         return first, second
 

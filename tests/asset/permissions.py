@@ -22,11 +22,12 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 
 
 class Change(Flag):
-    """Kinds of change; the first four concern the allowed materials and what carries them."""
+    """Kinds of change; the first five concern the allowed materials and what carries them."""
 
     TEXTURES = auto()  # textures come, go, or show something else
     FACTORS = auto()  # numbers by which textures are multiplied, or which stand alone
     UV_SETS = auto()  # primitives get further TEXCOORD_n, for which vertices may be split
+    COLORS = auto()  # vertex colours may be gone, into textures
     COPIES = auto()  # there are more materials and meshes, with a suffix to the name
     STAMP = auto()  # asset.generator may be anything, and asset.extras may have more in it
     DECOMPRESSION = auto()  # extensions that compress geometry may be gone

@@ -2,92 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
-from documents import differences
-from gltf_reader import read
 from numpy import ndarray
-from permissions import weathering
-from PIL import Image
+from squares import BLUE, LEFT, RED, RIGHT, UNIT, found, picture, two_squares, weathered
 
-from svbrdfgan.asset.asset import Asset, load_asset
-from svbrdfgan.asset.painters import Paint
-from svbrdfgan.asset.points import SurfacePoints
-from svbrdfgan.asset.weather_document import Edited, Model, Textures, weather_document
-from svbrdfgan.io.gltf.accessors import append_accessor
-from svbrdfgan.io.gltf.document import Document, write_document
-from svbrdfgan.io.gltf_codecs.plain import INDICES
-from svbrdfgan.types import Mesh
-
-RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class Halves:
-    """Paints solid red where x > 0, and nothing elsewhere."""
-
-    mesh: Mesh
-    alpha: float = 1.0
-
-    def __call__(self, points: SurfacePoints, texel: float) -> Paint:
-        alpha = self.alpha * (points.positions(self.mesh)[:, 0] > 0.0)
-        color, zero = np.tile(RED, (len(points), 1)), np.zeros(len(points))
-        return Paint(color, alpha, np.full(len(points), 0.25), zero, zero)
-
-
-def square(document: Document, x: float, *, uv: ndarray | None) -> dict[str, int]:
-    """Attributes of a square of side 1 whose left edge is at x."""
-    corners = np.array([[x, 0, 0], [x + 1, 0, 0], [x + 1, 1, 0], [x, 1, 0]], "<f4")
-    attributes = {"POSITION": append_accessor(document, corners, bounds=True)}
-    if uv is not None:
-        attributes["TEXCOORD_0"] = append_accessor(document, uv.astype("<f4"))
-    return attributes
-
-
-UNIT = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], float)
-LEFT, RIGHT = UNIT * (0.5, 1.0), UNIT * (0.5, 1.0) + (0.5, 0.0)
-
-
-def two_squares(path: Path, *, uv: tuple[ndarray | None, ndarray | None], materials: tuple[int, int]) -> Asset:
-    """An asset of a square at x in [-1, 0] and one at [0, 1], in two nodes; the first material has a blue texture."""
-    document = Document({"asset": {"version": "2.0", "copyright": "somebody"}, "extras": {"kept": 1}}, [], path)
-    stream = BytesIO()
-    Image.new("RGB", (32, 32), (0, 0, 255)).save(stream, format="PNG")
-    document.add("images", {"bufferView": document.add_view(stream.getvalue()), "mimeType": "image/png"})
-    document.add("textures", {"source": 0})
-    gloss = {"metallicFactor": 0.5, "roughnessFactor": 1.0}
-    document.add("materials", {"name": "paint", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, **gloss}})
-    document.add("materials", {"name": "other", "doubleSided": True, "extras": {"id": 7}})
-    index = append_accessor(document, np.array([0, 1, 2, 0, 2, 3], "<u4"), target=INDICES)
-    for number, x in enumerate((-1.0, 0.0)):
-        attributes = square(document, x, uv=uv[number])
-        primitive = {"attributes": attributes, "indices": index, "material": materials[number]}
-        document.add("nodes", {"name": f"node{number}", "mesh": document.add("meshes", {"primitives": [primitive]})})
-    document.header |= {"scene": 0, "scenes": [{"nodes": [0, 1]}]}
-    write_document(path, document)
-    return load_asset(path)
-
-
-def weathered(asset: Asset, *pieces: int, size: int | None = None, alpha: float = 1.0) -> Edited:
-    model = Model(asset.mesh, np.zeros(len(asset.mesh.faces), bool))
-    return weather_document(asset, model, Halves(asset.mesh, alpha), pieces, Textures(size=size, painted=512))
-
-
-def found(edited: Edited, asset: Asset, path: Path, *materials: str) -> list[str]:
-    """What differs beyond these materials."""
-    write_document(path, edited.document)
-    return differences(read(asset.path), read(path), weathering(*materials))
-
-
-def picture(edited: Edited, material: int, key: str = "baseColorTexture") -> ndarray:
-    entry = edited.document.table("materials")[material]
-    texture = edited.document.table("textures")[(entry["pbrMetallicRoughness"] | entry)[key]["index"]]
-    view = edited.document.table("images")[texture["source"]]["bufferView"]
-    return np.asarray(Image.open(BytesIO(bytes(edited.document.views[view]))))
+from svbrdfgan.asset.asset import load_asset
+from svbrdfgan.io.gltf.document import write_document
 
 
 def test_the_layer_lies_where_the_surface_is_in_the_asset_s_own_uvs(tmp_path: Path) -> None:
@@ -178,6 +101,16 @@ def test_a_variant_of_what_is_kept_keeps_its_material(tmp_path: Path) -> None:
     assert edited.table("materials")[0] == shown.document.table("materials")[0]
     assert changed["material"] == 2
     assert changed["extensions"]["KHR_materials_variants"]["mappings"][0]["material"] == 2
+
+
+def test_what_lies_outside_of_the_scene_keeps_its_material(tmp_path: Path) -> None:
+    asset = two_squares(tmp_path / "a.glb", uv=(LEFT, RIGHT), materials=(0, 0))
+    document = asset.document.copy()
+    document.table("scenes")[0]["nodes"] = [1]
+    write_document(tmp_path / "part.glb", document)
+    edited = weathered(load_asset(tmp_path / "part.glb"), 0).document
+    assert edited.table("materials")[0] == document.table("materials")[0]
+    assert [mesh["primitives"][0]["material"] for mesh in edited.table("meshes")] == [0, 2]
 
 
 def test_a_replaced_picture_leaves_the_file(tmp_path: Path) -> None:

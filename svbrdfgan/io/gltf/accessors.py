@@ -14,6 +14,8 @@ from svbrdfgan.io.gltf_codecs.plain import COMPONENTS, DTYPES, MAX_ELEMENTS, VER
 
 Matrix = Float[ndarray, "4 4"]
 
+_ALIGNMENT = 4  # of each vertex's numbers, as glTF demands it
+
 
 def read_accessor(document: Document, index: int) -> Num[ndarray, "count components"]:
     """The values of an accessor as they are stored: sparse and interleaved ones too, of matrices row after row.
@@ -54,7 +56,10 @@ def append_accessor(document: Document, array: Num[ndarray, "count _"], **keys: 
     kind = next(name for name, size in COMPONENTS.items() if size == array.shape[1])
     component = next(number for number, dtype in DTYPES.items() if np.dtype(dtype) == array.dtype)
     target, bounds = keys.pop("target", VERTICES), keys.pop("bounds", False)
-    view = document.add_view(np.ascontiguousarray(array).tobytes(), target=target)
+    rows = np.ascontiguousarray(array).view(np.uint8).reshape(len(array), -1)
+    gap = -rows.shape[1] % _ALIGNMENT if target == VERTICES else 0
+    stride = {"byteStride": rows.shape[1] + gap} if gap else {}
+    view = document.add_view(np.pad(rows, ((0, 0), (0, gap))).tobytes(), target=target, **stride)
     entry: Json = {"bufferView": view, "componentType": component, "count": len(array), "type": kind, **keys}
     if bounds:
         entry |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}

@@ -36,34 +36,47 @@ class DocumentPictures:
     """The pictures of a document, each opened once."""
 
     document: Document
-    _opened: dict[int, Image | None] = field(default_factory=dict)
+    _opened: dict[int, Image | str] = field(default_factory=dict)
 
     def of(self, info: Mapping[str, Any] | None) -> Image | None:
         """The picture of a `textureInfo`; None if there is none, or, with a warning, if it cannot be read."""
-        if info is None or (number := image_of(self.document, info["index"])) is None:
-            return None
-        if number not in self._opened:
-            self._opened[number] = self._open(number)
-        return self._opened[number]
+        found = self._found(info)
+        return None if isinstance(found, str) else found
 
-    def _open(self, number: int) -> Image | None:
+    def fault(self, info: Mapping[str, Any]) -> str | None:
+        """Why the picture of a `textureInfo` cannot be read; None if it can."""
+        found = self._found(info)
+        return found if isinstance(found, str) else None
+
+    def _found(self, info: Mapping[str, Any] | None) -> Image | str | None:
+        """The first picture of a texture that can be read, or why the first cannot."""
+        if info is None:
+            return None
+        numbers = images_of(self.document, info["index"])
+        for number in numbers:
+            if number not in self._opened:
+                self._opened[number] = self._open(number)
+            if not isinstance(self._opened[number], str):
+                return self._opened[number]
+        return self._opened[numbers[0]] if numbers else f"texture {info['index']} names no picture"
+
+    def _open(self, number: int) -> Image | str:
+        if not 0 <= number < len(self.document.table("images")):
+            return f"picture {number} is missing"
         entry = self.document.table("images")[number]
         try:
             return decode_picture(picture_bytes(self.document, number), entry.get("mimeType"))
         except (AssetError, OSError, ValueError) as error:
             log.warning("%s: picture %d cannot be read (%s)", self.document.path, number, error)
-            return None
+            return str(error)
 
 
-def image_of(document: Document, texture: int) -> int | None:
-    """The index of a texture's image, whose extensions may name one of another format."""
-    entry = document.table("textures")[texture]
-    for name in _SOURCES:
-        found: int | None = entry.get("extensions", {}).get(name, {}).get("source")
-        if found is not None:
-            return found
-    source: int | None = entry.get("source")
-    return source
+def images_of(document: Document, texture: int) -> list[int]:
+    """The indices of a texture's images: those of other formats, which extensions name, before the plain one."""
+    textures = document.table("textures")
+    entry = textures[texture] if 0 <= texture < len(textures) else {}
+    named = [entry.get("extensions", {}).get(name, {}) for name in _SOURCES]
+    return [each["source"] for each in (*named, entry) if "source" in each]
 
 
 def look_of(pictures: DocumentPictures, decoded: Pictures, name: str, material: Json) -> Look:

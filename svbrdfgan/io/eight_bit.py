@@ -1,0 +1,45 @@
+"""Pictures of any mode as bytes of RGB or RGBA, with row 0 at the bottom, as textures are in memory."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import UInt8
+from numpy import ndarray
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+Bytes = UInt8[ndarray, "rows cols channels"]
+
+
+def flipped_bytes(picture: Image) -> Bytes:
+    """The bytes of the picture, RGBA if it has any kind of transparency, else RGB."""
+    return np.asarray(_eight_bit(picture))[::-1]
+
+
+def resized_bytes(picture: Image, rows: int, cols: int) -> Bytes:
+    """The bytes at that size: bilinear, and averaged where the picture becomes smaller.
+
+    Channels are apart from each other, as they are to viewers: colours where alpha is 0 stay what they are.
+    """
+    from PIL import Image as PillowImage
+
+    whole = _eight_bit(picture)
+    if whole.size != (cols, rows):
+        smaller = whole.size[0] > cols or whole.size[1] > rows
+        filter_ = PillowImage.Resampling.BOX if smaller else PillowImage.Resampling.BILINEAR
+        channels = [channel.resize((cols, rows), filter_) for channel in whole.split()]
+        whole = PillowImage.merge(whole.mode, channels)
+    return np.asarray(whole)[::-1]
+
+
+def _eight_bit(picture: Image) -> Image:
+    from PIL import Image as PillowImage
+
+    if picture.mode.startswith("I"):  # 16-bit grey, which Pillow's convert would clip
+        grey = np.clip(np.round(np.asarray(picture).astype(np.float32) / 257.0), 0, 255).astype(np.uint8)
+        picture = PillowImage.fromarray(grey)
+    alpha = "A" in picture.getbands() or "transparency" in picture.info
+    return picture.convert("RGBA" if alpha else "RGB")
