@@ -24,7 +24,7 @@ from svbrdfgan.weathering.recipes import Recipe, RoadDirt
 
 DECODERS = Decoders(draco.decode, meshopt.decode)
 """Those of the product, which have tests of their own."""
-SMALL = Textures(size=256, painted=256)
+SMALL, DIRT = Textures(size=256, painted=256), RoadDirt()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class Weathered:
         return found
 
 
-def weathered(path: Path, folder: Path, recipe: Recipe = RoadDirt(), textures: Textures = SMALL) -> Weathered:
+def weathered(path: Path, folder: Path, recipe: Recipe = DIRT, textures: Textures = SMALL) -> Weathered:
     """The file after weathering, as `weathered.glb` or `weathered.gltf` in the folder."""
     asset = load_asset(path)
     matrix = find_orientation(asset.mesh).matrix()
