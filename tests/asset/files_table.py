@@ -11,7 +11,7 @@ from full_files import FullFile, full_files
 from validator import validated
 from weathered_files import weathered
 
-HEAD = "| file | what is in it | pieces that weather | second UV set | differences | validator errors |\n|---|---|---|---|---|---|"
+HEADINGS = ("file", "what is in it", "pieces that weather", "second UV set", "differences", "validator errors")
 
 
 def row(file: FullFile, folder: Path) -> str:
@@ -36,19 +36,21 @@ def contents(file: FullFile) -> str:
     return ", ".join([*plain, *moving, *sorted(file.features - {"dbl", "extras", "tan"}), *words])
 
 
+def _line(*cells: object) -> str:
+    return f"| {' | '.join(map(str, cells))} |"
+
+
 def _name(file: FullFile) -> str:
     return file.name.partition("/")[0].partition(".")[0]
 
 
 def main(assets: Path) -> None:
     logging.disable(logging.WARNING)
-    print(HEAD)
+    print(_line(*HEADINGS), _line(*["---"] * len(HEADINGS)), sep="\n")
     for file in full_files(assets):
         with tempfile.TemporaryDirectory() as folder:
-            print(
-                row(file, Path(folder)) if file.triangles else f"| {_name(file)} | no faces | - | - | - | - |",
-                flush=True,
-            )
+            empty = _line(_name(file), "no faces: refused", *["-"] * 4)
+            print(row(file, Path(folder)) if file.triangles else empty, flush=True)
 
 
 if __name__ == "__main__":

@@ -92,7 +92,7 @@ def test_without_names_wheels_are_found_by_their_shape(file: Path) -> None:
         *(("Primary", "paint"), ("trim", "trim"), ("rims", "rim"), ("wheel_rim", "rim"), ("WheelRim.001", "rim")),
         *(("rezina", "rubber"), ("tier_1o", "tyre"), ("Reifen_vorne", "tyre"), ("pneuAV", "tyre"), ("carTire", "tyre")),
         *(("Scheibe", "glass"), ("vitre-avant", "glass"), ("frontglass", "glass"), ("FiberGlass", None)),
-        *(("License", "plate"), ("LicenseHolder", "trim")),
+        ("License", "plate"),
         *(("window_frame", "trim"), ("wheel_arch", "trim"), ("headlight_housing", "trim")),
         *(("RRRX7_BrakeLight", "lamp"), ("phare", "lamp"), ("Scheinwerfer", "lamp"), ("clamp", None)),
         *(("SteeringWheel", "interior"), ("Lenkrad", "interior"), ("Rücklicht", "lamp"), ("Material.003", None)),
