@@ -30,6 +30,7 @@ class Looks:
         blended: whether the material blends by alpha.
         transmission: how much light passes.
         emission: luminance of the emitted light.
+        sheen: whether it has the sheen of cloth.
     """
 
     color: tuple[float, float, float]
@@ -40,6 +41,7 @@ class Looks:
     blended: bool
     transmission: float
     emission: float
+    sheen: bool = False
 
     @property
     def luminance(self) -> float:
@@ -72,6 +74,7 @@ class PartLooks:
             material.get("alphaMode") == "BLEND",
             self._transmission(piece, material, face, weight),
             self._emission(piece, material, face, weight),
+            any(material.get("extensions", {}).get("KHR_materials_sheen", {}).get("sheenColorFactor", ())),
         )
 
     def _values(

@@ -46,7 +46,8 @@ Rule = Callable[[Facts, Context], Judgement | None]
 
 def judge_part(facts: Facts, context: Context) -> Judgement:
     """What the first rule that knows the part says of it; if none does, it weathers."""
-    rules: Sequence[Rule] = (_by_place, _by_transparency, _by_names, _by_wheels, _by_emission, _by_gloss, _by_hiding)
+    looks: Sequence[Rule] = (_by_emission, _by_sheen, _by_gloss, _by_hiding)
+    rules = (_by_place, _by_transparency, _by_names, _by_wheels, *looks)
     found = next((judged for rule in rules if (judged := rule(facts, context)) is not None), None)
     return found or _weathered(facts, context)
 
@@ -107,6 +108,12 @@ def _by_emission(facts: Facts, context: Context) -> Judgement | None:
     if named or facts.looks.emission < _GLOWS or facts.share > _MOST["lamp"]:
         return None
     return Judgement("lamp", False, "emits light")
+
+
+def _by_sheen(facts: Facts, context: Context) -> Judgement | None:
+    if not facts.looks.sheen or _positive(facts, context) is not None:
+        return None
+    return Judgement("interior", False, "cloth, by its sheen", sure=False)
 
 
 def _by_gloss(facts: Facts, context: Context) -> Judgement | None:

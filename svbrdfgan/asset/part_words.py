@@ -41,8 +41,8 @@ _WORDS = {
     "fara fary far fonar fonari fonary svet povorotnik povorotniki optika tailight headligth lightbar",
     "mirror": "mirror mirrors spiegel retroviseur retro retrovisor retrovisores espejo espejos specchio specchi "
     "specchietto espelho espelhos lusterko lusterka zerkalo zerkala",
-    "plate": "licenseplate licenceplate numberplate plate kennzeichen nummernschild nummerschild immatriculation "
-    "matricula targa placa rejestracja tablica nomer nomera gosnomer numplate regplate",
+    "plate": "license licence licenseplate licenceplate numberplate plate kennzeichen nummernschild nummerschild "
+    "immatriculation matricula targa placa rejestracja tablica nomer nomera gosnomer numplate regplate",
     "interior": "interior interiors cockpit dashboard dash seat seats steering steeringwheel seatbelt seatbelts "
     "upholstery pedal pedals gauge gauges speedometer headrest headrests armrest carpet driver drivers passenger "
     "passengers pilot dummy innenraum innen armaturenbrett lenkrad sitz sitze fahrer interieur habitacle siege "

@@ -27,8 +27,10 @@ VERSION = "5.0.1"
 SCRIPT = Path(__file__).with_name("blender_script.py")
 SIZE = (320, 200)
 SAMPLES = 8
+BOUNCES = 12
 MINUTES = 60
-NOT_OPENED = frozenset({"EXT_meshopt_compression", "KHR_texture_basisu"})
+BASIS = "KHR_texture_basisu"
+NOT_OPENED = frozenset({"EXT_meshopt_compression", BASIS})
 """Extensions that Blender 5.0 refuses where a file requires them."""
 FLOATS = 1e-4
 """How far numbers of a matrix may differ."""
@@ -82,8 +84,14 @@ def python() -> Path:
     return own
 
 
-def opened(files: Sequence[Path], samples: int = SAMPLES) -> list[Opened]:
+def opened(
+    files: Sequence[Path], samples: int = SAMPLES, size: tuple[int, int] = SIZE, bounces: int = BOUNCES
+) -> list[Opened]:
     """Each of the files as Blender opens it, seen by the camera that is framed around the first.
+
+    Args:
+        size: width and height of the pictures.
+        bounces: of light between surfaces; 0 is light from the world alone.
 
     Raises:
         RuntimeError: Blender could not open or render one of them.
@@ -91,8 +99,8 @@ def opened(files: Sequence[Path], samples: int = SAMPLES) -> list[Opened]:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         pictures = [str(folder / f"{index}.exr") for index in range(len(files))]
-        words = {"files": [str(file) for file in files], "pictures": pictures, "size": SIZE, "samples": samples}
-        _ran([python(), SCRIPT, json.dumps({**words, "answer": str(folder / "answer.json")})])
+        words = {"files": [str(file) for file in files], "pictures": pictures, "size": size, "samples": samples}
+        _ran([python(), SCRIPT, json.dumps({**words, "bounces": bounces, "answer": str(folder / "answer.json")})])
         answers = json.loads((folder / "answer.json").read_text(encoding="utf-8"))
         return [Opened(**answer, picture=_read(path)) for answer, path in zip(answers, pictures, strict=True)]
 
@@ -104,7 +112,12 @@ def compare(before: Path, after: Path, samples: int = SAMPLES) -> Seen:
     """
     first, second = opened([before, after], samples)
     change = np.abs(first.picture - second.picture).max(axis=2)
-    return Seen([*_objects(first, second), *_materials(first, second), *_actions(first, second)], change)
+    return Seen(sentences(first, second), change)
+
+
+def sentences(first: Opened, second: Opened) -> list[str]:
+    """What is in one of two files and not in the other; see `compare`."""
+    return [*_objects(first, second), *_materials(first, second), *_actions(first, second)]
 
 
 def _objects(first: Opened, second: Opened) -> list[str]:

@@ -1,7 +1,7 @@
 """What Blender sees in files, as JSON, and a small picture of each; run by `blender.py` with Blender's own Python.
 
-`python blender_script.py WORDS`: a JSON object with `files`, `pictures` (EXR), `size`, `samples`, and `answer`, a file.
-The camera is framed around the first file, and the same for all.
+`python blender_script.py WORDS`: a JSON object with `files`, `pictures` (EXR), `size`, `samples`, `bounces`, and
+`answer`, a file. The camera is framed around the first file, and the same for all.
 """
 
 import json
@@ -67,11 +67,12 @@ def look_at(centre: Vector, radius: float) -> None:
     bpy.context.scene.world = world
 
 
-def rendered(picture: str, size: tuple[int, int], samples: int) -> None:
+def rendered(picture: str, size: tuple[int, int], samples: int, bounces: int) -> None:
     """Writes a picture by Cycles on the processor, linear and not denoised; the same for the same scene."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.cycles.device, scene.cycles.samples, scene.cycles.seed = "CPU", samples, 0
+    scene.cycles.max_bounces = bounces
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
     scene.render.resolution_x, scene.render.resolution_y = size
     scene.render.resolution_percentage = 100
@@ -87,7 +88,7 @@ def main(words: dict[str, Any]) -> None:
         answers.append(opened(file))
         ball = ball or framed()
         look_at(*ball)
-        rendered(picture, words["size"], words["samples"])
+        rendered(picture, words["size"], words["samples"], words["bounces"])
     Path(words["answer"]).write_text(json.dumps(answers), encoding="utf-8")
 
 

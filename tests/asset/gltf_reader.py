@@ -32,10 +32,12 @@ SHAPES = {
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 DRACO = "KHR_draco_mesh_compression"
 
-DecodeDraco = Callable[[bytes], tuple[Num[ndarray, "corners"], Mapping[int, Num[ndarray, "vertices width"]]]]
-"""Indices, and attributes by their Draco id, of one compressed mesh."""
-DecodeMeshopt = Callable[[bytes, int, int, str, str], bytes]
-"""The bytes of a buffer view, from compressed bytes, count, stride, mode and filter."""
+DecodeDraco = Callable[
+    [bytes, Mapping[str, int]], tuple[Num[ndarray, "corners"], Mapping[str, Num[ndarray, "vertices width"]]]
+]
+"""Indices and attributes of one compressed mesh, from its bytes and the attributes' Draco ids by name."""
+DecodeMeshopt = Callable[..., bytes]
+"""The bytes of a buffer view, from compressed bytes and the keywords count, stride, mode and filter."""
 
 
 @dataclass(frozen=True)
@@ -86,8 +88,8 @@ class Document:
         data = self.buffers[where["buffer"]][start : start + where["byteLength"]]
         if packed is None or self.decoders.meshopt is None:
             return data
-        filtered = packed.get("filter", "NONE")
-        return self.decoders.meshopt(data, packed["count"], packed["byteStride"], packed["mode"], filtered)
+        layout = {"count": packed["count"], "stride": packed["byteStride"], "mode": packed["mode"]}
+        return self.decoders.meshopt(data, **layout, filter=packed.get("filter", "NONE"))
 
     def is_packed(self, index: int) -> bool:
         """Whether the buffer view of this number is compressed and there is no decoder for it."""

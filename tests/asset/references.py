@@ -138,8 +138,8 @@ class Resolver:
         extensions = value.get("extensions", {})
         if self.document.decoders.draco is None or DRACO not in extensions:
             return content
-        indices, decoded = self.document.decoders.draco(self.document.view(extensions[DRACO]["bufferView"]))
-        values = {name: decoded[number] for name, number in extensions[DRACO]["attributes"].items()}
+        packing = extensions[DRACO]
+        indices, values = self.document.decoders.draco(self.document.view(packing["bufferView"]), packing["attributes"])
         accessors = self.document.items("accessors")
         for name, array in values.items():
             known = accessors[value["attributes"][name]]

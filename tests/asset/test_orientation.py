@@ -41,9 +41,9 @@ WHOLE = {
 """Where the noses of whole vehicles are, by their pictures. All have the roof at +Y. The market cart's is a guess."""
 
 SLOW = ("dutch_ship", "food_car", "semi_truck", "town_bus", "cesium", "airplane", "kenney")
-COMPRESSED = ("draco", "meshopt")
-QUICK = [file for file in WHOLE if not any(part in file for part in (*SLOW, *COMPRESSED))]
-"""Those that `load_mesh` reads, and within a second."""
+ONE_WHEELED = "folio2025_jeep_draco_ktx2.glb"
+QUICK = [file for file in WHOLE if file != ONE_WHEELED and not any(part in file for part in SLOW)]
+"""Those that are read within some seconds. A file with one wheel, which a game copies, has no nose to be found."""
 
 HELD_OUT = ("gazebo_pickup", "jme_modern_hatchback", "quaternius_carpack16_car")
 OUTSIDERS = ("kenney_race", "quaternius_tankpack_tank3", "scaranto_race_car")
@@ -216,7 +216,7 @@ def test_a_miss_is_unsure(assets: Path, name: str) -> None:
 
 
 @pytest.mark.assets
-@pytest.mark.parametrize("file", ["cake_unlit.glb", "fox_skin_anim.glb"])
-def test_statues_and_animals_are_unsure(assets: Path, file: str) -> None:
+@pytest.mark.parametrize("file", ["cake_unlit.glb", "fox_skin_anim.glb", ONE_WHEELED])
+def test_what_does_not_stand_on_wheels_is_unsure(assets: Path, file: str) -> None:
     found = find_orientation(load_mesh(assets / "full" / file))
     assert (found.front, found.up, found.front_sure, found.up_sure) == ("+Z", "+Y", False, False)

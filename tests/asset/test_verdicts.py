@@ -92,6 +92,7 @@ def test_without_names_wheels_are_found_by_their_shape(file: Path) -> None:
         *(("Primary", "paint"), ("trim", "trim"), ("rims", "rim"), ("wheel_rim", "rim"), ("WheelRim.001", "rim")),
         *(("rezina", "rubber"), ("tier_1o", "tyre"), ("Reifen_vorne", "tyre"), ("pneuAV", "tyre"), ("carTire", "tyre")),
         *(("Scheibe", "glass"), ("vitre-avant", "glass"), ("frontglass", "glass"), ("FiberGlass", None)),
+        ("License", "plate"),
         *(("window_frame", "trim"), ("wheel_arch", "trim"), ("headlight_housing", "trim")),
         *(("RRRX7_BrakeLight", "lamp"), ("phare", "lamp"), ("Scheinwerfer", "lamp"), ("clamp", None)),
         *(("SteeringWheel", "interior"), ("Lenkrad", "interior"), ("Rücklicht", "lamp"), ("Material.003", None)),
@@ -118,6 +119,13 @@ def test_a_lamp_that_is_the_whole_object_weathers(file: Path) -> None:
     assert verdicts["Lamp"].weathers
     assert not verdicts["Lamp"].sure
     assert not verdicts["bulb"].weathers
+
+
+def test_cloth_is_kept_unless_it_is_called_otherwise(file: Path) -> None:
+    shapes = {name: BODY.copy().apply_translation((0, k, 0)) for k, name in enumerate(("base", "cover", "body_top"))}
+    cloth = {"extensions": {"KHR_materials_sheen": {"sheenColorFactor": [0.2, 0.2, 0.2]}}}
+    verdicts = by_name(judge(asset_of(file, mesh_of(shapes), cover=cloth, body_top=cloth)))
+    assert [verdicts[name].weathers for name in shapes] == [True, False, True]
 
 
 def test_what_light_passes_is_kept_whatever_it_is_called(file: Path) -> None:
