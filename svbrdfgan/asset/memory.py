@@ -24,9 +24,9 @@ _PROGRAM = 420 << 20  # the interpreter, NumPy and torch, and the tiles that are
 _TRIANGLE = 3000  # the asset, the surroundings and a second UV set
 _PAINTED = 19  # a layer's texel: nine channels of 16 bits, and whether it is known
 _FILLING = 20  # more while the texels around the faces are filled
-_OLD = 20  # a texel of an old texture: its bytes, and float32
+_OLD = 32  # a texel of an old texture: its bytes, as part of the looks, and as float32 when it is looked up
 _NEW = 3  # a texel of a new texture
-_BLENDING = 256 * 220  # more to a column, while maps are blended by bands of rows
+_BLENDING = 256 * 440  # more to a column, while maps are blended by bands of rows, on threads
 _ENCODING = 16  # a texel, while textures are filled and become PNG files
 _STORED = 2.5  # a texel of a new texture as PNG, which noise hardly lets shrink
 
@@ -84,7 +84,7 @@ class Plan:
         return most + round(stored)
 
     def smaller(self) -> Iterator[Plan]:
-        """The same with textures, then with textures and layers half as large, and so on."""
+        """The same with textures half as large, again and again, and layers that are no larger than they."""
         size, painted = self.textures.size or self._largest(), self.textures.painted
         while size >= 2 * _LEAST:
             size //= 2

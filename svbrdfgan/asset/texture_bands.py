@@ -54,13 +54,20 @@ class TexelGrid:
 
     def tiles(self) -> Iterator[tuple[range, range]]:
         """Rows and columns of the tiles, row by row from the bottom."""
-        rows, cols = ([range(first, min(first + TILE, count)) for first in range(0, count, TILE)] for count in self.size)
+        rows, cols = (
+            [range(first, min(first + TILE, count)) for first in range(0, count, TILE)] for count in self.size
+        )
         return itertools.product(rows, cols)
 
     def window(self, rows: range, cols: range) -> tuple[Bool[ndarray, "rows cols"], SurfacePoints]:
         """The texels that faces cover, and the points that they show; rows and columns may reach beyond the texture."""
         low, high = self._boxes
-        near = (low[:, 0] <= cols.stop) & (high[:, 0] >= cols.start) & (low[:, 1] <= rows.stop) & (high[:, 1] >= rows.start)
+        near = (
+            (low[:, 0] <= cols.stop)
+            & (high[:, 0] >= cols.start)
+            & (low[:, 1] <= rows.stop)
+            & (high[:, 1] >= rows.start)
+        )
         chosen = np.flatnonzero(near)
         corners = self.uv[chosen] * self.size[::-1] - 0.5 - (cols.start, rows.start)
         raster = rasterize_triangles(corners, np.zeros((len(chosen), 3)), len(rows), len(cols))

@@ -99,7 +99,9 @@ class WeatheredMaterial:
         maps = self._maps(sheet, painted)
         _compose(maps, sheet, painted)
         pngs = in_threads(_png, [each.made for each in maps])
-        textures = [self._texture(each, png, place if number is None else second) for each, png in zip(maps, pngs, strict=True)]
+        textures = [
+            self._texture(each, png, place if number is None else second) for each, png in zip(maps, pngs, strict=True)
+        ]
         self._share_occlusion(maps, textures)
         for each, info in zip(maps, textures, strict=True):
             each.owner[each.key] = info
@@ -173,12 +175,17 @@ def _compose(maps: list[_Map], sheet: Sheet, painted: Layer) -> None:
     """Fills all new textures, some rows at a time."""
     seeking = any(each.source.needs_points for each in maps)
     known = np.zeros((sheet.rows, sheet.cols), bool)
-    for own, layer in layer_bands(painted, sheet.rows, sheet.cols):
+
+    def blend(part: tuple[slice, Layer]) -> None:
+        own, layer = part
         rows = range(own.start, own.stop)
         here = _points(sheet, rows) if seeking else Band(rows, known[own], _NOWHERE)
         known[own] = here.covered
         for each in maps:
             each.made[own] = each.compose(each.source.rows(here, sheet.cols), layer)
+
+    for _ in in_threads(blend, layer_bands(painted, sheet.rows, sheet.cols)):
+        pass
     if seeking:
         for each in maps:
             fill(each.made, known)
