@@ -12,11 +12,14 @@ from svbrdfgan.asset.weather_document import DEFAULT_SIZE, Textures
 from svbrdfgan.asset.weathered_material import WeatheredMaterial
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.gltf.materials import DocumentPictures
+from svbrdfgan.types import FURTHER_MAPS
 
 _SHARE = 0.8
 """Of the memory that is free, what weathering may take by default."""
 _UNKNOWN = 4 << 30
 """Bytes that count as free where the system does not say."""
+_UNLIMITED = 1 << 62
+_CONTAINER = Path("/sys/fs/cgroup")
 _LEAST = 256
 """Texels along a side: no smaller textures are suggested."""
 
@@ -24,9 +27,9 @@ _PROGRAM = 420 << 20  # the interpreter, NumPy and torch, and the tiles that are
 _TRIANGLE = 3000  # the asset, the surroundings and a second UV set
 _PAINTED = 19  # a layer's texel: nine channels of 16 bits, and whether it is known
 _FILLING = 20  # more while the texels around the faces are filled
-_OLD = 20  # a texel of an old texture: its bytes, and float32
+_OLD = 32  # a texel of an old texture: its bytes, as part of the looks, and as float32 when it is looked up
 _NEW = 3  # a texel of a new texture
-_BLENDING = 256 * 220  # more to a column, while maps are blended by bands of rows
+_BLENDING = 256 * 440  # more to a column, while maps are blended by bands of rows, on threads
 _ENCODING = 16  # a texel, while textures are filled and become PNG files
 _STORED = 2.5  # a texel of a new texture as PNG, which noise hardly lets shrink
 
@@ -84,7 +87,7 @@ class Plan:
         return most + round(stored)
 
     def smaller(self) -> Iterator[Plan]:
-        """The same with textures, then with textures and layers half as large, and so on."""
+        """The same with textures half as large, again and again, and layers that are no larger than they."""
         size, painted = self.textures.size or self._largest(), self.textures.painted
         while size >= 2 * _LEAST:
             size //= 2
@@ -116,7 +119,20 @@ def require_memory(plan: Plan, limit: int | None = None) -> None:
 
 
 def free_bytes() -> int:
-    """Memory that programs can still take, as the system says it."""
+    """Memory that the process can still take: of the machine, and of a container's share of it."""
+    return min(_machine_bytes(), _container_bytes())
+
+
+def _container_bytes() -> int:
+    """By Linux's control groups, version 2."""
+    try:
+        limit, used = ((_CONTAINER / name).read_text(encoding="ascii") for name in ("memory.max", "memory.current"))
+        return int(limit) - int(used)
+    except (OSError, ValueError):  # no container, or "max"
+        return _UNLIMITED
+
+
+def _machine_bytes() -> int:
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
         return next(int(line.split()[1]) << 10 for line in lines if line.startswith("MemAvailable:"))
@@ -133,7 +149,7 @@ def _old(asset: Asset, number: int | None) -> tuple[tuple[int, int], ...]:
     if number is None:
         return ()
     pictures = DocumentPictures(asset.document)
-    material = WeatheredMaterial(asset.document, asset.document.table("materials")[number], pictures)
+    material = WeatheredMaterial.of(asset.document, asset.document.table("materials")[number], pictures, FURTHER_MAPS)
     found = (pictures.of(info) for info in material.infos())
     return tuple(picture.size[::-1] for picture in found if picture is not None)
 

@@ -161,5 +161,5 @@ def fill(texture: Float[ndarray, "rows cols channels"], known: Bool[ndarray, "ro
     coarse /= np.maximum(weight, 1.0)[..., None]
     fill(coarse, weight > 0)
     for first in range(0, rows, TILE):
-        row, col = np.nonzero(~known[first : first + TILE])
-        texture[first + row, col] = coarse[(first + row) // 2, col // 2]
+        low, at = np.nonzero(~known[first : first + TILE])
+        texture[first + low, at] = coarse[(first + low) // 2, at // 2]

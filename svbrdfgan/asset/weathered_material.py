@@ -142,13 +142,18 @@ def _compose(maps: list[_Map], sheet: Sheet, painted: Layer) -> None:
     """Fills all new textures, some rows at a time; those that are looked up at points continue beyond the faces."""
     seeking = [each for each in maps if each.source.needs_points]
     known = np.zeros((sheet.rows, sheet.cols), bool)
-    for own, layer in layer_bands(painted, sheet.rows, sheet.cols):
+
+    def blend(part: tuple[slice, Layer]) -> None:
+        own, layer = part
         rows = range(own.start, own.stop)
         here = _points(sheet, rows) if seeking else Band(rows, known[own], _NOWHERE)
         known[own] = here.covered
         for each in maps:
             made = each.rule.compose(each.source.rows(here, sheet.cols), layer)
             each.made[own] = made[..., : each.made.shape[2]]
+
+    for _ in in_threads(blend, layer_bands(painted, sheet.rows, sheet.cols)):
+        pass
     for each in seeking:
         fill(each.made, known)
 

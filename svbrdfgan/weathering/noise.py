@@ -17,7 +17,7 @@ _GRADIENTS = np.array([v for v in itertools.product((-1, 0, 1), repeat=3) if np.
 _PRIMES = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
 _MIX = np.array([0xBF58476D1CE4E5B9, 0x94D049BB133111EB], dtype=np.uint64)
 _DIRECTIONS = np.ascontiguousarray(_GRADIENTS.T)
-_CORNERS = tuple(itertools.product((0, 1), repeat=3))
+_CORNERS = tuple(itertools.product((0, 1), (0, 1), (0, 1)))
 
 Corner = tuple[int, int, int]
 Gradients = tuple[ndarray, ndarray, ndarray]
