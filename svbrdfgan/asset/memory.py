@@ -98,21 +98,22 @@ class Plan:
         return max((max(size) for old in self.materials for size in old), default=DEFAULT_SIZE)
 
 
-def require_memory(plan: Plan, limit: int | None = None) -> None:
-    """Checks that a plan may run.
+def require_memory(plan: Plan, limit: int | None = None, further: int = 0) -> int:
+    """Checks that a plan may run, and gives the bytes that it takes at most.
 
     Args:
         limit: bytes that the process may hold; None allows a share of what is free.
+        further: bytes that are held besides, such as a model's layers.
 
     Raises:
         ConfigError: the plan needs more.
     """
     limit = round(_SHARE * free_bytes()) if limit is None else limit
-    needed = plan.peak_bytes()
+    needed = plan.peak_bytes() + further
     if needed <= limit:
-        return
-    given = f"weathering needs about {_gigabytes(needed)} of memory and {_gigabytes(limit)} are allowed"
-    fitting = next((other.textures for other in plan.smaller() if other.peak_bytes() <= limit), None)
+        return needed
+    given = f"weathering needs about {gigabytes(needed)} of memory and {gigabytes(limit)} are allowed"
+    fitting = next((other.textures for other in plan.smaller() if other.peak_bytes() + further <= limit), None)
     if fitting is None:
         raise ConfigError(f"{given}; no smaller textures fit either: allow more by --memory.")
     raise ConfigError(f"{given}; --size {fitting.size} --resolution {fitting.painted} would fit.")
@@ -121,6 +122,11 @@ def require_memory(plan: Plan, limit: int | None = None) -> None:
 def free_bytes() -> int:
     """Memory that the process can still take: of the machine, and of a container's share of it."""
     return min(_machine_bytes(), _container_bytes())
+
+
+def gigabytes(count: int) -> str:
+    """A number of bytes for people."""
+    return f"{count / 2**30:.1f} GiB"
 
 
 def _container_bytes() -> int:
@@ -152,7 +158,3 @@ def _old(asset: Asset, number: int | None) -> tuple[tuple[int, int], ...]:
     material = WeatheredMaterial.of(asset.document, asset.document.table("materials")[number], pictures, FURTHER_MAPS)
     found = (pictures.of(info) for info in material.infos())
     return tuple(picture.size[::-1] for picture in found if picture is not None)
-
-
-def _gigabytes(count: int) -> str:
-    return f"{count / 2**30:.1f} GiB"

@@ -34,7 +34,7 @@ def part_options(command: Command) -> Command:
 
 
 def delivery_options(command: Command) -> Command:
-    """Adds what decides which files are written: `size`, `maps_folder`, `force`, `embedding_uvs`."""
+    """Adds what decides which files are written: `size`, `maps_folder`, `memory`, `force`, `embedding_uvs`."""
     folder = click.Path(path_type=Path, file_okay=False)
     for option in (
         click.option(
@@ -42,6 +42,13 @@ def delivery_options(command: Command) -> Command:
             is_flag=True,
             help="For research: write the surface over the UVs of the embedding and the layer beside it, and nothing "
             "else of the scene.",
+        ),
+        click.option(
+            "--memory",
+            type=click.FloatRange(min=0, min_open=True),
+            callback=lambda _context, _option, gigabytes: gigabytes and round(gigabytes * 2**30),
+            metavar="GIB",
+            help="Memory that may be taken; what needs more is refused.  [default: 80 % of what is free]",
         ),
         click.option("--force", is_flag=True, help="Overwrite an earlier result."),
         click.option("--maps", "maps_folder", type=folder, help="Also write the weathered textures into this folder."),

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from svbrdfgan.asset.asset import load_asset
+from svbrdfgan.asset.memory import Plan, gigabytes, require_memory
 from svbrdfgan.asset.weather_document import Textures
 from svbrdfgan.cli.display import ProgressBar, ProgressLines
 from svbrdfgan.inference.file_scene import file_scene
@@ -26,12 +27,14 @@ class Scenes:
         display: shows what is being done.
         textures: how large.
         maps_folder: gets the weathered textures, too; None if they are not wanted.
+        memory: bytes that may be taken; None allows a share of what is free.
         learnable, keep, front, up: as for `open_workpiece`.
     """
 
     display: ProgressBar | ProgressLines
     textures: Textures
     maps_folder: Path | None
+    memory: int | None
     learnable: tuple[str, ...]
     keep: tuple[str, ...]
     front: str | None
@@ -56,6 +59,9 @@ class Scenes:
 
         What else was done to the scene is printed on stderr.
         """
+        plan = Plan.of(workpiece.asset, workpiece.weathered, self.textures)
+        needed = require_memory(plan, self.memory, weathering.peak_bytes)
+        click.echo(f"takes at most about {gigabytes(needed)} of memory", err=True)
         self.display.stage(f"weathering {workpiece.asset.path}")
         edited = weathered_document(workpiece, weathering, self.textures)
         self.display.stage(f"writing {path}")

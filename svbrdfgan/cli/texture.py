@@ -71,6 +71,7 @@ def command(
     out: Path,
     size: int | None,
     maps_folder: Path | None,
+    memory: int | None,
     force: bool,
     embedding_uvs: bool,
     picture: Path | None,
@@ -111,7 +112,7 @@ def command(
             from svbrdfgan.report.sheet import write_sheet
 
             textures = Textures(size, max(_DENSITY, resolution or 0))
-            scenes = Scenes(display, textures, maps_folder, learnable, keep, front, up)
+            scenes = Scenes(display, textures, maps_folder, memory, learnable, keep, front, up)
 
             def work(number: int) -> list[Path]:
                 workpiece = scenes.open(meshes[number])

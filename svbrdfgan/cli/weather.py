@@ -78,6 +78,7 @@ def command(
     up: str | None,
     size: int | None,
     maps_folder: Path | None,
+    memory: int | None,
 ) -> None:
     """Weather each MESH by a recipe: its scene comes back, and only the textures of what weathers differ."""
     if picture is not None and len(meshes) > 1:
@@ -107,7 +108,7 @@ def command(
             from svbrdfgan.inference.weatherings import RecipeWeathering
 
             textures = Textures(size, resolution or _DENSITY)
-            scenes = Scenes(display, textures, maps_folder, learnable, keep, front, up)
+            scenes = Scenes(display, textures, maps_folder, memory, learnable, keep, front, up)
             weathering = RecipeWeathering(chosen, tuple(maps))
             done = each_alone(
                 meshes, lambda k: scenes.write(scenes.open(meshes[k]), weathering, paths[k][0], studio, picture)

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from svbrdfgan.asset.painters import Paint, Painter
-from svbrdfgan.asset.peels import Peel, peels
+from svbrdfgan.asset.peels import MOST, Peel, peels
 from svbrdfgan.asset.points import SurfacePoints
 from svbrdfgan.asset.subfaces import SubFaces
 from svbrdfgan.geometry.layers import embed_and_rasterize
@@ -26,7 +26,7 @@ from svbrdfgan.inference.workpiece import Workpiece
 from svbrdfgan.networks.draw import Draw
 from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.training.run import Model
-from svbrdfgan.types import Mesh, Surface
+from svbrdfgan.types import Mesh, Surface, layer_channels
 from svbrdfgan.weathering.mesh_maps import bake_mesh_maps
 
 _BENEATH = 1024
@@ -35,6 +35,7 @@ _REACH = 1.5  # texels: a tap shows a point's surface if it lies within what so 
 _NEAR, _FAR = 1e-3, 0.03  # of the model's size: bounds of that distance
 _ENOUGH = 0.1  # weight of taps that show the surface; below it the nearest taps in space are taken
 _NEIGHBOURS = 4
+_COMPUTING = 16  # bytes of each number of a layer, while it is computed
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +79,15 @@ class LearnedWeathering:
     @property
     def description(self) -> Mapping[str, Any]:
         return self.asked
+
+    @property
+    def peak_bytes(self) -> int:
+        """Of its layers, and of one more while it is computed in float32."""
+        trained = self.model.config.dataset.texture
+        outer = trained * finer_factor(self.model, self.resolution)
+        beneath = max(trained, min(outer, _BENEATH))
+        channels = layer_channels(self.model.generator.maps)
+        return channels * (2 * (outer**2 + (MOST - 1) * beneath**2) + _COMPUTING * outer**2)
 
     def painter(self, workpiece: Workpiece) -> Painter:
         """The layers on all peels of the workpiece's mesh.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from svbrdfgan.asset.painters import Painter, RecipePainter
 from svbrdfgan.inference.workpiece import Workpiece
@@ -20,6 +20,10 @@ class Weathering(Protocol):
     def description(self) -> Mapping[str, Any]:
         """What files say of their weathering, as JSON."""
 
+    @property
+    def peak_bytes(self) -> int:
+        """What its painter holds in memory at most, besides the mesh."""
+
     def painter(self, workpiece: Workpiece) -> Painter:
         """Paints the layer on one mesh."""
 
@@ -34,6 +38,7 @@ class RecipeWeathering:
 
     recipe: Recipe
     maps: Collection[str] = FURTHER_MAPS
+    peak_bytes: ClassVar[int] = 0
 
     @property
     def description(self) -> Mapping[str, Any]:
