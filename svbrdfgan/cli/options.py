@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -19,18 +20,43 @@ Command = TypeVar("Command", bound=Callable[..., None])
 _SKY_SEED = 7  # of the cloudy sky that lights pictures by default
 
 
+@dataclass(frozen=True)
+class PartOptions:
+    """What decides where a mesh weathers; see `open_workpiece`."""
+
+    learnable: tuple[str, ...]
+    keep: tuple[str, ...]
+    masks: tuple[str, ...]
+    front: str | None
+    up: str | None
+
+
 def part_options(command: Command) -> Command:
-    """Adds what decides which parts weather: `learnable`, `keep`, `front` and `up`."""
+    """Adds what decides where a mesh weathers, as the parameter `parts`."""
+
+    @wraps(command)
+    def gathered(**values: Any) -> None:
+        parts = PartOptions(**{each.name: values.pop(each.name) for each in fields(PartOptions)})
+        command(parts=parts, **values)
+
     for option in (
         click.option("--up", metavar="AXIS", help="Where the roof is, such as +Z.  [default: found]"),
         click.option("--front", metavar="AXIS", help="Where the nose is, such as +X.  [default: found]"),
+        click.option(
+            "--mask",
+            "masks",
+            multiple=True,
+            metavar="[MATERIAL=]MASK",
+            help="Where the layer may lie: a grey picture over the UVs (black is kept), or a vertex attribute such as "
+            "_NAME or COLOR_1; on all materials or those of such a name; repeatable.",
+        ),
         click.option("--keep", multiple=True, metavar="PATTERN", help="Parts that are kept as they are; repeatable."),
         click.option(
             "--learnable", multiple=True, metavar="PATTERN", help="Parts that weather, whatever they are; repeatable."
         ),
     ):
-        command = option(command)
-    return command
+        gathered = option(gathered)
+    return gathered  # type: ignore[return-value]
 
 
 def delivery_options(command: Command) -> Command:

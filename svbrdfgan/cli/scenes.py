@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import click
@@ -11,6 +11,7 @@ from svbrdfgan.asset.asset import load_asset
 from svbrdfgan.asset.memory import Plan, gigabytes, require_memory
 from svbrdfgan.asset.weather_document import Textures
 from svbrdfgan.cli.display import ProgressBar, ProgressLines
+from svbrdfgan.cli.options import PartOptions
 from svbrdfgan.inference.file_scene import file_scene
 from svbrdfgan.inference.studio import Studio
 from svbrdfgan.inference.weathered_file import weathered_document, write_maps
@@ -28,22 +29,19 @@ class Scenes:
         textures: how large.
         maps_folder: gets the weathered textures, too; None if they are not wanted.
         memory: bytes that may be taken; None allows a share of what is free.
-        learnable, keep, front, up: as for `open_workpiece`.
+        parts: where it weathers.
     """
 
     display: ProgressBar | ProgressLines
     textures: Textures
     maps_folder: Path | None
     memory: int | None
-    learnable: tuple[str, ...]
-    keep: tuple[str, ...]
-    front: str | None
-    up: str | None
+    parts: PartOptions
 
     def open(self, mesh: Path) -> Workpiece:
         """The workpiece in a file. Which parts weather is printed on stderr."""
         self.display.stage(f"loading {mesh}")
-        workpiece = open_workpiece(mesh, learnable=self.learnable, keep=self.keep, front=self.front, up=self.up)
+        workpiece = open_workpiece(mesh, **asdict(self.parts))
         _report(workpiece)
         return workpiece
 

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING
 import click
 
 from svbrdfgan.cli.display import progress
-from svbrdfgan.cli.options import delivery_options, each_alone, part_options, picture_options, results, studio_of
+from svbrdfgan.cli.options import (
+    PartOptions,
+    delivery_options,
+    each_alone,
+    part_options,
+    picture_options,
+    results,
+    studio_of,
+)
 
 if TYPE_CHECKING:
     from svbrdfgan.cli.display import ProgressBar, ProgressLines
@@ -64,10 +72,7 @@ def command(
     resolution: int | None,
     count: int | None,
     sheet: Path | None,
-    learnable: tuple[str, ...],
-    keep: tuple[str, ...],
-    front: str | None,
-    up: str | None,
+    parts: PartOptions,
     out: Path,
     size: int | None,
     maps_folder: Path | None,
@@ -103,7 +108,7 @@ def command(
             {"--picture": picture, "--sheet": sheet}, environment, renderer, maps if embedding_uvs else BARE
         )
         if embedding_uvs:
-            layers = _Embedded(display, model, draws, resolution, learnable, keep)
+            layers = _Embedded(display, model, draws, resolution, parts)
             done = each_alone(meshes, lambda k: layers.write(meshes[k], paths[k], studio, picture, rows, sheet))
         else:
             from svbrdfgan.asset.weather_document import Textures
@@ -112,7 +117,7 @@ def command(
             from svbrdfgan.report.sheet import write_sheet
 
             textures = Textures(size, max(_DENSITY, resolution or 0))
-            scenes = Scenes(display, textures, maps_folder, memory, learnable, keep, front, up)
+            scenes = Scenes(display, textures, maps_folder, memory, parts)
 
             def work(number: int) -> list[Path]:
                 workpiece = scenes.open(meshes[number])
@@ -138,8 +143,7 @@ class _Embedded:
     model: Model
     draws: Sequence[LearnedWeathering]
     resolution: int | None
-    learnable: tuple[str, ...]
-    keep: tuple[str, ...]
+    parts: PartOptions
 
     def write(
         self,
@@ -158,7 +162,7 @@ class _Embedded:
         self.display.stage(f"weathering {mesh}")
         maps = self.model.config.maps
         with explain_memory(self.resolution):
-            canvas = prepare(load_mesh(mesh), self.model, selection(self.learnable, self.keep), self.resolution)
+            canvas = prepare(load_mesh(mesh), self.model, selection(self.parts), self.resolution)
             report_embedded(canvas.subject)
             written = []
             for path, draw in zip(paths, self.draws, strict=True):

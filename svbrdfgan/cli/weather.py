@@ -11,6 +11,7 @@ import click
 
 from svbrdfgan.cli.display import ProgressBar, ProgressLines, progress
 from svbrdfgan.cli.options import (
+    PartOptions,
     delivery_options,
     each_alone,
     key_values,
@@ -72,10 +73,7 @@ def command(
     picture: Path | None,
     environment: Path | None,
     renderer: str,
-    learnable: tuple[str, ...],
-    keep: tuple[str, ...],
-    front: str | None,
-    up: str | None,
+    parts: PartOptions,
     size: int | None,
     maps_folder: Path | None,
     memory: int | None,
@@ -100,7 +98,7 @@ def command(
             {"--picture": picture}, environment, renderer, maps if embedding_uvs else dict.fromkeys(BARE)
         )
         if embedding_uvs:
-            layers = _Embedded(display, embedding or "hemispherical", resolution or _EMBEDDED, learnable, keep)
+            layers = _Embedded(display, embedding or "hemispherical", resolution or _EMBEDDED, parts)
             done = each_alone(meshes, lambda k: layers.write(meshes[k], paths[k][0], chosen, maps, studio, picture))
         else:
             from svbrdfgan.asset.weather_document import Textures
@@ -108,7 +106,7 @@ def command(
             from svbrdfgan.inference.weatherings import RecipeWeathering
 
             textures = Textures(size, resolution or _DENSITY)
-            scenes = Scenes(display, textures, maps_folder, memory, learnable, keep, front, up)
+            scenes = Scenes(display, textures, maps_folder, memory, parts)
             weathering = RecipeWeathering(chosen, tuple(maps))
             done = each_alone(
                 meshes, lambda k: scenes.write(scenes.open(meshes[k]), weathering, paths[k][0], studio, picture)
@@ -123,8 +121,7 @@ class _Embedded:
     display: ProgressBar | ProgressLines
     embedding: str
     resolution: int
-    learnable: tuple[str, ...]
-    keep: tuple[str, ...]
+    parts: PartOptions
 
     def write(
         self,
@@ -142,10 +139,10 @@ class _Embedded:
         from svbrdfgan.scene.subject import make_subject
         from svbrdfgan.weathering.layer import weather
 
+        parts = selection(self.parts) or PartSelection()
         self.display.stage(f"loading {mesh}")
         loaded = load_mesh(mesh)
         self.display.stage(f"unwrapping {mesh}")
-        parts = selection(self.learnable, self.keep) or PartSelection()
         subject = make_subject(loaded, load_embedding(self.embedding), self.resolution, parts, file_maps=bool(maps))
         self.display.stage(f"weathering {mesh}")
         layer = weather(subject.surface, subject.buffer, recipe, maps)

@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from svbrdfgan.asset.masks import MaskedPainter
 from svbrdfgan.asset.weather_document import Edited, Model, Textures, weather_document
 from svbrdfgan.errors import AssetError
 from svbrdfgan.inference.weatherings import RecipeWeathering, Weathering
@@ -53,6 +54,7 @@ def write_weathered(
     *,
     learnable: Sequence[str] = (),
     keep: Sequence[str] = (),
+    masks: Sequence[str] = (),
     front: str | None = None,
     up: str | None = None,
 ) -> Weathered:
@@ -60,20 +62,20 @@ def write_weathered(
 
     Args:
         path: .glb, or .gltf with files beside it.
-        source: .glb, .gltf, .obj, .ply or .stl; or what `open_workpiece` made of it, to which the patterns and axes
-            were given then.
+        source: .glb, .gltf, .obj, .ply or .stl; or what `open_workpiece` made of it, to which the patterns, masks and
+            axes were given then.
         weathering: a recipe, or another kind of weathering.
         textures: how large; by default as the file's own.
-        learnable, keep, front, up: as for `open_workpiece`.
+        learnable, keep, masks, front, up: as for `open_workpiece`.
 
     Raises:
         AssetError: a file cannot be read or written, or the result would overwrite the source.
-        ConfigError: `front` or `up` is no axis.
+        ConfigError: `front` or `up` is no axis, or a mask lies on nothing.
     """
     if isinstance(source, Workpiece):
         workpiece = source
     else:
-        workpiece = open_workpiece(source, learnable=learnable, keep=keep, front=front, up=up)
+        workpiece = open_workpiece(source, learnable=learnable, keep=keep, masks=masks, front=front, up=up)
     require_apart(workpiece.asset.path, Path(path))
     layer = weathering if isinstance(weathering, Weathering) else RecipeWeathering(weathering)
     edited = weathered_document(workpiece, layer, textures or Textures())
@@ -86,7 +88,8 @@ def weathered_document(workpiece: Workpiece, weathering: Weathering, textures: T
     if not workpiece.weathered:
         return Edited(asset.document.copy())
     model = Model(workpiece.mesh, workpiece.surroundings.reversed)
-    edited = weather_document(asset, model, weathering.painter(workpiece), workpiece.weathered, textures)
+    painter = MaskedPainter(weathering.painter(workpiece), workpiece.masks)
+    edited = weather_document(asset, model, painter, workpiece.weathered, textures)
     edited.told[:0] = asset.document.changes
     _sign(edited.document, weathering)
     return edited
