@@ -32,7 +32,7 @@ from svbrdfgan.weathering.mesh_maps import bake_mesh_maps
 _BENEATH = 1024
 """Texels along a side at which peels beneath the outermost are painted at most, or those of the training."""
 _REACH = 1.5  # texels: a tap shows a point's surface if it lies within what so many texels span there
-_NEAR, _FAR = 1e-3, 0.03  # of the model's size: bounds of that distance
+_NEAR, _FAR = 1e-3, 0.012  # of the model's size: bounds of that distance
 _ENOUGH = 0.1  # weight of taps that show the surface; below it the nearest taps in space are taken
 _NEIGHBOURS = 4
 _COMPUTING = 16  # bytes of each number of a layer, while it is computed
