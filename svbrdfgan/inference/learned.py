@@ -32,7 +32,7 @@ from svbrdfgan.weathering.mesh_maps import bake_mesh_maps
 _BENEATH = 1024
 """Texels along a side at which peels beneath the outermost are painted at most, or those of the training."""
 _REACH = 1.5  # texels: a tap shows a point's surface if it lies within what so many texels span there
-_NEAR, _FAR = 1e-3, 0.012  # of the model's size: bounds of that distance
+_NEAR, _FAR = 0.1, 3.0  # of the model's size over the number of texels along a side: bounds of that distance
 _SEAM = 3.0  # texels
 _CLEARLY = 0.15  # of the reach: how much nearer than any other peel's a tap must be to count in full
 _NOWHERE = 1e9
@@ -128,6 +128,7 @@ class LearnedPainter:
         surface: embedded.
         taps: position of each texel of each peel, metres; NaN where it has nothing of its own.
         reach: of each face of the surface: how far off a tap may be, metres.
+        side: of each face of the surface, -1 if it is seen from the side that its winding calls the back.
         tree, tree_tap, tap_normals: the taps that show something, in space; their places in `taps`; their normals.
     """
 
@@ -140,6 +141,7 @@ class LearnedPainter:
     layers: tuple[_Layer, ...]
     channels: Mapping[str, slice]
     reach: Float[ndarray, " faces"]
+    side: Float[ndarray, " faces"]
     tree: cKDTree = field(repr=False)
     tree_tap: Int[ndarray, " known"]
     tap_normals: Float[ndarray, "known 3"]
@@ -171,6 +173,7 @@ class LearnedPainter:
             layers,
             model.generator.channels,
             _reach(surface, trained.texture),
+            np.where(workpiece.surroundings.reversed[surface.source_face], -1.0, 1.0),
             cKDTree(taps.reshape(-1, 3)[known]),
             known,
             np.stack([peel.buffer.normal.numpy().reshape(-1, 3) for peel in found]).reshape(-1, 3)[known],
@@ -268,8 +271,9 @@ class LearnedPainter:
         furthest = np.maximum(distance[:, -1:], 1e-9)
         faces = self.surface.faces[at.face[lost]]
         normal = unit(np.einsum("pj,pjk->pk", at.barycentric[lost], self.surface.normals[faces]))
-        alike = np.abs(np.einsum("pk,pnk->pn", normal, self.tap_normals[near]))
-        weight = (1.0 - distance / furthest) ** 2 / np.maximum(distance / furthest, 1e-3) ** 2 * (alike**2 + 1e-3)
+        normal *= self.side[at.face[lost], None]
+        alike = np.maximum(np.einsum("pk,pnk->pn", normal, self.tap_normals[near]), 0.0)
+        weight = (1.0 - distance / furthest) ** 2 * (alike**2 + 1e-3)
         weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-30)
         rows, cols = self.shape
         peel, tap = np.divmod(self.tree_tap[near], rows * cols)
@@ -306,4 +310,4 @@ def _reach(surface: Surface, texels: int) -> Float[ndarray, " faces"]:
     length, span = (np.linalg.norm(each - np.roll(each, 1, axis=1), axis=2) for each in (corners, uv))
     size = float(np.linalg.norm(np.ptp(surface.positions, axis=0)))
     stretch = (length / np.maximum(span, 1e-6)).max(axis=1)
-    return np.clip(_REACH * stretch, _NEAR * size, _FAR * size)
+    return np.clip(_REACH * stretch, _NEAR * size / texels, _FAR * size / texels)
