@@ -32,9 +32,11 @@ from svbrdfgan.weathering.mesh_maps import bake_mesh_maps
 _BENEATH = 1024
 """Texels along a side at which peels beneath the outermost are painted at most, or those of the training."""
 _REACH = 1.5  # texels: a tap shows a point's surface if it lies within what so many texels span there
-_NEAR, _FAR = 1e-3, 0.03  # of the model's size: bounds of that distance
-_ENOUGH = 0.1  # weight of taps that show the surface; below it the nearest taps in space are taken
-_NEIGHBOURS = 4
+_NEAR, _FAR = 0.1, 3.0  # of the model's size over the number of texels along a side: bounds of that distance
+_SEAM = 3.0  # texels
+_CLEARLY = 0.15  # of the reach: how much nearer than any other peel's a tap must be to count in full
+_NOWHERE = 1e9
+_NEIGHBOURS = 8
 _COMPUTING = 16  # bytes of each number of a layer, while it is computed
 
 
@@ -117,14 +119,17 @@ class _Layer:
 class LearnedPainter:
     """Looks points up in the layer of the peel that shows them.
 
-    A point is looked up at its own UV, among the texels around that show its surface. Where none does, in what the
-    embedding hides deeper than the peels reach, it takes the mean of what the nearest texels in space show.
+    A point is looked up at its own UV, among the texels around that show its surface. Where few do, at the borders of
+    what covers it, at cuts, and in what the embedding hides deeper than the peels reach, the nearest texels in space
+    take over.
 
     Attributes:
         mesh: the model.
         surface: embedded.
         taps: position of each texel of each peel, metres; NaN where it has nothing of its own.
         reach: of each face of the surface: how far off a tap may be, metres.
+        side: of each face of the surface, -1 if it is seen from the side that its winding calls the back.
+        tree, tree_tap, tap_normals: the taps that show something, in space; their places in `taps`; their normals.
     """
 
     mesh: Mesh
@@ -136,8 +141,10 @@ class LearnedPainter:
     layers: tuple[_Layer, ...]
     channels: Mapping[str, slice]
     reach: Float[ndarray, " faces"]
+    side: Float[ndarray, " faces"]
     tree: cKDTree = field(repr=False)
     tree_tap: Int[ndarray, " known"]
+    tap_normals: Float[ndarray, "known 3"]
 
     @property
     def maps(self) -> Collection[str]:
@@ -166,8 +173,10 @@ class LearnedPainter:
             layers,
             model.generator.channels,
             _reach(surface, trained.texture),
+            np.where(workpiece.surroundings.reversed[surface.source_face], -1.0, 1.0),
             cKDTree(taps.reshape(-1, 3)[known]),
             known,
+            np.stack([peel.buffer.normal.numpy().reshape(-1, 3) for peel in found]).reshape(-1, 3)[known],
         )
 
     def __call__(self, points: SurfacePoints, texel: float) -> Paint:
@@ -185,27 +194,50 @@ class LearnedPainter:
         )
 
     def _values(self, position: Float[ndarray, "points 3"], at: SurfacePoints) -> Float[ndarray, "points channels"]:
+        """Continuous but where the layer is not: what enters or leaves a mean does so with no weight."""
         uv = at.interpolate(self.surface.uv[self.surface.faces])
         rows, cols = self.shape
         index, weight = (
             tensor.numpy() for tensor in bilinear_taps(torch.from_numpy(uv), rows, cols, self.surface.repeat)
         )
-        peel = np.zeros(index.shape, np.int64)
+        peel, shows = self._shown(index, position, self.reach[at.face])
+        share = np.zeros((len(uv), len(self.layers)))
+        np.add.at(share, (np.arange(len(uv))[:, None], peel), weight * shows)
+        main = share.argmax(axis=1)
+        agreed = share[np.arange(len(uv)), main] * self._inside(uv)
+        values = np.zeros((len(uv), self.layers[0].values.shape[1]), np.float32)
+        whole = agreed > 1.0 - 1e-6
+        values[whole] = self._sampled(main[whole], uv[whole])
+        mixed = np.flatnonzero(~whole & (agreed > 0.5))
+        for tap in range(index.shape[1]):
+            own = mixed[peel[mixed, tap] == main[mixed]]
+            part = (weight * shows)[own, tap, None] / share[own, main[own], None]
+            values[own] += part * self._sampled(main[own], self._within(index[own, tap], main[own], uv[own]))
+        lost = np.flatnonzero(~whole)
+        trust = np.clip(2.0 * agreed[lost] - 1.0, 0.0, 1.0)[:, None]
+        values[lost] = trust * values[lost] + (1.0 - trust) * self._near(position[lost], at, lost)
+        return values
+
+    def _inside(self, uv: Float[ndarray, "points 2"]) -> Float[ndarray, " points"]:
+        """1 but for a few texels at those borders of the UV square where the layer ends, and the surface may go on."""
+        depth = np.minimum(uv, 1.0 - uv) * self.shape[::-1] / _SEAM
+        depth[:, self.surface.repeat] = 1.0
+        return np.clip(0.5 + 0.5 * depth.min(axis=1), 0.5, 1.0)
+
+    def _shown(
+        self, index: Int[ndarray, "points taps"], position: Float[ndarray, "points 3"], reach: Float[ndarray, " points"]
+    ) -> tuple[Int[ndarray, "points taps"], Float[ndarray, "points taps"]]:
+        """The peel of each tap that is nearest to the point, and how surely it shows the point's surface."""
+        peel, shows = np.zeros(index.shape, np.int64), np.zeros(index.shape)
         for tap in range(index.shape[1]):
             distance = np.linalg.norm(self.taps[:, index[:, tap]] - position, axis=2)
-            distance = np.where(np.isfinite(distance), distance, np.inf)
+            distance = np.where(np.isfinite(distance), distance, _NOWHERE)
             peel[:, tap] = distance.argmin(axis=0)
-            weight[:, tap] *= distance.min(axis=0) <= self.reach[at.face]
-        total = weight.sum(axis=1)
-        values = np.zeros((len(uv), self.layers[0].values.shape[1]), np.float32)
-        agree = (total > 1.0 - 1e-6) & (peel == peel[:, :1]).all(axis=1)
-        values[agree] = self._sampled(peel[agree, 0], uv[agree])
-        mixed = np.flatnonzero(~agree & (total >= _ENOUGH))
-        for tap in range(index.shape[1]):
-            share = weight[mixed, tap, None] / total[mixed, None]
-            near = self._within(index[mixed, tap], peel[mixed, tap], uv[mixed])
-            values[mixed] += share * self._sampled(peel[mixed, tap], near)
-        return self._with_neighbours(values, position, np.flatnonzero(total < _ENOUGH))
+            best, *others = np.partition(distance, min(1, len(distance) - 1), axis=0)[:2] / reach
+            shows[:, tap] = np.clip(2.0 - best, 0.0, 1.0)
+            for second in others:
+                shows[:, tap] *= np.clip((second - best) / _CLEARLY, 0.0, 1.0)
+        return peel, shows
 
     def _within(
         self, tap: Int[ndarray, " points"], peel: Int[ndarray, " points"], uv: Float[ndarray, "points 2"]
@@ -228,24 +260,26 @@ class LearnedPainter:
             values[mine] = (layer.values[index].float() * weight[..., None]).sum(dim=1).numpy()
         return values
 
-    def _with_neighbours(
-        self,
-        values: Float[ndarray, "points channels"],
-        position: Float[ndarray, "points 3"],
-        lost: Int[ndarray, " lost"],
-    ) -> Float[ndarray, "points channels"]:
-        """The values, where those of the lost points come from the nearest texels in space."""
+    def _near(
+        self, position: Float[ndarray, "lost 3"], at: SurfacePoints, lost: Int[ndarray, " lost"]
+    ) -> Float[ndarray, "lost channels"]:
+        """The mean of the nearest texels in space (Franke and Nielson 1980), most of those that face the same way."""
         if not len(lost):
-            return values
-        count = min(_NEIGHBOURS, len(self.tree_tap))
-        distance, near = self.tree.query(position[lost], k=range(1, count + 1))
-        weight = 1.0 / np.maximum(distance, 1e-9) ** 2
+            return np.zeros((0, self.layers[0].values.shape[1]), np.float32)
+        count = min(_NEIGHBOURS + 1, len(self.tree_tap))
+        distance, near = self.tree.query(position, k=range(1, count + 1))
+        furthest = np.maximum(distance[:, -1:], 1e-9)
+        faces = self.surface.faces[at.face[lost]]
+        normal = unit(np.einsum("pj,pjk->pk", at.barycentric[lost], self.surface.normals[faces]))
+        normal *= self.side[at.face[lost], None]
+        alike = np.maximum(np.einsum("pk,pnk->pn", normal, self.tap_normals[near]), 0.0)
+        weight = (1.0 - distance / furthest) ** 2 * (alike**2 + 1e-3)
+        weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-30)
         rows, cols = self.shape
         peel, tap = np.divmod(self.tree_tap[near], rows * cols)
         centre = np.stack([tap % cols + 0.5, tap // cols + 0.5], axis=-1) / (cols, rows)
         found = self._sampled(peel.ravel(), centre.reshape(-1, 2)).reshape(*near.shape, -1)
-        values[lost] = (found * (weight / weight.sum(axis=1, keepdims=True))[..., None]).sum(axis=1)
-        return values
+        return np.einsum("pn,pnc->pc", weight, found)
 
     def _normals(self, tilted: Float[ndarray, "points 3"], at: SurfacePoints) -> Float[ndarray, "points 3"]:
         """Unit normals of the mesh's axes, from those in the tangent frames of the surface."""
@@ -276,4 +310,4 @@ def _reach(surface: Surface, texels: int) -> Float[ndarray, " faces"]:
     length, span = (np.linalg.norm(each - np.roll(each, 1, axis=1), axis=2) for each in (corners, uv))
     size = float(np.linalg.norm(np.ptp(surface.positions, axis=0)))
     stretch = (length / np.maximum(span, 1e-6)).max(axis=1)
-    return np.clip(_REACH * stretch, _NEAR * size, _FAR * size)
+    return np.clip(_REACH * stretch, _NEAR * size / texels, _FAR * size / texels)

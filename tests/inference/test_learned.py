@@ -1,0 +1,84 @@
+"""What a generator paints reaches every point of a mesh, whatever the embedding hides."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from svbrdfgan.asset.points import SurfacePoints
+from svbrdfgan.inference.learned import LearnedPainter, LearnedWeathering
+from svbrdfgan.inference.workpiece import Workpiece, open_workpiece
+from svbrdfgan.io.gltf.surface_files import save_mesh_glb
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
+from svbrdfgan.types import channel_slices
+
+TEXELS = 128
+
+
+def paint_position(geometry: Tensor, factor: int) -> Tensor:
+    """The layer whose colour is where the surface is, in the network's coordinates; flat, and of roughness 0.5."""
+    position = geometry[:, :3].permute(0, 2, 3, 1)
+    fine = position.repeat_interleave(factor, dim=1).repeat_interleave(factor, dim=2)
+    rest = torch.tensor([1.0, 0.5, 0.0, 0.0, 1.0]).expand(*fine.shape[:3], 5)
+    return torch.cat([fine, rest], dim=-1)
+
+
+def position_model() -> LearnedWeathering:
+    maps = ("roughness", "normal")
+    generator = SimpleNamespace(mesh_maps=False, maps=maps, channels=channel_slices(maps))
+    embedding = SimpleNamespace(name="hemispherical", options={})
+    dataset = SimpleNamespace(texture=TEXELS, embedding=embedding, maps=dict.fromkeys(maps, 0.0))
+    model = SimpleNamespace(generator=generator, config=SimpleNamespace(dataset=dataset))
+    return LearnedWeathering(model, paint_position, {})  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def workpiece(tmp_path_factory: pytest.TempPathFactory) -> Workpiece:
+    path = tmp_path_factory.mktemp("van") / "van.glb"
+    save_mesh_glb(path, build_vehicle(sample_vehicle("van", 5)))
+    return open_workpiece(path, learnable=("*",), front="+Z", up="+Y")
+
+
+@pytest.fixture(scope="module")
+def painter(workpiece: Workpiece) -> LearnedPainter:
+    found = position_model().painter(workpiece)
+    assert isinstance(found, LearnedPainter)
+    return found
+
+
+def points_on(workpiece: Workpiece, count: int) -> SurfacePoints:
+    corners = workpiece.mesh.positions[workpiece.mesh.faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    rng = np.random.default_rng(1)
+    return SurfacePoints(rng.choice(len(area), count, p=area / area.sum()), rng.dirichlet(np.ones(3), count))
+
+
+def painted_positions(workpiece: Workpiece, color: np.ndarray) -> np.ndarray:
+    low, high = workpiece.mesh.bounds
+    ground = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
+    return color * (high - low)[[0, 2]].max() / 2 + ground
+
+
+def test_every_point_gets_what_was_painted_where_it_is(workpiece: Workpiece, painter: LearnedPainter) -> None:
+    points = points_on(workpiece, 40_000)
+    paint = painter(points, 0.01)
+    where = painted_positions(workpiece, paint.color)
+    off = np.linalg.norm(where - points.positions(workpiece.mesh), axis=1) / np.ptp(workpiece.mesh.positions[:, 2])
+    assert np.median(off) < 1e-3
+    assert np.quantile(off, 0.99) < 0.02
+    np.testing.assert_allclose(paint.alpha, 1.0, atol=1e-3)
+    np.testing.assert_allclose(paint.roughness, 0.5, atol=1e-3)
+
+
+def test_a_flat_normal_is_the_surface_s_own(workpiece: Workpiece, painter: LearnedPainter) -> None:
+    points = points_on(workpiece, 1000)
+    at = painter.subfaces.find(points)
+    normal = painter(points, 0.01).normal
+    assert normal is not None
+    own = at.interpolate(painter.surface.normals[painter.surface.faces])
+    np.testing.assert_allclose((normal * own / np.linalg.norm(own, axis=1, keepdims=True)).sum(axis=1), 1.0, atol=1e-3)
