@@ -60,7 +60,10 @@ def part_options(command: Command) -> Command:
 
 
 def delivery_options(command: Command) -> Command:
-    """Adds what decides which files are written: `size`, `maps_folder`, `memory`, `force`, `embedding_uvs`."""
+    """Adds what decides which files are written.
+
+    Parameters are `size`, `maps_folder`, `overlay`, `memory`, `force` and `embedding_uvs`.
+    """
     folder = click.Path(path_type=Path, file_okay=False)
     for option in (
         click.option(
@@ -77,6 +80,11 @@ def delivery_options(command: Command) -> Command:
             help="Memory that may be taken; what needs more is refused.  [default: 80 % of what is free]",
         ),
         click.option("--force", is_flag=True, help="Overwrite an earlier result."),
+        click.option(
+            "--overlay",
+            type=folder,
+            help="Keep all materials: write one layer into this folder, over a further UV set of what weathers.",
+        ),
         click.option("--maps", "maps_folder", type=folder, help="Also write the weathered textures into this folder."),
         click.option(
             "--size",
@@ -86,6 +94,24 @@ def delivery_options(command: Command) -> Command:
     ):
         command = option(command)
     return command
+
+
+def check_overlay(meshes: tuple[Path, ...], overlay: Path | None, **others: object) -> None:
+    """Refuses what --overlay cannot be together with.
+
+    Args:
+        others: options by name, falsy if they were not given.
+
+    Raises:
+        UsageError: there are several meshes, or one of the others was given.
+    """
+    if overlay is None:
+        return
+    if len(meshes) > 1:
+        raise click.UsageError("--overlay is of one MESH.")
+    for name, given in others.items():
+        if given:
+            raise click.UsageError(f"--overlay and --{name.replace('_', '-')} exclude each other.")
 
 
 def picture_options(command: Command) -> Command:

@@ -12,6 +12,7 @@ import click
 from svbrdfgan.cli.display import progress
 from svbrdfgan.cli.options import (
     PartOptions,
+    check_overlay,
     delivery_options,
     each_alone,
     part_options,
@@ -76,6 +77,7 @@ def command(
     out: Path,
     size: int | None,
     maps_folder: Path | None,
+    overlay: Path | None,
     memory: int | None,
     force: bool,
     embedding_uvs: bool,
@@ -88,6 +90,9 @@ def command(
         raise click.UsageError("--picture and --sheet are of one MESH.")
     if count is not None and picture is not None:
         raise click.UsageError("--picture is of one layer; leave out --count.")
+    check_overlay(
+        meshes, overlay, maps=maps_folder, picture=picture, sheet=sheet, count=count, embedding_uvs=embedding_uvs
+    )
     first = seed or 0
     seeds = [seed] if count is None else list(range(first, first + count))
     paths = results(meshes, out, force=force, draws=None if count is None else [str(number) for number in seeds])
@@ -117,7 +122,7 @@ def command(
             from svbrdfgan.report.sheet import write_sheet
 
             textures = Textures(size, max(_DENSITY, resolution or 0))
-            scenes = Scenes(display, textures, maps_folder, memory, parts)
+            scenes = Scenes(display, textures, maps_folder, overlay, memory, parts)
 
             def work(number: int) -> list[Path]:
                 workpiece = scenes.open(meshes[number])

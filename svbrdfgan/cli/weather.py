@@ -12,6 +12,7 @@ import click
 from svbrdfgan.cli.display import ProgressBar, ProgressLines, progress
 from svbrdfgan.cli.options import (
     PartOptions,
+    check_overlay,
     delivery_options,
     each_alone,
     key_values,
@@ -76,6 +77,7 @@ def command(
     parts: PartOptions,
     size: int | None,
     maps_folder: Path | None,
+    overlay: Path | None,
     memory: int | None,
 ) -> None:
     """Weather each MESH by a recipe: its scene comes back, and only the textures of what weathers differ."""
@@ -85,6 +87,7 @@ def command(
         raise click.UsageError("--embedding and --map need --embedding-uvs.")
     if bare and base_color_only:
         raise click.UsageError("--map and --base-color-only exclude each other.")
+    check_overlay(meshes, overlay, maps=maps_folder, picture=picture, embedding_uvs=embedding_uvs)
     paths = results(meshes, out, force=force)
     with progress(f"loading {meshes[0]}") as display:
         from svbrdfgan.rendering.compositing import BARE
@@ -106,7 +109,7 @@ def command(
             from svbrdfgan.inference.weatherings import RecipeWeathering
 
             textures = Textures(size, resolution or _DENSITY)
-            scenes = Scenes(display, textures, maps_folder, memory, parts)
+            scenes = Scenes(display, textures, maps_folder, overlay, memory, parts)
             weathering = RecipeWeathering(chosen, tuple(maps))
             done = each_alone(
                 meshes, lambda k: scenes.write(scenes.open(meshes[k]), weathering, paths[k][0], studio, picture)

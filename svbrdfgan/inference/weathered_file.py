@@ -11,11 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from svbrdfgan.asset.masks import MaskedPainter
+from svbrdfgan.asset.overlay import Overlay, overlay_document
+from svbrdfgan.asset.painters import Painter
 from svbrdfgan.asset.weather_document import Edited, Model, Textures, weather_document
 from svbrdfgan.errors import AssetError
 from svbrdfgan.inference.weatherings import RecipeWeathering, Weathering
 from svbrdfgan.inference.workpiece import Workpiece, open_workpiece
 from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.eight_bit import png_bytes
 from svbrdfgan.io.gltf.document import Document, picture_bytes, picture_type, write_document
 from svbrdfgan.io.gltf.materials import images_of
 from svbrdfgan.weathering.recipes import Recipe
@@ -87,12 +90,22 @@ def weathered_document(workpiece: Workpiece, weathering: Weathering, textures: T
     asset = workpiece.asset
     if not workpiece.weathered:
         return Edited(asset.document.copy())
-    model = Model(workpiece.mesh, workpiece.surroundings.reversed)
-    painter = MaskedPainter(weathering.painter(workpiece), workpiece.masks)
-    edited = weather_document(asset, model, painter, workpiece.weathered, textures)
+    edited = weather_document(asset, *_model_and_painter(workpiece, weathering), workpiece.weathered, textures)
     edited.told[:0] = asset.document.changes
     _sign(edited.document, weathering)
     return edited
+
+
+def overlaid_document(workpiece: Workpiece, weathering: Weathering, textures: Textures) -> Overlay:
+    """The workpiece's document with a further UV set on what weathers, and a layer over it.
+
+    Raises:
+        AssetError: what weathers has too many charts for any texture, or xatlas is missing.
+    """
+    asset = workpiece.asset
+    if not workpiece.weathered:
+        return Overlay(Edited(asset.document.copy()), {})
+    return overlay_document(asset, *_model_and_painter(workpiece, weathering), workpiece.weathered, textures)
 
 
 def require_apart(source: Path, out: Path) -> None:
@@ -127,6 +140,28 @@ def write_maps(folder: Path, edited: Edited) -> list[Path]:
             with atomic_path(written[-1]) as temporary:
                 temporary.write_bytes(data)
     return written
+
+
+def write_layer(folder: Path, overlay: Overlay) -> list[Path]:
+    """Writes an overlay's maps, such as `layer.base_color.png`.
+
+    Returns:
+        The paths written.
+
+    Raises:
+        AssetError: a file cannot be written.
+    """
+    written = []
+    for name, texture in overlay.maps.items():
+        written.append(folder / f"layer.{name}.png")
+        with atomic_path(written[-1]) as temporary:
+            temporary.write_bytes(png_bytes(texture))
+    return written
+
+
+def _model_and_painter(workpiece: Workpiece, weathering: Weathering) -> tuple[Model, Painter]:
+    model = Model(workpiece.mesh, workpiece.surroundings.reversed)
+    return model, MaskedPainter(weathering.painter(workpiece), workpiece.masks)
 
 
 def _images(document: Document, entry: Any) -> Iterator[tuple[str, int]]:

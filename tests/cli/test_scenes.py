@@ -162,3 +162,21 @@ def test_a_mask_says_where_the_layer_may_lie(car: Path, tmp_path: Path) -> None:
     assert "weathers: glass;" in result.stderr
     refused = run(*words, "--embedding-uvs", "-o", tmp_path / "b.glb")
     assert "--mask and --embedding-uvs exclude each other" in refused.stderr
+
+
+def test_an_overlay_leaves_the_scene_s_materials_alone(car: Path, tmp_path: Path) -> None:
+    pytest.importorskip("xatlas")
+    words = ("weather", car, "--recipe", "rust", "--size", 256, "--resolution", 64, "--overlay", tmp_path / "layer")
+    result = run(*words, "-o", tmp_path / "a.glb")
+    before, after = read_document(car), written(result, tmp_path / "a.glb")
+    for name in ("materials", "nodes", "cameras", "scenes"):
+        assert after.table(name) == before.table(name)
+    size = {"base_color": 4, "orm": 3, "normal": 3}
+    for name, channels in size.items():
+        with Image.open(tmp_path / "layer" / f"layer.{name}.png") as picture:
+            assert np.asarray(picture).shape[2] == channels
+            assert np.asarray(picture).std() > 1
+        assert str(tmp_path / "layer" / f"layer.{name}.png") in result.stdout.splitlines()
+    refused = run(*words, "--maps", tmp_path / "maps", "-o", tmp_path / "b.glb")
+    assert "--overlay and --maps exclude each other" in refused.stderr
+    assert "--overlay is of one MESH" in run(*words[:1], car, *words[1:], "-o", tmp_path / "b").stderr
