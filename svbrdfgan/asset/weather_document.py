@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from svbrdfgan.asset.asset import Asset
+from svbrdfgan.asset.clean_variants import has_variants, list_variants
 from svbrdfgan.asset.freed_places import take_freed_places
 from svbrdfgan.asset.material_rules import NORMAL_MAP
 from svbrdfgan.asset.packing import ChartsError
@@ -67,15 +68,28 @@ class Edited:
 
 
 def weather_document(
-    asset: Asset, model: Model, painter: Painter, weathers: Collection[int], textures: Textures
+    asset: Asset,
+    model: Model,
+    painter: Painter,
+    weathers: Collection[int],
+    textures: Textures,
+    *,
+    variants: bool = False,
 ) -> Edited:
     """The asset's document with a layer on the pieces of these numbers; the asset itself stays as it is.
 
     Materials with a picture that cannot be read, or with too many charts for any texture, stay clean.
+
+    Args:
+        variants: whether the clean materials are kept, too, and listed as a variant.
     """
-    edited = Edited(asset.document.copy())
-    for group in groups(asset, weathers):
+    edited, found = Edited(asset.document.copy()), list(groups(asset, weathers))
+    for group in found:
         _weather_group(edited, model, painter, group, textures)
+    if variants and has_variants(asset.document):
+        edited.told.append(f"{asset.path.name} has variants already; clean and weathered are not listed.")
+    elif variants:
+        edited.told += list_variants(edited.document, found, edited.materials)
     take_freed_places(edited.document, asset.document)
     return edited
 

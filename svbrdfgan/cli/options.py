@@ -62,7 +62,7 @@ def part_options(command: Command) -> Command:
 def delivery_options(command: Command) -> Command:
     """Adds what decides which files are written.
 
-    Parameters are `size`, `maps_folder`, `overlay`, `memory`, `force` and `embedding_uvs`.
+    Parameters are `size`, `maps_folder`, `variants`, `overlay`, `memory`, `force` and `embedding_uvs`.
     """
     folder = click.Path(path_type=Path, file_okay=False)
     for option in (
@@ -84,6 +84,9 @@ def delivery_options(command: Command) -> Command:
             "--overlay",
             type=folder,
             help="Keep all materials: write one layer into this folder, over a further UV set of what weathers.",
+        ),
+        click.option(
+            "--variants", is_flag=True, help="Keep the clean materials, too: both are listed as glTF's variants."
         ),
         click.option("--maps", "maps_folder", type=folder, help="Also write the weathered textures into this folder."),
         click.option(

@@ -28,6 +28,7 @@ class Scenes:
         display: shows what is being done.
         textures: how large.
         maps_folder: gets the weathered textures, too; None if they are not wanted.
+        variants: whether clean materials are kept, too.
         overlay: gets the layer, which the scene then does not have; None if the scene is weathered.
         memory: bytes that may be taken; None allows a share of what is free.
         parts: where it weathers.
@@ -36,6 +37,7 @@ class Scenes:
     display: ProgressBar | ProgressLines
     textures: Textures
     maps_folder: Path | None
+    variants: bool
     overlay: Path | None
     memory: int | None
     parts: PartOptions
@@ -64,7 +66,7 @@ class Scenes:
         plan = Plan.of(workpiece.asset, workpiece.weathered, self.textures)
         self._require(plan, weathering)
         self.display.stage(f"weathering {workpiece.asset.path}")
-        edited = weathered_document(workpiece, weathering, self.textures)
+        edited = weathered_document(workpiece, weathering, self.textures, variants=self.variants)
         written = self._write(path, edited)
         if self.maps_folder is not None:
             written += write_maps(self.maps_folder, edited)

@@ -77,6 +77,7 @@ def command(
     out: Path,
     size: int | None,
     maps_folder: Path | None,
+    variants: bool,
     overlay: Path | None,
     memory: int | None,
     force: bool,
@@ -91,7 +92,14 @@ def command(
     if count is not None and picture is not None:
         raise click.UsageError("--picture is of one layer; leave out --count.")
     check_overlay(
-        meshes, overlay, maps=maps_folder, picture=picture, sheet=sheet, count=count, embedding_uvs=embedding_uvs
+        meshes,
+        overlay,
+        maps=maps_folder,
+        variants=variants,
+        picture=picture,
+        sheet=sheet,
+        count=count,
+        embedding_uvs=embedding_uvs,
     )
     first = seed or 0
     seeds = [seed] if count is None else list(range(first, first + count))
@@ -122,7 +130,7 @@ def command(
             from svbrdfgan.report.sheet import write_sheet
 
             textures = Textures(size, max(_DENSITY, resolution or 0))
-            scenes = Scenes(display, textures, maps_folder, overlay, memory, parts)
+            scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
 
             def work(number: int) -> list[Path]:
                 workpiece = scenes.open(meshes[number])

@@ -77,6 +77,7 @@ def command(
     parts: PartOptions,
     size: int | None,
     maps_folder: Path | None,
+    variants: bool,
     overlay: Path | None,
     memory: int | None,
 ) -> None:
@@ -87,7 +88,7 @@ def command(
         raise click.UsageError("--embedding and --map need --embedding-uvs.")
     if bare and base_color_only:
         raise click.UsageError("--map and --base-color-only exclude each other.")
-    check_overlay(meshes, overlay, maps=maps_folder, picture=picture, embedding_uvs=embedding_uvs)
+    check_overlay(meshes, overlay, maps=maps_folder, variants=variants, picture=picture, embedding_uvs=embedding_uvs)
     paths = results(meshes, out, force=force)
     with progress(f"loading {meshes[0]}") as display:
         from svbrdfgan.rendering.compositing import BARE
@@ -109,7 +110,7 @@ def command(
             from svbrdfgan.inference.weatherings import RecipeWeathering
 
             textures = Textures(size, resolution or _DENSITY)
-            scenes = Scenes(display, textures, maps_folder, overlay, memory, parts)
+            scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
             weathering = RecipeWeathering(chosen, tuple(maps))
             done = each_alone(
                 meshes, lambda k: scenes.write(scenes.open(meshes[k]), weathering, paths[k][0], studio, picture)

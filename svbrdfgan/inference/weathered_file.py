@@ -60,6 +60,7 @@ def write_weathered(
     masks: Sequence[str] = (),
     front: str | None = None,
     up: str | None = None,
+    variants: bool = False,
 ) -> Weathered:
     """Writes a mesh file's whole scene, weathered. All that does not weather stays as it was.
 
@@ -70,6 +71,7 @@ def write_weathered(
         weathering: a recipe, or another kind of weathering.
         textures: how large; by default as the file's own.
         learnable, keep, masks, front, up: as for `open_workpiece`.
+        variants: whether the clean materials are kept, too, as a variant.
 
     Raises:
         AssetError: a file cannot be read or written, or the result would overwrite the source.
@@ -81,16 +83,23 @@ def write_weathered(
         workpiece = open_workpiece(source, learnable=learnable, keep=keep, masks=masks, front=front, up=up)
     require_apart(workpiece.asset.path, Path(path))
     layer = weathering if isinstance(weathering, Weathering) else RecipeWeathering(weathering)
-    edited = weathered_document(workpiece, layer, textures or Textures())
+    edited = weathered_document(workpiece, layer, textures or Textures(), variants=variants)
     return Weathered(tuple(write_document(path, edited.document)), tuple(edited.told), workpiece.warnings)
 
 
-def weathered_document(workpiece: Workpiece, weathering: Weathering, textures: Textures) -> Edited:
-    """The workpiece's document with a layer on what weathers; as it was if that is nothing."""
+def weathered_document(
+    workpiece: Workpiece, weathering: Weathering, textures: Textures, *, variants: bool = False
+) -> Edited:
+    """The workpiece's document with a layer on what weathers; as it was if that is nothing.
+
+    Args:
+        variants: as for `weather_document`.
+    """
     asset = workpiece.asset
     if not workpiece.weathered:
         return Edited(asset.document.copy())
-    edited = weather_document(asset, *_model_and_painter(workpiece, weathering), workpiece.weathered, textures)
+    model, painter = _model_and_painter(workpiece, weathering)
+    edited = weather_document(asset, model, painter, workpiece.weathered, textures, variants=variants)
     edited.told[:0] = asset.document.changes
     _sign(edited.document, weathering)
     return edited

@@ -180,3 +180,12 @@ def test_an_overlay_leaves_the_scene_s_materials_alone(car: Path, tmp_path: Path
     refused = run(*words, "--maps", tmp_path / "maps", "-o", tmp_path / "b.glb")
     assert "--overlay and --maps exclude each other" in refused.stderr
     assert "--overlay is of one MESH" in run(*words[:1], car, *words[1:], "-o", tmp_path / "b").stderr
+
+
+def test_both_states_as_variants(car: Path, tmp_path: Path) -> None:
+    document = written(run("weather", car, "--variants", *QUICK, "-o", tmp_path / "a.glb"), tmp_path / "a.glb")
+    assert [each["name"] for each in document.header["extensions"]["KHR_materials_variants"]["variants"]] == [
+        "clean",
+        "weathered",
+    ]
+    assert all(material in document.table("materials") for material in read_document(car).table("materials"))
