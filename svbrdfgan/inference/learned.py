@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.spatial import cKDTree
 from torch import Tensor
+from torch.nn.functional import normalize
 
 from svbrdfgan.asset.painters import Paint, Painter
 from svbrdfgan.asset.peels import MOST, Peel, peels
@@ -20,7 +21,7 @@ from svbrdfgan.asset.subfaces import SubFaces
 from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.tangents import Tangents, corner_tangents
-from svbrdfgan.geometry.texels import bilinear_taps
+from svbrdfgan.geometry.texels import bilinear_taps, nearest_texels
 from svbrdfgan.inference.apply import choose_draw, explain_memory, finer_factor
 from svbrdfgan.inference.workpiece import Workpiece
 from svbrdfgan.networks.draw import Draw
@@ -107,8 +108,8 @@ class _Layer:
     """What is painted on one peel.
 
     Attributes:
-        values: of a layer, `factor` times as fine as the peel; float16.
-        normals: of the layer are unit vectors in the surface's tangent frames.
+        values: of a layer, `factor` times as fine as the peel; float16. In place of normals it has what of them lies in
+            the tangent plane, in the mesh's axes, so that it can be averaged across tangent frames.
     """
 
     values: Float[Tensor, "fine_texels channels"]
@@ -135,7 +136,6 @@ class LearnedPainter:
     mesh: Mesh
     surface: Surface
     subfaces: SubFaces
-    tangents: Tangents
     taps: Float[ndarray, "peels texels 3"]
     shape: tuple[int, int]
     layers: tuple[_Layer, ...]
@@ -160,14 +160,14 @@ class LearnedPainter:
         wanted = np.isin(workpiece.asset.face_piece, list(workpiece.weathered))
         found = list(peels(fragments, wanted, workpiece.surroundings.reversed))
         surface = fragments.surface
-        layers = tuple(_painted(weathering, surface, peel, outermost=k == 0) for k, peel in enumerate(found))
+        tangents = corner_tangents(surface)
+        layers = tuple(_painted(weathering, surface, tangents, peel, outermost=k == 0) for k, peel in enumerate(found))
         taps = np.stack([peel.positions.reshape(-1, 3) for peel in found])
         known = np.flatnonzero(np.isfinite(taps[..., 0]).ravel())
         return cls(
             mesh,
             surface,
             SubFaces.of(surface, len(mesh.faces)),
-            corner_tangents(surface),
             taps,
             (fragments.rows, fragments.cols),
             layers,
@@ -281,17 +281,17 @@ class LearnedPainter:
         found = self._sampled(peel.ravel(), centre.reshape(-1, 2)).reshape(*near.shape, -1)
         return np.einsum("pn,pnc->pc", weight, found)
 
-    def _normals(self, tilted: Float[ndarray, "points 3"], at: SurfacePoints) -> Float[ndarray, "points 3"]:
-        """Unit normals of the mesh's axes, from those in the tangent frames of the surface."""
+    def _normals(self, leaning: Float[ndarray, "points 3"], at: SurfacePoints) -> Float[ndarray, "points 3"]:
+        """Unit normals that lean so, on the side of the winding's front."""
         upward = unit(at.interpolate(self.surface.normals[self.surface.faces]))
-        along = at.interpolate(self.tangents.direction)
-        along = unit(along - (along * upward).sum(axis=1, keepdims=True) * upward)
-        across = self.tangents.handedness[at.face, None] * np.cross(upward, along)
-        x, y, z = tilted.T[..., None]
-        return unit(x * along + y * across + z * upward)
+        flat = leaning - (leaning * upward).sum(axis=1, keepdims=True) * upward
+        rise = np.sqrt(np.clip(1.0 - (flat**2).sum(axis=1, keepdims=True), 1e-4, 1.0))
+        return unit(flat + rise * upward)
 
 
-def _painted(weathering: LearnedWeathering, surface: Surface, peel: Peel, *, outermost: bool) -> _Layer:
+def _painted(
+    weathering: LearnedWeathering, surface: Surface, tangents: Tangents, peel: Peel, *, outermost: bool
+) -> _Layer:
     trained = weathering.model.config.dataset.texture
     factor = finer_factor(weathering.model, weathering.resolution)
     if not outermost:
@@ -300,8 +300,30 @@ def _painted(weathering: LearnedWeathering, surface: Surface, peel: Peel, *, out
     if weathering.model.generator.mesh_maps:
         geometry = torch.cat([geometry, bake_mesh_maps(surface, peel.buffer).network_input()])
     with torch.no_grad():
-        values = weathering.draw(geometry.unsqueeze(0), factor)[0]
-    return _Layer(values.reshape(-1, values.shape[-1]).half(), factor)
+        values = weathering.draw(geometry.unsqueeze(0), factor)[0].half()
+    if (normal := weathering.model.generator.channels.get("normal")) is not None:
+        along, across = _frames(surface, tangents, peel)
+        for row in range(len(along)):  # of coarse texels, to bound memory
+            fine = values[row * factor : (row + 1) * factor, :, normal].float()
+            x, y, _ = normalize(fine, dim=-1).split(1, dim=-1)
+            u, v = (axis[row].repeat_interleave(factor, dim=0) for axis in (along, across))
+            values[row * factor : (row + 1) * factor, :, normal] = (x * u + y * v).half()
+    return _Layer(values.reshape(-1, values.shape[-1]), factor)
+
+
+def _frames(
+    surface: Surface, tangents: Tangents, peel: Peel
+) -> tuple[Float[Tensor, "rows cols 3"], Float[Tensor, "rows cols 3"]]:
+    """Unit tangents and bitangents at a peel's texels; where it has no surface, those of the nearest texel with one."""
+    face = peel.buffer.face.numpy()
+    nearest = nearest_texels(face >= 0)
+    at = SurfacePoints(face[nearest].ravel(), peel.buffer.barycentric.numpy()[nearest].reshape(-1, 3))
+    upward = unit(at.interpolate(surface.normals[surface.faces]))
+    along = at.interpolate(tangents.direction)
+    along = unit(along - (along * upward).sum(axis=1, keepdims=True) * upward)
+    across = tangents.handedness[at.face, None] * np.cross(upward, along)
+    u, v = (torch.from_numpy(axis.reshape(*face.shape, 3)).float() for axis in (along, across))
+    return u, v
 
 
 def _reach(surface: Surface, texels: int) -> Float[ndarray, " faces"]:
