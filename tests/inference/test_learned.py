@@ -12,7 +12,8 @@ from torch import Tensor
 
 from svbrdfgan.asset.points import SurfacePoints
 from svbrdfgan.geometry.tangents import corner_tangents
-from svbrdfgan.inference.learned import LearnedPainter, LearnedWeathering
+from svbrdfgan.inference.learned import LearnedWeathering
+from svbrdfgan.inference.learned_painter import LearnedPainter
 from svbrdfgan.inference.workpiece import Workpiece, open_workpiece
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.procedural.kinds import sample_vehicle
