@@ -88,7 +88,7 @@ def weather_document(
         _weather_group(edited, model, painter, group, textures)
     if variants and has_variants(asset.document):
         edited.told.append(f"{asset.path.name} has variants already; clean and weathered are not listed.")
-    elif variants:
+    elif variants and edited.materials:
         edited.told += list_variants(edited.document, found, edited.materials)
     take_freed_places(edited.document, asset.document)
     return edited

@@ -102,9 +102,14 @@ class Scenes:
 
 
 def _report(workpiece: Workpiece) -> None:
-    names: dict[bool, dict[str, None]] = {True: {}, False: {}}
+    parts: dict[bool, dict[str, str]] = {wanted: {} for wanted in (True, False)}  # names in their order
     for verdict in workpiece.verdicts:
-        names[verdict.weathers].setdefault(workpiece.asset.pieces[verdict.piece].part.name)
+        parts[verdict.weathers].setdefault(workpiece.asset.pieces[verdict.piece].part.name, verdict.name)
+    ambiguous = parts[True].keys() & parts[False].keys()
+    names = {
+        wanted: [whole if short in ambiguous else short for short, whole in found.items()]
+        for wanted, found in parts.items()
+    }
     weathering, kept = (", ".join(names[wanted]) or "nothing" for wanted in (True, False))
     click.echo(f"weathers: {weathering}; kept: {kept}", err=True)
     click.echo(str(workpiece.orientation), err=True)

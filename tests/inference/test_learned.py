@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,9 @@ import torch
 from torch import Tensor
 
 from svbrdfgan.asset.points import SurfacePoints
-from svbrdfgan.inference.learned import LearnedPainter, LearnedWeathering
+from svbrdfgan.geometry.tangents import corner_tangents
+from svbrdfgan.inference.learned import LearnedWeathering
+from svbrdfgan.inference.learned_painter import LearnedPainter
 from svbrdfgan.inference.workpiece import Workpiece, open_workpiece
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.procedural.kinds import sample_vehicle
@@ -82,3 +85,24 @@ def test_a_flat_normal_is_the_surface_s_own(workpiece: Workpiece, painter: Learn
     assert normal is not None
     own = at.interpolate(painter.surface.normals[painter.surface.faces])
     np.testing.assert_allclose((normal * own / np.linalg.norm(own, axis=1, keepdims=True)).sum(axis=1), 1.0, atol=1e-3)
+
+
+def test_normals_lean_as_the_layer_s_do_in_the_frames_of_the_embedding(workpiece: Workpiece) -> None:
+    def lean_along_u(geometry: Tensor, factor: int) -> Tensor:
+        layer = paint_position(geometry, factor)
+        layer[..., -3:] = torch.tensor([0.6, 0.0, 0.8])
+        return layer
+
+    painter = replace(position_model(), draw=lean_along_u).painter(workpiece)  # type: ignore[arg-type]
+    assert isinstance(painter, LearnedPainter)
+    points = points_on(workpiece, 2000)
+    at = painter.subfaces.find(points)
+    normal = painter(points, 0.01).normal
+    assert normal is not None
+    np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1.0, atol=1e-6)
+    own = at.interpolate(painter.surface.normals[painter.surface.faces])
+    rise = (normal * own / np.linalg.norm(own, axis=1, keepdims=True)).sum(axis=1)
+    along = at.interpolate(corner_tangents(painter.surface).direction)
+    lean = (normal * along / np.linalg.norm(along, axis=1, keepdims=True)).sum(axis=1)
+    assert np.median(rise) == pytest.approx(0.8, abs=0.01)
+    assert np.median(lean) == pytest.approx(0.6, abs=0.02)
