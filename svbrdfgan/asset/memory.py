@@ -72,6 +72,10 @@ class Plan:
         numbers = {asset.primitive(piece).get("material") for piece in weathers}
         return cls(len(asset.mesh.faces), tuple(_old(asset, number) for number in numbers), textures)
 
+    def as_overlay(self) -> Plan:
+        """The plan of one layer beside the file, over all that weathers."""
+        return replace(self, materials=((),))
+
     def peak_bytes(self) -> int:
         """What the process holds at most, files in memory included; never much less than it is."""
         most, stored = 0, 0.0

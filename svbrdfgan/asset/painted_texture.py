@@ -95,6 +95,16 @@ def paint_texture(canvas: Canvas, painter: Painter, rows: int, cols: int) -> Flo
     return texture
 
 
+def painted_scale(canvas: Canvas, painted: int, rows: int, cols: int) -> int:
+    """The power of two by which the layer is painted coarser than the texture, nearest to the density asked for."""
+    corners = canvas.mesh.positions[canvas.mesh.faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2.0
+    coarsest, scale = float(np.sqrt(2.0 * area)) / painted, 1
+    while scale < 64 and canvas.texel(rows // (2 * scale), cols // (2 * scale)) <= coarsest:
+        scale *= 2
+    return scale
+
+
 def _painted(
     canvas: Canvas, covered: Bool[ndarray, "rows cols"], points: SurfacePoints, paint: Paint
 ) -> Float[ndarray, "rows cols channels"]:

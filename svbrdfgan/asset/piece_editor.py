@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,9 +21,10 @@ from svbrdfgan.io.rows import merge_rows
 
 @dataclass(frozen=True, eq=False)
 class NewUVSet:
-    """A UV set for a group of pieces: its number, and the corners of the group's faces."""
+    """A UV set for some pieces: its number, the pieces' faces in the asset's mesh, and UVs at their corners."""
 
     number: int
+    faces: Int[ndarray, " faces"]
     uv: Float[ndarray, "faces 3 2"]
 
 
@@ -54,10 +56,15 @@ class PieceEditor:
             if piece in tinted:
                 primitive["attributes"].pop("COLOR_0", None)  # gone already if two nodes show the primitive
             if uv_set is not None:
-                self._add_uv(piece, primitive, uv_set.number, uv_set.uv[self.asset.face_piece[group.faces] == piece])
+                self._add_uv(piece, primitive, uv_set)
         if tinted:
             self.told.append(f"'{group.name}' has its vertex colours in its texture, for they would tint the layer.")
         return number
+
+    def add_uv_set(self, pieces: Collection[int], uv_set: NewUVSet) -> None:
+        """Gives pieces a further UV set. Meshes that other nodes show are copied."""
+        for piece in pieces:
+            self._add_uv(piece, self._own_primitive(piece, alone=False), uv_set)
 
     def _material(self, group: Group, material: Json) -> int:
         """The number of the new material."""
@@ -81,8 +88,9 @@ class PieceEditor:
         primitive: Json = document.table("meshes")[node["mesh"]]["primitives"][source.primitive]
         return primitive
 
-    def _add_uv(self, piece: int, primitive: Json, number: int, uv: Float[ndarray, "faces 3 2"]) -> None:
+    def _add_uv(self, piece: int, primitive: Json, uv_set: NewUVSet) -> None:
         """Gives a primitive a further UV set, for which vertices are split; all its other arrays are gathered anew."""
+        number, uv = uv_set.number, uv_set.uv[self.asset.face_piece[uv_set.faces] == piece]
         mine = self.asset.face_piece == piece
         vertex = self.asset.corner_vertices[mine].reshape(-1)
         # glTF's origin is at the upper left

@@ -53,16 +53,6 @@ class Group:
             made[mine] = uv_set.moved(uv)[self.asset.corner_vertices[mine]]
         return made[self.faces]
 
-    def free_uv_set(self) -> int:
-        """The number of the first UV set that none of the pieces has."""
-        taken = [
-            int(key.removeprefix("TEXCOORD_"))
-            for piece in self.pieces
-            for key in self.asset.primitive(piece)["attributes"]
-            if key.startswith("TEXCOORD_")
-        ]
-        return max(taken, default=-1) + 1
-
     def with_tangents(self) -> Bool[ndarray, " mesh_faces"]:
         """The faces of pieces whose tangents the file has."""
         pieces = [piece for piece in self.pieces if "TANGENT" in self.asset.primitive(piece)["attributes"]]
@@ -115,6 +105,17 @@ def groups(asset: Asset, weathers: Collection[int]) -> Iterator[Group]:
         if len(faces):
             shared = material is not None and any(_shows(other, material) for other in _others(asset, pieces))
             yield Group(asset, material, tuple(pieces), faces, shared)
+
+
+def free_uv_set(asset: Asset, pieces: Collection[int]) -> int:
+    """The number of the first UV set that none of the pieces has."""
+    taken = [
+        int(key.removeprefix("TEXCOORD_"))
+        for piece in pieces
+        for key in asset.primitive(piece)["attributes"]
+        if key.startswith("TEXCOORD_")
+    ]
+    return max(taken, default=-1) + 1
 
 
 def variants(primitive: Json) -> list[Json]:

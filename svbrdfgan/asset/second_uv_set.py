@@ -11,10 +11,13 @@ from numpy import ndarray
 from svbrdfgan.asset.box_charts import box_charts
 from svbrdfgan.asset.charts import cut, new_charts, own_charts
 from svbrdfgan.asset.islands import areas, signed_areas, welded
-from svbrdfgan.asset.packing import pack, shortened, upright
+from svbrdfgan.asset.packing import ChartsError, pack, shortened, upright
 from svbrdfgan.asset.shared_texels import texel_use
 
 log = logging.getLogger(__name__)
+
+LARGEST_SIZE = 8192
+"""Texels along a side to which a texture grows for charts that do not fit."""
 
 _PACKINGS = 3  # at most: a new packing has new texels, at which further faces can be found to overlap
 _DOUBLED = 1e-4  # share of texels that may show two places
@@ -48,6 +51,24 @@ def second_uv_set(
             *(len(positions), count, 100.0 * np.abs(signed_areas(placed[solid])).sum()),
         )
     return _with_slivers(positions, placed, solid)
+
+
+def fitting_uv_set(
+    positions: Float[ndarray, "faces 3 3"], uv: Float[ndarray, "faces 3 2"] | None, size: int
+) -> tuple[Float[ndarray, "faces 3 2"], int]:
+    """A second UV set, and the size that holds it: the given one, or doubled until the charts fit.
+
+    Raises:
+        ChartsError: the charts do not fit the largest size.
+        AssetError: xatlas is missing.
+    """
+    while True:
+        try:
+            return second_uv_set(positions, uv, size), size
+        except ChartsError:
+            if 2 * size > LARGEST_SIZE:
+                raise
+        size *= 2
 
 
 def _charts(

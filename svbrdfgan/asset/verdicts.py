@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from types import MappingProxyType
 
 from svbrdfgan.asset.asset import Asset
 from svbrdfgan.asset.part_facts import Facts, Orientation, part_facts
@@ -13,6 +14,8 @@ from svbrdfgan.geometry.normals import face_areas
 
 _PAINTED = 0.8
 """Share of one material from which on glass is likely to be painted into its texture."""
+_KEPT = "kept"
+_MASK = "the mask"
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,7 @@ def judge(
     orientation: Orientation | None = None,
     learnable: Sequence[str] = (),
     keep: Sequence[str] = (),
+    masked: Mapping[int, bool] = MappingProxyType({}),
 ) -> tuple[Verdict, ...]:
     """One verdict for each piece of the asset, in their order; pieces without faces are kept.
 
@@ -51,13 +55,15 @@ def judge(
     Args:
         orientation: turns the file's axes to Y up and the nose at +Z; None if the file has them so.
         learnable: what these match weathers, whatever it is; other parts are judged as without it.
-        keep: what these match is kept, even if `learnable` matches it, too.
+        keep: what these match is kept, whatever else is asked for.
+        masked: of pieces that a mask of the user's lies on, whether it lets them weather.
     """
     parts = part_facts(asset, orientation)
     context = Context(tuple({name for facts in parts for name in facts.names}), any(facts.wheel for facts in parts))
     judged = {
-        piece: (facts, _asked(asset, facts, learnable, keep) or judge_part(facts, context))
+        piece: (facts, _masked(judgement, masked.get(piece)))
         for facts in parts
+        for judgement in [_asked(asset, facts, learnable, keep) or judge_part(facts, context)]
         for piece in facts.pieces
     }
     shares = _shares(asset)
@@ -76,10 +82,11 @@ def warnings(verdicts: Sequence[Verdict], asset: Asset) -> list[str]:
         number = asset.primitive(verdict.piece).get("material")
         by_material[number] = by_material.get(number, 0.0) + verdict.area * verdict.weathers
     largest = max(by_material.values())
-    if largest > _PAINTED * weathered and largest > 0.5 and not any(verdict.kind == "glass" for verdict in verdicts):
+    spared = any(verdict.kind == "glass" or verdict.reason == _MASK for verdict in verdicts)
+    if largest > _PAINTED * weathered and largest > 0.5 and not spared:
         found.append(
             f"{largest:.0%} of {asset.path.name} is one material and no part is glass: if windows or lamps are painted "
-            "on, they weather, too; --keep PATTERN spares whole parts."
+            "on, they weather, too; --mask FILE.png, black over them, spares them, and --keep PATTERN whole parts."
         )
     kept = max((verdict for verdict in verdicts if not verdict.weathers), key=lambda each: each.area, default=None)
     if kept is not None and kept.kind != "ground" and kept.area > max(v.area for v in verdicts if v.weathers):
@@ -98,12 +105,19 @@ def _verdict(asset: Asset, piece: int, judged: tuple[Facts, Judgement] | None, s
     return Verdict(piece, name, judgement.weathers, judgement.kind, judgement.reason, share, judgement.sure)
 
 
+def _masked(judgement: Judgement, weathers: bool | None) -> Judgement:
+    """The judgement after the user's masks, which say whether the piece weathers, or None. --keep wins over them."""
+    if weathers is None or judgement.kind == _KEPT:
+        return judgement
+    return replace(judgement, weathers=weathers, reason=_MASK, sure=True)
+
+
 def _asked(asset: Asset, facts: Facts, learnable: Sequence[str], keep: Sequence[str]) -> Judgement | None:
-    """What the user's patterns say of a part. A mask of the user's will be asked here, too."""
+    """What the user's patterns say of a part."""
     names = {*facts.names, *asset.node_names(facts.pieces[0]), asset.pieces[facts.pieces[0]].part.name}
     pattern = _match(names, keep)
     if pattern is not None:
-        return Judgement("kept", False, f"--keep '{pattern}'")
+        return Judgement(_KEPT, False, f"--keep '{pattern}'")
     pattern = _match(names, learnable)
     return None if pattern is None else Judgement("learnable", True, f"--learnable '{pattern}'")
 

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
-import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from svbrdfgan.asset.asset import Asset
+from svbrdfgan.asset.clean_variants import has_variants, list_variants
 from svbrdfgan.asset.freed_places import take_freed_places
 from svbrdfgan.asset.material_rules import NORMAL_MAP
 from svbrdfgan.asset.packing import ChartsError
-from svbrdfgan.asset.painted_texture import Canvas, paint_texture
+from svbrdfgan.asset.painted_texture import Canvas, paint_texture, painted_scale
 from svbrdfgan.asset.painters import Painter
 from svbrdfgan.asset.piece_editor import NewUVSet, PieceEditor
-from svbrdfgan.asset.piece_groups import Group, groups
-from svbrdfgan.asset.second_uv_set import second_uv_set
+from svbrdfgan.asset.piece_groups import Group, free_uv_set, groups
+from svbrdfgan.asset.second_uv_set import fitting_uv_set
 from svbrdfgan.asset.sheet import Sheet
 from svbrdfgan.asset.tangent_turns import turn_layer, turns_of_file
 from svbrdfgan.asset.uv_fitness import uv_fitness, wrapped
@@ -28,9 +28,6 @@ from svbrdfgan.types import Mesh
 
 DEFAULT_SIZE = 2048
 """Texels along a side for materials without a texture."""
-
-LARGEST_SIZE = 8192
-"""Texels along a side to which a texture grows for charts that do not fit."""
 
 _BEYOND = 1e-3  # of a tile: how far UVs may pass its border
 
@@ -71,15 +68,28 @@ class Edited:
 
 
 def weather_document(
-    asset: Asset, model: Model, painter: Painter, weathers: Collection[int], textures: Textures
+    asset: Asset,
+    model: Model,
+    painter: Painter,
+    weathers: Collection[int],
+    textures: Textures,
+    *,
+    variants: bool = False,
 ) -> Edited:
     """The asset's document with a layer on the pieces of these numbers; the asset itself stays as it is.
 
     Materials with a picture that cannot be read, or with too many charts for any texture, stay clean.
+
+    Args:
+        variants: whether the clean materials are kept, too, and listed as a variant.
     """
-    edited = Edited(asset.document.copy())
-    for group in groups(asset, weathers):
+    edited, found = Edited(asset.document.copy()), list(groups(asset, weathers))
+    for group in found:
         _weather_group(edited, model, painter, group, textures)
+    if variants and has_variants(asset.document):
+        edited.told.append(f"{asset.path.name} has variants already; clean and weathered are not listed.")
+    elif variants and edited.materials:
+        edited.told += list_variants(edited.document, found, edited.materials)
     take_freed_places(edited.document, asset.document)
     return edited
 
@@ -96,14 +106,14 @@ def _weather_group(edited: Edited, model: Model, painter: Painter, group: Group,
         edited.told.append(f"'{group.name}' stays clean: {error}")
         return
     canvas, rows, cols = places.canvas, places.rows, places.cols
-    scale = _painted_scale(canvas, textures.painted, rows, cols)
+    scale = painted_scale(canvas, textures.painted, rows, cols)
     painted = paint_texture(canvas, painter, rows // scale, cols // scale)
     own, normal = changed.uv_set() if places.number is None else None, changed.material.get(NORMAL_MAP)
     turn_layer(painted, canvas, group, normal, own)
     turns = turns_of_file(canvas, group, normal, own)
     sheet = Sheet(canvas, rows, cols, own, group.uv, pictures, group.vertex_colors(), turns)
     changed.weather(sheet, painted, places.number)
-    second = None if places.number is None else NewUVSet(places.number, canvas.uv)
+    second = None if places.number is None else NewUVSet(places.number, group.faces, canvas.uv)
     editor = PieceEditor(edited.document, group.asset, edited.told)
     edited.materials.append(editor.assign(group, changed.material, second))
 
@@ -131,8 +141,8 @@ def _places(edited: Edited, model: Model, group: Group, changed: WeatheredMateri
     if own is not None and not flaw:
         return _Places(Canvas(model.mesh, group.faces, wrapped(own), model.reversed), rows, cols)
     wanted = textures.size or max(rows, cols, DEFAULT_SIZE)  # a palette's own size says nothing
-    uv, size = _second_uv_set(positions, own, wanted)
-    number = group.free_uv_set()
+    uv, size = fitting_uv_set(positions, own, wanted)
+    number = free_uv_set(group.asset, group.pieces)
     edited.told.append(f"'{group.name}' gets a second UV set, TEXCOORD_{number}: {flaw}.")
     if size > wanted:
         edited.told.append(f"'{group.name}' gets textures of {size} texels a side: its charts do not fit {wanted}.")
@@ -143,26 +153,3 @@ def _border_flaw(own: Float[ndarray, "faces 3 2"] | None, changed: WeatheredMate
     """What is wrong with UVs that leave the texture, although it does not repeat; empty if nothing is."""
     inside = own is None or (own.min() >= -_BEYOND and own.max() <= 1.0 + _BEYOND)
     return "" if inside or changed.repeats() else "they leave the texture, which does not repeat"
-
-
-def _second_uv_set(
-    positions: Float[ndarray, "faces 3 3"], own: Float[ndarray, "faces 3 2"] | None, size: int
-) -> tuple[Float[ndarray, "faces 3 2"], int]:
-    """The new UVs and the size that holds them: the given one, or doubled until the charts fit."""
-    while True:
-        try:
-            return second_uv_set(positions, own, size), size
-        except ChartsError:
-            if 2 * size > LARGEST_SIZE:
-                raise
-        size *= 2
-
-
-def _painted_scale(canvas: Canvas, painted: int, rows: int, cols: int) -> int:
-    """The power of two by which the layer is painted coarser than the texture, nearest to the density asked for."""
-    corners = canvas.mesh.positions[canvas.mesh.faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2.0
-    coarsest, scale = float(np.sqrt(2.0 * area)) / painted, 1
-    while scale < 64 and canvas.texel(rows // (2 * scale), cols // (2 * scale)) <= coarsest:
-        scale *= 2
-    return scale

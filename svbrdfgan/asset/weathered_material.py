@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 from collections.abc import Collection
 from dataclasses import dataclass
-from io import BytesIO
 
 import numpy as np
 from jaxtyping import UInt8
@@ -17,6 +16,7 @@ from svbrdfgan.asset.points import SurfacePoints
 from svbrdfgan.asset.sheet import Sheet, Source
 from svbrdfgan.asset.texture_bands import Band, band
 from svbrdfgan.asset.weathered_maps import Layer, layer_bands
+from svbrdfgan.io.eight_bit import png_bytes
 from svbrdfgan.io.gltf.document import Document, Json
 from svbrdfgan.io.gltf.materials import DocumentPictures
 from svbrdfgan.io.gltf.samplers import Sampler
@@ -97,7 +97,7 @@ class WeatheredMaterial:
         _compose(maps, sheet, painted)
         textures = [
             self._texture(each, png, place if number is None else second)
-            for each, png in zip(maps, in_threads(_png, [each.made for each in maps]), strict=True)
+            for each, png in zip(maps, in_threads(png_bytes, [each.made for each in maps]), strict=True)
         ]
         for each, info in zip(maps, textures, strict=True):
             if each.rule.key == GLOSS_MAP:
@@ -121,15 +121,6 @@ class WeatheredMaterial:
         if UVSet.of(occlusion) == UVSet.of(old):
             kept = {key: occlusion[key] for key in ("strength", "extras") if key in occlusion}
             self.material["occlusionTexture"] = {**new, **kept}
-
-
-def _png(made: UInt8[ndarray, "rows cols channels"]) -> bytes:
-    """The file of a texture, whose row 0 is at v = 0."""
-    from PIL import Image as PillowImage
-
-    stream = BytesIO()
-    PillowImage.fromarray(np.ascontiguousarray(made[::-1])).save(stream, format="PNG", compress_level=3)
-    return stream.getvalue()
 
 
 def _new(rule: MapRule, sheet: Sheet) -> _Map:

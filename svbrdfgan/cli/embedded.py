@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from svbrdfgan.cli.options import PartOptions
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.inference.embedded import write_embedded
 from svbrdfgan.inference.studio import Studio
@@ -14,8 +15,15 @@ from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Layer
 
 
-def selection(learnable: tuple[str, ...], keep: tuple[str, ...]) -> PartSelection | None:
-    """The parts that patterns over their names choose; None if no pattern was given."""
+def selection(parts: PartOptions) -> PartSelection | None:
+    """The parts that patterns over their names choose; None if no pattern was given.
+
+    Raises:
+        UsageError: a mask was given.
+    """
+    if parts.masks:
+        raise click.UsageError("--mask and --embedding-uvs exclude each other.")
+    learnable, keep = parts.learnable, parts.keep
     if not learnable and not keep:
         return None
     default = PartSelection()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -19,22 +20,50 @@ Command = TypeVar("Command", bound=Callable[..., None])
 _SKY_SEED = 7  # of the cloudy sky that lights pictures by default
 
 
+@dataclass(frozen=True)
+class PartOptions:
+    """What decides where a mesh weathers; see `open_workpiece`."""
+
+    learnable: tuple[str, ...]
+    keep: tuple[str, ...]
+    masks: tuple[str, ...]
+    front: str | None
+    up: str | None
+
+
 def part_options(command: Command) -> Command:
-    """Adds what decides which parts weather: `learnable`, `keep`, `front` and `up`."""
+    """Adds what decides where a mesh weathers, as the parameter `parts`."""
+
+    @wraps(command)
+    def gathered(**values: Any) -> None:
+        parts = PartOptions(**{each.name: values.pop(each.name) for each in fields(PartOptions)})
+        command(parts=parts, **values)
+
     for option in (
         click.option("--up", metavar="AXIS", help="Where the roof is, such as +Z.  [default: found]"),
         click.option("--front", metavar="AXIS", help="Where the nose is, such as +X.  [default: found]"),
+        click.option(
+            "--mask",
+            "masks",
+            multiple=True,
+            metavar="[MATERIAL=]MASK",
+            help="Where the layer may lie: a grey picture over the UVs (black is kept), or a vertex attribute such as "
+            "_NAME or COLOR_1; on all materials or those of such a name; repeatable.",
+        ),
         click.option("--keep", multiple=True, metavar="PATTERN", help="Parts that are kept as they are; repeatable."),
         click.option(
             "--learnable", multiple=True, metavar="PATTERN", help="Parts that weather, whatever they are; repeatable."
         ),
     ):
-        command = option(command)
-    return command
+        gathered = option(gathered)
+    return gathered  # type: ignore[return-value]
 
 
 def delivery_options(command: Command) -> Command:
-    """Adds what decides which files are written: `size`, `maps_folder`, `memory`, `force`, `embedding_uvs`."""
+    """Adds what decides which files are written.
+
+    Parameters are `size`, `maps_folder`, `variants`, `overlay`, `memory`, `force` and `embedding_uvs`.
+    """
     folder = click.Path(path_type=Path, file_okay=False)
     for option in (
         click.option(
@@ -51,6 +80,14 @@ def delivery_options(command: Command) -> Command:
             help="Memory that may be taken; what needs more is refused.  [default: 80 % of what is free]",
         ),
         click.option("--force", is_flag=True, help="Overwrite an earlier result."),
+        click.option(
+            "--overlay",
+            type=folder,
+            help="Keep all materials: write one layer into this folder, over a further UV set of what weathers.",
+        ),
+        click.option(
+            "--variants", is_flag=True, help="Keep the clean materials, too: both are listed as glTF's variants."
+        ),
         click.option("--maps", "maps_folder", type=folder, help="Also write the weathered textures into this folder."),
         click.option(
             "--size",
@@ -60,6 +97,24 @@ def delivery_options(command: Command) -> Command:
     ):
         command = option(command)
     return command
+
+
+def check_overlay(meshes: tuple[Path, ...], overlay: Path | None, **others: object) -> None:
+    """Refuses what --overlay cannot be together with.
+
+    Args:
+        others: options by name, falsy if they were not given.
+
+    Raises:
+        UsageError: there are several meshes, or one of the others was given.
+    """
+    if overlay is None:
+        return
+    if len(meshes) > 1:
+        raise click.UsageError("--overlay is of one MESH.")
+    for name, given in others.items():
+        if given:
+            raise click.UsageError(f"--overlay and --{name.replace('_', '-')} exclude each other.")
 
 
 def picture_options(command: Command) -> Command:

@@ -13,6 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from svbrdfgan.cli.display import print_table, progress
+from svbrdfgan.cli.options import PartOptions, part_options
 
 if TYPE_CHECKING:
     from svbrdfgan.asset.verdicts import Verdict
@@ -20,12 +21,7 @@ if TYPE_CHECKING:
 
 @click.command("parts")
 @click.argument("mesh", type=click.Path(path_type=Path, dir_okay=False))
-@click.option(
-    "--learnable", multiple=True, metavar="PATTERN", help="Parts that weather, whatever they are; repeatable."
-)
-@click.option("--keep", multiple=True, metavar="PATTERN", help="Parts that are kept as they are; repeatable.")
-@click.option("--front", metavar="AXIS", help="Where the nose is, such as +X.  [default: found]")
-@click.option("--up", metavar="AXIS", help="Where the roof is, such as +Z.  [default: found]")
+@part_options
 @click.option("--json", "as_json", is_flag=True, help="Print the verdicts and warnings as an object instead.")
 @click.option(
     "--picture",
@@ -34,29 +30,29 @@ if TYPE_CHECKING:
 )
 def command(
     mesh: Path,
-    learnable: tuple[str, ...],
-    keep: tuple[str, ...],
-    front: str | None,
-    up: str | None,
+    parts: PartOptions,
     as_json: bool,
     picture: Path | None,
 ) -> None:
     """Show which parts of MESH weather and which are kept, and why.
 
-    Patterns such as 'body*' match names of materials, meshes and nodes, case ignored. --keep wins over --learnable.
+    Patterns such as 'body*' match names of materials, meshes and nodes, case ignored. --keep wins over all else.
     """
     if picture is not None and picture.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise click.UsageError(f"--picture is {picture}; wanted a .png or .jpg file.")
     with progress(f"loading {mesh}") as display:
         from svbrdfgan.asset.asset import load_asset
+        from svbrdfgan.asset.masks import Mask, masked_pieces
         from svbrdfgan.asset.orientation import axes, find_orientation
         from svbrdfgan.asset.verdicts import judge, warnings
 
-        front, up = axes(front, up)
+        front, up = axes(parts.front, parts.up)
+        masks = [Mask.read(word) for word in parts.masks]
         asset = load_asset(mesh)
         display.stage(f"judging the parts of {mesh}")
         found = find_orientation(asset.mesh, front=front, up=up)
-        verdicts = judge(asset, orientation=found.matrix(), learnable=learnable, keep=keep)
+        masked = masked_pieces(asset, masks)
+        verdicts = judge(asset, orientation=found.matrix(), learnable=parts.learnable, keep=parts.keep, masked=masked)
         doubts = warnings(verdicts, asset)
         if picture is not None:
             from svbrdfgan.report.part_views import write_part_views

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import click
 
 from svbrdfgan.asset.asset import load_asset
 from svbrdfgan.asset.memory import Plan, gigabytes, require_memory
-from svbrdfgan.asset.weather_document import Textures
+from svbrdfgan.asset.weather_document import Edited, Textures
 from svbrdfgan.cli.display import ProgressBar, ProgressLines
+from svbrdfgan.cli.options import PartOptions
 from svbrdfgan.inference.file_scene import file_scene
 from svbrdfgan.inference.studio import Studio
-from svbrdfgan.inference.weathered_file import weathered_document, write_maps
+from svbrdfgan.inference.weathered_file import overlaid_document, weathered_document, write_layer, write_maps
 from svbrdfgan.inference.weatherings import Weathering
 from svbrdfgan.inference.workpiece import Workpiece, above_ground, open_workpiece, turned
 from svbrdfgan.io.gltf.document import write_document
@@ -27,23 +28,24 @@ class Scenes:
         display: shows what is being done.
         textures: how large.
         maps_folder: gets the weathered textures, too; None if they are not wanted.
+        variants: whether clean materials are kept, too.
+        overlay: gets the layer, which the scene then does not have; None if the scene is weathered.
         memory: bytes that may be taken; None allows a share of what is free.
-        learnable, keep, front, up: as for `open_workpiece`.
+        parts: where it weathers.
     """
 
     display: ProgressBar | ProgressLines
     textures: Textures
     maps_folder: Path | None
+    variants: bool
+    overlay: Path | None
     memory: int | None
-    learnable: tuple[str, ...]
-    keep: tuple[str, ...]
-    front: str | None
-    up: str | None
+    parts: PartOptions
 
     def open(self, mesh: Path) -> Workpiece:
         """The workpiece in a file. Which parts weather is printed on stderr."""
         self.display.stage(f"loading {mesh}")
-        workpiece = open_workpiece(mesh, learnable=self.learnable, keep=self.keep, front=self.front, up=self.up)
+        workpiece = open_workpiece(mesh, **asdict(self.parts))
         _report(workpiece)
         return workpiece
 
@@ -59,20 +61,36 @@ class Scenes:
 
         What else was done to the scene is printed on stderr.
         """
+        if self.overlay is not None:
+            return self._write_overlay(workpiece, weathering, path, self.overlay)
         plan = Plan.of(workpiece.asset, workpiece.weathered, self.textures)
-        needed = require_memory(plan, self.memory, weathering.peak_bytes)
-        click.echo(f"takes at most about {gigabytes(needed)} of memory", err=True)
+        self._require(plan, weathering)
         self.display.stage(f"weathering {workpiece.asset.path}")
-        edited = weathered_document(workpiece, weathering, self.textures)
-        self.display.stage(f"writing {path}")
-        written = write_document(path, edited.document)
-        for sentence in edited.told:
-            click.echo(sentence, err=True)
+        edited = weathered_document(workpiece, weathering, self.textures, variants=self.variants)
+        written = self._write(path, edited)
         if self.maps_folder is not None:
             written += write_maps(self.maps_folder, edited)
         if studio is not None and picture is not None:
             self._draw(workpiece, path, studio, picture)
             written.append(picture)
+        return written
+
+    def _write_overlay(self, workpiece: Workpiece, weathering: Weathering, path: Path, folder: Path) -> list[Path]:
+        """Writes the scene with a further UV set, and the layer over it into a folder; returns the paths written."""
+        self._require(Plan.of(workpiece.asset, workpiece.weathered, self.textures).as_overlay(), weathering)
+        self.display.stage(f"weathering {workpiece.asset.path}")
+        overlay = overlaid_document(workpiece, weathering, self.textures)
+        return self._write(path, overlay.edited) + write_layer(folder, overlay)
+
+    def _require(self, plan: Plan, weathering: Weathering) -> None:
+        needed = require_memory(plan, self.memory, weathering.peak_bytes)
+        click.echo(f"takes at most about {gigabytes(needed)} of memory", err=True)
+
+    def _write(self, path: Path, edited: Edited) -> list[Path]:
+        self.display.stage(f"writing {path}")
+        written = write_document(path, edited.document)
+        for sentence in edited.told:
+            click.echo(sentence, err=True)
         return written
 
     def _draw(self, workpiece: Workpiece, path: Path, studio: Studio, picture: Path) -> None:

@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING
 import click
 
 from svbrdfgan.cli.display import progress
-from svbrdfgan.cli.options import delivery_options, each_alone, part_options, picture_options, results, studio_of
+from svbrdfgan.cli.options import (
+    PartOptions,
+    check_overlay,
+    delivery_options,
+    each_alone,
+    part_options,
+    picture_options,
+    results,
+    studio_of,
+)
 
 if TYPE_CHECKING:
     from svbrdfgan.cli.display import ProgressBar, ProgressLines
@@ -64,13 +73,12 @@ def command(
     resolution: int | None,
     count: int | None,
     sheet: Path | None,
-    learnable: tuple[str, ...],
-    keep: tuple[str, ...],
-    front: str | None,
-    up: str | None,
+    parts: PartOptions,
     out: Path,
     size: int | None,
     maps_folder: Path | None,
+    variants: bool,
+    overlay: Path | None,
     memory: int | None,
     force: bool,
     embedding_uvs: bool,
@@ -83,6 +91,16 @@ def command(
         raise click.UsageError("--picture and --sheet are of one MESH.")
     if count is not None and picture is not None:
         raise click.UsageError("--picture is of one layer; leave out --count.")
+    check_overlay(
+        meshes,
+        overlay,
+        maps=maps_folder,
+        variants=variants,
+        picture=picture,
+        sheet=sheet,
+        count=count,
+        embedding_uvs=embedding_uvs,
+    )
     first = seed or 0
     seeds = [seed] if count is None else list(range(first, first + count))
     paths = results(meshes, out, force=force, draws=None if count is None else [str(number) for number in seeds])
@@ -103,7 +121,7 @@ def command(
             {"--picture": picture, "--sheet": sheet}, environment, renderer, maps if embedding_uvs else BARE
         )
         if embedding_uvs:
-            layers = _Embedded(display, model, draws, resolution, learnable, keep)
+            layers = _Embedded(display, model, draws, resolution, parts)
             done = each_alone(meshes, lambda k: layers.write(meshes[k], paths[k], studio, picture, rows, sheet))
         else:
             from svbrdfgan.asset.weather_document import Textures
@@ -112,7 +130,7 @@ def command(
             from svbrdfgan.report.sheet import write_sheet
 
             textures = Textures(size, max(_DENSITY, resolution or 0))
-            scenes = Scenes(display, textures, maps_folder, memory, learnable, keep, front, up)
+            scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
 
             def work(number: int) -> list[Path]:
                 workpiece = scenes.open(meshes[number])
@@ -138,8 +156,7 @@ class _Embedded:
     model: Model
     draws: Sequence[LearnedWeathering]
     resolution: int | None
-    learnable: tuple[str, ...]
-    keep: tuple[str, ...]
+    parts: PartOptions
 
     def write(
         self,
@@ -158,7 +175,7 @@ class _Embedded:
         self.display.stage(f"weathering {mesh}")
         maps = self.model.config.maps
         with explain_memory(self.resolution):
-            canvas = prepare(load_mesh(mesh), self.model, selection(self.learnable, self.keep), self.resolution)
+            canvas = prepare(load_mesh(mesh), self.model, selection(self.parts), self.resolution)
             report_embedded(canvas.subject)
             written = []
             for path, draw in zip(paths, self.draws, strict=True):

@@ -11,6 +11,8 @@ import click
 
 from svbrdfgan.cli.display import ProgressBar, ProgressLines, progress
 from svbrdfgan.cli.options import (
+    PartOptions,
+    check_overlay,
     delivery_options,
     each_alone,
     key_values,
@@ -72,12 +74,11 @@ def command(
     picture: Path | None,
     environment: Path | None,
     renderer: str,
-    learnable: tuple[str, ...],
-    keep: tuple[str, ...],
-    front: str | None,
-    up: str | None,
+    parts: PartOptions,
     size: int | None,
     maps_folder: Path | None,
+    variants: bool,
+    overlay: Path | None,
     memory: int | None,
 ) -> None:
     """Weather each MESH by a recipe: its scene comes back, and only the textures of what weathers differ."""
@@ -87,6 +88,7 @@ def command(
         raise click.UsageError("--embedding and --map need --embedding-uvs.")
     if bare and base_color_only:
         raise click.UsageError("--map and --base-color-only exclude each other.")
+    check_overlay(meshes, overlay, maps=maps_folder, variants=variants, picture=picture, embedding_uvs=embedding_uvs)
     paths = results(meshes, out, force=force)
     with progress(f"loading {meshes[0]}") as display:
         from svbrdfgan.rendering.compositing import BARE
@@ -100,7 +102,7 @@ def command(
             {"--picture": picture}, environment, renderer, maps if embedding_uvs else dict.fromkeys(BARE)
         )
         if embedding_uvs:
-            layers = _Embedded(display, embedding or "hemispherical", resolution or _EMBEDDED, learnable, keep)
+            layers = _Embedded(display, embedding or "hemispherical", resolution or _EMBEDDED, parts)
             done = each_alone(meshes, lambda k: layers.write(meshes[k], paths[k][0], chosen, maps, studio, picture))
         else:
             from svbrdfgan.asset.weather_document import Textures
@@ -108,7 +110,7 @@ def command(
             from svbrdfgan.inference.weatherings import RecipeWeathering
 
             textures = Textures(size, resolution or _DENSITY)
-            scenes = Scenes(display, textures, maps_folder, memory, learnable, keep, front, up)
+            scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
             weathering = RecipeWeathering(chosen, tuple(maps))
             done = each_alone(
                 meshes, lambda k: scenes.write(scenes.open(meshes[k]), weathering, paths[k][0], studio, picture)
@@ -123,8 +125,7 @@ class _Embedded:
     display: ProgressBar | ProgressLines
     embedding: str
     resolution: int
-    learnable: tuple[str, ...]
-    keep: tuple[str, ...]
+    parts: PartOptions
 
     def write(
         self,
@@ -142,10 +143,10 @@ class _Embedded:
         from svbrdfgan.scene.subject import make_subject
         from svbrdfgan.weathering.layer import weather
 
+        parts = selection(self.parts) or PartSelection()
         self.display.stage(f"loading {mesh}")
         loaded = load_mesh(mesh)
         self.display.stage(f"unwrapping {mesh}")
-        parts = selection(self.learnable, self.keep) or PartSelection()
         subject = make_subject(loaded, load_embedding(self.embedding), self.resolution, parts, file_maps=bool(maps))
         self.display.stage(f"weathering {mesh}")
         layer = weather(subject.surface, subject.buffer, recipe, maps)

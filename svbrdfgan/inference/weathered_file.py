@@ -10,11 +10,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from svbrdfgan.asset.masks import MaskedPainter
+from svbrdfgan.asset.overlay import Overlay, overlay_document
+from svbrdfgan.asset.painters import Painter
 from svbrdfgan.asset.weather_document import Edited, Model, Textures, weather_document
 from svbrdfgan.errors import AssetError
 from svbrdfgan.inference.weatherings import RecipeWeathering, Weathering
 from svbrdfgan.inference.workpiece import Workpiece, open_workpiece
 from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.eight_bit import png_bytes
 from svbrdfgan.io.gltf.document import Document, picture_bytes, picture_type, write_document
 from svbrdfgan.io.gltf.materials import images_of
 from svbrdfgan.weathering.recipes import Recipe
@@ -53,43 +57,64 @@ def write_weathered(
     *,
     learnable: Sequence[str] = (),
     keep: Sequence[str] = (),
+    masks: Sequence[str] = (),
     front: str | None = None,
     up: str | None = None,
+    variants: bool = False,
 ) -> Weathered:
     """Writes a mesh file's whole scene, weathered. All that does not weather stays as it was.
 
     Args:
         path: .glb, or .gltf with files beside it.
-        source: .glb, .gltf, .obj, .ply or .stl; or what `open_workpiece` made of it, to which the patterns and axes
-            were given then.
+        source: .glb, .gltf, .obj, .ply or .stl; or what `open_workpiece` made of it, to which the patterns, masks and
+            axes were given then.
         weathering: a recipe, or another kind of weathering.
         textures: how large; by default as the file's own.
-        learnable, keep, front, up: as for `open_workpiece`.
+        learnable, keep, masks, front, up: as for `open_workpiece`.
+        variants: whether the clean materials are kept, too, as a variant.
 
     Raises:
         AssetError: a file cannot be read or written, or the result would overwrite the source.
-        ConfigError: `front` or `up` is no axis.
+        ConfigError: `front` or `up` is no axis, or a mask lies on nothing.
     """
     if isinstance(source, Workpiece):
         workpiece = source
     else:
-        workpiece = open_workpiece(source, learnable=learnable, keep=keep, front=front, up=up)
+        workpiece = open_workpiece(source, learnable=learnable, keep=keep, masks=masks, front=front, up=up)
     require_apart(workpiece.asset.path, Path(path))
     layer = weathering if isinstance(weathering, Weathering) else RecipeWeathering(weathering)
-    edited = weathered_document(workpiece, layer, textures or Textures())
+    edited = weathered_document(workpiece, layer, textures or Textures(), variants=variants)
     return Weathered(tuple(write_document(path, edited.document)), tuple(edited.told), workpiece.warnings)
 
 
-def weathered_document(workpiece: Workpiece, weathering: Weathering, textures: Textures) -> Edited:
-    """The workpiece's document with a layer on what weathers; as it was if that is nothing."""
+def weathered_document(
+    workpiece: Workpiece, weathering: Weathering, textures: Textures, *, variants: bool = False
+) -> Edited:
+    """The workpiece's document with a layer on what weathers; as it was if that is nothing.
+
+    Args:
+        variants: as for `weather_document`.
+    """
     asset = workpiece.asset
     if not workpiece.weathered:
         return Edited(asset.document.copy())
-    model = Model(workpiece.mesh, workpiece.surroundings.reversed)
-    edited = weather_document(asset, model, weathering.painter(workpiece), workpiece.weathered, textures)
+    model, painter = _model_and_painter(workpiece, weathering)
+    edited = weather_document(asset, model, painter, workpiece.weathered, textures, variants=variants)
     edited.told[:0] = asset.document.changes
     _sign(edited.document, weathering)
     return edited
+
+
+def overlaid_document(workpiece: Workpiece, weathering: Weathering, textures: Textures) -> Overlay:
+    """The workpiece's document with a further UV set on what weathers, and a layer over it.
+
+    Raises:
+        AssetError: what weathers has too many charts for any texture, or xatlas is missing.
+    """
+    asset = workpiece.asset
+    if not workpiece.weathered:
+        return Overlay(Edited(asset.document.copy()), {})
+    return overlay_document(asset, *_model_and_painter(workpiece, weathering), workpiece.weathered, textures)
 
 
 def require_apart(source: Path, out: Path) -> None:
@@ -124,6 +149,28 @@ def write_maps(folder: Path, edited: Edited) -> list[Path]:
             with atomic_path(written[-1]) as temporary:
                 temporary.write_bytes(data)
     return written
+
+
+def write_layer(folder: Path, overlay: Overlay) -> list[Path]:
+    """Writes an overlay's maps, such as `layer.base_color.png`.
+
+    Returns:
+        The paths written.
+
+    Raises:
+        AssetError: a file cannot be written.
+    """
+    written = []
+    for name, texture in overlay.maps.items():
+        written.append(folder / f"layer.{name}.png")
+        with atomic_path(written[-1]) as temporary:
+            temporary.write_bytes(png_bytes(texture))
+    return written
+
+
+def _model_and_painter(workpiece: Workpiece, weathering: Weathering) -> tuple[Model, Painter]:
+    model = Model(workpiece.mesh, workpiece.surroundings.reversed)
+    return model, MaskedPainter(weathering.painter(workpiece), workpiece.masks)
 
 
 def _images(document: Document, entry: Any) -> Iterator[tuple[str, int]]:

@@ -9,6 +9,7 @@ from functools import cached_property
 from glob import escape
 
 from svbrdfgan.asset.asset import Asset, load_asset
+from svbrdfgan.asset.masks import Mask, MeshMask, masked_pieces
 from svbrdfgan.asset.orientation import Orientation, axes, find_orientation
 from svbrdfgan.asset.surroundings import Surroundings
 from svbrdfgan.asset.verdicts import Verdict, judge, warnings
@@ -24,12 +25,14 @@ class Workpiece:
         asset: without the faces of the ground that some files have under their model.
         verdicts: on each piece of the asset.
         warnings: sentences for the user.
+        masks: on the asset's mesh, which say where a layer may lie.
     """
 
     asset: Asset
     orientation: Orientation
     verdicts: tuple[Verdict, ...]
     warnings: tuple[str, ...]
+    masks: tuple[MeshMask, ...] = ()
 
     @property
     def weathered(self) -> frozenset[int]:
@@ -57,6 +60,7 @@ def open_workpiece(
     *,
     learnable: Sequence[str] = (),
     keep: Sequence[str] = (),
+    masks: Sequence[str] = (),
     front: str | None = None,
     up: str | None = None,
 ) -> Workpiece:
@@ -64,17 +68,21 @@ def open_workpiece(
 
     Args:
         learnable, keep: patterns, as for `judge`.
+        masks: words, as for `Mask.read`: where a layer may lie. What they lie on weathers wherever they let it.
         front, up: nose and roof, as for `find_orientation`; by default they are found.
 
     Raises:
-        AssetError: as for `load_asset`.
-        ConfigError: `front` or `up` is no axis.
+        AssetError: as for `load_asset`, or a mask's picture cannot be read.
+        ConfigError: `front` or `up` is no axis, or a mask lies on nothing.
     """
     front, up = axes(front, up)
+    read = [Mask.read(word) for word in masks]
     asset = load_asset(path)
     orientation = find_orientation(asset.mesh, front=front, up=up)
-    verdicts = judge(asset, orientation=orientation.matrix(), learnable=learnable, keep=keep)
-    return Workpiece(above_ground(asset, verdicts), orientation, verdicts, tuple(warnings(verdicts, asset)))
+    masked = masked_pieces(asset, read)
+    verdicts = judge(asset, orientation=orientation.matrix(), learnable=learnable, keep=keep, masked=masked)
+    doubts, asset = tuple(warnings(verdicts, asset)), above_ground(asset, verdicts)
+    return Workpiece(asset, orientation, verdicts, doubts, tuple(mask.on(asset) for mask in read))
 
 
 def above_ground(asset: Asset, verdicts: Sequence[Verdict]) -> Asset:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +34,15 @@ def resized_bytes(picture: Image, rows: int, cols: int) -> Bytes:
         channels = [channel.resize((cols, rows), filter_) for channel in whole.split()]
         whole = PillowImage.merge(whole.mode, channels)
     return np.asarray(whole)[::-1]
+
+
+def png_bytes(texture: Bytes) -> bytes:
+    """The PNG file of a texture, whose row 0 is at v = 0."""
+    from PIL import Image as PillowImage
+
+    stream = BytesIO()
+    PillowImage.fromarray(np.ascontiguousarray(texture[::-1])).save(stream, format="PNG", compress_level=3)
+    return stream.getvalue()
 
 
 def _eight_bit(picture: Image) -> Image:

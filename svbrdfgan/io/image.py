@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import os
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -61,6 +62,18 @@ def load_image(path: str | os.PathLike[str]) -> Float[Tensor, "height width chan
     """
     path = check_file(path, EIGHT_BIT + FLOAT, "picture")
     return _load_float(path) if path.suffix.lower() in FLOAT else _load_eight_bit(path)
+
+
+def load_grey(path: str | os.PathLike[str]) -> Float[Tensor, "height width"]:
+    """The numbers in [0, 1] that a picture stores, for what is not sRGB: the mean of its colours, times its alpha.
+
+    Raises:
+        AssetError: as for `load_image`.
+    """
+    path = check_file(path, EIGHT_BIT + FLOAT, "picture")
+    values = _load_float(path) if path.suffix.lower() in FLOAT else _load_eight_bit(path, numbers_from_picture)
+    grey = values[..., :3].mean(dim=-1) * values[..., 3:].prod(dim=-1)
+    return grey.nan_to_num(nan=0.0).clamp(0, 1)
 
 
 def save_image(
@@ -160,12 +173,14 @@ def numbers_from_picture(image: Image) -> Float[Tensor, "height width channels"]
     return torch.from_numpy(pixels).float() / 255.0
 
 
-def _load_eight_bit(path: Path) -> Float[Tensor, "height width channels"]:
+def _load_eight_bit(
+    path: Path, decode: Callable[[Image], Float[Tensor, "height width channels"]] = linear_from_picture
+) -> Float[Tensor, "height width channels"]:
     from PIL import Image as PillowImage
 
     try:
         with PillowImage.open(path) as image:
-            return linear_from_picture(image)
+            return decode(image)
     except Exception as error:  # Pillow's decoders raise many types; each means a broken file
         raise AssetError(f"{path} cannot be read as a picture: {error}.") from error
 

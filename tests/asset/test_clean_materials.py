@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from squares import LEFT, RIGHT, altered, picture, two_squares, weathered
 
-from svbrdfgan.asset import weather_document
+from svbrdfgan.asset import second_uv_set
 from svbrdfgan.asset.asset import Asset, load_asset
 from svbrdfgan.io.gltf.accessors import append_accessor
 from svbrdfgan.io.gltf.document import Document, write_document
@@ -82,7 +82,7 @@ def test_a_sheet_doubles_until_the_charts_fit(tmp_path: Path) -> None:
 
 def test_charts_that_fit_no_sheet_leave_the_material_clean(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("xatlas")
-    monkeypatch.setattr(weather_document, "LARGEST_SIZE", 32)
+    monkeypatch.setattr(second_uv_set, "LARGEST_SIZE", 32)
     given = many_squares(tmp_path / "a.glb")
     edited = weathered(given, 0, size=16)
     assert edited.document.header == given.document.header

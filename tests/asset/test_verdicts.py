@@ -218,6 +218,7 @@ def test_warnings_name_what_helps(file: Path) -> None:
     one = asset_of(file, mesh_of({"a": BODY, "b": WHEELS}))
     (painted,) = warnings(judge(one), one)
     assert "--keep" in painted
+    assert "--mask" in painted
     (nothing,) = warnings(judge(one, keep=("*",)), one)
     assert "nothing of a.glb weathers" in nothing
     (largest,) = warnings(judge(one, keep=("a",), learnable=("b",)), one)

@@ -73,3 +73,9 @@ def test_other_kinds_of_picture_are_refused_before_anything_is_read(tmp_path: Pa
     result = parts(tmp_path / "missing.glb", "--picture", "parts.exr")
     assert result.exit_code == 2
     assert "wanted a .png or .jpg file" in result.stderr
+
+
+def test_masks_are_told(car: Path) -> None:
+    refused = parts(car, "--mask", "_WEAR")
+    assert refused.exit_code == 1
+    assert "no part has the vertex attribute _WEAR" in refused.stderr

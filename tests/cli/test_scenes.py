@@ -10,6 +10,7 @@ from click.testing import CliRunner, Result
 from PIL import Image
 
 from svbrdfgan.cli import main
+from svbrdfgan.io.gltf.accessors import append_accessor
 from svbrdfgan.io.gltf.document import Document, read_document, write_document
 from svbrdfgan.io.gltf.surface_files import mesh_document
 from svbrdfgan.io.mesh import load_mesh
@@ -143,3 +144,48 @@ def test_what_cannot_be_is_told(words: tuple[str, ...], said: str, car: Path, tm
     assert result.exit_code != 0
     assert said in result.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_mask_says_where_the_layer_may_lie(car: Path, tmp_path: Path) -> None:
+    document = read_document(car)
+    for mesh in document.table("meshes"):
+        for primitive in mesh["primitives"]:
+            count = document.table("accessors")[primitive["attributes"]["POSITION"]]["count"]
+            name = document.table("materials")[primitive["material"]]["name"]
+            values = np.full(count, name == "glass", "<f4")
+            primitive["attributes"]["_WEAR"] = append_accessor(document, values)
+    write_document(tmp_path / "car.glb", document)
+    words = ("weather", tmp_path / "car.glb", "--mask", "_WEAR", "--recipe", "dust", *QUICK)
+    result = run(*words, "-o", tmp_path / "a.glb")
+    before, after = document.table("materials"), written(result, tmp_path / "a.glb").table("materials")
+    assert [old["name"] for old, new in zip(before, after, strict=True) if old != new] == ["glass"]
+    assert "weathers: glass;" in result.stderr
+    refused = run(*words, "--embedding-uvs", "-o", tmp_path / "b.glb")
+    assert "--mask and --embedding-uvs exclude each other" in refused.stderr
+
+
+def test_an_overlay_leaves_the_scene_s_materials_alone(car: Path, tmp_path: Path) -> None:
+    pytest.importorskip("xatlas")
+    words = ("weather", car, "--recipe", "rust", "--size", 256, "--resolution", 64, "--overlay", tmp_path / "layer")
+    result = run(*words, "-o", tmp_path / "a.glb")
+    before, after = read_document(car), written(result, tmp_path / "a.glb")
+    for name in ("materials", "nodes", "cameras", "scenes"):
+        assert after.table(name) == before.table(name)
+    size = {"base_color": 4, "orm": 3, "normal": 3}
+    for name, channels in size.items():
+        with Image.open(tmp_path / "layer" / f"layer.{name}.png") as picture:
+            assert np.asarray(picture).shape[2] == channels
+            assert np.asarray(picture).std() > 1
+        assert str(tmp_path / "layer" / f"layer.{name}.png") in result.stdout.splitlines()
+    refused = run(*words, "--maps", tmp_path / "maps", "-o", tmp_path / "b.glb")
+    assert "--overlay and --maps exclude each other" in refused.stderr
+    assert "--overlay is of one MESH" in run(*words[:1], car, *words[1:], "-o", tmp_path / "b").stderr
+
+
+def test_both_states_as_variants(car: Path, tmp_path: Path) -> None:
+    document = written(run("weather", car, "--variants", *QUICK, "-o", tmp_path / "a.glb"), tmp_path / "a.glb")
+    assert [each["name"] for each in document.header["extensions"]["KHR_materials_variants"]["variants"]] == [
+        "clean",
+        "weathered",
+    ]
+    assert all(material in document.table("materials") for material in read_document(car).table("materials"))
