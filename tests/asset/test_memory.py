@@ -15,6 +15,7 @@ from svbrdfgan.errors import ConfigError
 PLAN = Plan(50_000, (((4096, 4096),) * 3,) * 4, Textures(4096, 4096))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("size", "painted", "old", "divisions"), [(512, 512, 64, 4), (2048, 2048, 1024, 10), (512, 256, 1536, 60)]
 )

@@ -3,6 +3,7 @@
 `weather_square.py FOLDER SIZE PAINTED OLD DIVISIONS`
 """
 
+import resource
 import sys
 from io import BytesIO
 from pathlib import Path
@@ -45,6 +46,15 @@ def square(path: Path, divisions: int, old: int) -> None:
     write_document(path, document)
 
 
+def held() -> int:
+    """The most bytes that this process held; `ru_maxrss` would be that of its parent, if that held more."""
+    try:
+        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+        return next(int(line.split()[1]) << 10 for line in lines if line.startswith("VmHWM:"))
+    except (OSError, StopIteration):
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss << 10
+
+
 def main(folder: str, *numbers: str) -> None:
     size, painted, old, divisions = map(int, numbers)
     path, textures = Path(folder) / "square.glb", Textures(size, painted)
@@ -55,13 +65,7 @@ def main(folder: str, *numbers: str) -> None:
     edited = weather_document(asset, Model(asset.mesh, around.reversed), painter, {0}, textures)
     write_document(Path(folder) / "weathered.glb", edited.document)
     plan = Plan.of(asset, {0}, textures)
-    print(plan.peak_bytes(), held_at_most())
-
-
-def held_at_most() -> int:
-    """By Linux. `ru_maxrss` would count what the parent held when it forked, too."""
-    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    return next(int(line.split()[1]) << 10 for line in lines if line.startswith("VmHWM:"))
+    print(plan.peak_bytes(), held())
 
 
 if __name__ == "__main__":

@@ -267,7 +267,9 @@ def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_picture_beside_the_glb(car: Path, run: Path, quick_renderer: str, tmp_path: Path) -> None:
     look = ("--renderer", quick_renderer, "--picture")
     for words in (("weather", car, "--resolution", 32), ("texture", car, "--model", run)):
-        output = succeeded(invoke(*words, "--force", "-o", tmp_path / "car.glb", *look, tmp_path / f"{words[0]}.png"))
+        output = succeeded(
+            invoke(*words, "--size", 64, "--force", "-o", tmp_path / "car.glb", *look, tmp_path / f"{words[0]}.png")
+        )
         assert output.splitlines()[-1] == str(tmp_path / f"{words[0]}.png")
         with Image.open(tmp_path / f"{words[0]}.png") as picture:
             assert picture.size == (96, 36)

@@ -28,7 +28,7 @@ def texture(*words: object) -> Result:
 
 
 def test_the_same_command_writes_the_same_bytes(car: Path, varied_run: Path, tmp_path: Path) -> None:
-    asked = ("--seed", 7, "--amount", 0.4, "--recipe", "rust")
+    asked = ("--seed", 7, "--amount", 0.4, "--recipe", "rust", "--size", 64)
     for name in ("one", "other"):
         assert texture(car, "--model", varied_run, *asked, "-o", tmp_path / f"{name}.glb").exit_code == 0
     assert (tmp_path / "one.glb").read_bytes() == (tmp_path / "other.glb").read_bytes()
@@ -59,7 +59,7 @@ def test_a_sheet_of_draws_amounts_and_recipes(
     car: Path, varied_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("svbrdfgan.inference.studio._PICTURE", (48, 30))
-    words = ("--recipe", "rust", "--sheet", tmp_path / "sheet.png", "--renderer", "warp")
+    words = ("--recipe", "rust", "--sheet", tmp_path / "sheet.png", "--renderer", "warp", "--size", 64)
     result = texture(car, "--model", varied_run, *words, "-o", tmp_path / "a.glb")
     assert result.exit_code == 0, result.output
     assert result.stdout.splitlines()[-1] == str(tmp_path / "sheet.png")
