@@ -53,7 +53,7 @@ def overlay_document(
         ChartsError: the pieces have too many charts for any texture.
         AssetError: xatlas is missing.
     """
-    edited = Edited(asset.document.copy())
+    edited = Edited.of(asset)
     pieces = [piece for group in groups(asset, weathers) for piece in group.pieces]
     faces = np.flatnonzero(np.isin(asset.face_piece, pieces))
     own, number = asset.mesh.uv, free_uv_set(asset, pieces)

@@ -12,9 +12,9 @@ from numpy import ndarray
 from svbrdfgan.asset.painters import Paint, Painter
 from svbrdfgan.asset.points import SurfacePoints
 from svbrdfgan.asset.texture_bands import TILE, TexelGrid
-from svbrdfgan.geometry.normals import unit
+from svbrdfgan.geometry.normals import face_areas, unit, uv_areas
 from svbrdfgan.geometry.split import surface_over
-from svbrdfgan.geometry.tangents import corner_tangents
+from svbrdfgan.geometry.tangents import Tangents, corner_tangents
 from svbrdfgan.types import Mesh
 from svbrdfgan.utils.threads import in_threads
 
@@ -43,32 +43,25 @@ class Canvas:
 
     def texel(self, rows: int, cols: int) -> float:
         """Metres along a texel's side, of the mean over the area."""
-        corners = self.mesh.positions[self.mesh.faces[self.faces]]
-        edges, sides = corners[:, 1:] - corners[:, :1], self.uv[:, 1:] - self.uv[:, :1]
-        area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum()
-        texels = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]).sum() * rows * cols
+        area = face_areas(self.mesh.positions, self.mesh.faces[self.faces]).sum()
+        texels = np.abs(uv_areas(self.uv)).sum() * rows * cols
         return float(np.sqrt(area / max(texels, 1e-12)))
 
     def in_tangent_space(
         self, points: SurfacePoints, normals: Float[ndarray, "points 3"]
     ) -> Float[ndarray, "points 3"]:
         """Unit normals of the mesh's axes, in the tangent frames of the canvas's UVs."""
-        direction, handedness, normal = self._frames
-        upward, along = unit(points.interpolate(normal)), points.interpolate(direction)
-        along = unit(along - (along * upward).sum(axis=1, keepdims=True) * upward)
-        across = handedness[points.face, None] * np.cross(upward, along)
-        return np.stack([(normals * axis).sum(axis=1) for axis in (along, across, upward)], axis=1)
+        tangents, corners = self._tangents
+        axes = tangents.frames(corners, points.face, points.barycentric)
+        return np.stack([(normals * axis).sum(axis=1) for axis in axes], axis=1)
 
     @cached_property
-    def _frames(
-        self,
-    ) -> tuple[Float[ndarray, "mesh_faces 3 3"], Float[ndarray, " mesh_faces"], Float[ndarray, "mesh_faces 3 3"]]:
-        """Tangents, their handedness and normals at face corners; those of other faces mean nothing."""
+    def _tangents(self) -> tuple[Tangents, Float[ndarray, "mesh_faces 3 3"]]:
+        """Tangents, and normals at face corners; those of other faces mean nothing."""
         uv = np.zeros((len(self.mesh.faces), 3, 2))
         uv[self.faces] = self.uv
         surface = surface_over(self.mesh, uv)
-        tangents = corner_tangents(surface)
-        return tangents.direction, tangents.handedness, surface.normals[surface.faces]
+        return corner_tangents(surface), surface.normals[surface.faces]
 
 
 def paint_texture(canvas: Canvas, painter: Painter, rows: int, cols: int) -> Float[ndarray, "rows cols channels"]:
@@ -97,8 +90,7 @@ def paint_texture(canvas: Canvas, painter: Painter, rows: int, cols: int) -> Flo
 
 def painted_scale(canvas: Canvas, painted: int, rows: int, cols: int) -> int:
     """The power of two by which the layer is painted coarser than the texture, nearest to the density asked for."""
-    corners = canvas.mesh.positions[canvas.mesh.faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2.0
+    area = face_areas(canvas.mesh.positions, canvas.mesh.faces).sum()
     coarsest, scale = float(np.sqrt(2.0 * area)) / painted, 1
     while scale < 64 and canvas.texel(rows // (2 * scale), cols // (2 * scale)) <= coarsest:
         scale *= 2

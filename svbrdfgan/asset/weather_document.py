@@ -66,6 +66,11 @@ class Edited:
     told: list[str] = field(default_factory=list)
     materials: list[int] = field(default_factory=list)
 
+    @classmethod
+    def of(cls, asset: Asset) -> Edited:
+        """A copy of the asset's document, to be changed; what reading it has changed already is told."""
+        return cls(asset.document.copy(), list(asset.document.changes))
+
 
 def weather_document(
     asset: Asset,
@@ -83,7 +88,7 @@ def weather_document(
     Args:
         variants: whether the clean materials are kept, too, and listed as a variant.
     """
-    edited, found = Edited(asset.document.copy()), list(groups(asset, weathers))
+    edited, found = Edited.of(asset), list(groups(asset, weathers))
     for group in found:
         _weather_group(edited, model, painter, group, textures)
     if variants and has_variants(asset.document):

@@ -12,12 +12,16 @@ import click
 
 from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
 from svbrdfgan.errors import ConfigError, SvbrdfganError
+from svbrdfgan.io.files import require_apart
 
 if TYPE_CHECKING:
     from svbrdfgan.inference.studio import Studio
 
 Command = TypeVar("Command", bound=Callable[..., None])
 _SKY_SEED = 7  # of the cloudy sky that lights pictures by default
+
+DENSITY = 1024
+"""Layers are at least as fine as a texture of that many texels along a side over the whole model, by default."""
 
 
 @dataclass(frozen=True)
@@ -99,22 +103,25 @@ def delivery_options(command: Command) -> Command:
     return command
 
 
-def check_overlay(meshes: tuple[Path, ...], overlay: Path | None, **others: object) -> None:
-    """Refuses what --overlay cannot be together with.
+def check_delivery(meshes: tuple[Path, ...], parts: PartOptions, given: Mapping[str, Any]) -> None:
+    """Refuses options that have no meaning together.
 
     Args:
-        others: options by name, falsy if they were not given.
+        given: the values of a command's parameters, by name.
 
     Raises:
-        UsageError: there are several meshes, or one of the others was given.
+        UsageError: two of the options exclude each other, or one of them is of one mesh and there are several.
     """
-    if overlay is None:
-        return
-    if len(meshes) > 1:
-        raise click.UsageError("--overlay is of one MESH.")
-    for name, given in others.items():
-        if given:
-            raise click.UsageError(f"--overlay and --{name.replace('_', '-')} exclude each other.")
+    of_one = ("picture", "sheet", "overlay")
+    for name in of_one:
+        if given.get(name) and len(meshes) > 1:
+            raise click.UsageError(f"--{name} is of one MESH.")
+    options = {**given, "mask": parts.masks, "front": parts.front, "up": parts.up, "maps": given["maps_folder"]}
+    exclusive = [("overlay", other) for other in ("maps", "variants", "picture", "sheet", "count")]
+    scene = ("overlay", "maps", "variants", "mask", "front", "up", "size", "memory")
+    for pair in [*exclusive, *((option, "embedding_uvs") for option in scene)]:
+        if all(options.get(option) for option in pair):
+            raise click.UsageError(f"--{pair[0]} and --{pair[1].replace('_', '-')} exclude each other.")
 
 
 def picture_options(command: Command) -> Command:
@@ -156,7 +163,8 @@ def results(
         draws: of several results of each mesh, the ends of their names.
 
     Raises:
-        ConfigError: a result would overwrite another, a mesh, or, without `force`, an earlier one.
+        AssetError: a result would overwrite a mesh.
+        ConfigError: a result would overwrite another or, without `force`, an earlier one.
     """
     if len(meshes) == 1 and draws is None:
         paths = [[out]]
@@ -176,10 +184,10 @@ def _require_free(mesh: Path, path: Path, *, force: bool) -> None:
     """Refuses to overwrite a mesh or, without `force`, an earlier result; makes the folder of a result.
 
     Raises:
+        AssetError: the path is the mesh's.
         ConfigError: the path is not one that can be written.
     """
-    if path.exists() and mesh.exists() and path.samefile(mesh):
-        raise ConfigError(f"{path} is the input mesh, which the output would overwrite; choose another path.")
+    require_apart(mesh, path)
     if path.exists() and not force:
         raise ConfigError(f"{path} is there already; --force overwrites it.")
     _require_writable(path, ".glb", ".gltf")

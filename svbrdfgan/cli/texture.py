@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from svbrdfgan.cli.display import progress
 from svbrdfgan.cli.options import (
+    DENSITY,
     PartOptions,
-    check_overlay,
+    check_delivery,
     delivery_options,
     each_alone,
     part_options,
@@ -20,16 +18,6 @@ from svbrdfgan.cli.options import (
     results,
     studio_of,
 )
-
-if TYPE_CHECKING:
-    from svbrdfgan.cli.display import ProgressBar, ProgressLines
-    from svbrdfgan.inference.learned import LearnedWeathering
-    from svbrdfgan.inference.studio import Studio
-    from svbrdfgan.report.sheet import Row
-    from svbrdfgan.training.run import Model
-
-_DENSITY = 1024
-"""Texels along a side of a texture over the whole model: at that density, at least, layers are carried to UVs."""
 
 
 @click.command("texture")
@@ -87,20 +75,9 @@ def command(
     renderer: str,
 ) -> None:
     """Weather each MESH with the generator of a run: its scene comes back, only what weathers has other textures."""
-    if len(meshes) > 1 and (picture is not None or sheet is not None):
-        raise click.UsageError("--picture and --sheet are of one MESH.")
+    check_delivery(meshes, parts, click.get_current_context().params)
     if count is not None and picture is not None:
         raise click.UsageError("--picture is of one layer; leave out --count.")
-    check_overlay(
-        meshes,
-        overlay,
-        maps=maps_folder,
-        variants=variants,
-        picture=picture,
-        sheet=sheet,
-        count=count,
-        embedding_uvs=embedding_uvs,
-    )
     first = seed or 0
     seeds = [seed] if count is None else list(range(first, first + count))
     paths = results(meshes, out, force=force, draws=None if count is None else [str(number) for number in seeds])
@@ -121,15 +98,17 @@ def command(
             {"--picture": picture, "--sheet": sheet}, environment, renderer, maps if embedding_uvs else BARE
         )
         if embedding_uvs:
-            layers = _Embedded(display, model, draws, resolution, parts)
-            done = each_alone(meshes, lambda k: layers.write(meshes[k], paths[k], studio, picture, rows, sheet))
+            from svbrdfgan.cli.embedded import Embedded
+
+            layers = Embedded(display, parts, maps, studio, picture)
+            done = each_alone(meshes, lambda k: layers.texture(meshes[k], paths[k], draws, rows, sheet))
         else:
             from svbrdfgan.asset.weather_document import Textures
             from svbrdfgan.cli.scenes import Scenes
             from svbrdfgan.inference.apply import prepare
             from svbrdfgan.report.sheet import write_sheet
 
-            textures = Textures(size, max(_DENSITY, resolution or 0))
+            textures = Textures(size, max(DENSITY, resolution or 0))
             scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
 
             def work(number: int) -> list[Path]:
@@ -146,44 +125,3 @@ def command(
 
             done = each_alone(meshes, work)
     done.report()
-
-
-@dataclass(frozen=True)
-class _Embedded:
-    """Weathering over the UVs of the model's embedding."""
-
-    display: ProgressBar | ProgressLines
-    model: Model
-    draws: Sequence[LearnedWeathering]
-    resolution: int | None
-    parts: PartOptions
-
-    def write(
-        self,
-        mesh: Path,
-        paths: Sequence[Path],
-        studio: Studio | None,
-        picture: Path | None,
-        rows: Sequence[Row],
-        sheet: Path | None,
-    ) -> list[Path]:
-        from svbrdfgan.cli.embedded import report_embedded, selection, write_embedded_files
-        from svbrdfgan.inference.apply import explain_memory, prepare
-        from svbrdfgan.io.mesh import load_mesh
-        from svbrdfgan.report.sheet import write_sheet
-
-        self.display.stage(f"weathering {mesh}")
-        maps = self.model.config.maps
-        with explain_memory(self.resolution):
-            canvas = prepare(load_mesh(mesh), self.model, selection(self.parts), self.resolution)
-            report_embedded(canvas.subject)
-            written = []
-            for path, draw in zip(paths, self.draws, strict=True):
-                layer = canvas.paint(draw.draw)
-                self.display.stage(f"writing {path}")
-                written += write_embedded_files(path, canvas.subject, layer, maps, studio, picture)
-            if sheet is not None and studio is not None:
-                self.display.stage(f"writing {sheet}")
-                write_sheet(sheet, rows, canvas, studio, maps)
-                written.append(sheet)
-        return written

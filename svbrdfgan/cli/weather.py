@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from svbrdfgan.cli.display import ProgressBar, ProgressLines, progress
+from svbrdfgan.cli.display import progress
 from svbrdfgan.cli.options import (
+    DENSITY,
     PartOptions,
-    check_overlay,
+    check_delivery,
     delivery_options,
     each_alone,
     key_values,
@@ -22,11 +20,6 @@ from svbrdfgan.cli.options import (
     studio_of,
 )
 
-if TYPE_CHECKING:
-    from svbrdfgan.inference.studio import Studio
-    from svbrdfgan.weathering.recipes import Recipe
-
-_DENSITY = 1024
 _EMBEDDED = 512
 
 
@@ -42,7 +35,7 @@ _EMBEDDED = 512
     "--resolution",
     type=click.IntRange(16, 8192),
     help="The layer is as fine as a texture of that many texels along a side over the whole model.  "
-    f"[default: {_DENSITY}; with --embedding-uvs {_EMBEDDED}]",
+    f"[default: {DENSITY}; with --embedding-uvs {_EMBEDDED}]",
 )
 @click.option(
     "-o", "--out", required=True, type=click.Path(path_type=Path), help="GLB or glTF file; of several MESHes a folder."
@@ -82,13 +75,11 @@ def command(
     memory: int | None,
 ) -> None:
     """Weather each MESH by a recipe: its scene comes back, and only the textures of what weathers differ."""
-    if picture is not None and len(meshes) > 1:
-        raise click.UsageError("--picture is of one MESH.")
+    check_delivery(meshes, parts, click.get_current_context().params)
     if (bare or embedding) and not embedding_uvs:
         raise click.UsageError("--embedding and --map need --embedding-uvs.")
     if bare and base_color_only:
         raise click.UsageError("--map and --base-color-only exclude each other.")
-    check_overlay(meshes, overlay, maps=maps_folder, variants=variants, picture=picture, embedding_uvs=embedding_uvs)
     paths = results(meshes, out, force=force)
     with progress(f"loading {meshes[0]}") as display:
         from svbrdfgan.rendering.compositing import BARE
@@ -102,54 +93,22 @@ def command(
             {"--picture": picture}, environment, renderer, maps if embedding_uvs else dict.fromkeys(BARE)
         )
         if embedding_uvs:
-            layers = _Embedded(display, embedding or "hemispherical", resolution or _EMBEDDED, parts)
-            done = each_alone(meshes, lambda k: layers.write(meshes[k], paths[k][0], chosen, maps, studio, picture))
+            from svbrdfgan.cli.embedded import Embedded
+
+            given = embedding or "hemispherical"
+            layers = Embedded(display, parts, maps, studio, picture)
+            done = each_alone(
+                meshes, lambda k: layers.weather(meshes[k], paths[k][0], chosen, given, resolution or _EMBEDDED)
+            )
         else:
             from svbrdfgan.asset.weather_document import Textures
             from svbrdfgan.cli.scenes import Scenes
             from svbrdfgan.inference.weatherings import RecipeWeathering
 
-            textures = Textures(size, resolution or _DENSITY)
+            textures = Textures(size, resolution or DENSITY)
             scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
             weathering = RecipeWeathering(chosen, tuple(maps))
             done = each_alone(
                 meshes, lambda k: scenes.write(scenes.open(meshes[k]), weathering, paths[k][0], studio, picture)
             )
     done.report()
-
-
-@dataclass(frozen=True)
-class _Embedded:
-    """Weathering over the UVs of an embedding."""
-
-    display: ProgressBar | ProgressLines
-    embedding: str
-    resolution: int
-    parts: PartOptions
-
-    def write(
-        self,
-        mesh: Path,
-        path: Path,
-        recipe: Recipe,
-        maps: Mapping[str, float | None],
-        studio: Studio | None,
-        picture: Path | None,
-    ) -> list[Path]:
-        from svbrdfgan.cli.embedded import report_embedded, selection, write_embedded_files
-        from svbrdfgan.config.choices import PartSelection
-        from svbrdfgan.io.mesh import load_mesh
-        from svbrdfgan.plugins.registry import load_embedding
-        from svbrdfgan.scene.subject import make_subject
-        from svbrdfgan.weathering.layer import weather
-
-        parts = selection(self.parts) or PartSelection()
-        self.display.stage(f"loading {mesh}")
-        loaded = load_mesh(mesh)
-        self.display.stage(f"unwrapping {mesh}")
-        subject = make_subject(loaded, load_embedding(self.embedding), self.resolution, parts, file_maps=bool(maps))
-        self.display.stage(f"weathering {mesh}")
-        layer = weather(subject.surface, subject.buffer, recipe, maps)
-        self.display.stage(f"writing {path}")
-        report_embedded(subject)
-        return write_embedded_files(path, subject, layer, maps, studio, picture)

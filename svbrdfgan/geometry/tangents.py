@@ -24,6 +24,18 @@ class Tangents:
     direction: Float[ndarray, "faces 3 3"]
     handedness: Float[ndarray, " faces"]
 
+    def frames(
+        self,
+        normals: Float[ndarray, "faces 3 3"],
+        face: Int[ndarray, " points"],
+        barycentric: Float[ndarray, "points 3"],
+    ) -> tuple[Float[ndarray, "points 3"], Float[ndarray, "points 3"], Float[ndarray, "points 3"]]:
+        """Unit tangents, bitangents and normals at points of the faces, whose corners have these normals."""
+        weights = barycentric[:, :, None]
+        normal = unit((normals[face] * weights).sum(axis=1))
+        tangent = unit(_perpendicular((self.direction[face] * weights).sum(axis=1), normal))
+        return tangent, self.handedness[face, None] * np.cross(normal, tangent), normal
+
     def attribute(self) -> Float[ndarray, "faces 3 4"]:
         """glTF's TANGENT at face corners: direction and handedness."""
         hand = np.broadcast_to(self.handedness[:, None, None], (*self.direction.shape[:2], 1))

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
 from svbrdfgan.asset.peels import Peel
-from svbrdfgan.asset.points import SurfacePoints
-from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.tangents import Tangents
 from svbrdfgan.geometry.texels import nearest_texels
 from svbrdfgan.networks.draw import Draw
@@ -59,10 +56,7 @@ def _frames(
     """Unit tangents and bitangents at a peel's texels; where it has no surface, those of the nearest texel with one."""
     face = peel.buffer.face.numpy()
     nearest = nearest_texels(face >= 0)
-    at = SurfacePoints(face[nearest].ravel(), peel.buffer.barycentric.numpy()[nearest].reshape(-1, 3))
-    upward = unit(at.interpolate(surface.normals[surface.faces]))
-    along = at.interpolate(tangents.direction)
-    along = unit(along - (along * upward).sum(axis=1, keepdims=True) * upward)
-    across = tangents.handedness[at.face, None] * np.cross(upward, along)
-    u, v = (torch.from_numpy(axis.reshape(*face.shape, 3)).float() for axis in (along, across))
+    barycentric = peel.buffer.barycentric.numpy()[nearest].reshape(-1, 3)
+    axes = tangents.frames(surface.normals[surface.faces], face[nearest].ravel(), barycentric)
+    u, v = (torch.from_numpy(axis.reshape(*face.shape, 3)).float() for axis in axes[:2])
     return u, v

@@ -14,16 +14,15 @@ from svbrdfgan.asset.masks import MaskedPainter
 from svbrdfgan.asset.overlay import Overlay, overlay_document
 from svbrdfgan.asset.painters import Painter
 from svbrdfgan.asset.weather_document import Edited, Model, Textures, weather_document
-from svbrdfgan.errors import AssetError
 from svbrdfgan.inference.weatherings import RecipeWeathering, Weathering
 from svbrdfgan.inference.workpiece import Workpiece, open_workpiece
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.eight_bit import png_bytes
+from svbrdfgan.io.files import require_apart
 from svbrdfgan.io.gltf.document import Document, picture_bytes, picture_type, write_document
 from svbrdfgan.io.gltf.materials import images_of
 from svbrdfgan.weathering.recipes import Recipe
 
-_ENDINGS = {"image/png": ".png", "image/jpeg": ".jpg", "image/webp": ".webp"}
 _MAPS = {
     "baseColorTexture": "base_color",
     "metallicRoughnessTexture": "metallic_roughness",
@@ -97,12 +96,11 @@ def weathered_document(
     """
     asset = workpiece.asset
     if not workpiece.weathered:
-        return Edited(asset.document.copy())
+        return Edited.of(asset)
     model, painter = _model_and_painter(workpiece, weathering)
-    edited = weather_document(asset, model, painter, workpiece.weathered, textures, variants=variants)
-    edited.told[:0] = asset.document.changes
-    _sign(edited.document, weathering)
-    return edited
+    return _signed(
+        weather_document(asset, model, painter, workpiece.weathered, textures, variants=variants), weathering
+    )
 
 
 def overlaid_document(workpiece: Workpiece, weathering: Weathering, textures: Textures) -> Overlay:
@@ -113,18 +111,10 @@ def overlaid_document(workpiece: Workpiece, weathering: Weathering, textures: Te
     """
     asset = workpiece.asset
     if not workpiece.weathered:
-        return Overlay(Edited(asset.document.copy()), {})
-    return overlay_document(asset, *_model_and_painter(workpiece, weathering), workpiece.weathered, textures)
-
-
-def require_apart(source: Path, out: Path) -> None:
-    """Refuses an output path that is the input.
-
-    Raises:
-        AssetError: both are the same file.
-    """
-    if out.exists() and source.exists() and out.samefile(source):
-        raise AssetError(f"{out} is the input mesh, which the output would overwrite; choose another path.")
+        return Overlay(Edited.of(asset), {})
+    overlay = overlay_document(asset, *_model_and_painter(workpiece, weathering), workpiece.weathered, textures)
+    _signed(overlay.edited, weathering)
+    return overlay
 
 
 def write_maps(folder: Path, edited: Edited) -> list[Path]:
@@ -145,7 +135,8 @@ def write_maps(folder: Path, edited: Edited) -> list[Path]:
             name = f"{name}.{number}"
         for key, image in _images(document, material):
             data = picture_bytes(document, image)
-            written.append(folder / f"{name}.{_MAPS[key]}{_ENDINGS[picture_type(data)]}")
+            ending = picture_type(data).removeprefix("image/").replace("jpeg", "jpg")
+            written.append(folder / f"{name}.{_MAPS[key]}.{ending}")
             with atomic_path(written[-1]) as temporary:
                 temporary.write_bytes(data)
     return written
@@ -182,8 +173,9 @@ def _images(document: Document, entry: Any) -> Iterator[tuple[str, int]]:
             yield from _images(document, value)
 
 
-def _sign(document: Document, weathering: Weathering) -> None:
-    """Says in the asset's extras what weathered it."""
-    extras = document.header["asset"].setdefault("extras", {})
+def _signed(edited: Edited, weathering: Weathering) -> Edited:
+    """The same, whose asset's extras say what weathered it."""
+    extras = edited.document.header["asset"].setdefault("extras", {})
     if isinstance(extras, dict):
         extras["svbrdfgan"] = {"version": version("svbrdfgan"), **weathering.description}
+    return edited

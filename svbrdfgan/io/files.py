@@ -1,4 +1,4 @@
-"""Checks of an input file's path, before it is opened."""
+"""Checks of paths, before files are opened."""
 
 from __future__ import annotations
 
@@ -29,3 +29,13 @@ def check_file(path: str | os.PathLike[str], suffixes: tuple[str, ...], what: st
     if path.stat().st_size == 0:
         raise AssetError(f"{path} is empty; export or download it again.")
     return path
+
+
+def require_apart(source: Path, out: Path) -> None:
+    """Refuses an output path that is the input mesh.
+
+    Raises:
+        AssetError: both are the same file.
+    """
+    if out.exists() and source.exists() and out.samefile(source):
+        raise AssetError(f"{out} is the input mesh, which the output would overwrite; choose another path.")

@@ -79,12 +79,10 @@ def _tangents(surface: Surface, buffer: TexelGeometry) -> tuple[Float[ndarray, "
     """
     face, weights = (np.asarray(values) for values in (buffer.face, buffer.barycentric))
     nearest = nearest_texels(face >= 0)
-    face, weights = face[nearest].ravel(), weights[nearest].reshape(-1, 3, 1)
-    found = corner_tangents(surface)
-    normal = unit((surface.normals[surface.faces[face]] * weights).sum(axis=1))
-    tangent = (found.direction[face] * weights).sum(axis=1)
-    tangent = unit(tangent - (tangent * normal).sum(axis=1, keepdims=True) * normal)
-    bitangent = found.handedness[face, None] * np.cross(normal, tangent)
+    normals = surface.normals[surface.faces]
+    tangent, bitangent, normal = corner_tangents(surface).frames(
+        normals, face[nearest].ravel(), weights[nearest].reshape(-1, 3)
+    )
     outward = np.asarray(buffer.normal, np.float64).reshape(-1, 3)
     side = np.where((outward * normal).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
     return side * tangent, side * bitangent

@@ -228,10 +228,10 @@ LONG_WORK = [
     ("weather {mesh} -o {out}/a.glb", "svbrdfgan.inference.workpiece.load_asset", "loading"),
     ("weather {mesh} --resolution 16 -o {out}/a.glb", "svbrdfgan.cli.scenes.weathered_document", "weathering"),
     ("weather {mesh} --size 16 --resolution 16 -o {out}/a.glb", "svbrdfgan.cli.scenes.write_document", "writing"),
-    ("weather {mesh} --embedding-uvs -o {out}/a.glb", "svbrdfgan.scene.subject.make_subject", "unwrapping"),
+    ("weather {mesh} --embedding-uvs -o {out}/a.glb", "svbrdfgan.cli.embedded.make_subject", "unwrapping"),
     (
         "weather {mesh} --embedding-uvs --resolution 16 -o {out}/a.glb",
-        "svbrdfgan.weathering.layer.weather",
+        "svbrdfgan.cli.embedded.weather",
         "weathering",
     ),
     ("bake {mesh} --resolution 16 -o {out}", "svbrdfgan.io.mesh.load_mesh", "loading"),

@@ -135,6 +135,9 @@ def test_the_picture_is_of_the_written_file(
     ("words", "said"),
     [
         (("--map", "roughness=0.2"), "--embedding and --map need --embedding-uvs"),
+        (("--embedding-uvs", "--size", "64"), "--size and --embedding-uvs exclude each other"),
+        (("--embedding-uvs", "--mask", "_DIRT"), "--mask and --embedding-uvs exclude each other"),
+        (("--overlay", "layer", "--variants"), "--overlay and --variants exclude each other"),
         (("--front", "sideways"), "front is 'sideways'; wanted one of +X"),
         (("--front", "+Y", "--up", "-Y"), "lie along one axis"),
     ],

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 
 from svbrdfgan.cli import main
+from svbrdfgan.io.gltf.accessors import append_accessor
+from svbrdfgan.io.gltf.document import read_document, write_document
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.io.image import load_image
 from svbrdfgan.io.mesh import load_mesh
@@ -95,3 +98,24 @@ def test_a_picture_is_of_one_layer(car: Path, varied_run: Path, tmp_path: Path) 
     result = texture(car, "--model", varied_run, *asked, "-o", tmp_path / "many")
     assert result.exit_code == 2
     assert "--picture is of one layer; leave out --count." in result.stderr
+
+
+def test_a_layer_beside_the_scene_within_a_mask(car: Path, varied_run: Path, tmp_path: Path) -> None:
+    document = read_document(car)
+    for mesh in document.table("meshes"):
+        for primitive in mesh["primitives"]:
+            count = document.table("accessors")[primitive["attributes"]["POSITION"]]["count"]
+            primitive["attributes"]["_DIRT"] = append_accessor(document, np.full((count, 1), 0.5, "<f4"))
+    write_document(tmp_path / "masked.glb", document)
+    asked = ("--model", varied_run, "--recipe", "rust", "--size", 64, "--overlay")
+    alphas = []
+    for name, words in (("all", (car,)), ("half", (tmp_path / "masked.glb", "--mask", "_DIRT", "--keep", "glass"))):
+        result = texture(*words, *asked, tmp_path / name, "-o", tmp_path / f"{name}.glb")
+        assert result.exit_code == 0, result.output
+        assert str(tmp_path / name / "layer.base_color.png") in result.stdout.splitlines()
+        with Image.open(tmp_path / name / "layer.base_color.png") as layer:
+            alphas.append(np.asarray(layer)[..., 3].max())
+        scene = read_document(tmp_path / f"{name}.glb")
+        assert scene.header["materials"] == document.header["materials"]
+        assert scene.header["asset"]["extras"]["svbrdfgan"]["recipe"] == "rust"
+    assert alphas[1] <= 128 < alphas[0]

@@ -1,0 +1,66 @@
+"""What is written beside a weathered scene, and what is told of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from svbrdfgan.asset.weather_document import Edited, Textures
+from svbrdfgan.errors import AssetError
+from svbrdfgan.inference.weathered_file import overlaid_document, weathered_document, write_maps, write_weathered
+from svbrdfgan.inference.weatherings import RecipeWeathering
+from svbrdfgan.inference.workpiece import Workpiece, open_workpiece
+from svbrdfgan.io.eight_bit import png_bytes
+from svbrdfgan.io.gltf.document import Document
+from svbrdfgan.io.gltf.surface_files import save_mesh_glb
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
+from svbrdfgan.weathering.recipes import Dust
+
+SMALL = Textures(64, 32)
+
+
+@pytest.fixture(scope="module")
+def van(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("van") / "van.glb"
+    save_mesh_glb(path, build_vehicle(sample_vehicle("van", 5)))
+    return path
+
+
+def opened(van: Path, **given: tuple[str, ...]) -> Workpiece:
+    workpiece = open_workpiece(van, front="+Z", up="+Y", **given)
+    workpiece.asset.document.changes.append("something was compressed.")
+    return workpiece
+
+
+@pytest.mark.parametrize("keep", [(), ("*",)], ids=["weathered", "kept"])
+def test_what_reading_changed_is_told_whatever_weathers(van: Path, keep: tuple[str, ...]) -> None:
+    workpiece, dust = opened(van, keep=keep), RecipeWeathering(Dust())
+    assert weathered_document(workpiece, dust, SMALL).told[0] == "something was compressed."
+    assert overlaid_document(workpiece, dust, SMALL).edited.told[0] == "something was compressed."
+
+
+def test_maps_that_the_layer_leaves_alone_are_written_in_their_own_format(tmp_path: Path) -> None:
+    document = Document({"asset": {"version": "2.0"}}, [], tmp_path / "a.glb")
+    pictures = (png_bytes(np.zeros((2, 2, 3), np.uint8)), b"\xabKTX 20\xbb\r\n\x1a\n", b"\xff\xd8\xff\xe0")
+    for number, data in enumerate(pictures):
+        document.add("images", {"bufferView": document.add_view(data), "mimeType": "image/any"})
+        document.add("textures", {"source": number})
+    color = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+    rest = {"normalTexture": {"index": 1}, "emissiveTexture": {"index": 2}}
+    for _ in range(2):
+        document.add("materials", {"name": "paint", **color, **rest})
+    names = [path.name for path in write_maps(tmp_path, Edited(document, materials=[0, 1]))]
+    maps = ("base_color.png", "normal.ktx2", "emissive.jpg")
+    assert names == [f"{material}.{name}" for material in ("paint", "paint.1") for name in maps]
+
+
+def test_python_takes_a_recipe_and_spares_the_source(van: Path, tmp_path: Path) -> None:
+    before = van.read_bytes()
+    written = write_weathered(tmp_path / "dusty.glb", van, Dust(), SMALL, front="+Z", up="+Y")
+    assert written.paths == (tmp_path / "dusty.glb",)
+    with pytest.raises(AssetError, match="is the input mesh"):
+        write_weathered(van, van, Dust(), SMALL)
+    assert van.read_bytes() == before
