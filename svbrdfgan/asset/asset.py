@@ -12,15 +12,20 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from svbrdfgan.errors import AssetError
 from svbrdfgan.io.files import check_file
 from svbrdfgan.io.gltf.document import SUFFIXES as DOCUMENTS
 from svbrdfgan.io.gltf.document import Document, Json, read_document
-from svbrdfgan.io.gltf.pieces import document_pieces
+from svbrdfgan.io.gltf.pieces import count_shown, document_pieces
 from svbrdfgan.io.gltf.primitives import texture_coordinates
 from svbrdfgan.io.gltf.surface_files import mesh_document
 from svbrdfgan.io.mesh import SUFFIXES, Joined, join_pieces, load_mesh
 from svbrdfgan.io.pieces import Piece, Source
 from svbrdfgan.types import Mesh
+from svbrdfgan.utils.memory import allowed_bytes, gigabytes
+
+BYTES_PER_TRIANGLE = 3000
+"""What an asset, its surroundings and a second UV set take."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,13 +101,22 @@ class Asset:
         return tuple(name for name in names if isinstance(name, str) and name)
 
 
-def load_asset(path: str | os.PathLike[str]) -> Asset:
+def load_asset(path: str | os.PathLike[str], memory: int | None = None) -> Asset:
     """The asset in a mesh file: glTF as it is, and OBJ, PLY and STL as the document that a GLB of them would hold.
 
+    Args:
+        memory: bytes that may be taken; None allows a share of what is free.
+
     Raises:
-        AssetError: the file is missing, broken or of another kind, has no faces, or has invalid coordinates.
+        AssetError: the file is missing, broken or of another kind, has no faces, or has invalid coordinates, or shows
+            more triangles than that memory holds.
     """
     path = check_file(path, SUFFIXES, "mesh")
     document = read_document(path) if path.suffix.lower() in DOCUMENTS else mesh_document(path, load_mesh(path))
+    if (needed := BYTES_PER_TRIANGLE * (count := count_shown(document))) > allowed_bytes(memory):
+        raise AssetError(
+            f"{path} shows {count:,} triangles, which need about {gigabytes(needed)} of memory; "
+            f"{gigabytes(allowed_bytes(memory))} are allowed. Make it simpler."
+        )
     pieces = document_pieces(document)
     return Asset(path, document, tuple(pieces), join_pieces(path, pieces))

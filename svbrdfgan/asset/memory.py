@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
-from svbrdfgan.asset.asset import Asset
+from svbrdfgan.asset.asset import BYTES_PER_TRIANGLE, Asset
 from svbrdfgan.asset.weather_document import DEFAULT_SIZE, Textures
 from svbrdfgan.asset.weathered_material import WeatheredMaterial
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.gltf.materials import DocumentPictures
 from svbrdfgan.types import FURTHER_MAPS
+from svbrdfgan.utils.memory import allowed_bytes, gigabytes
 
-_SHARE = 0.8
-"""Of the memory that is free, what weathering may take by default."""
-_UNKNOWN = 4 << 30
-"""Bytes that count as free where the system does not say."""
-_UNLIMITED = 1 << 62
-_CONTAINER = Path("/sys/fs/cgroup")
 _LEAST = 256
 """Texels along a side: no smaller textures are suggested."""
 
 _PROGRAM = 420 << 20  # the interpreter, NumPy and torch, and the tiles that are being painted
-_TRIANGLE = 3000  # the asset, the surroundings and a second UV set
 _PAINTED = 19  # a layer's texel: nine channels of 16 bits, and whether it is known
 _FILLING = 20  # more while the texels around the faces are filled
 _OLD = 32  # a texel of an old texture: its bytes, as part of the looks, and as float32 when it is looked up
@@ -49,7 +41,7 @@ def peak_bytes(
     texels, painted = rows * cols, layer[0] * layer[1]
     painting = (_PAINTED + _FILLING) * painted
     blending = _PAINTED * painted + _OLD * sum(old) + (_NEW * maps + _ENCODING) * texels + _BLENDING * cols
-    return _PROGRAM + _TRIANGLE * triangles + max(painting, blending)
+    return _PROGRAM + BYTES_PER_TRIANGLE * triangles + max(painting, blending)
 
 
 @dataclass(frozen=True)
@@ -112,7 +104,7 @@ def require_memory(plan: Plan, limit: int | None = None, further: int = 0) -> in
     Raises:
         ConfigError: the plan needs more.
     """
-    limit = round(_SHARE * free_bytes()) if limit is None else limit
+    limit = allowed_bytes(limit)
     needed = plan.peak_bytes() + further
     if needed <= limit:
         return needed
@@ -123,42 +115,11 @@ def require_memory(plan: Plan, limit: int | None = None, further: int = 0) -> in
     raise ConfigError(f"{given}; --size {fitting.size} --resolution {fitting.painted} would fit.")
 
 
-def free_bytes() -> int:
-    """Memory that the process can still take: of the machine, and of a container's share of it."""
-    return min(_machine_bytes(), _container_bytes())
-
-
-def gigabytes(count: int) -> str:
-    """A number of bytes for people."""
-    return f"{count / 2**30:.1f} GiB"
-
-
-def _container_bytes() -> int:
-    """By Linux's control groups, version 2."""
-    try:
-        limit, used = ((_CONTAINER / name).read_text(encoding="ascii") for name in ("memory.max", "memory.current"))
-        return int(limit) - int(used)
-    except (OSError, ValueError):  # no container, or "max"
-        return _UNLIMITED
-
-
-def _machine_bytes() -> int:
-    try:
-        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-        return next(int(line.split()[1]) << 10 for line in lines if line.startswith("MemAvailable:"))
-    except (OSError, StopIteration):
-        pass
-    try:
-        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):
-        return _UNKNOWN
-
-
 def _old(asset: Asset, number: int | None) -> tuple[tuple[int, int], ...]:
     """Rows and columns of a material's textures."""
     if number is None:
         return ()
-    pictures = DocumentPictures(asset.document)
+    pictures = DocumentPictures(asset.document, quiet=True)
     material = WeatheredMaterial.of(asset.document, asset.document.table("materials")[number], pictures, FURTHER_MAPS)
     found = (pictures.of(info) for info in material.infos())
     return tuple(picture.size[::-1] for picture in found if picture is not None)

@@ -100,7 +100,7 @@ def weather_document(
 
 
 def _weather_group(edited: Edited, model: Model, painter: Painter, group: Group, textures: Textures) -> None:
-    pictures = DocumentPictures(group.asset.document)
+    pictures = DocumentPictures(group.asset.document, quiet=True)
     changed = WeatheredMaterial.of(edited.document, group.entry, pictures, painter.maps)
     if (fault := changed.fault()) is not None:
         edited.told.append(f"'{group.name}' stays clean: {fault.rstrip('.')}.")

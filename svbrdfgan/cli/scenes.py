@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from svbrdfgan.asset.asset import load_asset
-from svbrdfgan.asset.memory import Plan, gigabytes, require_memory
+from svbrdfgan.asset.memory import Plan, require_memory
 from svbrdfgan.asset.weather_document import Edited, Textures
 from svbrdfgan.cli.display import ProgressBar, ProgressLines
 from svbrdfgan.cli.options import PartOptions
@@ -18,6 +18,7 @@ from svbrdfgan.inference.weathered_file import overlaid_document, weathered_docu
 from svbrdfgan.inference.weatherings import Weathering
 from svbrdfgan.inference.workpiece import Workpiece, above_ground, open_workpiece, turned
 from svbrdfgan.io.gltf.document import write_document
+from svbrdfgan.utils.memory import gigabytes
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Scenes:
     def open(self, mesh: Path) -> Workpiece:
         """The workpiece in a file. Which parts weather is printed on stderr."""
         self.display.stage(f"loading {mesh}")
-        workpiece = open_workpiece(mesh, **asdict(self.parts))
+        workpiece = open_workpiece(mesh, memory=self.memory, **asdict(self.parts))
         _report(workpiece)
         return workpiece
 
@@ -89,7 +90,7 @@ class Scenes:
     def _write(self, path: Path, edited: Edited) -> list[Path]:
         self.display.stage(f"writing {path}")
         written = write_document(path, edited.document)
-        for sentence in edited.told:
+        for sentence in dict.fromkeys(edited.told):  # one for each node may be the same
             click.echo(sentence, err=True)
         return written
 

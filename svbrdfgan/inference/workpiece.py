@@ -63,6 +63,7 @@ def open_workpiece(
     masks: Sequence[str] = (),
     front: str | None = None,
     up: str | None = None,
+    memory: int | None = None,
 ) -> Workpiece:
     """The workpiece in a mesh file.
 
@@ -70,6 +71,7 @@ def open_workpiece(
         learnable, keep: patterns, as for `judge`.
         masks: words, as for `Mask.read`: where a layer may lie. What they lie on weathers wherever they let it.
         front, up: nose and roof, as for `find_orientation`; by default they are found.
+        memory: as for `load_asset`.
 
     Raises:
         AssetError: as for `load_asset`, or a mask's picture cannot be read.
@@ -77,7 +79,7 @@ def open_workpiece(
     """
     front, up = axes(front, up)
     read = [Mask.read(word) for word in masks]
-    asset = load_asset(path)
+    asset = load_asset(path, memory)
     orientation = find_orientation(asset.mesh, front=front, up=up)
     masked = masked_pieces(asset, read)
     verdicts = judge(asset, orientation=orientation.matrix(), learnable=learnable, keep=keep, masked=masked)

@@ -18,6 +18,7 @@ from svbrdfgan.utils.threads import in_threads
 from svbrdfgan.weathering.blocks import by_blocks
 
 _GRID = 128  # cells along a side of a depth map, which spans the diameter of the bounding sphere
+_MOST = 2_000_000  # points: several times what vehicles with all their seats need
 _AXES = 32  # each is used in both directions
 
 
@@ -26,11 +27,12 @@ def scatter(
 ) -> tuple[Float[ndarray, "points 3"], Float[ndarray, "points 3"]]:
     """Points about `spacing` metres apart on the faces in the mask (default: all), and their unit shading normals.
 
-    The number of points depends only on the area, not on the tessellation. Points are evenly spread and deterministic.
+    The number of points depends only on the area, not on the tessellation, and is `_MOST` at most: then they are
+    further apart. Points are evenly spread and deterministic.
     """
     corners = surface.faces if faces is None else surface.faces[faces]
     total = np.cumsum(face_areas(surface.positions, corners))
-    owner = faces_by_area(total, max(1, round(total[-1] / spacing**2)))
+    owner = faces_by_area(total, min(max(1, round(total[-1] / spacing**2)), _MOST))
     weights = points_in_triangle(np.arange(len(owner)) - np.searchsorted(owner, owner))
     points = np.einsum("pk,pki->pi", weights, surface.positions[corners[owner]])
     return points, unit(np.einsum("pk,pki->pi", weights, surface.normals[corners[owner]]))

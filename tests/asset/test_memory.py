@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from svbrdfgan.asset.memory import Plan, free_bytes, peak_bytes, require_memory
+from svbrdfgan.asset.memory import Plan, peak_bytes, require_memory
 from svbrdfgan.asset.weather_document import Textures
 from svbrdfgan.errors import ConfigError
+from svbrdfgan.utils.memory import free_bytes
 
 PLAN = Plan(50_000, (((4096, 4096),) * 3,) * 4, Textures(4096, 4096))
 

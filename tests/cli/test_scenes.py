@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -192,3 +193,24 @@ def test_both_states_as_variants(car: Path, tmp_path: Path) -> None:
         "weathered",
     ]
     assert all(material in document.table("materials") for material in read_document(car).table("materials"))
+
+
+def test_more_triangles_than_memory_holds_are_refused_before_they_are_read(car: Path, tmp_path: Path) -> None:
+    document = read_document(car)
+    document.header["nodes"] += [{"mesh": 0} for _ in range(5000)]
+    document.header["scenes"][0]["nodes"] += list(
+        range(len(document.header["nodes"]) - 5000, len(document.header["nodes"]))
+    )
+    write_document(tmp_path / "many.glb", document)
+    result = run("weather", tmp_path / "many.glb", *QUICK, "--memory", 1, "-o", tmp_path / "a.glb")
+    assert result.exit_code == 1
+    assert re.search(r"many.glb shows [\d,]+ triangles, which need about [\d.]+ GiB of memory; 1.0 GiB", result.stderr)
+    assert not (tmp_path / "a.glb").exists()
+
+
+def test_a_name_with_half_a_character_comes_back(car: Path, tmp_path: Path) -> None:
+    document = read_document(car)
+    document.header["nodes"][0]["name"] = "half \ud800"
+    write_document(tmp_path / "half.glb", document)
+    words = ("weather", tmp_path / "half.glb", *QUICK, "-o", tmp_path / "a.glb")
+    assert written(run(*words), tmp_path / "a.glb").header["nodes"][0]["name"] == "half \ud800"

@@ -99,3 +99,9 @@ def test_neither_depends_on_how_the_surface_is_cut_into_faces(shapes):
     up = np.tile(UP, (3, 1))
     assert np.allclose(ambient_visibility(coarse, points, up), ambient_visibility(fine, points, up), atol=0.05)
     assert np.allclose(mean_curvature(coarse, points, up, 0.1), mean_curvature(fine, points, up, 0.1), atol=0.12)
+
+
+def test_faces_in_one_place_need_no_more_points_than_memory_holds(shapes, monkeypatch):
+    monkeypatch.setattr("svbrdfgan.weathering.occlusion._MOST", 100)
+    points, normals = scatter(shapes.flat(shapes.floor()), 1e-6)
+    assert points.shape == normals.shape == (100, 3)

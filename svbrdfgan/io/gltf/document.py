@@ -271,7 +271,7 @@ def _set_buffer(document: Document, binary: bytearray, **uri: str) -> None:
 
 
 def _dumped(header: Json) -> bytes:
-    return json.dumps(header, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    return json.dumps(header, separators=(",", ":"), allow_nan=False).encode("ascii")  # files may name half characters
 
 
 def _write_glb(path: Path, document: Document) -> None:

@@ -33,9 +33,14 @@ _CUTOFF = 0.5
 
 @dataclass(frozen=True, eq=False)
 class DocumentPictures:
-    """The pictures of a document, each opened once."""
+    """The pictures of a document, each opened once.
+
+    Attributes:
+        quiet: whether those that cannot be read cause no warning, since `fault` is told.
+    """
 
     document: Document
+    quiet: bool = False
     _opened: dict[int, Image | str] = field(default_factory=dict)
 
     def of(self, info: Mapping[str, Any] | None) -> Image | None:
@@ -67,7 +72,8 @@ class DocumentPictures:
         try:
             return decode_picture(picture_bytes(self.document, number), entry.get("mimeType"))
         except (AssetError, OSError, ValueError) as error:
-            log.warning("%s: picture %d cannot be read (%s)", self.document.path, number, error)
+            level = logging.DEBUG if self.quiet else logging.WARNING
+            log.log(level, "%s: picture %d cannot be read (%s)", self.document.path, number, error)
             return str(error)
 
 

@@ -13,7 +13,14 @@ from svbrdfgan.io.gltf.accessors import read_floats
 from svbrdfgan.io.gltf.document import Document, Json
 from svbrdfgan.io.gltf.materials import DocumentPictures, look_of
 from svbrdfgan.io.gltf.nodes import Placement, placements, world_matrices
-from svbrdfgan.io.gltf.primitives import is_solid, posed_positions, skin_matrices, texture_coordinates, triangles
+from svbrdfgan.io.gltf.primitives import (
+    count_triangles,
+    is_solid,
+    posed_positions,
+    skin_matrices,
+    texture_coordinates,
+    triangles,
+)
 from svbrdfgan.io.materials import Look, Pictures
 from svbrdfgan.io.pieces import Piece, Source
 from svbrdfgan.io.uv_sets import UVSet
@@ -45,6 +52,17 @@ def document_pieces(document: Document) -> list[Piece]:
         for place in shown
         if place.mesh == mesh
     ]
+
+
+def count_shown(document: Document) -> int:
+    """About as many triangles as the pieces have together, found before any is read."""
+    meshes = document.table("meshes")
+    return sum(
+        count_triangles(document, primitive)
+        for place in placements(document)
+        for primitive in meshes[place.mesh]["primitives"]
+        if is_solid(primitive)
+    )
 
 
 class _Builder:

@@ -19,6 +19,14 @@ def is_solid(primitive: Json) -> bool:
     return primitive.get("mode", _TRIANGLES) not in POINTS_OR_LINES and "POSITION" in primitive.get("attributes", {})
 
 
+def count_triangles(document: Document, primitive: Json) -> int:
+    """What the file says of the number of triangles, or a third of that of vertices if these are more."""
+    accessors, vertices = document.table("accessors"), primitive["attributes"]["POSITION"]
+    count = int(accessors[primitive.get("indices", vertices)]["count"])
+    found = count // 3 if primitive.get("mode", _TRIANGLES) == _TRIANGLES else max(count - 2, 0)
+    return max(found, int(accessors[vertices]["count"]) // 3)
+
+
 def triangles(document: Document, primitive: Json) -> Int[ndarray, "faces 3"]:
     """The vertices of each triangle, whose winding is the file's; strips and fans become single triangles.
 
