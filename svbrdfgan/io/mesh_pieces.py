@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -28,7 +31,17 @@ def _load(path: Path, kind: str, content: BytesIO) -> Any:
     import trimesh
 
     resolver: Any = Neighbours(path)
-    return trimesh.load(content, file_type=kind, force="scene", resolver=resolver, process=False)
+    with _silent(trimesh.util.log):  # trimesh logs a missing picture's traceback, and `Neighbours` a sentence
+        return trimesh.load(content, file_type=kind, force="scene", resolver=resolver, process=False)
+
+
+@contextmanager
+def _silent(log: logging.Logger) -> Iterator[None]:
+    disabled, log.disabled = log.disabled, True
+    try:
+        yield
+    finally:
+        log.disabled = disabled
 
 
 def _pieces(path: Path, scene: Any) -> list[Piece]:

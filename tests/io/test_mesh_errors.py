@@ -166,3 +166,15 @@ def test_a_material_s_name_that_is_no_text_is_none(name: object, tmp_path: Path)
 def test_texture_coordinates_of_one_number_are_none(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text(f"{TRIANGLE}vt 0\nvt 1\nvt 2\nf 1/1 2/2 3/3\n")
     assert load_mesh(tmp_path / "a.obj").uv is None
+
+
+def test_a_picture_that_a_mesh_names_and_that_is_missing_is_told_in_one_sentence(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    header = "ply\nformat ascii 1.0\ncomment TextureFile gone.png\nelement vertex 3\nproperty float x\n"
+    header += "property float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    (tmp_path / "a.ply").write_text(f"{header}0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    load_mesh(tmp_path / "a.ply")
+    assert [record.getMessage() for record in caplog.records] == [
+        f"{tmp_path / 'a.ply'} names the file 'gone.png', which is missing or outside of its folder"
+    ]
