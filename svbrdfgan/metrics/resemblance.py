@@ -27,8 +27,8 @@ PART_MEANINGS: Mapping[str, str] = MappingProxyType(
     {
         "patches": "shapes, edges and grain, from single texels up to whole panels",
         "mean": "whether layers lie in the right places, averaged over draws",
-        "deviation": "whether draws differ from each other by as much, and in the same places",
-        "spectrum": "how strong the pattern is at each size: blur lacks the small ones, noise has too much of them",
+        "deviation": "whether draws differ from each other as much as true ones do, place by place",
+        "spectrum": "how strong the pattern is at each size: neither blurred nor noisy",
         "joint": "whether colour, coverage and the other maps belong together",
         "amount": "how much of the surface is covered in all",
     }

@@ -30,7 +30,7 @@ def strip(evaluated: Evaluated, index: int) -> Vehicle:
     truth = [_true_layer(evaluated, views, column) for column in range(STRIP)]
     made = [_draw(evaluated, index, n, _own_labels(evaluated, view)) for n, view in enumerate(views)]
     shown = [framed(each, exemplars.coverage[index]) for each in pictures(evaluated.source, index, truth + made)]
-    titles = [f"True draw {n + 1}" for n in range(STRIP)] + [f"Learned draw {n + 1}" for n in range(STRIP)]
+    titles = ["True draw"] * STRIP + ["Learned draw"] * STRIP
     notes = [weathering_note(exemplars.scenes[view]) for view in views] * 2
     scene = exemplars.scenes[index]
     return Vehicle(subject_name(scene), scene_note(scene), tuple(map(Titled, titles, shown, notes)))
