@@ -79,7 +79,7 @@ class Resemblance(StrictModel):
         """The scores in words, one line each."""
         parts = ", ".join(f"{name} {value:.2f}" for name, value in self.parts.items())
         return [
-            f"resemblance: {self.resemblance:.3f} (1: as alike as true draws are to each other, 0: one colour everywhere)",
+            f"resemblance: {self.resemblance:.3f} (1: as alike as true draws are to each other, 0: one colour)",
             f"least part:  {self.least} {self.parts[self.least]:.2f} ({PART_MEANINGS[self.least]})",
             f"parts:       {parts}",
         ]

@@ -110,7 +110,7 @@ def test_a_distribution_has_its_oracle_and_its_figures() -> None:
     assert found.of_distribution
     assert found.fraction is None, "both are those of one draw"
     assert found.lines() == [
-        "resemblance: 0.794 (1: as alike as true draws are to each other, 0: one colour everywhere)",
+        "resemblance: 0.794 (1: as alike as true draws are to each other, 0: one colour)",
         "least part:  deviation 0.25 (whether draws differ from each other as much as true ones do, place by place)",
         "parts:       patches 1.00, mean 1.00, deviation 0.25, spectrum 1.00, joint 1.00, amount 1.00",
         "compared:    16 draws of each of 3 test subjects, 75% of their area",
