@@ -45,8 +45,9 @@ def part_bars(evaluation: Evaluation) -> list[PartBar]:
     mine, best = evaluation.generated.draws, None if evaluation.oracle is None else evaluation.oracle.draws
     if mine is None:
         return []
+    oracle = {} if best is None else {name: _percent(value) for name, value in best.parts.items()}
     return [
-        PartBar(name, f"{value:.2f}", PART_MEANINGS[name], _percent(value), best and _percent(best.parts[name]))
+        PartBar(name, f"{value:.2f}", PART_MEANINGS[name], _percent(value), oracle.get(name))
         for name, value in mine.parts.items()
     ]
 
@@ -60,7 +61,11 @@ def _resemblances(evaluation: Evaluation) -> Iterator[KeyFigure]:
             "How alike the generator's draws are to true ones: 1 is as alike as true draws are to each other, 0 is one "
             "colour everywhere.",
         )
-        yield KeyFigure(f"least part: {mine.least}", f"{mine.parts[mine.least]:.2f}", _sentence(mine.least))
+        yield KeyFigure(
+            f"least part: {mine.least}",
+            f"{mine.parts[mine.least]:.2f}",
+            f"What resembles the truth least: {PART_MEANINGS[mine.least]}.",
+        )
     if oracle is not None and oracle.draws is not None:
         meaning = _oracle_meaning(oracle, evaluation.resemblance_fraction)
         yield KeyFigure("resemblance of the oracle", f"{oracle.draws.resemblance:.3f}", meaning)
@@ -91,11 +96,6 @@ def _figures(figures: DrawFigures | None) -> Iterator[KeyFigure]:
 def _oracle_meaning(oracle: OracleScores, fraction: float | None) -> str:
     reached = "" if fraction is None else f"; this run reaches {fraction:.0%} of it"
     return f"The same network after {oracle.steps:,} steps on true layers instead of pictures{reached}."
-
-
-def _sentence(part: str) -> str:
-    meaning = PART_MEANINGS[part]
-    return f"What resembles the truth least: {meaning}."
 
 
 def _percent(value: float) -> float:

@@ -12,7 +12,7 @@ from svbrdfgan.metrics.draw_statistics import PARTS
 from svbrdfgan.metrics.resemblance import Resemblance
 from svbrdfgan.report.curves import Curve, Level, LineChart, charts, draw
 from svbrdfgan.report.draw_facts import draw_verdict
-from svbrdfgan.report.facts import duration, flip_bars, half_way, relit_bars, summary, verdict
+from svbrdfgan.report.facts import duration, flip_bars, half_way, relit_bars, summary
 from svbrdfgan.report.patches import CYAN, YELLOW, PatchLogits, Scale, overlay
 from svbrdfgan.report.vehicles import choose_views, error_scale, rendered, textured
 from svbrdfgan.training.config import LossConfig
