@@ -37,10 +37,12 @@ class Comparison:
     Attributes:
         resemblance: of each painter that is a generator.
         figures: likewise, and of the truth, for which other true draws stand: what can be reached with so few draws.
+        refusal: why the draws of a distribution have no scores; else empty.
     """
 
     resemblance: Mapping[Painter, Resemblance] = field(default_factory=dict)
     figures: Mapping[Painter, DrawFigures] = field(default_factory=dict)
+    refusal: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,11 +88,15 @@ def evaluate(
     source = make_batch_source(as_exemplars, split, renderer, fabric.device, shown.advance)
 
     @cache
+    def other(of: Split) -> LoadedSplit:
+        return load_seen_texels(resolved, of, renderer, shown.advance)
+
     def load(of: Split) -> LoadedSplit:
+        """A split. Whoever asks which texels its pictures show traces its scenes, so each call begins that phase."""
         if of == split:
             return source.exemplars, source.seen
         shown.begin(f"light transport of the {of} scenes")
-        return load_seen_texels(resolved, of, renderer, shown.advance)
+        return other(of)
 
     constants = constant_layers(*load("train"), fabric.device)
     observed = _observed(source, renderer, config, shown)
@@ -108,7 +112,6 @@ def evaluate(
         if found.adversarial:
             drawing["oracle"] = found.generator
     layers_of = _with_own_conditions(by_subject(source.exemplars, layers), drawing, config, fabric, source)
-    shown.begin("comparing pictures", len(source))
     flips, draws = _flips(source, layers_of, shown), Comparison()
     if model.generator.varies or seeds_vary(config.dataset):
         draws = _draws(drawing, config, fabric, source, scorer, constants, workers, shown)
@@ -131,22 +134,26 @@ def _draws(
     shown: Display,
 ) -> Comparison:
     """The scores of draws; none if the true draws cannot be compared."""
-    shown.begin("comparing draws of layers", len(scorer.geometry))
+    shown.begin("comparing draws of layers", len({target.subject for target in scorer.targets}))
     try:
         return compare_draws(
             generators, config, fabric, source.exemplars, scorer, constants, shown.advance, workers=workers
         )
     except AssetError as error:
         log.warning("resemblance has no score: %s", error)
-        return Comparison()
+        return Comparison(refusal=str(error) if seeds_vary(config.dataset) else "")
 
 
 def _observed(source: BatchSource, renderer: CheckedRenderer, config: RunConfig, shown: Display) -> Observed | None:
     """The texels where the split's further maps can be observed; None if layers paint base_color alone."""
     if not config.maps:
         return None
-    shown.begin("where each map can be observed", len(source))
+    shown.begin("where each map can be observed", len(_weathered(source)))
     return Observation(source.exemplars, renderer, shown.advance)
+
+
+def _weathered(source: BatchSource) -> list[int]:
+    return [index for index in range(len(source)) if source.exemplars.weathered(index)]
 
 
 def _open_dataset(config: RunConfig, moved_to: Path | None) -> Dataset:
@@ -188,7 +195,8 @@ def _with_own_conditions(
 def _flips(source: BatchSource, layers_of: LayersOf, shown: Display) -> dict[Painter, float]:
     """Mean FLIP between the exemplars and pictures of the same scenes under each painter's layers."""
     totals: dict[Painter, float] = defaultdict(float)
-    weathered = [index for index in range(len(source)) if source.exemplars.weathered(index)]
+    weathered = _weathered(source)
+    shown.begin("comparing pictures", len(weathered))
     for index in weathered:
         truth = as_displayed(source.exemplars.images[index], coverage=source.exemplars.coverage[index].float())
         layers = layers_of(index)

@@ -58,6 +58,7 @@ class Findings:
             ),
             constant=self._constant(),
             truth=self._pictured("truth"),
+            refusal=self.draws.refusal,
         )
 
     def _pictured(self, painter: Painter) -> PainterScores:

@@ -77,7 +77,7 @@ class LearnedScores(PainterScores):
             thesis saw artifacts; comparable across embeddings.
         maps: where layers paint further maps, the scores of all maps, base_color among them.
         draws: where layers are a distribution, how alike the network's draws are to true ones
-            (`svbrdfgan.metrics.resemblance`); then `recovered` is that of one draw, and says little.
+            (`svbrdfgan.metrics.resemblance`); then `recovered` and FLIP are those of one draw, and say little.
     """
 
     recovered: float
@@ -111,9 +111,7 @@ class OracleScores(LearnedScores):
 
     @property
     def state(self) -> str:
-        """The end of the oracle's training, in words."""
-        if self.plateau is None:
-            return "one draw of it"
+        """The end of a supervised oracle's training, in words."""
         return "at its plateau" if self.plateau else "still rising"
 
 
@@ -124,6 +122,7 @@ class Evaluation(StrictModel):
         areas: for each map, the share of the learnable area that is scored: that the split's pictures show, and where
             the map can be observed.
         oracle: None if there is no oracle.
+        refusal: why the draws of a distribution could not be compared; else empty.
     """
 
     split: Split
@@ -134,6 +133,12 @@ class Evaluation(StrictModel):
     oracle: OracleScores | None = None
     constant: ConstantScores
     truth: PainterScores
+    refusal: str = ""
+
+    @property
+    def of_distribution(self) -> bool:
+        """Whether layers are a distribution: no single layer is right, and only sets of draws can be compared."""
+        return self.generated.draws is not None or bool(self.refusal)
 
     @property
     def painters(self) -> dict[Painter, PainterScores]:
@@ -149,8 +154,7 @@ class Evaluation(StrictModel):
     @property
     def fraction(self) -> float | None:
         """Recovered over that of the oracle; None of a distribution, where both are those of one draw."""
-        drawing = self.oracle is not None and self.oracle.plateau is None
-        return None if drawing else self.of_oracle(lambda its: its.recovered)
+        return None if self.of_distribution else self.of_oracle(lambda its: its.recovered)
 
     @property
     def relit_ratio(self) -> float | None:
@@ -172,7 +176,10 @@ class Evaluation(StrictModel):
         return None if self.oracle is None else share(score(self.generated), score(self.oracle))
 
     def lines(self) -> list[str]:
-        """The scores in words, one line each, and a table of the maps."""
+        """The scores in words, one line each, and a table of the maps; of a distribution, those of draws alone."""
+        return self._draw_lines() if self.of_distribution else self._layer_lines()
+
+    def _layer_lines(self) -> list[str]:
         scored = f"{self.subjects} {self.split} subjects, {self.seen:.0%} of their area seen"
         mine, best = self.generated, self.oracle
         lines = [f"recovered: {mine.recovered:.3f} ({scored})"]
@@ -187,7 +194,7 @@ class Evaluation(StrictModel):
         lines.append(
             f"FLIP:      {mine.flip:.3f} (constant layer {self.constant.flip:.3f}, noise alone {self.truth.flip:.3f})"
         )
-        return lines + self._relit_lines() + self._draw_lines() + self._map_lines()
+        return lines + self._relit_lines() + self._map_lines()
 
     def map_table(self) -> dict[str, dict[str, str]]:
         """The cells of the table of maps, by map and heading; empty where base_color is the only map."""
@@ -205,10 +212,14 @@ class Evaluation(StrictModel):
         save_record(run / of_split(EVALUATION, self.split), self)
 
     def _draw_lines(self) -> list[str]:
-        lines = self.generated.draws.lines() if self.generated.draws else []
+        """The scores of draws. The names of painters are those of `painters`."""
+        mine, compared = self.generated.draws, f"{self.subjects} {self.split} subjects, {self.seen:.0%} of their area"
+        if mine is None:
+            return [f"resemblance: unknown, since {self.refusal}"]
+        lines = [*mine.lines(), f"compared:    {mine.draws} draws of each of {compared}"]
         if self.oracle is not None and (best := self.oracle.draws) is not None:
             least = f"{best.least} {best.parts[best.least]:.2f}"
-            lines.append(f"its oracle:  {best.resemblance:.3f} (least: {least}; {self.oracle.steps} steps)")
+            lines.append(f"oracle:      {best.resemblance:.3f} (least: {least}; {self.oracle.steps} steps)")
         if self.resemblance_fraction is not None:
             lines.append(f"fraction:    {self.resemblance_fraction:.3f} of the oracle")
         return lines + [f"{name}: {its.figures.line()}" for name, its in self.painters.items() if its.figures]

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import torch
 from jaxtyping import Float
@@ -21,6 +22,18 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.metrics.draw_statistics import PARTS, Draws, Measure, ScoredSurface, Statistics, distances
 from svbrdfgan.metrics.texture_pyramid import octave_count
 from svbrdfgan.types import Layer, layer_channels
+
+PART_MEANINGS: Mapping[str, str] = MappingProxyType(
+    {
+        "patches": "shapes, edges and grain, from single texels up to whole panels",
+        "mean": "whether layers lie in the right places, averaged over draws",
+        "deviation": "whether draws differ from each other as much as true ones do, place by place",
+        "spectrum": "how strong the pattern is at each size: neither blurred nor noisy",
+        "joint": "whether colour, coverage and the other maps belong together",
+        "amount": "how much of the surface is covered in all",
+    }
+)
+"""What each part compares with true draws, for readers who do not know its distance."""
 
 
 class Resemblance(StrictModel):
@@ -64,10 +77,10 @@ class Resemblance(StrictModel):
 
     def lines(self) -> list[str]:
         """The scores in words, one line each."""
-        sets = f"{self.draws} draws of each of {self.subjects} subjects"
         parts = ", ".join(f"{name} {value:.2f}" for name, value in self.parts.items())
         return [
-            f"resemblance: {self.resemblance:.3f} (least: {self.least} {self.parts[self.least]:.2f}; {sets})",
+            f"resemblance: {self.resemblance:.3f} (1: as alike as true draws are to each other, 0: one colour)",
+            f"least part:  {self.least} {self.parts[self.least]:.2f} ({PART_MEANINGS[self.least]})",
             f"parts:       {parts}",
         ]
 

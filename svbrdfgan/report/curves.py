@@ -97,7 +97,7 @@ def charts(log: MetricsLog, evaluation: Evaluation, config: TrainConfig) -> list
 
 def _recovered(log: MetricsLog, evaluation: Evaluation, images_per_step: int) -> LineChart | None:
     scored = [line for line in log if "recovered" in line]
-    if not scored:
+    if not scored or evaluation.of_distribution:  # the score of one draw says nothing
         return None
     x, y = [line["step"] * images_per_step for line in scored], [line["recovered"] for line in scored]
     levels = [Level(f"model on {evaluation.split}", evaluation.generated.recovered, SERIES[1], x[y.index(max(y))])]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -45,10 +45,9 @@ class Bar:
 
 
 def verdict(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> list[KeyFigure]:
-    """The figures at the head of the page; unknown ones are left out."""
+    """The figures at the head of the page of a run that learns one layer; unknown ones are left out."""
     mine, best = evaluation.generated, evaluation.oracle
     found = [
-        *_resemblances(evaluation),
         KeyFigure(
             "recovered",
             f"{mine.recovered:.3f}",
@@ -84,32 +83,6 @@ def verdict(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> lis
     )
     half = half_way(evaluation, config, log)
     return found if half is None else [*found, half]
-
-
-def _resemblances(evaluation: Evaluation) -> Iterator[KeyFigure]:
-    """The resemblance that the generator and the oracle of a distribution reached, and the run's share of it."""
-    mine, best = evaluation.generated.draws, None if evaluation.oracle is None else evaluation.oracle.draws
-    if mine is not None:
-        yield KeyFigure(
-            "resemblance",
-            f"{mine.resemblance:.3f}",
-            "How alike draws of the generator are to draws of the true layers: 1 is as alike as true draws are to each "
-            f"other, 0 one colour everywhere. Least alike: {mine.least}, {mine.parts[mine.least]:.2f}. Recovered is "
-            "that of one draw, and says little.",
-        )
-    if best is not None:
-        yield KeyFigure(
-            "resemblance of the oracle",
-            f"{best.resemblance:.3f}",
-            "The same network trained adversarially on true layers instead of pictures, for as many steps. Least "
-            f"alike: {best.least}, {best.parts[best.least]:.2f}.",
-        )
-    if evaluation.resemblance_fraction is not None:
-        yield KeyFigure(
-            "resemblance, of the oracle",
-            f"{evaluation.resemblance_fraction:.0%}",
-            "Resemblance as a share of the oracle's: what learning from pictures costs.",
-        )
 
 
 def half_way(evaluation: Evaluation, config: TrainConfig, log: MetricsLog) -> KeyFigure | None:
@@ -191,8 +164,6 @@ def _relit_meaning(evaluation: Evaluation) -> str:
 
 def _oracle_meaning(oracle: OracleScores) -> str:
     ceiling, after = "The same network trained on the true layers themselves: the ceiling.", f"{oracle.steps:,} steps"
-    if oracle.plateau is None:
-        return f"One draw of the same network trained after {after} on true layers instead of pictures; says as little."
     if oracle.plateau:
         return f"{ceiling} At its plateau after {after}."
     return f"{ceiling} Still rising after {after}, so the true ceiling is higher."

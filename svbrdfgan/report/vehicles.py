@@ -88,18 +88,27 @@ def compared(found: PaintedScene) -> Vehicle:
     for painter, title in _titles(found):
         picture = framed(found.pictures[painter], found.coverage)
         columns.append(Titled(title, picture, f"FLIP {flips[painter]:.3f}"))
-    return Vehicle(subject_name(found.scene), _scene_note(found.scene), tuple(columns))
+    return Vehicle(subject_name(found.scene), scene_note(found.scene), tuple(columns))
+
+
+def shown(found: PaintedScene) -> Vehicle:
+    """A scene of a distribution under the true layer and a draw of each network, with the same amount and recipe."""
+    columns = [Titled(title, framed(found.pictures[p], found.coverage)) for p, title in _titles(found, drawn=True)]
+    pictures = (Titled("Truth", framed(found.reference, found.coverage)), *columns)
+    return Vehicle(subject_name(found.scene), f"{weathering_note(found.scene)}, {scene_note(found.scene)}", pictures)
 
 
 def close_up(found: PaintedScene) -> Vehicle:
     """A small part of a vehicle under each layer."""
     columns = [Titled(title, found.pictures[painter]) for painter, title in _titles(found)]
     pictures = (Titled("Truth", found.reference), *columns)
-    return Vehicle(subject_name(found.scene), _weathering_note(found.scene), pictures)
+    return Vehicle(subject_name(found.scene), weathering_note(found.scene), pictures)
 
 
-def _titles(found: PaintedScene) -> list[tuple[Painter, str]]:
-    return [(painter, title) for painter, title in _TITLES.items() if painter in found.pictures]
+def _titles(found: PaintedScene, drawn: bool = False) -> list[tuple[Painter, str]]:
+    """The painters of a scene's pictures; of a distribution, without the constant, which is no draw."""
+    known = [(painter, title) for painter, title in _TITLES.items() if painter in found.pictures]
+    return [(painter, title) for painter, title in known if not (drawn and painter == "constant")]
 
 
 def textured(evaluated: Evaluated, index: int, top: float) -> Vehicle:
@@ -128,6 +137,26 @@ def textured(evaluated: Evaluated, index: int, top: float) -> Vehicle:
     )
 
 
+def drawn_textures(evaluated: Evaluated, index: int) -> Vehicle:
+    """The generator's input, G0's layer of an exemplar, and a draw of the generator with its amount and recipe."""
+    exemplars = evaluated.source.exemplars
+    subject, truth, made = exemplars.subject(index), exemplars.layers[index], evaluated.learned(index)
+    assert truth is not None
+    surface, learnable, geometry = subject.buffer.mask, subject.learnable_texels, subject.geometry.cpu().float()
+    return Vehicle(
+        subject_name(exemplars.scenes[index]),
+        weathering_note(exemplars.scenes[index]),
+        (
+            Titled("Position", upright(signed_as_color(geometry[:3]), surface)),
+            Titled("True draw", upright(over_checker(truth), learnable)),
+            Titled("Learned draw", upright(over_checker(made), learnable)),
+            Titled("Normal", upright(signed_as_color(geometry[3:6]), surface)),
+            Titled("True draw: alpha", upright(_grey(truth.alpha), learnable)),
+            Titled("Learned draw: alpha", upright(_grey(made.alpha), learnable)),
+        ),
+    )
+
+
 def error_scale(evaluated: Evaluated, indices: Sequence[int]) -> float:
     """A round number above nearly all albedo errors of these exemplars: the top of their colour scale."""
     errors = [error[scored] for scored, error in (_error(evaluated, index) for index in indices)]
@@ -152,11 +181,11 @@ def _grey(values: Float[Tensor, "rows cols"]) -> Float[Tensor, "rows cols 3"]:
     return values.clamp(0, 1).unsqueeze(-1).expand(*values.shape, 3)
 
 
-def _weathering_note(scene: Scene) -> str:
+def weathering_note(scene: Scene) -> str:
     weathering = scene.weathering
     return f"{weathering.recipe}, amount {weathering.amount:.2f}" if isinstance(weathering, SceneWeathering) else ""
 
 
-def _scene_note(scene: Scene) -> str:
+def scene_note(scene: Scene) -> str:
     camera, light = scene.camera, Path(scene.environment.asset.path).stem
     return f"azimuth {camera.azimuth_degrees:.0f}°, elevation {camera.elevation_degrees:.0f}°, light {light}"

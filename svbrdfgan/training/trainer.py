@@ -221,7 +221,8 @@ def _report(session: _Session, state: State, diagnostics: Diagnostics, rate: flo
     values |= {"images_per_second": rate, "seconds": state.seconds}
     if session.metrics_log is not None:
         session.metrics_log.write(state.step, values)
-    score = f", recovered {state.history[-1]['recovered']:.3f}" if state.history else ""
+    scored = state.history and not state.generator.varies  # one draw recovers no other
+    score = f", recovered {state.history[-1]['recovered']:.3f}" if scored else ""
     session.display.advance(0, f"{rate:.0f} images/s{score}")
 
 

@@ -157,7 +157,7 @@ def test_evaluation_trains_it_for_a_run_that_learns_a_distribution(varied_run: P
     assert found.resemblance_fraction == share(found.generated.resemblance, best.resemblance)
     drawn = {painter for painter, scores in found.painters.items() if scores.figures is not None}
     assert drawn == {"generated", "oracle", "truth"}
-    assert any(line.startswith("its oracle:") for line in found.lines())
+    assert any(line.startswith("oracle: ") for line in found.lines())
     assert Evaluation.model_validate_json((run / "evaluation.validation.json").read_text()) == found
     generator, score = load_generator(run / ORACLE)
     assert generator.random_fields == 3

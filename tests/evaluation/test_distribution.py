@@ -153,3 +153,5 @@ def test_draws_that_cannot_be_compared_have_no_score(
     found = evaluate(varied_run, split="validation", device="cpu", oracle=False).evaluation
     assert found.generated.resemblance is found.generated.figures is found.truth.figures is None
     assert "resemblance has no score: too small" in caplog.text
+    assert found.of_distribution
+    assert found.refusal == "too small"

@@ -11,6 +11,8 @@ from typing import Any
 import pytest
 import torch
 
+from svbrdfgan.data.config import dataset_config
+from svbrdfgan.data.generate import generate
 from svbrdfgan.errors import AssetError
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.evaluated import Evaluated, pictures
@@ -97,6 +99,41 @@ def test_pictures_show_the_same_scene_under_each_layer(evaluated: Evaluated) -> 
     for picture in shown.values():
         assert picture.shape == (32, 32, 3)
         assert torch.equal(picture[bare], shown["truth"][bare])
+
+
+class Phases:
+    """Keeps the name, the total and the steps of each phase."""
+
+    def __init__(self) -> None:
+        self.seen: list[tuple[str, int | None, int]] = []
+
+    def begin(self, what: str, total: int | None = None) -> None:
+        self.seen.append((what, total, 0))
+
+    def advance(self, steps: int = 1, note: str = "") -> None:
+        what, total, done = self.seen[-1]
+        self.seen[-1] = what, total, done + steps
+
+
+@pytest.mark.parametrize("maps", [{}, {"roughness": 0.4}])
+def test_every_phase_ends_at_its_total(
+    maps: dict[str, float],
+    dataset_data: Callable[..., dict[str, Any]],
+    training_data: Callable[..., dict[str, Any]],
+    tmp_path: Path,
+) -> None:
+    """Scenes of the training split are looked at again for the oracle, which is a phase of its own."""
+    made = dataset_data(maps=maps, weathering={"recipe": "dust", "seed": {"uniform": [0, 99]}})
+    generate(dataset_config(made, "here"), tmp_path / "dataset", base=Path())
+    chance = {"random_fields": 3}
+    train(train_config(training_data(dataset=str(tmp_path / "dataset"), generator=chance), "here"), tmp_path / "run")
+    phases = Phases()
+    evaluate(tmp_path / "run", split="validation", device="cpu", display=phases)
+    assert [phase for phase in phases.seen if phase[1] is not None and phase[2] != phase[1]] == []
+    names = [what for what, _, _ in phases.seen]
+    oracle = names.index("training the oracle on true layers")
+    assert names[oracle - 1] == "light transport of the train scenes"
+    assert phases.seen[oracle - 1][2] == 6, "every scene of the split is traced"
 
 
 def test_the_oracle_is_trained_once(run: Path, evaluated: Evaluated) -> None:

@@ -57,7 +57,6 @@ def test_ratios_are_to_the_oracle() -> None:
     assert found.of_oracle(lambda its: its.of_map("roughness").recovered) is None
     alone = found.model_copy(update={"oracle": None})
     assert alone.fraction is alone.relit_ratio is alone.resemblance_fraction is None
-    assert evaluation({"oracle": {"plateau": None}}).fraction is None
     assert evaluation({"oracle": {"validation": 0.9}}).half_way == 0.45
 
 
@@ -107,13 +106,23 @@ def test_a_distribution_has_its_oracle_and_its_figures() -> None:
         "oracle": {"draws": draws, "plateau": None},
         "truth": {"figures": figures | {"deviation": 1.0}},
     }
-    told = evaluation(changes).lines()
-    assert told[1] == "oracle:    0.800 (one draw of it after 300 steps)"
-    assert told[-4:] == [
-        "its oracle:  0.891 (least: deviation 0.50; 300 steps)",
+    found = evaluation(changes, relit(), MAPS)
+    assert found.of_distribution
+    assert found.fraction is None, "both are those of one draw"
+    assert found.lines() == [
+        "resemblance: 0.794 (1: as alike as true draws are to each other, 0: one colour)",
+        "least part:  deviation 0.25 (whether draws differ from each other as much as true ones do, place by place)",
+        "parts:       patches 1.00, mean 1.00, deviation 0.25, spectrum 1.00, joint 1.00, amount 1.00",
+        "compared:    16 draws of each of 3 test subjects, 75% of their area",
+        "oracle:      0.891 (least: deviation 0.50; 300 steps)",
         "fraction:    0.891 of the oracle",
         "truth: deviation 1.00 of the truth's; mean maps correlate 0.70; power 0.90, 1.10 of the truth's, finest "
         "octave first",
         "generated: deviation 0.80 of the truth's; mean maps correlate 0.70; power 0.90, 1.10 of the truth's, finest "
         "octave first",
     ]
+
+
+def test_a_distribution_without_scores_says_why_and_gives_no_score_of_one_draw() -> None:
+    found = evaluation(relit()).model_copy(update={"refusal": "too small."})
+    assert found.lines() == ["resemblance: unknown, since too small."]

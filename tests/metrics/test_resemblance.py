@@ -245,7 +245,7 @@ def test_the_score_is_the_geometric_mean_of_clipped_parts(tmp_path) -> None:
     )
     assert record.resemblance == pytest.approx(math.pow(0.125, 1 / 6))
     assert record.least == "deviation"
-    assert "least: deviation 0.25" in record.lines()[0]
+    assert record.lines()[1].startswith("least part:  deviation 0.25 (")
     assert record.model_copy(update={"joint": -0.1}).resemblance == 0.0
     save_record(tmp_path / "resemblance.json", record)
     assert load_record(Resemblance, tmp_path / "resemblance.json") == record

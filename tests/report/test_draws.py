@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,8 +12,12 @@ import pytest
 from svbrdfgan.evaluation import true_draws
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.evaluated import Evaluated
+from svbrdfgan.evaluation.record import OracleScores
+from svbrdfgan.metrics.resemblance import PART_MEANINGS, Resemblance
 from svbrdfgan.networks.generator import Generator
-from svbrdfgan.report.draws import COLUMNS, sheets
+from svbrdfgan.report.curves import charts
+from svbrdfgan.report.draw_facts import draw_verdict, part_bars
+from svbrdfgan.report.draws import COLUMNS, STRIP, sheets, strip
 from svbrdfgan.report.page import write_report
 
 
@@ -39,6 +44,63 @@ def test_the_report_has_the_sheets(varied: Evaluated, varied_run: Path) -> None:
     assert "<h2>Draws</h2>" in page
     assert "Amount 0.20" in page
     assert "<h2>Close-ups</h2>" in page
+
+
+PARTS = {"patches": 0.9, "mean": 1.1, "deviation": -0.2, "spectrum": 0.8, "joint": 0.7, "amount": 0.6}
+
+
+def scored(varied: Evaluated, refusal: str = "") -> Evaluated:
+    """The run with these parts, whatever it reached; or without draws that could be compared."""
+    draws = None if refusal else Resemblance(**PARTS, subjects=3, draws=16)
+    generated = varied.evaluation.generated.model_copy(update={"draws": draws})
+    return replace(varied, evaluation=varied.evaluation.model_copy(update={"generated": generated, "refusal": refusal}))
+
+
+def test_the_page_of_a_distribution_tells_of_draws_and_of_nothing_else(varied: Evaluated, varied_run: Path) -> None:
+    page = write_report(varied_run, scored(varied)).read_text(encoding="utf-8")
+    labels = re.findall(r'class="label">([^<]+)<', page)
+    assert labels == ["resemblance", "least part: deviation", "deviation over draws", "amount, rank", "amount, error",
+                      "area seen"]  # fmt: skip
+    assert "): resemblance 0.000</title>" in page
+    body = page[page.index("<body>") : page.index("<h2>Reproduce")]
+    for said in ("recovered", "FLIP", "Best constant", "Error of", "no score was kept"):
+        assert said not in body
+    assert all(meaning in page for meaning in PART_MEANINGS.values())
+
+
+def test_a_distribution_whose_draws_could_not_be_compared_says_why(varied: Evaluated, varied_run: Path) -> None:
+    page = write_report(varied_run, scored(varied, "they are too small.")).read_text(encoding="utf-8")
+    assert "The draws have no score, since they are too small." in page
+    assert "recovered" not in page[page.index("<body>") : page.index("<h2>Reproduce")]
+
+
+def test_bars_of_parts_are_from_0_to_1_with_the_oracle_beside(varied: Evaluated) -> None:
+    found = scored(varied).evaluation
+    assert {bar.label: bar.percent for bar in part_bars(found)} == pytest.approx(
+        {name: 100 * min(max(value, 0), 1) for name, value in PARTS.items()}
+    )
+    assert {bar.oracle for bar in part_bars(found)} == {None}
+    best = found.generated.draws.model_copy(update={"deviation": 0.5, "mean": 0.0})
+    oracle = OracleScores(recovered=0.1, flip=0.1, steps=4000, draws=best)
+    beside = found.model_copy(update={"oracle": oracle})
+    assert [bar.oracle for bar in part_bars(beside)] == pytest.approx([90, 0, 50, 80, 70, 60])
+    (told,) = [figure for figure in draw_verdict(beside) if figure.label == "resemblance of the oracle"]
+    assert "after 4,000 steps on true layers" in told.meaning
+
+
+def test_a_strip_has_true_draws_above_draws_of_the_same_amounts(varied: Evaluated) -> None:
+    """The one vehicle has two exemplars, so that half of the true draws are new ones."""
+    pictures = strip(varied, 0).pictures
+    above, below = pictures[:STRIP], pictures[STRIP:]
+    assert len(below) == STRIP
+    assert [each.note for each in above] == [each.note for each in below]
+    assert [each.note for each in above] == [above[0].note] * 2 + [above[-1].note] * 2
+    assert len({np.asarray(each.picture).tobytes() for each in pictures}) == 2 * STRIP
+
+
+def test_training_of_a_distribution_has_no_curve_of_single_layers(varied: Evaluated) -> None:
+    log = [{"step": 2, "recovered": 0.3, "g_loss": 1.0}]
+    assert [chart.title for chart in charts(log, varied.evaluation, varied.config.train)] == ["Losses"]
 
 
 def test_close_ups_show_the_truth_and_the_same_place_as_learned(varied: Evaluated) -> None:
