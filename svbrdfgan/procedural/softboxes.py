@@ -14,7 +14,7 @@ from torch import Tensor
 from svbrdfgan.procedural.sky import pixels
 
 _ROWS = 128
-_WALLS = (0.10, 0.22)
+_WALLS = (0.25, 0.35)
 """Radiance of the surround at the horizon and overhead."""
 
 
@@ -54,10 +54,10 @@ class Softbox:
 
 
 STUDIO = (
-    Softbox(80.0, 42.0, 60.0, 50.0, (6.0, 5.8, 5.5)),
-    Softbox(-45.0, 25.0, 50.0, 40.0, (1.1, 1.2, 1.3)),
-    Softbox(0.0, 82.0, 50.0, 110.0, (2.6, 2.6, 2.6), edge=14.0),
-    Softbox(-150.0, 22.0, 70.0, 18.0, (3.0, 3.1, 3.3)),
+    Softbox(80.0, 42.0, 60.0, 50.0, (6.0, 5.9, 5.75)),
+    Softbox(-30.0, 24.0, 80.0, 36.0, (2.3, 2.35, 2.4)),
+    Softbox(0.0, 82.0, 50.0, 110.0, (3.0, 3.0, 3.0), edge=14.0),
+    Softbox(-150.0, 22.0, 70.0, 18.0, (4.0, 4.05, 4.15)),
 )
 """For a vehicle seen from azimuth 35: a large key on its flank, a weak fill before its nose, a bank overhead, and a
 strip behind it for its edges."""
