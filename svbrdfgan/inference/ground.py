@@ -45,8 +45,7 @@ class Cove:
         dome = (1.0 + direction @ np.asarray(toward))[..., None] / 2.0
         metered = float((values * dome * solid_angle).sum(axis=(0, 1)).mean() / np.pi)
         scale = _WHITE / metered
-        light, floor = (torch.from_numpy(np.asarray(scale * x, dtype=np.float32)) for x in (values, floor))
-        return cls(Environment(light), floor)
+        return cls(Environment(torch.from_numpy(scale * values).float()), torch.from_numpy(scale * floor).float())
 
 
 def on_floor(surface: Surface) -> Surface:

@@ -69,21 +69,22 @@ class Stand:
     surface: Surface
 
     def show(
-        self, materials: Materials, *, size: tuple[int, int] = _PICTURE, spp: int | None = None
+        self, materials: Materials, *, size: tuple[int, int] | None = None, spp: int | None = None
     ) -> Float[Tensor, "height width 3"]:
         """The surface from its front and one side; linear display values in [0, 1], on the CPU.
 
         Args:
-            size: width and height, pixels.
+            size: width and height, pixels; by default 1600 x 900.
             spp: by default as many as look clean, which depends on whether a denoiser is installed.
 
         Raises:
             UnsupportedError: the renderer does not read one of the maps.
         """
-        camera = _camera(self.surface, size)
-        image = self._render(materials, View(camera, self.studio.cove.light, *size), spp or _SPP[can_denoise()])
+        size = size or _PICTURE
+        view = View(_camera(self.surface, size), self.studio.cove.light, *size)
+        image = self._render(materials, view, spp or _SPP[can_denoise()])
         if can_denoise():
-            image = denoised(image, self._standing, with_floor(materials), camera)
+            image = denoised(image, self._standing, with_floor(materials), view.camera)
         return neutral_tone(image).cpu()
 
     def write(self, path: Path, materials: Materials, *, spp: int | None = None) -> None:
@@ -140,8 +141,7 @@ def write_picture(
         spp: as for `Stand.show`.
 
     Raises:
-        AssetError: the layer paints other maps, the light is black, or the file cannot be
-            written.
+        AssetError: the layer paints other maps, the light is black, or the file cannot be written.
         UnsupportedError: the renderer does not read one of the maps.
     """
     Studio(renderer, environment).stand(subject.surface).write(path, subject.materials(layer, maps), spp=spp)

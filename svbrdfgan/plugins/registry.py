@@ -101,13 +101,13 @@ def load_renderer(name: str, options: Mapping[str, object] = _NO_OPTIONS, path: 
     return CheckedRenderer(cast("Renderer[Any]", make(find_plugin(RENDERERS, name), options, path)), name)
 
 
-def load_bouncing(name: str, options: Mapping[str, object], bounces: int) -> CheckedRenderer:
-    """The renderer of that name that follows so many scattering events; with its options alone for 1, or if it cannot.
+def load_bouncing(name: str, options: Mapping[str, object], bounces: int | None) -> CheckedRenderer:
+    """The renderer of that name that follows so many scattering events; with its options alone if it cannot.
 
     Raises:
         PluginError, ConfigError: as for `load_renderer`.
     """
-    if bounces > 1:
+    if bounces is not None:
         with suppress(ConfigError):  # it has no such option, or does not follow so many
             return load_renderer(name, {**options, "max_bounces": bounces})
     return load_renderer(name, options)

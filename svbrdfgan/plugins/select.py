@@ -36,7 +36,7 @@ def resolve_renderer(
     *,
     differentiable: bool = False,
     deferred: bool = False,
-    bounces: int = 1,
+    bounces: int | None = None,
 ) -> tuple[CheckedRenderer, PluginChoice]:
     """The renderer that a configuration names, and the choice as it is recorded in files.
 
@@ -47,7 +47,7 @@ def resolve_renderer(
         maps: maps that layers paint besides base_color.
         differentiable: whether the renderer must have gradients for them.
         deferred: whether it must be a `DeferredRenderer`; of a named renderer, the caller finds out.
-        bounces: scattering events that it follows if it can; more than 1 replaces the choice's own `max_bounces`.
+        bounces: scattering events that it follows if it can; None leaves them to the choice.
 
     Raises:
         ConfigError: the named renderer cannot render or differentiate these maps.
