@@ -129,9 +129,7 @@ def picture_options(command: Command) -> Command:
     for option in (
         click.option("--renderer", default="auto", show_default=True, help="For pictures; see `svbrdfgan backends`."),
         click.option("--environment", type=path, help="For pictures: .hdr or .exr.  [default: a studio's soft boxes]"),
-        click.option(
-            "--picture", type=path, help="Also render the mesh, to a .png or .jpg file."
-        ),
+        click.option("--picture", type=path, help="Also render the mesh, to a .png or .jpg file."),
     ):
         command = option(command)
     return command
