@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from svbrdfgan.inference.studio import Studio
 
 Command = TypeVar("Command", bound=Callable[..., None])
-_SKY_SEED = 7  # of the cloudy sky that lights pictures by default
 
 DENSITY = 1024
 """Layers are at least as fine as a texture of that many texels along a side over the whole model, by default."""
@@ -129,8 +128,8 @@ def picture_options(command: Command) -> Command:
     path = click.Path(path_type=Path, dir_okay=False)
     for option in (
         click.option("--renderer", default="auto", show_default=True, help="For pictures; see `svbrdfgan backends`."),
-        click.option("--environment", type=path, help="For pictures: .hdr or .exr.  [default: a cloudy sky]"),
-        click.option("--picture", type=path, help="Also render the mesh from two sides, to a .png or .jpg file."),
+        click.option("--environment", type=path, help="For pictures: .hdr or .exr.  [default: a studio's soft boxes]"),
+        click.option("--picture", type=path, help="Also render the mesh, to a .png or .jpg file."),
     ):
         command = option(command)
     return command
@@ -254,13 +253,13 @@ def studio_of(
         _require_writable(path, ".png", ".jpg", ".jpeg")
 
     from svbrdfgan.config.choices import PluginChoice
-    from svbrdfgan.inference.studio import Studio
+    from svbrdfgan.inference.studio import BOUNCES, Studio
     from svbrdfgan.io.environment import load_environment
     from svbrdfgan.plugins.select import resolve_renderer
-    from svbrdfgan.procedural.sky import build_sky, sample_sky
+    from svbrdfgan.procedural.softboxes import build_studio
 
-    chosen, _ = resolve_renderer(PluginChoice(name=renderer), maps=maps)
-    light = build_sky(sample_sky(_SKY_SEED)) if environment is None else load_environment(environment)
+    chosen, _ = resolve_renderer(PluginChoice(name=renderer), maps=maps, bounces=BOUNCES)
+    light = build_studio() if environment is None else load_environment(environment)
     return Studio(chosen, light)
 
 

@@ -95,7 +95,7 @@ class Scenes:
         return written
 
     def _draw(self, workpiece: Workpiece, path: Path, studio: Studio, picture: Path) -> None:
-        """Renders a written scene as any other program would, from the front and from behind."""
+        """Renders a written scene as any other program would."""
         self.display.stage(f"rendering {picture}")
         shown = above_ground(load_asset(path), workpiece.verdicts)
         surface, materials = file_scene(turned(shown.mesh, workpiece.orientation))

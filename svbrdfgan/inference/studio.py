@@ -1,36 +1,36 @@
-"""Pictures of a weathered surface from the front and from behind, in one light."""
+"""Pictures of a weathered surface for people: in a studio's light, on a floor without a horizon."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError
+from svbrdfgan.inference.denoising import can_denoise, denoised
+from svbrdfgan.inference.ground import Cove, floor_alone, on_floor, with_floor
+from svbrdfgan.inference.tone_mapping import neutral_tone
 from svbrdfgan.io.image import save_image
-from svbrdfgan.rendering.checked_renderer import CheckedRenderer
+from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.scene.subject import Subject
-from svbrdfgan.types import Camera, Environment, Layer, Materials, Rendering, Surface, View
+from svbrdfgan.types import Camera, Layer, Materials, Surface, View
 
-_PICTURE = (480, 300)
-_FOV = math.radians(22.0)
-_FROM = ((35.0, 12.0), (215.0, 12.0))
-"""Azimuth and elevation in degrees: the nose and one side, then the tail and the other."""
-_MARGIN = 1.08
-_BRIGHTNESS = 0.8  # mean radiance of the light
-_GREY = 0.35  # linear, of the background
-_QUANTILE = 0.98
-_BRIGHTEST = 0.9
-"""Exposure puts the 98th percentile at 0.9 at most, so that pale paint does not become white."""
+BOUNCES = 3
+"""Scattering events that a renderer of pictures should follow: the floor is seen in paint, and lights what is low."""
+_PICTURE = (1600, 900)
+_FOV = math.radians(20.0)
+_AZIMUTH, _ELEVATION = 35.0, 11.0
+"""Degrees: the front three-quarter view, from a little above."""
+_MARGIN = 1.22
+_SPP = (96, 32)
+"""Samples per pixel without and with a denoiser."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,18 +38,23 @@ class Studio:
     """A renderer in a light, for pictures of surfaces with their nose at +Z.
 
     Attributes:
-        environment: linear radiance, equirectangular; scaled to a fixed mean.
+        environment: linear radiance, equirectangular, of which the light from above counts; its scale does not matter.
 
     Raises:
-        AssetError: the light is black.
+        AssetError: the light from above is black.
     """
 
     renderer: CheckedRenderer
     environment: Float[Tensor, "rows cols 3"]
 
     def __post_init__(self) -> None:
-        if float(self.environment.mean()) <= 0:
-            raise AssetError("the environment is black, so that nothing would be visible; choose another.")
+        if float(self.environment[: (len(self.environment) + 1) // 2].mean()) <= 0:
+            raise AssetError("the environment is black above the horizon, so nothing would be visible; choose another.")
+
+    @cached_property
+    def cove(self) -> Cove:
+        """The light and the floor."""
+        return Cove.of(self.environment, _orbit(1.0, (0.0, 0.0, 0.0)).origin)
 
     def stand(self, surface: Surface) -> Stand:
         """The surface in this light, to be shown in any materials."""
@@ -63,41 +68,58 @@ class Stand:
     studio: Studio
     surface: Surface
 
-    @cached_property
-    def _prepared(self) -> Any:
-        return self.studio.renderer.prepare(self.surface)
+    def show(
+        self, materials: Materials, *, size: tuple[int, int] | None = None, spp: int | None = None
+    ) -> Float[Tensor, "height width 3"]:
+        """The surface from its front and one side; linear display values in [0, 1], on the CPU.
 
-    def show(self, materials: Materials, *, spp: int = 64, sides: int = 2) -> Rendering:
-        """The surface from the front and, by default, from behind, side by side; linear.
+        Args:
+            size: width and height, pixels; by default 1600 x 900.
+            spp: by default as many as look clean, which depends on whether a denoiser is installed.
 
         Raises:
             UnsupportedError: the renderer does not read one of the maps.
         """
-        sky = self.studio.environment
-        light = Environment(sky * (_BRIGHTNESS / float(sky.mean())))
-        views = [View(_camera(self.surface, *angles), light, *_PICTURE) for angles in _FROM[:sides]]
-        render = self.studio.renderer.render
-        shown = [render(self._prepared, materials, view, spp=spp, seed=0) for view in views]
-        image = torch.cat([side.image for side in shown], dim=1)
-        return Rendering(image, torch.cat([side.coverage for side in shown], dim=1))
+        size = size or _PICTURE
+        view = View(_camera(self.surface, size), self.studio.cove.light, *size)
+        image = self._render(materials, view, spp or _SPP[can_denoise()])
+        if can_denoise():
+            image = denoised(image, self._standing, with_floor(materials), view.camera)
+        return neutral_tone(image).cpu()
 
-    def write(self, path: Path, materials: Materials, *, spp: int = 64) -> None:
-        """Writes the picture of both sides on grey; .png or .jpg.
+    def write(self, path: Path, materials: Materials, *, spp: int | None = None) -> None:
+        """Writes the picture; .png or .jpg.
 
         Raises:
             AssetError: the file cannot be written.
         """
-        (picture,) = developed([self.show(materials, spp=spp)])
-        save_image(path, picture)
+        save_image(path, self.show(materials, spp=spp))
 
+    def _render(self, materials: Materials, view: View, spp: int) -> Float[Tensor, "height width 3"]:
+        """The linear picture before the background.
 
-def developed(shown: Sequence[Rendering]) -> list[Float[Tensor, "height width 3"]]:
-    """The pictures on grey, all with the exposure that none of them becomes white with; linear, on the CPU."""
-    covered = torch.cat([picture.image[picture.coverage > 0].amax(dim=-1) for picture in shown])
-    # every n-th pixel, since torch's quantile takes 16 million values at most
-    brightest = torch.quantile(covered[:: 1 + len(covered) // 10_000_000], _QUANTILE)
-    exposure, grey = (_BRIGHTEST / brightest).clamp(max=1), torch.full((3,), _GREY, device=covered.device)
-    return [over(picture.image * exposure, picture.coverage, grey).cpu() for picture in shown]
+        A renderer of direct light alone would show no floor in paint, and nothing below. So it renders the object in
+        the light that the floor would reflect, and then adds the floor with the object's shadow.
+        """
+        renderer, floor = self.studio.renderer, self.studio.cove.floor.to(self.studio.renderer.device)
+        if renderer.capabilities.max_bounces > 1:
+            whole = renderer.render(self._prepared, with_floor(materials), view, spp=spp, seed=0)
+            return over(whole.image, whole.coverage, floor)
+        ground = renderer.render(self._prepared, floor_alone(materials), view, spp=spp, seed=0)
+        alone = renderer.render(self._alone, materials, view, spp=spp, seed=0)
+        return alone.image + over(ground.image, ground.coverage, floor)
+
+    @cached_property
+    def _standing(self) -> Surface:
+        return on_floor(self.surface)
+
+    @cached_property
+    def _prepared(self) -> PreparedSurface:
+        return self.studio.renderer.prepare(self._standing)
+
+    @cached_property
+    def _alone(self) -> PreparedSurface:
+        return self.studio.renderer.prepare(self.surface)
 
 
 def write_picture(
@@ -108,28 +130,27 @@ def write_picture(
     environment: Float[Tensor, "rows cols 3"],
     maps: Mapping[str, float | None] | None = None,
     *,
-    spp: int = 64,
+    spp: int | None = None,
 ) -> None:
-    """Renders the weathered surface from the front and from behind, side by side on grey.
+    """Renders the weathered surface from its front and one side, on a floor without a horizon.
 
     Args:
         path: .png or .jpg.
-        environment: linear radiance, equirectangular; scaled to a fixed mean.
+        environment: linear radiance, equirectangular, of which the light from above counts; its scale does not matter.
         maps: as for `Subject.materials`.
+        spp: as for `Stand.show`.
 
     Raises:
-        AssetError: the layer paints other maps, the light is black, or the file cannot be
-            written.
+        AssetError: the layer paints other maps, the light is black, or the file cannot be written.
         UnsupportedError: the renderer does not read one of the maps.
     """
     Studio(renderer, environment).stand(subject.surface).write(path, subject.materials(layer, maps), spp=spp)
 
 
-def _camera(surface: Surface, azimuth: float, elevation: float) -> Camera:
-    """The camera at these angles (degrees) that shows the surface centred and as large as the picture allows."""
-    points = surface.positions
-    angles, tangent, (width, height) = (math.radians(azimuth), math.radians(elevation)), math.tan(_FOV / 2), _PICTURE
-    axes = Camera.orbit(*angles, 1.0, (0.0, 0.0, 0.0), _FOV).basis()
+def _camera(surface: Surface, size: tuple[int, int]) -> Camera:
+    """The camera that shows the surface centred and as large as the picture allows, but for a margin."""
+    points, tangent, (width, height) = surface.positions, math.tan(_FOV / 2), size
+    axes = _orbit(1.0, (0.0, 0.0, 0.0)).basis()
     target, distance = (points.min(axis=0) + points.max(axis=0)) / 2, 1.0
     for _ in range(4):  # perspective moves the centre when the distance changes; this converges fast
         right, top, nearer = axes @ (points - target).T
@@ -137,4 +158,8 @@ def _camera(surface: Surface, azimuth: float, elevation: float) -> Camera:
         seen = np.stack([right, top]) / (_MARGIN * distance - nearer)
         target = target + distance * (seen.min(axis=1) + seen.max(axis=1)) / 2 @ axes[:2]
     x, y, z = target.tolist()
-    return Camera.orbit(*angles, _MARGIN * distance, (x, y, z), _FOV)
+    return _orbit(_MARGIN * distance, (x, y, z))
+
+
+def _orbit(distance: float, target: tuple[float, float, float]) -> Camera:
+    return Camera.orbit(math.radians(_AZIMUTH), math.radians(_ELEVATION), distance, target, _FOV)

@@ -13,7 +13,7 @@ import sys
 import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -23,7 +23,7 @@ import entrypoints
 
 from svbrdfgan.config.error_messages import did_you_mean
 from svbrdfgan.config.models import build
-from svbrdfgan.errors import PluginError, SvbrdfganError
+from svbrdfgan.errors import ConfigError, PluginError, SvbrdfganError
 
 if TYPE_CHECKING:
     from svbrdfgan.protocols import Renderer, UVEmbedding
@@ -99,6 +99,18 @@ def load_renderer(name: str, options: Mapping[str, object] = _NO_OPTIONS, path: 
     from svbrdfgan.rendering.checked_renderer import CheckedRenderer  # imports torch, which listing plugins can spare
 
     return CheckedRenderer(cast("Renderer[Any]", make(find_plugin(RENDERERS, name), options, path)), name)
+
+
+def load_bouncing(name: str, options: Mapping[str, object], bounces: int | None) -> CheckedRenderer:
+    """The renderer of that name that follows so many scattering events; with its options alone if it cannot.
+
+    Raises:
+        PluginError, ConfigError: as for `load_renderer`.
+    """
+    if bounces is not None:
+        with suppress(ConfigError):  # it has no such option, or does not follow so many
+            return load_renderer(name, {**options, "max_bounces": bounces})
+    return load_renderer(name, options)
 
 
 def load_embedding(name: str, options: Mapping[str, object] = _NO_OPTIONS, path: str | None = None) -> UVEmbedding:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.errors import ConfigError, PluginError
 from svbrdfgan.plugins.probe import Probe, probe
-from svbrdfgan.plugins.registry import RENDERERS, Plugin, list_plugins, load_renderer
+from svbrdfgan.plugins.registry import RENDERERS, Plugin, list_plugins, load_bouncing
 
 if TYPE_CHECKING:
     import torch
@@ -36,6 +36,7 @@ def resolve_renderer(
     *,
     differentiable: bool = False,
     deferred: bool = False,
+    bounces: int | None = None,
 ) -> tuple[CheckedRenderer, PluginChoice]:
     """The renderer that a configuration names, and the choice as it is recorded in files.
 
@@ -46,6 +47,7 @@ def resolve_renderer(
         maps: maps that layers paint besides base_color.
         differentiable: whether the renderer must have gradients for them.
         deferred: whether it must be a `DeferredRenderer`; of a named renderer, the caller finds out.
+        bounces: scattering events that it follows if it can; None leaves them to the choice.
 
     Raises:
         ConfigError: the named renderer cannot render or differentiate these maps.
@@ -56,8 +58,8 @@ def resolve_renderer(
         if device is not None:
             kind = "cuda" if device.type == "cuda" else "cpu"
         best = select_renderer(kind, maps, differentiable=differentiable, deferred=deferred)
-        return load_renderer(best.name, best.options), PluginChoice(name=best.name)
-    renderer = load_renderer(choice.name, choice.options)
+        return load_bouncing(best.name, best.options, bounces), PluginChoice(name=best.name)
+    renderer = load_bouncing(choice.name, choice.options, bounces)
     able = renderer.capabilities.maps & renderer.capabilities.differentiable
     lacking = [name for name in maps if name not in (able if differentiable else renderer.capabilities.maps)]
     if lacking:

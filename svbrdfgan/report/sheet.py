@@ -10,7 +10,7 @@ import torch
 
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.inference.apply import Canvas, choose_draw
-from svbrdfgan.inference.studio import Studio, developed
+from svbrdfgan.inference.studio import Studio
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.image import srgb_from_linear
 from svbrdfgan.networks.draw import Draw
@@ -19,6 +19,7 @@ from svbrdfgan.training.run import Model
 
 COLUMNS = 6
 _CELL = (320, 200)  # width and height of a picture; pixels, as all sizes
+_RENDERED = (640, 400)  # the same before it is reduced
 _GAP = 8  # between pictures
 _LABEL = 28  # height of the text below a picture
 _HEAD = 44  # height of a row's title
@@ -84,7 +85,7 @@ def write_sheet(
     studio: Studio,
     maps: Mapping[str, float | None] | None = None,
     *,
-    spp: int = 64,
+    spp: int = 32,
 ) -> None:
     """Renders each draw from the front, all with one exposure.
 
@@ -99,8 +100,9 @@ def write_sheet(
 
     stand, subject = studio.stand(canvas.subject.surface), canvas.subject
     layers = (canvas.paint(draw) for row in rows for _, draw in row.cells)
-    shown = [stand.show(subject.materials(layer, maps), spp=spp, sides=1) for layer in layers]
-    pictures = iter(srgb_from_linear(picture.clamp(0, 1)) for picture in developed(shown))
+    pictures = (
+        srgb_from_linear(stand.show(subject.materials(layer, maps), size=_RENDERED, spp=spp)) for layer in layers
+    )
     (width, height), columns = _CELL, max(len(row.cells) for row in rows)
     tall = _HEAD + height + _LABEL
     sheet = Image.new("RGB", (columns * (width + _GAP) + _GAP, len(rows) * tall + _GAP), PAPER)

@@ -127,7 +127,7 @@ def test_the_picture_is_of_the_written_file(
         words = ("weather", car, "--recipe", "rust", "--amount", amount, *QUICK, "-o", tmp_path / f"{amount}.glb")
         written(run(*words, *look, path), tmp_path / f"{amount}.glb")
         with Image.open(path) as picture:
-            assert picture.size == (96, 36)
+            assert picture.size == (48, 36)
             shown.append(np.asarray(picture).astype(int))
     assert abs(shown[0] - shown[1]).mean() > 2
 

@@ -61,7 +61,7 @@ def test_many_draws_into_a_folder(car: Path, varied_run: Path, tmp_path: Path) -
 def test_a_sheet_of_draws_amounts_and_recipes(
     car: Path, varied_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("svbrdfgan.inference.studio._PICTURE", (48, 30))
+    monkeypatch.setattr("svbrdfgan.report.sheet._RENDERED", (48, 30))
     words = ("--recipe", "rust", "--sheet", tmp_path / "sheet.png", "--renderer", "warp", "--size", 64)
     result = texture(car, "--model", varied_run, *words, "-o", tmp_path / "a.glb")
     assert result.exit_code == 0, result.output

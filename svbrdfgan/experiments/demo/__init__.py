@@ -38,7 +38,7 @@ class DemoResult:
 
     Attributes:
         vehicle: GLB of a vehicle of the test split, weathered by the trained generator, on glossy paint; a PNG of the
-            same name shows it from both sides.
+            same name shows it.
     """
 
     evaluation: Evaluation

@@ -10,9 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from svbrdfgan.errors import ConfigError
 from svbrdfgan.plugins.probe import probe_all
-from svbrdfgan.plugins.registry import RENDERERS, list_plugins, load_renderer
+from svbrdfgan.plugins.registry import RENDERERS, list_plugins, load_bouncing
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.testing.pairs.compare import Comparison, Runs, compare
 from svbrdfgan.testing.pairs.pair_scene import SCENES, PairScene, SceneUnavailableError, make_scene
@@ -174,10 +173,7 @@ def maker(name: str, options: Mapping[str, object]) -> Maker:
     """A maker of the installed renderer of that name; returns None if the renderer cannot do `max_bounces`."""
 
     def make(max_bounces: int) -> CheckedRenderer | None:
-        try:
-            renderer = load_renderer(name, {**options, "max_bounces": max_bounces})
-        except ConfigError:  # it has no such option, or not that far
-            renderer = load_renderer(name, options)
+        renderer = load_bouncing(name, options, max_bounces)
         return renderer if renderer.capabilities.max_bounces == max_bounces else None
 
     return make
