@@ -108,7 +108,8 @@ def opened(
 def compare(before: Path, after: Path, samples: int = SAMPLES) -> Seen:
     """What Blender shows of the second file and not of the first, or otherwise.
 
-    Materials may have copies, called as the original with a suffix; meshes may have more vertices and UV sets.
+    Materials may have copies, called as the original with a suffix; meshes may have more vertices and UV sets; an
+    object without a material may get one that the first file does not have.
     """
     first, second = opened([before, after], samples)
     change = np.abs(first.picture - second.picture).max(axis=2)
@@ -124,10 +125,11 @@ def _objects(first: Opened, second: Opened) -> list[str]:
     lost = [f"object {name!r} is gone." for name in first.objects.keys() - second.objects.keys()]
     new = [f"object {name!r} is new." for name in second.objects.keys() - first.objects.keys()]
     common = sorted(first.objects.keys() & second.objects.keys())
-    return [*lost, *new, *(line for name in common for line in _facts(name, first.objects[name], second.objects[name]))]
+    return [*lost, *new, *(line for name in common for line in _facts(name, first, second))]
 
 
-def _facts(name: str, first: dict[str, Any], second: dict[str, Any]) -> list[str]:
+def _facts(name: str, before: Opened, after: Opened) -> list[str]:
+    first, second, known = before.objects[name], after.objects[name], before.materials
     found = []
     for key in first:
         old, new = first[key], second.get(key)
@@ -135,6 +137,7 @@ def _facts(name: str, first: dict[str, Any], second: dict[str, Any]) -> list[str
             same = new is not None and np.allclose(old, new, atol=FLOATS)
         elif key == "materials":
             same = len(old) == len(new or []) and all(map(_is_copy, old, new or []))
+            same = same or (not old and new is not None and len(new) == 1 and new[0] not in known)
         else:
             same = old <= (new or 0) if key in ("vertices", "uv_sets") else old == new
         if not same:
@@ -144,7 +147,9 @@ def _facts(name: str, first: dict[str, Any], second: dict[str, Any]) -> list[str
 
 def _materials(first: Opened, second: Opened) -> list[str]:
     lost = [name for name in first.materials if not any(_is_copy(name, other) for other in second.materials)]
-    new = [name for name in second.materials if not any(_is_copy(other, name) for other in first.materials)]
+    bare = [name for name, facts in first.objects.items() if facts.get("materials") == []]
+    given = {material for name in bare for material in second.objects.get(name, {}).get("materials", [])}
+    new = [name for name in second.materials if not any(_is_copy(other, name) for other in [*first.materials, *given])]
     return [*(f"material {name!r} is gone." for name in lost), *(f"material {name!r} is new." for name in new)]
 
 
