@@ -6,7 +6,6 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -57,7 +56,7 @@ class RecipePainter:
     maps: Collection[str] = FURTHER_MAPS
 
     def __call__(self, points: SurfacePoints, texel: float) -> Paint:
-        site = self.surroundings.site(points, texel)
-        coat = self.recipe.paint(site)
+        coat = self.recipe.paint(self.surroundings.site(points, texel, edges=self.recipe.reads_edges))
         height = coat.height * self.recipe.relief * self.surroundings.grounds.length
-        return Paint(coat.color, coat.alpha, coat.roughness, coat.metallic, np.asarray(height))
+        maps = (coat.color, coat.alpha, coat.roughness, coat.metallic, height)
+        return Paint(*(values.double().cpu().numpy() for values in maps))

@@ -21,12 +21,13 @@ from svbrdfgan.cli.options import (
 )
 
 _EMBEDDED = 512
+_RECIPES = "road-dirt, dust, rust, chipped-paint or grime; for laboratories smooth-dirt, -dust, -rust or -chips"
 
 
 @click.command("weather")
 @click.argument("meshes", metavar="MESH...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--recipe", default="road-dirt", show_default=True, help="road-dirt, dust, rust or chipped-paint.")
-@click.option("--amount", default=1.0, show_default=True, type=click.FloatRange(0, 1), help="0 is clean.")
+@click.option("--recipe", default="road-dirt", show_default=True, help=f"{_RECIPES}.")
+@click.option("--amount", type=click.FloatRange(0, 1), help="0 is clean.  [default: the recipe's]")
 @click.option("--seed", default=0, show_default=True, help="Each seed gives another pattern.")
 @click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the recipe; repeatable.")
 @click.option("--base-color-only", is_flag=True, help="Weather base colour alone; gloss and relief stay.")
@@ -54,7 +55,7 @@ _EMBEDDED = 512
 def command(
     meshes: tuple[Path, ...],
     recipe: str,
-    amount: float,
+    amount: float | None,
     seed: int,
     options: tuple[str, ...],
     base_color_only: bool,
@@ -86,8 +87,8 @@ def command(
         from svbrdfgan.scene.description import map_values
         from svbrdfgan.weathering.layer import recipe_from_options
 
-        detail = {} if embedding_uvs else {"detail": 1.0}  # textures of scenes are seen from near
-        chosen = recipe_from_options(recipe, {"amount": amount, "seed": seed, **detail, **key_values(options)})
+        given = {} if amount is None else {"amount": amount}
+        chosen = recipe_from_options(recipe, {**given, "seed": seed, **key_values(options)})
         maps = {**map_values(key_values(bare), "--map")} if bare or base_color_only else dict.fromkeys(BARE)
         studio = studio_of(
             {"--picture": picture}, environment, renderer, maps if embedding_uvs else dict.fromkeys(BARE)
@@ -109,6 +110,9 @@ def command(
             scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
             weathering = RecipeWeathering(chosen, tuple(maps))
             done = each_alone(
-                meshes, lambda k: scenes.write(scenes.open(meshes[k]), weathering, paths[k][0], studio, picture)
+                meshes,
+                lambda k: scenes.write(
+                    scenes.open(meshes[k], chosen.settles_on), weathering, paths[k][0], studio, picture
+                ),
             )
     done.report()

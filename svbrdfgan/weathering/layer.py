@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Float
-from numpy import ndarray
+from torch import Tensor
 
 from svbrdfgan.config.error_messages import did_you_mean
 from svbrdfgan.config.models import build
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.geometry.texels import nearest_texels
 from svbrdfgan.types import CHANNELS, FURTHER_MAPS, Layer, Surface
 from svbrdfgan.weathering.mesh_maps import TexelGeometry
 from svbrdfgan.weathering.recipes import RECIPES, Recipe
+from svbrdfgan.weathering.recipes.recipe import Directions
 from svbrdfgan.weathering.site import Site
 from svbrdfgan.weathering.survey import find_site
 
@@ -42,37 +42,29 @@ def weather(
     _require_maps(maps)
     rows, cols, _ = buffer.position.shape
     site = site or find_site(surface, buffer)
-    coat, names = recipe.paint(site), tuple(name for name in FURTHER_MAPS if name in maps)
-    channels = [coat.rgba]
-    for name in names:
-        if name == "normal":
-            channels.append(_relief(recipe, site, coat.height, *_tangents(surface, buffer)))
-        else:
-            channels.append({"roughness": coat.roughness, "metallic": coat.metallic}[name][:, None])
-    painted = np.concatenate(channels, axis=1)
-    return Layer(torch.from_numpy(painted.reshape(rows, cols, -1).astype(np.float32)), names)
+    names = tuple(name for name in FURTHER_MAPS if name in maps)
+    painted = _painted(recipe, site, names, _tangents(surface, buffer) if "normal" in names else ())
+    return Layer(painted.view(rows, cols, -1).float(), names)
 
 
-def _relief(
-    recipe: Recipe,
-    site: Site,
-    height: Float[ndarray, " texels"],
-    tangent: Float[ndarray, "texels 3"],
-    bitangent: Float[ndarray, "texels 3"],
-) -> Float[ndarray, "texels 3"]:
-    """Unit normals in tangent space: the slope of the recipe's height over one texel, as it moves along each tangent.
+def _painted(
+    recipe: Recipe, site: Site, maps: tuple[str, ...], tangents: tuple[Directions, ...]
+) -> Float[Tensor, "texels channels"]:
+    """The channels of a layer. Normals in tangent space are the slopes of the recipe's height.
 
     Differences between texels would jump at the seams of the UVs.
     """
-    if not recipe.relief or not height.any():
-        return np.tile([0.0, 0.0, 1.0], (len(height), 1))
-    step = max(site.texel, 1e-4)
-    heights = [recipe.paint(site.moved(step * axis)).height for axis in (tangent, bitangent)]
-    slopes = [recipe.relief * (moved - height) / step for moved in heights]
-    return unit(np.stack([-slopes[0], -slopes[1], np.ones(len(height))], axis=1))
+    if tangents and recipe.relief:
+        coat, (across, up) = recipe.paint_relief(site, *(tangent.to(site.normal) for tangent in tangents))
+    else:
+        coat, across, up = recipe.paint(site), *2 * [torch.zeros_like(site.height)]
+    tilted = torch.stack([-recipe.relief * across, -recipe.relief * up, torch.ones_like(across)], dim=1)
+    further = {"roughness": coat.roughness[:, None], "metallic": coat.metallic[:, None], "normal": tilted}
+    further["normal"] = torch.nn.functional.normalize(tilted, dim=1)
+    return torch.cat([coat.rgba, *(further[name] for name in maps)], dim=1)
 
 
-def _tangents(surface: Surface, buffer: TexelGeometry) -> tuple[Float[ndarray, "texels 3"], Float[ndarray, "texels 3"]]:
+def _tangents(surface: Surface, buffer: TexelGeometry) -> tuple[Directions, Directions]:
     """Unit tangents and bitangents at the texels, both reversed where the buffer's normal is the surface's reversed.
 
     There the surface is seen from behind, where renderers reverse the whole tilted normal.
@@ -85,7 +77,7 @@ def _tangents(surface: Surface, buffer: TexelGeometry) -> tuple[Float[ndarray, "
     )
     outward = np.asarray(buffer.normal, np.float64).reshape(-1, 3)
     side = np.where((outward * normal).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
-    return side * tangent, side * bitangent
+    return torch.from_numpy(side * tangent), torch.from_numpy(side * bitangent)
 
 
 def recipe_from_options(name: str, options: Mapping[str, Any], maps: Collection[str] = ()) -> Recipe:

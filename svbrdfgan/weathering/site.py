@@ -1,16 +1,18 @@
-"""The geometry that weathering recipes use: position, normal, visibility and curvature at each texel."""
+"""The geometry that weathering recipes use: place, normal, mesh maps and substance at each texel."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
 
+import torch
 from jaxtyping import Float, Int
-from numpy import ndarray
+from torch import Tensor
 
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """Geometry at each texel, independent of the model's size and location.
+    """Geometry at each texel, independent of the model's location; on a CPU in float64, on a GPU in float32.
 
     Attributes:
         position: in lengths of the model; x (left) and z (nose) from the centre, y from the ground.
@@ -18,23 +20,42 @@ class Site:
         normal: unit normal, outward.
         visibility: ambient-occlusion visibility: 1 is unoccluded, 0 is enclosed.
         curvature: scaled mean curvature: positive on edges, negative in creases, about 1 at a right angle.
+        convex, crease, border: distance to the nearest sharp edge of each kind, in metres; inf where there is none near.
+        substance: `Substance` of what lies under the texel.
         axles: z of the wheels, in the units of `position`.
         texel: the side of a texel, in the units of `position`: recipes paint nothing finer.
+        length: metres to a length of the model.
     """
 
-    position: Float[ndarray, "texels 3"]
-    height: Float[ndarray, " texels"]
-    normal: Float[ndarray, "texels 3"]
-    visibility: Float[ndarray, " texels"]
-    curvature: Float[ndarray, " texels"]
+    position: Float[Tensor, "texels 3"]
+    height: Float[Tensor, " texels"]
+    normal: Float[Tensor, "texels 3"]
+    visibility: Float[Tensor, " texels"]
+    curvature: Float[Tensor, " texels"]
+    convex: Float[Tensor, " texels"]
+    crease: Float[Tensor, " texels"]
+    border: Float[Tensor, " texels"]
+    substance: Int[Tensor, " texels"]
     axles: tuple[float, ...]
     texel: float
+    length: float
 
-    def moved(self, offset: Float[ndarray, "texels 3"]) -> Site:
-        """The same surroundings with every texel a little elsewhere, in the units of `position`."""
-        return replace(self, position=self.position + offset)
-
-    def at(self, texels: Int[ndarray, " chosen"]) -> Site:
+    def at(self, texels: Int[Tensor, " chosen"] | slice) -> Site:
         """The same site at some of its texels only: recipes paint each texel by itself."""
-        names = ("position", "height", "normal", "visibility", "curvature")
-        return replace(self, **{name: getattr(self, name)[texels] for name in names})
+        return replace(self, **{name: value[texels] for name, value in self._tensors().items()})
+
+    def to(self, device: torch.device | str, dtype: torch.dtype = torch.float32) -> Site:
+        """The same site elsewhere, in other floating-point numbers."""
+        moved = {
+            name: value.to(device, dtype if value.is_floating_point() else value.dtype)
+            for name, value in self._tensors().items()
+        }
+        return replace(self, **moved)
+
+    def blocks(self, count: int) -> Iterator[Site]:
+        """The same site, at most `count` texels at a time."""
+        for start in range(0, len(self.height), count):
+            yield self.at(slice(start, start + count))
+
+    def _tensors(self) -> dict[str, Tensor]:
+        return {spec.name: value for spec in fields(self) if isinstance(value := getattr(self, spec.name), Tensor)}
