@@ -223,7 +223,7 @@ def _wedges(
     arm -= np.einsum("hi,hi->h", arm, axis)[:, None] * axis
     front = np.cross(axis, arm)  # the side towards greater angles
     thin = np.bincount(edge, np.linalg.norm(arm, axis=1) < tolerance) > 0.0
-    angle = np.arctan2(*(np.einsum("hi,hi->h", arm, other[first][edge]) for other in (-front, arm))) % (2.0 * math.pi)
+    angle = np.arctan2(*(np.einsum("hi,hi->h", arm, other[first][edge]) for other in (front, arm))) % (2.0 * math.pi)
     angle = np.where(angle > 2.0 * math.pi - _SAME_SHEET, 0.0, angle)
     order = np.lexsort((angle, edge))
     order = order[~thin[edge[order]]]
