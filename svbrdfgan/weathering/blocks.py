@@ -14,13 +14,15 @@ BLOCK = 16384
 """Points at a time: few enough that temporary arrays of 48 neighbours stay small."""
 
 
-def by_blocks(function: Callable[..., Float[ndarray, " _"]], *arrays: ndarray) -> Float[ndarray, " points"]:
-    """`function(*arrays)`, whose value at each point must depend on that point's row alone.
+def by_blocks(
+    function: Callable[..., Float[ndarray, "_ *shape"]], *arrays: ndarray, shape: tuple[int, ...] = ()
+) -> Float[ndarray, "points *shape"]:
+    """`function(*arrays)`, whose value at each point, of this shape, must depend on that point's row alone.
 
     The blocks do not change a bit of the result.
     """
     count = len(arrays[0])
-    result = np.empty(count)
+    result = np.empty((count, *shape))
 
     def fill(start: int) -> None:
         rows = slice(start, start + BLOCK)
