@@ -73,11 +73,11 @@ class ChippedPaint(Options):
 
     def _worn(self, ground: Ground, patches: Values, ragged: Values, grain: Values) -> Values:
         """Depth below the paint along edges, and where whole flakes have come off."""
-        width = 0.004 + 0.020 * self.amount
+        width = 0.006 + 0.024 * self.amount
         edge = torch.exp(-torch.minimum(ground.convex, ground.border * 1.5) / width)
         sills = 0.30 * ramp(0.55, 0.15, ground.up)
-        exposed = 0.85 * edge + sills + 0.20 * ramp(0.15, 0.8, ground.curvature)
-        return exposed + 0.28 * patches + 0.26 * ragged + 0.08 * grain - (1.75 - 0.85 * self.amount)
+        exposed = 1.05 * edge + sills + 0.20 * ramp(0.15, 0.8, ground.curvature)
+        return exposed + 0.28 * patches + 0.26 * ragged + 0.08 * grain - (1.75 - 1.15 * self.amount)
 
     def _hit(self, ground: Ground, patches: Values, ragged: Values, grain: Values) -> Values:
         """Depth below the paint where stones hit: in front, on sills and behind wheels."""
@@ -86,22 +86,22 @@ class ChippedPaint(Options):
         for axle in ground.site.axles:
             away = axle * ground.site.length - ground.place[:, 2]
             behind = torch.maximum(behind, ramp(0.1, 0.35, away) * ramp(1.1, 0.35, away) * ramp(0.85, 0.3, ground.up))
-        where = 0.10 + 0.8 * front + 0.75 * behind
+        where = 0.12 + 0.9 * front + 0.85 * behind + 0.3 * ramp(0.5, 0.2, ground.up)
         depth = torch.full_like(front, -1.0)
-        for cell, most, stream in ((0.16, 0.5, 20), (0.06, 0.6, 22), (0.022, 0.6, 24)):
+        for cell, most, stream in ((0.16, 0.5, 20), (0.06, 0.9, 22), (0.026, 1.0, 24), (0.026, 1.0, 26)):
             outline = 0.18 * cell * torch.stack([ragged, ground.noise(0.35 * cell, stream + 1), -ragged], dim=1)
             share = most * self.amount * where * (1.0 + 0.7 * patches).clamp(0.0, 2.0)
             found = ground.spots(cell, share.clamp(0.0, 1.0), stream, warp=outline)
             size = cell * (0.15 + 0.35 * found.random[:, 1]) / 0.05
             depth = torch.maximum(depth, found.inside * size - 0.55 * size * 0.3 + 0.03 * grain * found.inside)
-        return torch.where(depth <= 0.0, depth, depth)
+        return depth
 
     def _scratched(self, ground: Ground, patches: Values) -> tuple[Values, Values]:
         """Coverage of scuffs in the clear coat, and of scratches down to the metal."""
         scuffed = cut = torch.zeros_like(ground.up)
         flank = ground.steep() * ramp(0.2, 0.5, ground.up)
-        for cell, most, stream in ((0.9, 0.5, 30), (0.35, 0.6, 32), (0.12, 0.5, 34)):
-            share = most * self.amount * min(1.0, self.scratches) * ramp(-0.4, 0.8, patches) * (0.35 + 0.65 * flank)
+        for cell, most, stream in ((0.9, 0.9, 30), (0.35, 1.0, 32), (0.35, 1.0, 33), (0.12, 1.0, 34)):
+            share = most * self.amount * min(1.0, 0.7 * self.scratches) * ramp(-0.4, 0.8, patches) * (0.35 + 0.65 * flank)
             found = ground.scratches(cell, share.clamp(0.0, 1.0), stream)
             width = 0.0006 + 0.0014 * found.random[:, 1]
             wide = torch.clamp(width, min=0.7 * ground.texel)

@@ -42,12 +42,12 @@ class Dust(Options):
         """All maps; see `Recipe.paint`."""
         ground = Ground(self, site)
         broad, drifts = ground.noise(1.4, 0), ground.noise(0.30, 1, stretch=(1.0, 1.0, 1.6))
-        grain = ground.noise(0.020, 2)
+        grain, fibres = ground.noise(0.006, 2), ground.noise(0.05, 3, stretch=(3.0, 1.0, 1.0))
         facing = 0.10 + 0.90 * ramp(-0.15, 0.95, ground.normal[:, 1])
         sheltered = 0.55 * ramp(0.75, 0.25, ground.visibility) * ramp(-0.6, 0.2, ground.normal[:, 1])
         hollows = 0.45 * ramp(0.05, 0.6, -ground.curvature)
         depth = facing + sheltered + hollows * facing
-        depth = depth * (1.0 + 0.28 * broad + 0.22 * drifts + 0.16 * grain).clamp(min=0.1)
+        depth = depth * (1.0 + 0.28 * broad + 0.20 * drifts + 0.10 * fibres + 0.16 * grain).clamp(min=0.1)
         gain = 1.5 * self.amount**1.2 * by_substance(site.substance, self.settles_on)
         depth = gain * depth * self._rained(ground, drifts) * self._washed(ground, broad)
         alpha = film(depth)
@@ -74,7 +74,7 @@ class Dust(Options):
 
     def _washed(self, ground: Ground, broad: Values) -> Values:
         """What runs of rain leave on steep surfaces."""
-        share = 0.6 * ramp(-0.6, 0.6, broad) * ground.steep()
-        flank, front, weight = ground.runs(0.035, 0.5, share, 10)
-        streaks = weight * flank.strength + (1.0 - weight) * front.strength
-        return 1.0 - 0.5 * self.drops * ground.steep() * streaks.clamp(0.0, 1.0)
+        left = torch.ones_like(broad)
+        for run in ground.runs(0.035, 0.5, 0.6 * ramp(-0.6, 0.6, broad), 10):
+            left = left * (1.0 - 0.6 * self.drops * run.strength)
+        return left

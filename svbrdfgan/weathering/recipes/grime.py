@@ -47,7 +47,7 @@ class Grime(Options):
         gaps = 0.9 * torch.exp(-ground.border / (0.012 * spread)) + 1.1 * torch.exp(-ground.crease / (0.022 * spread))
         recesses = 1.6 * ramp(0.80, 0.25, ground.visibility) + 0.7 * ramp(0.08, 0.7, -ground.curvature)
         thin = 0.10 + 0.08 * ramp(0.5, -0.4, ground.normal[:, 1]) + 0.16 * ramp(0.7, 0.1, ground.up)
-        depth = (gaps + recesses + thin) * (1.0 + 0.30 * broad + 0.34 * patches + 0.26 * grain).clamp(min=0.08)
+        depth = (gaps + recesses + thin) * (1.0 + 0.30 * broad + 0.34 * patches + 0.14 * grain).clamp(min=0.08)
         depth = depth + 0.55 * self.streaks * self._streaked(ground, broad) * (1.0 + 0.4 * grain).clamp(min=0.0)
         gain = 1.9 * self.amount**1.2 * by_substance(site.substance, self.settles_on)
         alpha = film(gain * depth)
@@ -63,6 +63,6 @@ class Grime(Options):
         """Streaks that rain drew down steep surfaces."""
         strength = torch.zeros_like(ground.up)
         for width, length, stream in ((0.06, 0.9, 10), (0.024, 0.45, 14)):
-            flank, front, weight = ground.runs(width, length, 0.6 * ramp(-0.4, 0.8, broad) * ground.steep(), stream)
-            strength = torch.maximum(strength, weight * flank.strength + (1.0 - weight) * front.strength)
-        return strength * ground.steep()
+            for run in ground.runs(width, length, 0.6 * ramp(-0.4, 0.8, broad), stream):
+                strength = torch.maximum(strength, run.strength * (0.3 + 0.7 * run.random[:, 1]))
+        return strength

@@ -17,8 +17,8 @@ from svbrdfgan.weathering.substances import Substance, by_substance
 
 _FILM = (0.265, 0.212, 0.155)
 _PALE = (0.345, 0.290, 0.225)
-_MUD = (0.100, 0.068, 0.043)
-_CLAY = (0.190, 0.135, 0.088)
+_MUD = (0.128, 0.090, 0.060)
+_CLAY = (0.205, 0.150, 0.102)
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class RoadDirt(Options):
         ground = Ground(self, site)
         broad, patches = ground.noise(1.1, 0), ground.noise(0.28, 1)
         grain = ground.noise(0.035, 2)
-        gain = 3.2 * self.amount**1.3 * by_substance(site.substance, self.settles_on)
+        gain = 3.8 * self.amount**1.3 * by_substance(site.substance, self.settles_on)
         thrown = self.spray * _thrown(ground, broad, self.reach)
         low = torch.exp(-ground.up.clamp(min=0.0) / (0.30 * self.reach * (1.0 + 0.35 * broad).clamp(min=0.4)))
         wake = 0.30 * ramp(0.25, 0.95, -ground.normal[:, 2]) * ramp(1.9, 0.3, ground.up / self.reach)
@@ -78,11 +78,9 @@ class RoadDirt(Options):
     def _washed(self, ground: Ground, broad: Values) -> Values:
         """What runs of water leave of the film."""
         left = torch.ones_like(ground.up)
-        for width, length, stream in ((0.05, 0.75, 10), (0.022, 0.34, 14)):
-            share = 0.55 * ramp(-0.5, 0.7, broad) * ground.steep()
-            flank, front, weight = ground.runs(width, length, share, stream)
-            for streak, part in ((flank, weight), (front, 1.0 - weight)):
-                left = left * (1.0 - 0.62 * self.runs * part * ground.steep() * streak.strength.clamp(0.0, 1.0))
+        for width, length, stream in ((0.06, 0.80, 10), (0.024, 0.36, 14)):
+            for run in ground.runs(width, length, 0.6 * ramp(-0.5, 0.7, broad), stream):
+                left = left * (1.0 - 0.75 * self.runs * run.strength)
         return left
 
 
@@ -100,17 +98,17 @@ def _thrown(ground: Ground, broad: Values, reach: float) -> Values:
 def _drops(ground: Ground, wet: Values, patches: Values) -> tuple[Values, Values]:
     """Dried droplets of three sizes: their alpha, and their height from 0 to 1."""
     alpha = lumps = torch.zeros_like(wet)
-    for cell, most, stream in ((0.075, 0.55, 20), (0.028, 0.75, 22), (0.011, 0.85, 24)):
+    for cell, most, stream in ((0.060, 0.30, 20), (0.026, 0.75, 22), (0.012, 1.0, 24), (0.012, 1.0, 26), (0.007, 1.0, 28)):
         ragged = 0.10 * cell * torch.stack([patches, ground.noise(0.6 * cell, stream + 1), -patches], dim=1)
-        share = most * (1.0 - torch.exp(-0.55 * wet * (1.0 + 0.6 * patches).clamp(min=0.0)))
-        found = ground.spots(cell, share, stream, warp=ragged, flow=1.5)
-        strength = 0.35 + 0.6 * found.random[:, 2]
-        alpha = over(strength * ramp(0.0, 0.35, found.inside), alpha)
+        share = most * (1.0 - torch.exp(-0.9 * wet * (1.0 + 0.7 * patches).clamp(min=0.0)))
+        found = ground.spots(cell, share, stream, warp=ragged, flow=1.4)
+        strength = 0.30 + 0.6 * found.random[:, 2]
+        alpha = over(strength * ramp(0.0, 0.45, found.inside), alpha)
         lumps = torch.maximum(lumps, cell / 0.03 * ramp(0.0, 0.9, found.inside))
     return alpha, lumps
 
 
 def _mud(ground: Ground, wet: Values, patches: Values, grain: Values) -> tuple[Values, Values]:
     """Caked mud where most is thrown: its alpha, with broken edges, and how thick it is."""
-    depth = wet + 0.38 * patches + 0.22 * grain - 1.55
-    return ramp(0.0, 0.16, depth), ramp(0.1, 1.0, depth)
+    depth = wet + 0.50 * patches + 0.30 * grain - 1.9
+    return 0.9 * ramp(-0.05, 0.55, depth), ramp(0.1, 1.2, depth)

@@ -19,6 +19,7 @@ _ORANGE = (0.385, 0.150, 0.038)
 _BROWN = (0.205, 0.068, 0.022)
 _DARK = (0.062, 0.024, 0.013)
 _STAIN = (0.330, 0.145, 0.050)
+_STREAK = (0.230, 0.085, 0.024)
 _PRIMER = (0.240, 0.225, 0.205)
 
 
@@ -46,20 +47,22 @@ class Rust(Options):
     def paint(self, site: Site) -> Coat:
         """All maps; see `Recipe.paint`."""
         ground = Ground(self, site)
-        broad = ground.noise(0.9, 0, finest=0.1)
-        blotches, flakes, pits = ground.noise(0.30, 1), ground.noise(0.055, 2), ground.noise(0.012, 3)
+        blotches = self._blotched(ground)
+        flakes, pits = ground.noise(0.055, 2), ground.noise(0.012, 3)
         can = by_substance(site.substance, self.settles_on)
         threshold = 2.05 - 1.55 * self.amount
         present = min(1.0, 6.0 * self.amount) * can
-        depth = _prone(ground) + 0.50 * broad + 0.42 * blotches + 0.20 * flakes + 0.06 * pits - threshold
+        prone = _prone(ground)
+        depth = prone + blotches + 0.20 * flakes + 0.07 * pits - threshold
         core = ramp(0.0, 0.10, depth)
         specks, speckled = _specks(ground, depth, flakes)
-        stain = self._stain(ground, depth, broad, threshold)
+        halo, runs = self._stain(ground, prone, depth, threshold)
+        stain = over(halo, runs)
         bare = ramp(-0.16, -0.10, depth) * ramp(0.02, -0.02, depth) * ramp(0.10, 0.30, flakes + 0.4 * pits)
         body = _body(depth, blotches, flakes, pits)
         eaten = over(core, specks)
         alpha = over(eaten, over(0.9 * bare, stain))
-        color = blend(_STAIN, stain, mix(_PRIMER, _STAIN, 0.35 + 0.3 * torch.tanh(flakes)), 0.9 * bare)
+        color = blend(mix(_STAIN, _STREAK, runs), stain, mix(_PRIMER, _STAIN, 0.35 + 0.3 * torch.tanh(flakes)), 0.9 * bare)
         color = blend(color, over(0.9 * bare, stain), mix(body, _BROWN, 0.4 * speckled * (1.0 - core)), eaten)
         blister = ramp(-0.22, -0.04, depth) * ramp(0.12, 0.0, depth) * (0.5 + 0.5 * torch.tanh(2.0 * flakes + pits))
         height = 0.0011 * blister + 0.0008 * core * (0.35 + 0.6 * flakes + 0.5 * pits) + 0.0003 * specks
@@ -71,16 +74,19 @@ class Rust(Options):
             height=present * height / site.length,
         )
 
-    def _stain(self, ground: Ground, depth: Values, broad: Values, threshold: float) -> Values:
-        """A halo around the rust, and runs from where there is rust at their heads."""
-        halo = 0.45 * film(2.0 * ramp(-0.55, 0.05, depth))
+    def _stain(self, ground: Ground, prone: Values, depth: Values, threshold: float) -> tuple[Values, Values]:
+        """Alpha of a halo around the rust, and of runs from where there is rust at their heads."""
+        halo = 0.5 * film(2.2 * ramp(-0.50, 0.05, depth))
         strength = torch.zeros_like(depth)
-        for width, length, stream in ((0.055, 0.55, 10), (0.020, 0.28, 16)):
-            share = ramp(-1.1, -0.1, depth + 0.25) * ground.steep()
-            flank, front, weight = ground.runs(width, length, share, stream)
-            for streak, part in ((flank, weight), (front, 1.0 - weight)):
-                strength = torch.maximum(strength, part * streak.strength)
-        return over(halo, 0.75 * film(1.5 * self.bleed * strength * ground.steep()))
+        for width, length, stream in ((0.060, 0.60, 10), (0.022, 0.30, 16)):
+            for run in ground.runs(width, length, torch.ones_like(depth), stream):
+                source = prone + self._blotched(ground, run.head) - threshold
+                strength = torch.maximum(strength, run.strength * ramp(-0.12, 0.10, source) * (0.4 + 0.6 * run.random[:, 1]))
+        return halo, 0.85 * film(1.9 * self.bleed * strength)
+
+    def _blotched(self, ground: Ground, moved: Colors | None = None) -> Values:
+        """The coarse part of where rust is, which also feeds the runs."""
+        return 0.50 * ground.noise(0.9, 0, finest=0.1, moved=moved) + 0.42 * ground.noise(0.30, 1, finest=0.03, moved=moved)
 
 
 def _prone(ground: Ground) -> Values:
@@ -110,6 +116,6 @@ def _specks(ground: Ground, depth: Values, flakes: Values) -> tuple[Values, Valu
 
 def _body(depth: Values, blotches: Values, flakes: Values, pits: Values) -> Colors:
     """Rust's own colour: bright where it is young or has been rubbed, dark where it is deep; mottled at all scales."""
-    old = ramp(-0.15, 0.75, 0.8 * depth + 0.30 * blotches + 0.34 * flakes + 0.22 * pits)
+    old = ramp(-0.15, 0.75, 0.8 * depth + 0.50 * blotches + 0.34 * flakes + 0.22 * pits)
     warm = mix(_ORANGE, _BROWN, ramp(-0.55, 0.35, depth + 0.5 * flakes + 0.35 * pits - 0.1))
     return mix(warm, _DARK, 0.92 * old)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.weathering.procedural_noise import Scratches, Spots, Streaks, fbm, scratches, spots, streaks
+from svbrdfgan.weathering.procedural_noise import Scratches, Spots, fbm, scratches, spots, streaks
 from svbrdfgan.weathering.recipes.recipe import Colors, Options, Values
 from svbrdfgan.weathering.site import Site
 
@@ -16,6 +17,23 @@ Color = tuple[float, float, float] | Colors
 
 _FINEST = 0.002  # metres: below, nothing is painted
 _RESOLVED = 2.5  # texels to the shortest wave
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A run of water at each texel.
+
+    Attributes:
+        strength: in [0, 1], 0 where there is none.
+        along: from 0 at its head to 1 at its tail.
+        head: from the texel to the run's head, in metres.
+        random: numbers in [0, 1) of the run.
+    """
+
+    strength: Values
+    along: Values
+    head: Colors
+    random: Float[Tensor, "texels 4"]
 
 
 class Ground:
@@ -37,16 +55,23 @@ class Ground:
         self.texel = site.texel * site.length
 
     def noise(
-        self, wave: float, stream: int, *, stretch: tuple[float, float, float] = (1.0, 1.0, 1.0), finest: float = _FINEST
+        self,
+        wave: float,
+        stream: int,
+        *,
+        stretch: tuple[float, float, float] = (1.0, 1.0, 1.0),
+        finest: float = _FINEST,
+        moved: Colors | None = None,
     ) -> Values:
         """Noise from waves of `wave` metres down to `finest` or what texels resolve; standard deviation about 0.5.
 
         Args:
             stretch: how much longer waves are along x, y and z.
+            moved: metres from each texel to where the noise is wanted.
         """
         least = max(finest, _RESOLVED * self.texel) / (wave * self.recipe.scale)
         octaves = 1.0 + math.log2(max(1.0, 1.0 / least))
-        return 3.2 * fbm(self._cells(wave, stretch), self._seed(stream), octaves=octaves)
+        return 3.2 * fbm(self._cells(wave, stretch, moved), self._seed(stream), octaves=octaves)
 
     def spots(self, cell: float, share: Values, stream: int, *, warp: Colors | None = None, flow: float = 1.0) -> Spots:
         """Round spots, one in each cell of `cell` metres, and none where texels do not resolve them.
@@ -60,19 +85,24 @@ class Ground:
         points = self._cells(cell, (1.0, 1.0, flow), warp)
         return spots(points, share.detach(), self._seed(stream))
 
-    def runs(self, width: float, length: float, share: Values, stream: int) -> tuple[Streaks, Streaks, Values]:
-        """Runs down steep surfaces, in cells of `width` by `length` metres: on flanks, on front and tail, and the share
-        of the flanks' at each texel. `head` is in metres, horizontally and upwards."""
-        scale = torch.tensor([width, -length], device=self.up.device) * self.recipe.scale
-        lost = 0.06 * width / length * self.noise(0.3, stream + 1, stretch=(1.0, 0.6, 1.0), finest=0.05)
-        found = []
-        for axis in (2, 0):
-            across = self.place[:, axis] + length * lost
-            plane = torch.stack([across, self.up], dim=1) / scale
-            streak = streaks(plane.detach(), share.detach(), self._seed(stream) + axis)
-            found.append(Streaks(streak.strength, streak.along, streak.head * scale, streak.random))
-        flank = ramp(-0.3, 0.3, self.normal[:, 0].abs() - self.normal[:, 2].abs())
-        return found[0], found[1], flank
+    def runs(self, width: float, length: float, share: Values, stream: int) -> list[Run]:
+        """Runs of water down steep surfaces, in cells of `width` by `length` metres: seen from the side, from the front.
+
+        Args:
+            share: of the cells that have a run.
+        """
+        size = torch.tensor([width, -length], device=self.up.device) * self.recipe.scale
+        wander = 0.30 * width * self.noise(0.22, stream + 1, stretch=(1.0, 2.0, 1.0), finest=0.03).detach()
+        uneven = (1.0 + 0.5 * self.noise(0.05, stream + 2, stretch=(1.0, 4.0, 1.0)).detach()).clamp(0.0, 1.0)
+        sideways = ramp(-0.3, 0.3, self.normal[:, 0].abs() - self.normal[:, 2].abs())
+        steep, found = self.steep(), []
+        for axis, facing in ((2, sideways), (0, 1.0 - sideways)):
+            plane = torch.stack([self.place[:, axis].detach() + wander, self.up.detach()], dim=1) / size
+            streak = streaks(plane, share.detach(), self._seed(stream) + axis)
+            offset = torch.zeros_like(self.place)
+            offset[:, [axis, 1]] = streak.head * size
+            found.append(Run(streak.strength * facing * steep * uneven, streak.along, offset, streak.random))
+        return found
 
     def scratches(self, cell: float, share: Values, stream: int) -> Scratches:
         """Segments of lines, one in each cell of `cell` metres; `across` in metres."""
