@@ -236,7 +236,7 @@ class _Sheets:
         fresh = (np.diff(edge[half], prepend=-1) != 0) | (np.diff(angle[half], prepend=0.0) > _SAME_SHEET)
         number, count = np.cumsum(fresh) - 1, int(fresh.sum())
         kinds = (start < end, start > end, ~np.repeat(hidden[proper], 3))
-        flags = (np.bincount(number[kind[half]], minlength=count) > 0 for kind in kinds)
+        flags = [np.bincount(number[kind[half]], minlength=count) > 0 for kind in kinds]
         half = half[fresh]
         ends = np.stack([positions[low[half]], positions[high[half]]], axis=1)
         return cls(edge[half], angle[half], ends, unit(up[half]), *flags)
