@@ -73,7 +73,7 @@ class SharpEdges:
         """The edges that turn by more than 30 degrees, and the borders; takes a second and 150 MB for 100,000 faces.
 
         Vertices of one place are welded, whatever splits them. Edges of hidden parts alone are left out. The front of a
-        face is where its shading normals point.
+        face is where its shading normals point: a caller that sees faces from behind reverses those first.
         """
         corners = surface.positions[surface.faces]
         size = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
