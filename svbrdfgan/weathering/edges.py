@@ -73,7 +73,7 @@ class SharpEdges:
         """The edges that turn by more than 30 degrees, and the borders; takes a second and 150 MB for 100,000 faces.
 
         Vertices of one place are welded, whatever splits them. Edges of hidden parts alone are left out. The front of a
-        face is where its shading normals point.
+        face is where its shading normals point: a caller that sees faces from behind reverses those first.
         """
         corners = surface.positions[surface.faces]
         size = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
@@ -236,7 +236,7 @@ class _Sheets:
         fresh = (np.diff(edge[half], prepend=-1) != 0) | (np.diff(angle[half], prepend=0.0) > _SAME_SHEET)
         number, count = np.cumsum(fresh) - 1, int(fresh.sum())
         kinds = (start < end, start > end, ~np.repeat(hidden[proper], 3))
-        flags = (np.bincount(number[kind[half]], minlength=count) > 0 for kind in kinds)
+        flags = [np.bincount(number[kind[half]], minlength=count) > 0 for kind in kinds]
         half = half[fresh]
         ends = np.stack([positions[low[half]], positions[high[half]]], axis=1)
         return cls(edge[half], angle[half], ends, unit(up[half]), *flags)
