@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -80,7 +80,7 @@ class Surroundings:
         merged, node = merge_rows(rows)
         values = np.stack(survey_maps(surface, merged[:, :3], unit(merged[:, 3:])), axis=1)
         return cls(
-            mesh, grounds, normals, back, divisions, start, node, values, SharpEdges.of(surface), painted
+            mesh, grounds, normals, back, divisions, start, node, values, SharpEdges.of(_turned(mesh, back)), painted
         )
 
     def site(self, points: SurfacePoints, texel: float, *, edges: bool = True) -> Site:
@@ -130,6 +130,12 @@ def _lattice(divisions: Int[ndarray, " faces"]) -> SurfacePoints:
     d = divisions[owner]
     weights = np.stack([d - i - col, i, col], axis=1) / d[:, None]
     return SurfacePoints(owner, weights)
+
+
+def _turned(mesh: Mesh, back: Bool[ndarray, " faces"]) -> Surface:
+    """The mesh with faces wound so that the side that is seen is their front."""
+    faces = np.where(back[:, None], mesh.faces[:, ::-1], mesh.faces)
+    return surface_over(replace(mesh, faces=faces), np.zeros((len(faces), 3, 2)))
 
 
 def _seen_from_behind(mesh: Mesh, surface: Surface) -> Bool[ndarray, " faces"]:

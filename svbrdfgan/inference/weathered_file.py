@@ -81,9 +81,7 @@ def write_weathered(
     if isinstance(source, Workpiece):
         workpiece = source
     else:
-        opened = open_workpiece(
-            source, learnable=learnable, keep=keep, masks=masks, front=front, up=up, length=length
-        )
+        opened = open_workpiece(source, learnable=learnable, keep=keep, masks=masks, front=front, up=up, length=length)
         workpiece = opened.settled(layer.settles_on)
     require_apart(workpiece.asset.path, Path(path))
     edited = weathered_document(workpiece, layer, textures or Textures(), variants=variants)

@@ -25,6 +25,7 @@ class Site:
         axles: z of the wheels, in the units of `position`.
         texel: the side of a texel, in the units of `position`: recipes paint nothing finer.
         length: metres to a length of the model.
+        tall: metres from the ground to the roof.
     """
 
     position: Float[Tensor, "texels 3"]
@@ -39,6 +40,7 @@ class Site:
     axles: tuple[float, ...]
     texel: float
     length: float
+    tall: float
 
     def at(self, texels: Int[Tensor, " chosen"] | slice) -> Site:
         """The same site at some of its texels only: recipes paint each texel by itself."""

@@ -113,6 +113,7 @@ class Grounds:
             self.axles,
             texel / self.length,
             self.metres,
+            self.metres * self.height / self.length,
         )
 
 

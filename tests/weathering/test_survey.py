@@ -27,4 +27,4 @@ def test_what_does_not_stand_on_wheels_gets_the_usual_axles(contact):
 
 def test_a_flat_sheet_has_a_site(shapes):
     site = survey(shapes.flat(shapes.floor()), np.zeros((1, 3)), np.array([[0.0, 1.0, 0.0]]))
-    assert all(np.isfinite(value).all() for value in (site.position, site.height, site.visibility, site.curvature))
+    assert all(value.isfinite().all() for value in (site.position, site.height, site.visibility, site.curvature))

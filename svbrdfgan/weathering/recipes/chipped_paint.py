@@ -39,9 +39,7 @@ class ChippedPaint(Options):
     scratches: float = number(1.0, 0.0, 2.0)
     rust: float = number(0.5, 0.0, 1.0)
 
-    settles_on: ClassVar[Mapping[Substance, float]] = MappingProxyType(
-        {Substance.PAINT: 1.0}
-    )
+    settles_on: ClassVar[Mapping[Substance, float]] = MappingProxyType({Substance.PAINT: 1.0})
     """What has paint to lose."""
     reads_edges: ClassVar[bool] = True
 
@@ -68,7 +66,9 @@ class ChippedPaint(Options):
             alpha=can * alpha,
             roughness=rough.clamp(0.2, 1.0),
             metallic=metal.clamp(0.0, 1.0),
-            height=-can * (0.00022 * chipped + 0.00010 * bare + 0.0001 * cut - 0.0002 * bare * rusty * grain) / site.length,
+            height=-can
+            * (0.00022 * chipped + 0.00010 * bare + 0.0001 * cut - 0.0002 * bare * rusty * grain)
+            / site.length,
         )
 
     def _worn(self, ground: Ground, patches: Values, ragged: Values, grain: Values) -> Values:
@@ -100,12 +100,11 @@ class ChippedPaint(Options):
         """Coverage of scuffs in the clear coat, and of scratches down to the metal."""
         scuffed = cut = torch.zeros_like(ground.up)
         flank = ground.steep() * ramp(0.2, 0.5, ground.up)
-        for cell, most, stream in ((0.9, 0.9, 30), (0.35, 1.0, 32), (0.35, 1.0, 33), (0.12, 1.0, 34)):
-            share = most * self.amount * min(1.0, 0.7 * self.scratches) * ramp(-0.4, 0.8, patches) * (0.35 + 0.65 * flank)
-            found = ground.scratches(cell, share.clamp(0.0, 1.0), stream)
-            width = 0.0006 + 0.0014 * found.random[:, 1]
-            wide = torch.clamp(width, min=0.7 * ground.texel)
-            line = found.weight * width / wide * ramp(1.0, 0.4, found.across / wide)
+        for cell, width, stream in ((0.9, 0.0018, 30), (0.35, 0.0012, 32), (0.35, 0.0009, 33), (0.12, 0.0007, 34)):
+            share = self.amount * min(1.0, 0.7 * self.scratches) * ramp(-0.9, 0.3, patches) * (0.5 + 0.5 * flank)
+            found = ground.scratches(cell, share, stream)
+            wide = max(width, 0.7 * ground.texel)
+            line = 0.9 * width / wide * ramp(1.0, 0.4, found.across / (wide * found.weight.clamp(min=1e-6)))
             deep = ramp(0.62, 0.75, found.random[:, 2])
-            scuffed, cut = over(0.8 * line * (1.0 - deep), scuffed), over(line * deep, cut)
+            scuffed, cut = over(line * (1.0 - deep), scuffed), over(line * deep, cut)
         return scuffed, cut

@@ -34,7 +34,14 @@ class Dust(Options):
     drops: float = number(0.6, 0.0, 1.0)
 
     settles_on: ClassVar[Mapping[Substance, float]] = MappingProxyType(
-        {Substance.PAINT: 1.0, Substance.STEEL: 1.0, Substance.ALLOY: 0.8, Substance.PLASTIC: 1.0, Substance.GLASS: 0.6, Substance.RUBBER: 1.0}
+        {
+            Substance.PAINT: 1.0,
+            Substance.STEEL: 1.0,
+            Substance.ALLOY: 0.8,
+            Substance.PLASTIC: 1.0,
+            Substance.GLASS: 0.6,
+            Substance.RUBBER: 1.0,
+        }
     )
     """Thickness on each substance."""
 

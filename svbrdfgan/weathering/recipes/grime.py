@@ -34,7 +34,14 @@ class Grime(Options):
     streaks: float = number(1.0, 0.0, 1.0)
 
     settles_on: ClassVar[Mapping[Substance, float]] = MappingProxyType(
-        {Substance.PAINT: 1.0, Substance.STEEL: 1.0, Substance.ALLOY: 0.8, Substance.PLASTIC: 0.8, Substance.GLASS: 0.4, Substance.RUBBER: 0.6}
+        {
+            Substance.PAINT: 1.0,
+            Substance.STEEL: 1.0,
+            Substance.ALLOY: 0.8,
+            Substance.PLASTIC: 0.8,
+            Substance.GLASS: 0.4,
+            Substance.RUBBER: 0.6,
+        }
     )
     """Thickness on each substance."""
     reads_edges: ClassVar[bool] = True

@@ -15,6 +15,7 @@ from svbrdfgan.weathering.recipes.shaping import Ground, blend, film, mix, over,
 from svbrdfgan.weathering.site import Site
 from svbrdfgan.weathering.substances import Substance, by_substance
 
+_CAR = 1.4  # metres: height to which the default reach applies
 _FILM = (0.265, 0.212, 0.155)
 _PALE = (0.345, 0.290, 0.225)
 _MUD = (0.128, 0.090, 0.060)
@@ -40,22 +41,30 @@ class RoadDirt(Options):
     runs: float = number(1.0, 0.0, 1.0)
 
     settles_on: ClassVar[Mapping[Substance, float]] = MappingProxyType(
-        {Substance.PAINT: 1.0, Substance.STEEL: 1.0, Substance.ALLOY: 0.9, Substance.PLASTIC: 1.0, Substance.GLASS: 0.45, Substance.RUBBER: 0.8}
+        {
+            Substance.PAINT: 1.0,
+            Substance.STEEL: 1.0,
+            Substance.ALLOY: 0.9,
+            Substance.PLASTIC: 1.0,
+            Substance.GLASS: 0.45,
+            Substance.RUBBER: 0.45,
+        }
     )
     """Thickness on each substance."""
 
     def paint(self, site: Site) -> Coat:
         """All maps; see `Recipe.paint`."""
         ground = Ground(self, site)
+        reach = self.reach * (site.tall / _CAR) ** 0.7
         broad, patches = ground.noise(1.1, 0), ground.noise(0.28, 1)
         grain = ground.noise(0.035, 2)
-        gain = 3.8 * self.amount**1.3 * by_substance(site.substance, self.settles_on)
-        thrown = self.spray * _thrown(ground, broad, self.reach)
-        low = torch.exp(-ground.up.clamp(min=0.0) / (0.30 * self.reach * (1.0 + 0.35 * broad).clamp(min=0.4)))
-        wake = 0.30 * ramp(0.25, 0.95, -ground.normal[:, 2]) * ramp(1.9, 0.3, ground.up / self.reach)
+        gain = 4.6 * self.amount**1.3 * by_substance(site.substance, self.settles_on)
+        thrown = self.spray * _thrown(ground, broad, reach)
+        low = torch.exp(-ground.up.clamp(min=0.0) / (0.32 * reach * (1.0 + 0.35 * broad).clamp(min=0.4)))
+        wake = 0.30 * ramp(0.25, 0.95, -ground.normal[:, 2]) * ramp(1.9, 0.3, ground.up / reach)
         sheltered = 0.22 * (1.0 - ground.visibility).clamp(0.0, 1.0) * ramp(1.6, 0.4, ground.up)
         lying = 0.045 + 0.06 * ramp(0.5, 0.95, ground.normal[:, 1])
-        depth = lying + low + wake + sheltered + 1.1 * thrown
+        depth = lying + 1.15 * low + wake + sheltered + 1.1 * thrown
         depth = depth * (1.0 + 0.35 * patches + 0.22 * grain).clamp(min=0.15)
         depth = gain * depth * self._washed(ground, broad)
         wet = gain * (0.8 * thrown + 0.45 * low + 0.04)
@@ -91,14 +100,20 @@ def _thrown(ground: Ground, broad: Values, reach: float) -> Values:
         behind = axle * ground.site.length - ground.place[:, 2]
         along = ramp(-0.25, 0.30, behind) * torch.exp(-behind.clamp(min=0.0) / 0.62)
         top = reach * (0.30 + 0.34 * behind.clamp(0.0, 1.2) + 0.16 * broad).clamp(min=0.1)
-        thrown = torch.maximum(thrown, along * torch.exp(-(ground.up / top.clamp(min=0.1)) ** 2))
+        thrown = torch.maximum(thrown, along * torch.exp(-((ground.up / top.clamp(min=0.1)) ** 2)))
     return thrown
 
 
 def _drops(ground: Ground, wet: Values, patches: Values) -> tuple[Values, Values]:
     """Dried droplets of three sizes: their alpha, and their height from 0 to 1."""
     alpha = lumps = torch.zeros_like(wet)
-    for cell, most, stream in ((0.060, 0.30, 20), (0.026, 0.75, 22), (0.012, 1.0, 24), (0.012, 1.0, 26), (0.007, 1.0, 28)):
+    for cell, most, stream in (
+        (0.060, 0.10, 20),
+        (0.026, 0.6, 22),
+        (0.012, 1.0, 24),
+        (0.012, 1.0, 26),
+        (0.007, 1.0, 28),
+    ):
         ragged = 0.10 * cell * torch.stack([patches, ground.noise(0.6 * cell, stream + 1), -patches], dim=1)
         share = most * (1.0 - torch.exp(-0.9 * wet * (1.0 + 0.7 * patches).clamp(min=0.0)))
         found = ground.spots(cell, share, stream, warp=ragged, flow=1.4)

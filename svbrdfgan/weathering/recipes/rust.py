@@ -38,9 +38,7 @@ class Rust(Options):
 
     bleed: float = number(1.0, 0.0, 2.0)
 
-    settles_on: ClassVar[Mapping[Substance, float]] = MappingProxyType(
-        {Substance.PAINT: 1.0, Substance.STEEL: 1.0}
-    )
+    settles_on: ClassVar[Mapping[Substance, float]] = MappingProxyType({Substance.PAINT: 1.0, Substance.STEEL: 1.0})
     """What rusts."""
     reads_edges: ClassVar[bool] = True
 
@@ -62,7 +60,9 @@ class Rust(Options):
         body = _body(depth, blotches, flakes, pits)
         eaten = over(core, specks)
         alpha = over(eaten, over(0.9 * bare, stain))
-        color = blend(mix(_STAIN, _STREAK, runs), stain, mix(_PRIMER, _STAIN, 0.35 + 0.3 * torch.tanh(flakes)), 0.9 * bare)
+        color = blend(
+            mix(_STAIN, _STREAK, runs), stain, mix(_PRIMER, _STAIN, 0.35 + 0.3 * torch.tanh(flakes)), 0.9 * bare
+        )
         color = blend(color, over(0.9 * bare, stain), mix(body, _BROWN, 0.4 * speckled * (1.0 - core)), eaten)
         blister = ramp(-0.22, -0.04, depth) * ramp(0.12, 0.0, depth) * (0.5 + 0.5 * torch.tanh(2.0 * flakes + pits))
         height = 0.0011 * blister + 0.0008 * core * (0.35 + 0.6 * flakes + 0.5 * pits) + 0.0003 * specks
@@ -81,12 +81,16 @@ class Rust(Options):
         for width, length, stream in ((0.060, 0.60, 10), (0.022, 0.30, 16)):
             for run in ground.runs(width, length, torch.ones_like(depth), stream):
                 source = prone + self._blotched(ground, run.head) - threshold
-                strength = torch.maximum(strength, run.strength * ramp(-0.12, 0.10, source) * (0.4 + 0.6 * run.random[:, 1]))
+                strength = torch.maximum(
+                    strength, run.strength * ramp(-0.45, 0.05, source) * (0.4 + 0.6 * run.random[:, 1])
+                )
         return halo, 0.85 * film(1.9 * self.bleed * strength)
 
     def _blotched(self, ground: Ground, moved: Colors | None = None) -> Values:
         """The coarse part of where rust is, which also feeds the runs."""
-        return 0.50 * ground.noise(0.9, 0, finest=0.1, moved=moved) + 0.42 * ground.noise(0.30, 1, finest=0.03, moved=moved)
+        return 0.50 * ground.noise(0.9, 0, finest=0.1, moved=moved) + 0.42 * ground.noise(
+            0.30, 1, finest=0.03, moved=moved
+        )
 
 
 def _prone(ground: Ground) -> Values:

@@ -63,15 +63,20 @@ class Ground:
         finest: float = _FINEST,
         moved: Colors | None = None,
     ) -> Values:
-        """Noise from waves of `wave` metres down to `finest` or what texels resolve; standard deviation about 0.5.
+        """Noise from waves of `wave` metres down to `finest` or what texels resolve; standard deviation at most 0.45.
+
+        What texels do not resolve is missing, and the rest is as with finer ones.
 
         Args:
             stretch: how much longer waves are along x, y and z.
             moved: metres from each texel to where the noise is wanted.
         """
-        least = max(finest, _RESOLVED * self.texel) / (wave * self.recipe.scale)
-        octaves = 1.0 + math.log2(max(1.0, 1.0 / least))
-        return 3.2 * fbm(self._cells(wave, stretch, moved), self._seed(stream), octaves=octaves)
+        octaves = 1.0 + math.log2(wave * self.recipe.scale / max(finest, _RESOLVED * self.texel))
+        if octaves <= 0.0:
+            return torch.zeros_like(self.up)
+        whole, part = divmod(octaves, 1.0)
+        strength = 2.0 - 0.5 ** (whole - 1.0) * (1.0 - 0.5 * part) if whole else part
+        return 1.7 * strength * fbm(self._cells(wave, stretch, moved), self._seed(stream), octaves=octaves)
 
     def spots(self, cell: float, share: Values, stream: int, *, warp: Colors | None = None, flow: float = 1.0) -> Spots:
         """Round spots, one in each cell of `cell` metres, and none where texels do not resolve them.

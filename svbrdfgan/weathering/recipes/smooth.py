@@ -316,7 +316,14 @@ def _slowly(recipe: _Options, site: _Texels, least: float, greatest: float) -> V
 
 
 def _settle(
-    recipe: _Options, site: _Texels, potential: Values, *, clean: float, filthy: float, softness: float, sharpest: float = 0
+    recipe: _Options,
+    site: _Texels,
+    potential: Values,
+    *,
+    clean: float,
+    filthy: float,
+    softness: float,
+    sharpest: float = 0,
 ) -> tuple[Values, Values]:
     """Coverage in [0, 1], which never decreases with `amount`, and the potential minus the threshold.
 
