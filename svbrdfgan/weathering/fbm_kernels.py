@@ -5,6 +5,7 @@ results are within float32 rounding of the reference, however far from the origi
 """
 
 # mypy: ignore-errors
+# ruff: noqa: UP018
 
 import warp as wp
 

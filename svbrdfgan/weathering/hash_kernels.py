@@ -26,7 +26,9 @@ def middle(y: wp.uint64):
 @wp.func
 def hashed(x: int, y: int, z: int, stream: wp.uint64):
     """The hash of a lattice point."""
-    return finalised((wp.uint64(wp.int64(x)) * X ^ middle(wp.uint64(wp.int64(y)) * Y) ^ wp.uint64(wp.int64(z)) * Z) + stream)
+    return finalised(
+        (wp.uint64(wp.int64(x)) * X ^ middle(wp.uint64(wp.int64(y)) * Y) ^ wp.uint64(wp.int64(z)) * Z) + stream
+    )
 
 
 @wp.func

@@ -1,4 +1,4 @@
-"""Launches of the noise kernels, on torch's device; arguments and results are those of `noise_reference`, in float32."""
+"""Launches of the noise kernels on CPU and CUDA; arguments and results are those of `noise_reference`, as tensors."""
 
 # mypy: ignore-errors
 
@@ -59,9 +59,7 @@ def _launched(
 
     def launch(start: int) -> None:
         taken, made = ([_array(tensor[start : start + step]) for tensor in each] for each in (inputs, outputs))
-        wp.launch(
-            kernel, len(taken[0]), [*taken, *options, *made], device=where, stream=queue, record_tape=False
-        )
+        wp.launch(kernel, len(taken[0]), [*taken, *options, *made], device=where, stream=queue, record_tape=False)
 
     with _loading, _quiet():
         wp.load_module(kernel.module, where)  # compiled once, before there are threads

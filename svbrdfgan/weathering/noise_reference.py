@@ -121,7 +121,10 @@ def scratches(
 
     def evaluate(points: ndarray, normal: ndarray, share: ndarray) -> ndarray:
         cell, count = np.floor(points.T), len(points)
-        best, found = np.zeros(count, np.uint64), np.stack([np.full(count, MOST_WIDTH), np.zeros(count), np.zeros(count)])
+        best, found = (
+            np.zeros(count, np.uint64),
+            np.stack([np.full(count, MOST_WIDTH), np.zeros(count), np.zeros(count)]),
+        )
         rank = np.full(count, 1e30)
         for corner in _CORNERS:
             side = np.array(corner)[:, None]
@@ -141,7 +144,10 @@ def scratches(
 
 
 def _scratch(
-    offset: Float[ndarray, "3 points"], normal: Float[ndarray, "3 points"], half: Float[ndarray, " points"], key: ndarray
+    offset: Float[ndarray, "3 points"],
+    normal: Float[ndarray, "3 points"],
+    half: Float[ndarray, " points"],
+    key: ndarray,
 ) -> tuple[ndarray, ndarray, ndarray]:
     """Distance, place along, and weight of one scratch at each point.
 
