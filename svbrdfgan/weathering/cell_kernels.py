@@ -5,7 +5,7 @@ from the origin.
 """
 
 # mypy: ignore-errors
-# ruff: noqa: UP018
+# ruff: noqa: UP018 - Warp's way to declare a variable
 
 import math
 

@@ -24,7 +24,11 @@ MOST_WIDTH = 0.05
 """Half the width of a scratch, in cells, up to which no part of it is cut off."""
 
 _CORNERS = tuple(itertools.product((0, 1), repeat=3))
+"""The lattice points nearest to a point. A centre is up to 0.5 from its own along each axis, so these have all shapes
+whose centre is within 0.5 of the point."""
 _COLUMNS, _ROWS = (-1, 0, 1), (-2, -1, 0)
+"""The cells whose streaks may reach a point: these start within their cell, are at most 0.28 wide to either side, and
+run down at most 1.25."""
 
 
 def octave_weights(octaves: float, gain: float) -> list[float]:
@@ -150,6 +154,9 @@ def _scratch(
     key: ndarray,
 ) -> tuple[ndarray, ndarray, ndarray]:
     """Distance, place along, and weight of one scratch at each point.
+
+    The depth at which it ends is such that its centre is within 0.5 of all points where it weighs anything and is
+    nearer than `MOST_WIDTH`.
 
     Args:
         offset: of the points from the scratch's centre.

@@ -12,8 +12,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from svbrdfgan.weathering import noise, noise_reference, procedural_noise
-from svbrdfgan.weathering.procedural_noise import fbm, scratches, spots, streaks
+from svbrdfgan.weathering import noise, noise_reference
+from svbrdfgan.weathering.procedural_noise import MOST_WIDTH, fbm, scratches, spots, streaks
 
 DEVICES = ["cpu", *(["cuda"] if torch.cuda.is_available() else [])]
 
@@ -197,20 +197,17 @@ def test_no_shape_is_cut_off_by_the_search(name: str, monkeypatch: pytest.Monkey
     assert all(torch.equal(one, other) for one, other in zip(found, wider, strict=True))
 
 
-@pytest.mark.parametrize("surface", ["plane", "cylinder"])
-def test_a_scratch_s_profile_is_continuous(surface: str) -> None:
-    """Across over weight jumps only where both sides are out of a profile's reach, and near a scratch's very end."""
-    step = 2e-5
-    line = torch.arange(200_000, dtype=torch.float64) * step
-    angle = line / 2.0 if surface == "cylinder" else torch.zeros_like(line)
-    around = torch.stack([angle.cos(), angle.sin(), torch.zeros_like(angle)], dim=1)
-    points = 2.0 * around + torch.stack([torch.zeros_like(line), 0.3 * line, 0.7 * line], dim=1)
-    count, reach = len(line), procedural_noise.MOST_WIDTH
-    across, _, weight, _ = noise_reference.scratches(points.numpy(), around.numpy(), np.full(count, 1.1), 6)
-    profile = np.maximum(0.0, 1.0 - across / np.maximum(weight, 1e-9) / reach)
-    clear = np.minimum(weight[1:], weight[:-1]) > 0.1
-    assert (profile[1:][clear] > 0.5).sum() > 100
-    assert np.abs(np.diff(profile))[clear].max() < 0.05
+def test_a_scratch_s_profile_is_continuous_where_scratches_cross() -> None:
+    """A step along a plane changes the distance by a step at most, and the weight of no scratch."""
+    at, step = places(1_000_000, share=1.1), 0.002
+    beside = at.points + step * torch.nn.functional.normalize(torch.linalg.cross(at.normal, at.points), dim=1)
+    here, there = (scratches(points, at.normal, at.share, 6) for points in (at.points, beside))
+    profiles, weights = [], []
+    for found in (here, there):
+        profiles.append((1.0 - found.across / found.weight / MOST_WIDTH).nan_to_num().clamp(min=0.0))
+        weights.append(found.weight.where(profiles[-1] > 0.0, 1.0))
+    assert (profiles[0] > 0.5).sum() > 1000
+    assert ((profiles[1] - profiles[0]).abs() <= 1.1 * step / MOST_WIDTH / torch.minimum(*weights)).all()
 
 
 @pytest.mark.usefixtures("with_and_without_warp")
