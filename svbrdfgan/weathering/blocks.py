@@ -15,8 +15,8 @@ BLOCK = 16384
 
 
 def by_blocks(
-    function: Callable[..., Float[ndarray, "_ *shape"]], *arrays: ndarray, shape: tuple[int, ...] = ()
-) -> Float[ndarray, "points *shape"]:
+    function: Callable[..., Float[ndarray, "_ ..."]], *arrays: ndarray, shape: tuple[int, ...] = ()
+) -> Float[ndarray, "points ..."]:
     """`function(*arrays)`, whose value at each point, of this shape, must depend on that point's row alone.
 
     The blocks do not change a bit of the result.

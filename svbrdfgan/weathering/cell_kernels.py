@@ -5,6 +5,7 @@ from the origin.
 """
 
 # mypy: ignore-errors
+# ruff: noqa: UP018 - Warp's way to declare a variable
 
 import math
 
@@ -27,12 +28,16 @@ def deepest_spot(p: wp.vec3, share: float, stream: wp.uint64):
     for n in range(8):
         a, b, c = n >> 2, (n >> 1) & 1, n & 1
         key = hashed(int(x) + a, int(y) + b, int(z) + c, stream)
-        radius = (0.125 + 0.375 * number12(key, 3)) * smoothstep((share - number12(key, 4)) * 20.0)
-        offset = near - wp.vec3(float(a), float(b), float(c)) - jitter(key)
-        distance = wp.length(offset)
-        if radius * (1.0 - inside) > distance:
-            best, inside = key, 1.0 - distance / radius
-            slope = offset * wp.where(distance > 0.0, -1.0 / (distance * radius), 0.0)
+        present = share - number12(key, 4)
+        if present > 0.0:
+            radius = (0.125 + 0.375 * number12(key, 3)) * smoothstep(present * 20.0)
+            offset = near - wp.vec3(float(a), float(b), float(c)) - jitter(key)
+            depth = radius * (1.0 - inside)
+            square = wp.dot(offset, offset)
+            if square < depth * depth:
+                distance = wp.sqrt(square)
+                best, inside = key, 1.0 - distance / radius
+                slope = offset * (-1.0 / (wp.max(distance, 1.0e-20) * radius))
     return best, inside, slope
 
 
@@ -50,7 +55,7 @@ def spots(
     random: wp.array(dtype=wp.vec4),
 ):
     i = wp.tid()
-    best, deepest, slope = deepest_spot(points[i], share[i], stream)
+    best, deepest, _ = deepest_spot(points[i], share[i], stream)
     inside[i] = deepest
     random[i] = random_numbers(best, deepest > 0.0)
 
@@ -89,15 +94,16 @@ def streaks(
     for row in range(wp.where(near[1] < 0.25, -2, -1), 1):
         for column in range(wp.where(near[0] < 0.28, -1, 0), wp.where(near[0] > 0.72, 2, 1)):
             key = hashed(int(x) + column, int(y) + row, 0, stream)
+            present = share[i] - number12(key, 4)
             offset = wp.vec2(float(column) + number12(key, 0), float(row) + number12(key, 1)) - near
-            length, width = number12(key, 2), number12(key, 3)
-            t = -offset[1] / (0.35 + 0.9 * length * length)
-            a = offset[0] / ((0.06 + 0.22 * width) * (1.0 - 0.5 * t))
-            present = smoothstep((share[i] - number12(key, 4)) * 10.0)
-            if t > 0.0 and t < 1.0 and a * a < 1.0 and present > strongest:
-                profile = (1.0 - a * a) * wp.pow(1.0 - t, 1.2) * smoothstep(t / 0.06) * present
-                if profile > strongest:
-                    best, strongest, place, to_head = key, profile, t, offset
+            if present > 0.0 and offset[1] < 0.0:
+                length, width = number12(key, 2), number12(key, 3)
+                t = -offset[1] / (0.35 + 0.9 * length * length)
+                a = offset[0] / ((0.06 + 0.22 * width) * (1.0 - 0.5 * t))
+                if t < 1.0 and a * a < 1.0:
+                    profile = (1.0 - a * a) * wp.pow(1.0 - t, 1.2) * smoothstep(t / 0.06) * smoothstep(present * 10.0)
+                    if profile > strongest:
+                        best, strongest, place, to_head = key, profile, t, offset
     strength[i] = strongest
     along[i] = place
     head[i] = to_head
@@ -141,16 +147,17 @@ def scratches(
     for n in range(8):
         a, b, c = n >> 2, (n >> 1) & 1, n & 1
         key = hashed(int(x) + a, int(y) + b, int(z) + c, stream)
-        offset = near - wp.vec3(float(a), float(b), float(c)) - jitter(key)
-        present = smoothstep((share[i] - number12(key, 4)) * 10.0)
-        half = 0.06 + 0.34 * number12(key, 3) * number12(key, 3)
-        reach = half * STRETCH + WIDTH
-        depth = wp.dot(normal[i], offset)
-        faded = present * (1.0 - depth * depth / (0.25 - reach * reach))
-        if faded > 0.0 and wp.dot(offset, offset) - depth * depth < reach * reach:
-            found = scratch(offset, normal[i], half, next_hash(key), faded)
-            if found[0] < WIDTH and found[0] < rank * found[2]:
-                best, rank, nearest = key, found[0] / found[2], found
+        present = share[i] - number12(key, 4)
+        if present > 0.0:
+            offset = near - wp.vec3(float(a), float(b), float(c)) - jitter(key)
+            half = 0.06 + 0.34 * number12(key, 3) * number12(key, 3)
+            reach = half * STRETCH + WIDTH
+            depth = wp.dot(normal[i], offset)
+            faded = smoothstep(present * 10.0) * (1.0 - depth * depth / (0.25 - reach * reach))
+            if faded > 0.0 and wp.dot(offset, offset) - depth * depth < reach * reach:
+                found = scratch(offset, normal[i], half, next_hash(key), faded)
+                if found[0] < WIDTH and found[0] < rank * found[2]:
+                    best, rank, nearest = key, found[0] / found[2], found
     across[i] = nearest[0]
     along[i] = nearest[1]
     weight[i] = nearest[2]

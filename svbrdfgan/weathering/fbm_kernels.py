@@ -5,6 +5,7 @@ results are within float32 rounding of the reference, however far from the origi
 """
 
 # mypy: ignore-errors
+# ruff: noqa: UP018 - Warp's way to declare a variable
 
 import warp as wp
 

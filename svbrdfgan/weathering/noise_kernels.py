@@ -1,4 +1,4 @@
-"""Launches of the noise kernels, on torch's device; arguments and results are those of `noise_reference`, in float32."""
+"""Launches of the noise kernels on CPU and CUDA; arguments and results are those of `noise_reference`, as tensors."""
 
 # mypy: ignore-errors
 
@@ -64,7 +64,8 @@ def _launched(
     with _loading, _quiet():
         wp.load_module(kernel.module, where)  # compiled once, before there are threads
     step = BLOCK if on_cpu else max(count, 1)
-    for _ in in_threads(launch, range(0, count, step)):
+    starts = range(0, count, step)
+    for _ in in_threads(launch, starts) if on_cpu else map(launch, starts):
         pass
     return outputs
 

@@ -24,7 +24,11 @@ MOST_WIDTH = 0.05
 """Half the width of a scratch, in cells, up to which no part of it is cut off."""
 
 _CORNERS = tuple(itertools.product((0, 1), repeat=3))
+"""The lattice points nearest to a point. A centre is up to 0.5 from its own along each axis, so these have all shapes
+whose centre is within 0.5 of the point."""
 _COLUMNS, _ROWS = (-1, 0, 1), (-2, -1, 0)
+"""The cells whose streaks may reach a point: these start within their cell, are at most 0.28 wide to either side, and
+run down at most 1.25."""
 
 
 def octave_weights(octaves: float, gain: float) -> list[float]:
@@ -52,16 +56,19 @@ def _noise_and_slope(points: Float[ndarray, "points 3"], number: int) -> Float[n
     """`gradient_noise`, and its derivatives."""
     cell = np.floor(points.T)
     near = points.T - cell
-    fade = near**3 * (near * (near * 6.0 - 15.0) + 10.0)
+    high = near**3 * (near * (near * 6.0 - 15.0) + 10.0)
     steep = 30.0 * (near * (near - 1.0)) ** 2
+    weights, slopes = (1.0 - high, high), (-steep, steep)
     total = np.zeros((4, len(points)))
     for corner in _CORNERS:
         side = np.array(corner)[:, None]
-        toward = DIRECTIONS[:, hashed(words(cell.astype(np.int64) + side), number) % np.uint64(12)]
-        value = (toward * (near - side)).sum(axis=0)
-        x, y, z = np.where(side, fade, 1.0 - fade)
+        kind = hashed(words(cell.astype(np.int64) + side), number) % np.uint64(12)
+        toward = DIRECTIONS.take(kind.astype(np.int64), axis=1)
+        value = np.einsum("ap,ap->p", toward, near - side)
+        x, y, z = (weights[at][axis] for axis, at in enumerate(corner))
+        dx, dy, dz = (slopes[at][axis] for axis, at in enumerate(corner))
         total[0] += x * y * z * value
-        total[1:] += x * y * z * toward + np.where(side, steep, -steep) * np.stack([y * z, x * z, x * y]) * value
+        total[1:] += x * y * z * toward + np.stack([dx * y * z, x * dy * z, x * y * dz]) * value
     return total.T * (2.0 / np.sqrt(3.0))
 
 
@@ -150,6 +157,9 @@ def _scratch(
     key: ndarray,
 ) -> tuple[ndarray, ndarray, ndarray]:
     """Distance, place along, and weight of one scratch at each point.
+
+    The depth at which it ends is such that its centre is within 0.5 of all points where it weighs anything and is
+    nearer than `MOST_WIDTH`.
 
     Args:
         offset: of the points from the scratch's centre.

@@ -4,8 +4,10 @@ All are functions of position alone, in cells: scale positions to choose the siz
 else `noise_reference` does, slower and on the CPU; both agree to float32 rounding. A seed gives the same bytes on the
 same machine, on any number of threads. Different seeds are independent, and so are different primitives of one seed.
 
-Positions are float32, so far from the origin they are coarse themselves: steps are 2^-24 of the distance, or 1/1000 of
-a cell at 10,000 cells. Coordinates must stay below 2^24. Shares are cut off at 0 and 1.
+Far from the origin float32 positions are coarse themselves: steps are 1/1000 of a cell at 10,000 cells. Nothing is lost
+beyond that. Coordinates must stay below 2^24.
+
+A share says which part of the shapes is there. At 0 there is none, and only from 1.1 on are all of them whole.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from svbrdfgan.weathering import noise_reference
+from svbrdfgan.weathering.noise_reference import MOST_WIDTH as MOST_WIDTH
 
 MOST_OCTAVES = 32
 
