@@ -94,7 +94,9 @@ class Surroundings:
         position, normal = points.positions(self.mesh), unit(points.interpolate(self.normals))
         distances = self.edges.distances(position, normal, EDGE_REACH * self.grounds.length) if edges else None
         substance = self.substance[points.face]
-        return self.grounds.site(position, normal, *found.T, texel, edges=distances, substance=substance)
+        return self.grounds.site(
+            position, normal, found[:, 0], found[:, 1], texel, edges=distances, substance=substance
+        )
 
     def _around(self, points: SurfacePoints) -> tuple[Int[ndarray, "points 3"], Float[ndarray, "points 3"]]:
         """The nodes of the lattice's triangle around each point, and their weights."""

@@ -87,8 +87,8 @@ def command(
         from svbrdfgan.scene.description import map_values
         from svbrdfgan.weathering.layer import recipe_from_options
 
-        given = {} if amount is None else {"amount": amount}
-        chosen = recipe_from_options(recipe, {**given, "seed": seed, **key_values(options)})
+        asked = {} if amount is None else {"amount": amount}
+        chosen = recipe_from_options(recipe, {**asked, "seed": seed, **key_values(options)})
         maps = {**map_values(key_values(bare), "--map")} if bare or base_color_only else dict.fromkeys(BARE)
         studio = studio_of(
             {"--picture": picture}, environment, renderer, maps if embedding_uvs else dict.fromkeys(BARE)

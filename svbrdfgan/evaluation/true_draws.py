@@ -102,7 +102,7 @@ def _amounts(
 ) -> list[Float[ndarray, " amounts"]]:
     rng, scene = np.random.default_rng([2, vehicle.number]), vehicle.scenes[0]
     share = area.ravel().astype(np.float64)
-    site = loader.site(scene).at(rng.choice(share.size, _POINTS, p=share / share.sum()))
+    site = loader.site(scene).at(torch.from_numpy(rng.choice(share.size, _POINTS, p=share / share.sum())))
     seeds = [vehicle.declared.seed.sample(rng) for _ in vehicle.scenes]
 
     def covered(drawn: SceneWeathering) -> float:

@@ -25,7 +25,7 @@ from svbrdfgan.geometry.cells import ranges
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.io.rows import merge_rows
 from svbrdfgan.types import Surface
-from svbrdfgan.weathering.blocks import BLOCK, by_blocks
+from svbrdfgan.utils.threads import BLOCK, by_blocks
 
 _SHARP = math.radians(30.5)
 """The least turn of a sharp edge: a little more than between the sides of a cylinder with twelve of them."""

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from svbrdfgan.weathering.blocks import by_blocks
+from svbrdfgan.utils.threads import by_blocks
 from svbrdfgan.weathering.lattice_hash import DIRECTIONS, hashed, words
 
 _CORNERS = tuple(itertools.product((0, 1), (0, 1), (0, 1)))

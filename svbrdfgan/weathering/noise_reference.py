@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from svbrdfgan.weathering.blocks import by_blocks
+from svbrdfgan.utils.threads import by_blocks
 from svbrdfgan.weathering.lattice_hash import DIRECTIONS, five_numbers, four_numbers, hashed, next_hash, words
 from svbrdfgan.weathering.noise import gradient_noise
 

@@ -21,7 +21,6 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from svbrdfgan.weathering import noise_reference
 from svbrdfgan.weathering.noise_reference import MOST_WIDTH as MOST_WIDTH
 
 MOST_OCTAVES = 32
@@ -145,6 +144,8 @@ def _computed(primitive: str, inputs: list[Tensor], *options: Any) -> tuple[Tens
 
         computed: tuple[Tensor, ...] = getattr(noise_kernels, primitive)(*inputs, *options)
         return computed
+    from svbrdfgan.weathering import noise_reference
+
     arrays = [each.cpu().double().numpy() for each in inputs]
     found = getattr(noise_reference, primitive)(*arrays, *options)
     return tuple(torch.from_numpy(each).to(inputs[0].device, torch.float32) for each in found)

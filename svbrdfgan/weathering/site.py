@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import torch
 from jaxtyping import Float, Int
@@ -20,7 +21,7 @@ class Site:
         normal: unit normal, outward.
         visibility: ambient-occlusion visibility: 1 is unoccluded, 0 is enclosed.
         curvature: scaled mean curvature: positive on edges, negative in creases, about 1 at a right angle.
-        convex, crease, border: distance to the nearest sharp edge of each kind, in metres; inf where there is none near.
+        convex, crease, border: distance to the nearest sharp edge of each kind, in metres; inf if none is near.
         substance: `Substance` of what lies under the texel.
         axles: z of the wheels, in the units of `position`.
         texel: the side of a texel, in the units of `position`: recipes paint nothing finer.
@@ -44,7 +45,7 @@ class Site:
 
     def at(self, texels: Int[Tensor, " chosen"] | slice) -> Site:
         """The same site at some of its texels only: recipes paint each texel by itself."""
-        return replace(self, **{name: value[texels] for name, value in self._tensors().items()})
+        return self._with({name: value[texels] for name, value in self._tensors().items()})
 
     def to(self, device: torch.device | str, dtype: torch.dtype = torch.float32) -> Site:
         """The same site elsewhere, in other floating-point numbers."""
@@ -52,12 +53,15 @@ class Site:
             name: value.to(device, dtype if value.is_floating_point() else value.dtype)
             for name, value in self._tensors().items()
         }
-        return replace(self, **moved)
+        return self._with(moved)
 
     def blocks(self, count: int) -> Iterator[Site]:
         """The same site, at most `count` texels at a time."""
         for start in range(0, len(self.height), count):
             yield self.at(slice(start, start + count))
+
+    def _with(self, tensors: Mapping[str, Any]) -> Site:
+        return replace(self, **tensors)
 
     def _tensors(self) -> dict[str, Tensor]:
         return {spec.name: value for spec in fields(self) if isinstance(value := getattr(self, spec.name), Tensor)}

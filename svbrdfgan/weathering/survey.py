@@ -102,18 +102,23 @@ class Grounds:
             substance: by default everything is painted sheet.
         """
         centred = (position - self.origin) / self.length
-        height = np.clip(centred[:, 1] * self.length / self.height, 0.0, 1.0)
-        arrays = (centred, height, normal, visibility, curvature)
-        none = np.full(len(normal), np.inf)
-        distances = (none, none, none) if edges is None else (edges.convex, edges.crease, edges.border)
+        none, scale = np.full(len(normal), np.inf), self.metres / self.length
+        convex, crease, border = (none,) * 3 if edges is None else (edges.convex, edges.crease, edges.border)
+        painted = np.zeros(len(normal), np.uint8) if substance is None else substance
         return Site(
-            *(torch.from_numpy(np.ascontiguousarray(values)) for values in arrays),
-            *(torch.from_numpy(values * self.metres / self.length) for values in distances),
-            torch.zeros(len(normal), dtype=torch.uint8) if substance is None else torch.from_numpy(substance),
-            self.axles,
-            texel / self.length,
-            self.metres,
-            self.metres * self.height / self.length,
+            position=torch.from_numpy(centred),
+            height=torch.from_numpy(np.clip(centred[:, 1] * self.length / self.height, 0.0, 1.0)),
+            normal=torch.from_numpy(np.ascontiguousarray(normal)),
+            visibility=torch.from_numpy(np.ascontiguousarray(visibility)),
+            curvature=torch.from_numpy(np.ascontiguousarray(curvature)),
+            convex=torch.from_numpy(convex * scale),
+            crease=torch.from_numpy(crease * scale),
+            border=torch.from_numpy(border * scale),
+            substance=torch.from_numpy(painted),
+            axles=self.axles,
+            texel=texel / self.length,
+            length=self.metres,
+            tall=self.height * scale,
         )
 
 

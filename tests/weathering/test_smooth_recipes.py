@@ -1,7 +1,5 @@
 """What each smooth recipe promises: range, monotony, seeds, and where its matter goes."""
 
-import dataclasses
-import math
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -9,8 +7,6 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from svbrdfgan.errors import ConfigError
-from svbrdfgan.weathering.layer import recipe_from_options
 from svbrdfgan.weathering.recipes.smooth import SmoothChips, SmoothDirt, SmoothDust, SmoothRust
 from svbrdfgan.weathering.survey import survey
 

@@ -60,7 +60,7 @@ class ChippedPaint(Options):
         alpha = over(over(cut, chipped), scuffed)
         color = blend(_SCUFF, scuffed, mix(inner, mix(_STEEL, _RUST, 0.6 * rusty), cut), over(cut, chipped))
         metal = torch.maximum(bare * chipped, cut) * (1.0 - rusty)
-        rough = mix((0.62,), (0.38,), metal)[:, 0] + 0.25 * rusty * bare + 0.06 * grain
+        rough = 0.62 - 0.24 * metal + 0.25 * rusty * bare + 0.06 * grain
         return Coat(
             color=color,
             alpha=can * alpha,

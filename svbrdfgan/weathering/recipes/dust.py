@@ -62,7 +62,7 @@ class Dust(Options):
         return Coat(
             color=mix(_GREY, _BEIGE, tint),
             alpha=0.94 * alpha,
-            roughness=(0.95 + 0.04 * grain).clamp(0.8, 1.0),
+            roughness=(0.93 + 0.04 * broad + 0.03 * grain).clamp(0.8, 1.0),
             metallic=torch.zeros_like(alpha),
             height=0.00012 * alpha * (1.0 + grain) / site.length,
         )

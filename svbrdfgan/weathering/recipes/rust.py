@@ -69,7 +69,7 @@ class Rust(Options):
         return Coat(
             color=color,
             alpha=present * alpha,
-            roughness=(0.82 + 0.10 * pits - 0.10 * bare + 0.04 * flakes).clamp(0.5, 1.0),
+            roughness=(0.82 + 0.06 * blotches + 0.10 * pits - 0.10 * bare + 0.04 * flakes).clamp(0.5, 1.0),
             metallic=torch.zeros_like(alpha),
             height=present * height / site.length,
         )

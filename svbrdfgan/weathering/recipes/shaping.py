@@ -91,7 +91,7 @@ class Ground:
         return spots(points, share.detach(), self._seed(stream))
 
     def runs(self, width: float, length: float, share: Values, stream: int) -> list[Run]:
-        """Runs of water down steep surfaces, in cells of `width` by `length` metres: seen from the side, from the front.
+        """Runs of water down steep surfaces, in cells of `width` by `length` metres: on flanks, and on front and tail.
 
         Args:
             share: of the cells that have a run.

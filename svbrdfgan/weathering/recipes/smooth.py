@@ -45,8 +45,9 @@ class _Texels:
 
     @classmethod
     def of(cls, site: Site) -> _Texels:
-        arrays = (site.position, site.height, site.normal, site.visibility, site.curvature)
-        return cls(*(values.double().cpu().numpy() for values in arrays), site.axles, site.texel)
+        tensors = (site.position, site.height, site.normal, site.visibility, site.curvature)
+        position, height, normal, visibility, curvature = (each.double().cpu().numpy() for each in tensors)
+        return cls(position, height, normal, visibility, curvature, site.axles, site.texel)
 
 
 @dataclass(frozen=True, eq=False)
