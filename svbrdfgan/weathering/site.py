@@ -13,7 +13,7 @@ from torch import Tensor
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """Geometry at each texel, independent of the model's location; on a CPU in float64, on a GPU in float32.
+    """Geometry at each texel, independent of the model's location; float64 unless it was moved.
 
     Attributes:
         position: in lengths of the model; x (left) and z (nose) from the centre, y from the ground.
@@ -27,6 +27,7 @@ class Site:
         texel: the side of a texel, in the units of `position`: recipes paint nothing finer.
         length: metres to a length of the model.
         tall: metres from the ground to the roof.
+        tangents: unit tangents and bitangents, along which normal maps of the relief go; None if there is no such map.
     """
 
     position: Float[Tensor, "texels 3"]
@@ -42,6 +43,7 @@ class Site:
     texel: float
     length: float
     tall: float
+    tangents: Float[Tensor, "texels 2 3"] | None = None
 
     def at(self, texels: Int[Tensor, " chosen"] | slice) -> Site:
         """The same site at some of its texels only: recipes paint each texel by itself."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
+from torch import Tensor
 
+from svbrdfgan.geometry.tangents import corner_tangents
+from svbrdfgan.geometry.texels import nearest_texels
 from svbrdfgan.types import Surface
 from svbrdfgan.weathering.edges import EdgeDistances, SharpEdges
 from svbrdfgan.weathering.mesh_maps import MeshMaps, TexelGeometry, length_of, survey_maps
@@ -23,16 +26,34 @@ _LENGTHS = (2.0, 20.0)  # metres, of vehicles
 _USUAL_AXLES = (-0.3, 0.3)  # z in lengths of the model, from its centre
 
 
-def find_site(surface: Surface, buffer: TexelGeometry, maps: MeshMaps | None = None) -> Site:
+def find_site(surface: Surface, buffer: TexelGeometry, maps: MeshMaps | None = None, *, tangents: bool = False) -> Site:
     """The geometry that recipes use, at each texel of the buffer, row by row.
 
     Args:
         maps: the buffer's mesh maps, which else are computed.
+        tangents: whether the site has tangents, for normal maps.
     """
     position, normal = (np.asarray(values, np.float64) for values in (buffer.position, buffer.normal))
     steps = np.linalg.norm(np.diff(position, axis=1), axis=2)
     texel = float(np.median(steps[steps > 0.0])) if steps.any() else 0.0
-    return survey(surface, position.reshape(-1, 3), normal.reshape(-1, 3), texel, maps)
+    found = survey(surface, position.reshape(-1, 3), normal.reshape(-1, 3), texel, maps)
+    return replace(found, tangents=_tangents(surface, buffer)) if tangents else found
+
+
+def _tangents(surface: Surface, buffer: TexelGeometry) -> Float[Tensor, "texels 2 3"]:
+    """Unit tangents and bitangents at the texels, both reversed where the buffer's normal is the surface's reversed.
+
+    There the surface is seen from behind, where renderers reverse the whole tilted normal.
+    """
+    face, weights = (np.asarray(values) for values in (buffer.face, buffer.barycentric))
+    nearest = nearest_texels(face >= 0)
+    normals = surface.normals[surface.faces]
+    tangent, bitangent, normal = corner_tangents(surface).frames(
+        normals, face[nearest].ravel(), weights[nearest].reshape(-1, 3)
+    )
+    outward = np.asarray(buffer.normal, np.float64).reshape(-1, 3)
+    side = np.where((outward * normal).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    return torch.from_numpy(np.stack([side * tangent, side * bitangent], axis=1))
 
 
 def survey(
