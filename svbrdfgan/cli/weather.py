@@ -8,7 +8,6 @@ import click
 
 from svbrdfgan.cli.display import progress
 from svbrdfgan.cli.options import (
-    DENSITY,
     PartOptions,
     check_delivery,
     delivery_options,
@@ -20,7 +19,7 @@ from svbrdfgan.cli.options import (
     studio_of,
 )
 
-_EMBEDDED = 512
+_DENSITY, _EMBEDDED = 2048, 512
 _RECIPES = "road-dirt, dust, rust, chipped-paint or grime; for laboratories smooth-dirt, -dust, -rust or -chips"
 
 
@@ -36,7 +35,7 @@ _RECIPES = "road-dirt, dust, rust, chipped-paint or grime; for laboratories smoo
     "--resolution",
     type=click.IntRange(16, 8192),
     help="The layer is as fine as a texture of that many texels along a side over the whole model.  "
-    f"[default: {DENSITY}; with --embedding-uvs {_EMBEDDED}]",
+    f"[default: {_DENSITY}; with --embedding-uvs {_EMBEDDED}]",
 )
 @click.option(
     "-o", "--out", required=True, type=click.Path(path_type=Path), help="GLB or glTF file; of several MESHes a folder."
@@ -106,7 +105,7 @@ def command(
             from svbrdfgan.cli.scenes import Scenes
             from svbrdfgan.inference.weatherings import RecipeWeathering
 
-            textures = Textures(size, resolution or DENSITY)
+            textures = Textures(size, resolution or _DENSITY)
             scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
             weathering = RecipeWeathering(chosen, tuple(maps))
             done = each_alone(

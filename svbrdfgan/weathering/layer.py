@@ -18,7 +18,6 @@ from svbrdfgan.weathering.recipes import RECIPES, Recipe
 from svbrdfgan.weathering.site import Site
 from svbrdfgan.weathering.survey import find_site
 
-
 _BLOCK = 65536
 """Texels at a time on a CPU."""
 
