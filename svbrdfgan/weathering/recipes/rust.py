@@ -16,7 +16,7 @@ from svbrdfgan.weathering.site import Site
 from svbrdfgan.weathering.substances import Substance, by_substance
 
 _ORANGE = (0.385, 0.150, 0.038)
-_BROWN = (0.205, 0.068, 0.022)
+_BROWN = (0.181, 0.057, 0.017)
 _DARK = (0.062, 0.024, 0.013)
 _STAIN = (0.330, 0.145, 0.050)
 _STREAK = (0.230, 0.085, 0.024)
