@@ -11,7 +11,7 @@ from jaxtyping import UInt8
 from numpy import ndarray
 
 from svbrdfgan.asset.asset import Asset
-from svbrdfgan.asset.verdicts import Verdict
+from svbrdfgan.asset.verdicts import BY_MASK, Verdict
 from svbrdfgan.weathering.substances import Substance
 
 _SUBSTANCES: Mapping[str, Substance] = MappingProxyType(
@@ -41,13 +41,13 @@ def face_substances(asset: Asset, verdicts: Sequence[Verdict]) -> UInt8[ndarray,
 def settled(verdicts: Sequence[Verdict], settles_on: Mapping[Substance, float]) -> tuple[Verdict, ...]:
     """The verdicts, but what matter also lies on weathers: dust does not spare glass, and rust does.
 
-    What the user's patterns keep stays kept, as do interiors, decals and the ground.
+    What the user's patterns and masks keep stays kept, as do interiors, decals and the ground.
     """
     return tuple(_settled(verdict, settles_on) for verdict in verdicts)
 
 
 def _settled(verdict: Verdict, settles_on: Mapping[Substance, float]) -> Verdict:
-    substance = _SUBSTANCES.get(verdict.kind)
+    substance = None if verdict.reason == BY_MASK else _SUBSTANCES.get(verdict.kind)
     if verdict.weathers or substance is None or not settles_on.get(substance, 0.0):
         return verdict
     return replace(verdict, weathers=True, reason=f"{verdict.reason}; this settles on {substance.name.lower()}, too")

@@ -150,7 +150,8 @@ def test_a_body_that_its_name_keeps_clean_is_reported(car: Path, tmp_path: Path)
 
 
 def test_weather_with_a_further_map(car: Path, tmp_path: Path) -> None:
-    words = ("weather", car, "--resolution", 32, *EMBEDDED, "-o", tmp_path / "dull.glb")
+    words = ("weather", car, "--recipe", "smooth-dirt", "--amount", 1, "--resolution", 32, *EMBEDDED)
+    words = (*words, "-o", tmp_path / "dull.glb")
     succeeded(invoke(*words, "--map", "roughness=0.2"))
     with Image.open(tmp_path / "dull.layer.png") as layer, Image.open(tmp_path / "dull.roughness.png") as rough:
         alpha, values = np.asarray(layer)[..., 3], np.asarray(rough) / 255
