@@ -12,6 +12,8 @@ from numpy import ndarray
 
 from svbrdfgan.asset.asset import Asset
 from svbrdfgan.asset.verdicts import BY_MASK, Verdict
+from svbrdfgan.asset.wheels import find_wheels
+from svbrdfgan.types import Mesh
 from svbrdfgan.weathering.substances import Substance
 
 _SUBSTANCES: Mapping[str, Substance] = MappingProxyType(
@@ -32,10 +34,20 @@ _SUBSTANCES: Mapping[str, Substance] = MappingProxyType(
 """By the kinds of verdicts; other kinds that weather are painted."""
 
 
-def face_substances(asset: Asset, verdicts: Sequence[Verdict]) -> UInt8[ndarray, " faces"]:
-    """The substance of each face of the asset's mesh."""
-    found = [_SUBSTANCES.get(verdict.kind, Substance.PAINT) for verdict in verdicts]
-    return np.array(found, np.uint8)[asset.face_piece]
+def face_substances(asset: Asset, verdicts: Sequence[Verdict], mesh: Mesh) -> UInt8[ndarray, " faces"]:
+    """The substance of each face of the asset's mesh; in wheels also by place: files paint tyres and body as one part.
+
+    Args:
+        mesh: the asset's, with its roof at +Y.
+    """
+    found = np.array([_SUBSTANCES.get(verdict.kind, Substance.PAINT) for verdict in verdicts], np.uint8)
+    substance = found[asset.face_piece]
+    height = mesh.positions[np.unique(mesh.faces), 1]
+    wheels = find_wheels(mesh.positions, mesh.faces, asset.face_piece, float(height.min()), float(np.ptp(height)))
+    unknown = substance == Substance.PAINT
+    substance[wheels.inside & unknown] = Substance.ALLOY
+    substance[wheels.tread & unknown] = Substance.RUBBER
+    return substance
 
 
 def settled(verdicts: Sequence[Verdict], settles_on: Mapping[Substance, float]) -> tuple[Verdict, ...]:

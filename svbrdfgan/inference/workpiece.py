@@ -56,7 +56,7 @@ class Workpiece:
 
     @cached_property
     def surroundings(self) -> Surroundings:
-        return Surroundings.of(self.mesh, face_substances(self.asset, self.verdicts), self.length)
+        return Surroundings.of(self.mesh, face_substances(self.asset, self.verdicts, self.mesh), self.length)
 
     def settled(self, settles_on: Mapping[Substance, float]) -> Workpiece:
         """The same workpiece, of which also weathers what such matter lies on (`settled`)."""

@@ -52,7 +52,7 @@ class ChippedPaint(Options):
         chipped, bare = ramp(0.0, 0.05, depth), ramp(0.10, 0.17, depth)
         scuffed, cut = self._scratched(ground, patches)
         cut = cut * (1.0 - chipped)
-        rusty = self.rust * ramp(-0.25, 0.75, patches + 0.8 * ragged + 0.5 * grain - 0.2)
+        rusty = self.rust * ramp(-0.35, 0.65, patches + 0.8 * ragged + 0.5 * grain - 0.1)
         steel = mix(_STEEL, _TARNISHED, ramp(-0.6, 0.8, ragged + grain))
         rust = mix(_RUST, _OLD_RUST, ramp(-0.6, 0.6, grain + 0.5 * ragged))
         primer = mix(_PRIMER, _TARNISHED, 0.35 * ramp(-0.5, 0.8, grain))
@@ -88,7 +88,7 @@ class ChippedPaint(Options):
             behind = torch.maximum(behind, ramp(0.1, 0.35, away) * ramp(1.1, 0.35, away) * ramp(0.85, 0.3, ground.up))
         where = 0.12 + 0.9 * front + 0.85 * behind + 0.3 * ramp(0.5, 0.2, ground.up)
         depth = torch.full_like(front, -1.0)
-        for cell, most, stream in ((0.16, 0.5, 20), (0.06, 0.9, 22), (0.026, 1.0, 24), (0.026, 1.0, 26)):
+        for cell, most, stream in ((0.11, 0.35, 20), (0.06, 0.9, 22), (0.026, 1.0, 24), (0.026, 1.0, 26)):
             outline = 0.18 * cell * torch.stack([ragged, ground.noise(0.35 * cell, stream + 1), -ragged], dim=1)
             share = most * self.amount * where * (1.0 + 0.7 * patches).clamp(0.0, 2.0)
             found = ground.spots(cell, share.clamp(0.0, 1.0), stream, warp=outline)
