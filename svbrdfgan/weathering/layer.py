@@ -13,13 +13,11 @@ from svbrdfgan.config.error_messages import did_you_mean
 from svbrdfgan.config.models import build
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.types import CHANNELS, FURTHER_MAPS, Layer, Surface
+from svbrdfgan.utils.threads import in_threads
 from svbrdfgan.weathering.mesh_maps import TexelGeometry
 from svbrdfgan.weathering.recipes import RECIPES, Recipe
 from svbrdfgan.weathering.site import Site
 from svbrdfgan.weathering.survey import find_site
-
-_BLOCK = 65536
-"""Texels at a time on a CPU."""
 
 
 def weather(
@@ -43,13 +41,16 @@ def weather(
     rows, cols, _ = buffer.position.shape
     names = tuple(name for name in FURTHER_MAPS if name in maps)
     site = site or find_site(surface, buffer, tangents="normal" in names)
-    count = len(site.height) if site.height.is_cuda else _BLOCK
-    painted = [_painted(recipe, block, names) for block in site.blocks(count)]
-    return Layer(torch.cat(painted).cpu().view(rows, cols, -1), names)
+    return Layer(painted(recipe, site, names).cpu().view(rows, cols, -1), names)
+
+
+def painted(recipe: Recipe, site: Site, maps: tuple[str, ...]) -> Float[Tensor, "texels channels"]:
+    """The channels of a layer, float32, where the site is."""
+    return torch.cat(list(in_threads(lambda block: _painted(recipe, block, maps), site.blocks())))
 
 
 def _painted(recipe: Recipe, site: Site, maps: tuple[str, ...]) -> Float[Tensor, "texels channels"]:
-    """The channels of a layer, float32. Normals in tangent space are the slopes of the recipe's height.
+    """The channels of some texels. Normals in tangent space are the slopes of the recipe's height.
 
     Differences between texels would jump at the seams of the UVs.
     """

@@ -11,6 +11,10 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 
+_BLOCK = 8000
+"""Texels: torch shares operations on 32,768 numbers or more among threads of its own, which would get in the way."""
+
+
 @dataclass(frozen=True, eq=False)
 class Site:
     """Geometry at each texel, independent of the model's location; float64 unless it was moved.
@@ -57,9 +61,10 @@ class Site:
         }
         return self._with(moved)
 
-    def blocks(self, count: int) -> Iterator[Site]:
-        """The same site, at most `count` texels at a time."""
-        for start in range(0, len(self.height), count):
+    def blocks(self) -> Iterator[Site]:
+        """The same site in parts, to be painted on a thread each; on a GPU it is one part."""
+        count = len(self.height) if self.height.is_cuda else _BLOCK
+        for start in range(0, len(self.height), max(count, 1)):
             yield self.at(slice(start, start + count))
 
     def _with(self, tensors: Mapping[str, Any]) -> Site:

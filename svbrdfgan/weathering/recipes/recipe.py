@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, ClassVar, Protocol
@@ -36,6 +36,12 @@ class Coat:
     roughness: Values
     metallic: Values
     height: Values
+
+    @classmethod
+    def joined(cls, coats: Iterable[Coat]) -> Coat:
+        """One coat of the parts of a site."""
+        parts = zip(*(vars(coat).values() for coat in coats), strict=True)
+        return cls(*(torch.cat(values) for values in parts))
 
     @property
     def rgba(self) -> Float[Tensor, "texels 4"]:

@@ -58,7 +58,7 @@ class RoadDirt(Options):
         reach = self.reach * (site.tall / _CAR) ** 0.7
         broad, patches = ground.noise(1.1, 0), ground.noise(0.28, 1)
         grain = ground.noise(0.035, 2)
-        gain = 4.6 * self.amount**1.3 * by_substance(site.substance, self.settles_on)
+        gain = 5.4 * self.amount**1.3 * by_substance(site.substance, self.settles_on)
         thrown = self.spray * _thrown(ground, broad, reach)
         low = torch.exp(-ground.up.clamp(min=0.0) / (0.32 * reach * (1.0 + 0.35 * broad).clamp(min=0.4)))
         wake = 0.30 * ramp(0.25, 0.95, -ground.normal[:, 2]) * ramp(1.9, 0.3, ground.up / reach)
@@ -89,7 +89,7 @@ class RoadDirt(Options):
         left = torch.ones_like(ground.up)
         for width, length, stream in ((0.06, 0.80, 10), (0.024, 0.36, 14)):
             for run in ground.runs(width, length, 0.6 * ramp(-0.5, 0.7, broad), stream):
-                left = left * (1.0 - 0.75 * self.runs * run.strength)
+                left = left * (1.0 - 0.55 * self.runs * run.strength)
         return left
 
 
