@@ -21,9 +21,22 @@ from svbrdfgan.cli.options import (
 
 _DENSITY, _EMBEDDED = 2048, 512
 _RECIPES = "road-dirt, dust, rust, chipped-paint or grime; for laboratories smooth-dirt, -dust, -rust or -chips"
+_OPTIONS = """\b
+Options of recipes, for --option:
+  all             scale, relief
+  road-dirt       reach, spray, runs
+  dust            drops
+  rust            bleed
+  chipped-paint   scratches, rust
+  grime           streaks
+  smooth-dirt     reach, spray, detail
+  smooth-dust     cling, detail
+  smooth-rust     bleed, detail
+  smooth-chips    scratches, rust, detail
+"""
 
 
-@click.command("weather")
+@click.command("weather", epilog=_OPTIONS)
 @click.argument("meshes", metavar="MESH...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--recipe", default="road-dirt", show_default=True, help=f"{_RECIPES}.")
 @click.option("--amount", type=click.FloatRange(0, 1), help="0 is clean.  [default: the recipe's]")

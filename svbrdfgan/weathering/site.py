@@ -10,7 +10,6 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-
 _BLOCK = 8000
 """Texels: torch shares operations on 32,768 numbers or more among threads of its own, which would get in the way."""
 

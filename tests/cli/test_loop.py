@@ -6,7 +6,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.protocols import RendererCapabilities
+from svbrdfgan.weathering.recipes import RECIPES
 
 Data = Callable[..., dict[str, Any]]
 
@@ -452,3 +453,14 @@ def test_demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     output = succeeded(invoke("demo", "--out", tmp_path / "demo"))
     assert "recovered:" in output
     assert (tmp_path / "demo" / "weathered_vehicle.glb").is_file()
+
+
+def test_the_help_of_weather_names_every_option_of_every_recipe() -> None:
+    listed = dict(
+        re.findall(r"^  ([a-z-]+) {2,}((?:\w+, )*\w+)$", succeeded(invoke("weather", "--help")), re.MULTILINE)
+    )
+    told = {name: {*words.split(", "), *listed["all"].split(", ")} for name, words in listed.items() if name != "all"}
+    named = ("amount", "seed")  # options of their own
+    assert told == {
+        name: {spec.name for spec in fields(kind) if spec.name not in named} for name, kind in RECIPES.items()
+    }
