@@ -1,6 +1,6 @@
 """How long recipes take for a layer: all maps, or base colour alone.
 
-    python benchmarks/paint_recipes.py --texels 256 --texels 1024                  # on a CPU, by as many threads as torch has
+    python benchmarks/paint_recipes.py --texels 256 --texels 1024   # by as many threads as torch has
     python benchmarks/paint_recipes.py --texels 256 --texels 1024 --device cuda
 
 The site is a flank of 4.5 x 4.5 m with edges, as `find_site` would find it once for a mesh. Times are medians of

@@ -456,9 +456,8 @@ def test_demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_help_of_weather_names_every_option_of_every_recipe() -> None:
-    listed = dict(
-        re.findall(r"^  ([a-z-]+) {2,}((?:\w+, )*\w+)$", succeeded(invoke("weather", "--help")), re.MULTILINE)
-    )
+    said = succeeded(invoke("weather", "--help"))
+    listed = dict(re.findall(r"^ {4}([a-z-]+) {2,}((?:\w+, )*\w+)$", said, re.MULTILINE))
     told = {name: {*words.split(", "), *listed["all"].split(", ")} for name, words in listed.items() if name != "all"}
     named = ("amount", "seed")  # options of their own
     assert told == {
