@@ -28,7 +28,6 @@ TINY_DATASET: dict[str, Any] = {
     "embedding": {"name": "hemispherical", "resolution": 32},
     "environments": {"procedural": {"count": 3, "seed": 1}},
     "environment_rows": 16,
-    "weathering": {"recipe": "smooth-dirt"},
     "splits": {
         "train": {"meshes": {"procedural": {"count": 2, "seed": 1}}, "views": 3},
         "validation": {"meshes": {"procedural": {"count": 1, "seed": 2}}, "views": 2},
