@@ -1,7 +1,7 @@
 """Layers finer than a model was trained: `Generator.forward(factor=...)` and other ways, on procedural vehicles.
 
     python benchmarks/finer_layers.py runs/cars --factor 4                 # a power of two
-    python benchmarks/finer_layers.py runs/cars --factor 4 --recipe rust   # for a model of several recipes
+    python benchmarks/finer_layers.py runs/cars --factor 4 --recipe smooth-rust   # for a model of several recipes
 
 - `ours`: only the last convolution runs at the finer resolution.
 - `interpolated`: the layer of the trained resolution, bilinear.

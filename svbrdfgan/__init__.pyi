@@ -58,6 +58,7 @@ from svbrdfgan.types import View as View
 from svbrdfgan.weathering.layer import weather as weather
 from svbrdfgan.weathering.recipes import ChippedPaint as ChippedPaint
 from svbrdfgan.weathering.recipes import Dust as Dust
+from svbrdfgan.weathering.recipes import Grime as Grime
 from svbrdfgan.weathering.recipes import RoadDirt as RoadDirt
 from svbrdfgan.weathering.recipes import Rust as Rust
 

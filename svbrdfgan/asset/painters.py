@@ -6,14 +6,13 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.asset.points import SurfacePoints
 from svbrdfgan.asset.surroundings import Surroundings
 from svbrdfgan.types import FURTHER_MAPS
-from svbrdfgan.weathering.recipes import Recipe
+from svbrdfgan.weathering.recipes import Coat, Recipe
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +56,8 @@ class RecipePainter:
     maps: Collection[str] = FURTHER_MAPS
 
     def __call__(self, points: SurfacePoints, texel: float) -> Paint:
-        site = self.surroundings.site(points, texel)
-        coat = self.recipe.paint(site)
+        site = self.surroundings.site(points, texel, edges=self.recipe.reads_edges)
+        coat = Coat.joined(map(self.recipe.paint, site.blocks()))
         height = coat.height * self.recipe.relief * self.surroundings.grounds.length
-        return Paint(coat.color, coat.alpha, coat.roughness, coat.metallic, np.asarray(height))
+        maps = (coat.color, coat.alpha, coat.roughness, coat.metallic, height)
+        return Paint(*(values.double().cpu().numpy() for values in maps))

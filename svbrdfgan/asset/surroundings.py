@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -16,10 +16,11 @@ from svbrdfgan.geometry.normals import corner_normals, face_areas, face_normals,
 from svbrdfgan.geometry.split import surface_over
 from svbrdfgan.io.rows import merge_rows
 from svbrdfgan.types import Mesh, Surface
+from svbrdfgan.weathering.edges import SharpEdges
 from svbrdfgan.weathering.mesh_maps import survey_maps
 from svbrdfgan.weathering.occlusion import ambient_visibility
 from svbrdfgan.weathering.site import Site
-from svbrdfgan.weathering.survey import Grounds
+from svbrdfgan.weathering.survey import EDGE_REACH, Grounds
 
 _SPACING = 0.02  # of nodes on large faces, in lengths of the model: what occlusion resolves
 _FINEST = 64  # divisions of an edge at most
@@ -39,6 +40,8 @@ class Surroundings:
         start: each face's first node.
         node: of each node of each face, the index into `values`; nodes of neighbours share them.
         values: visibility and curvature.
+        edges: sharp edges of the mesh.
+        substance: of each face.
     """
 
     mesh: Mesh
@@ -49,12 +52,22 @@ class Surroundings:
     start: Int[ndarray, " faces"]
     node: Int[ndarray, " nodes"]
     values: Float[ndarray, "values 2"]
+    edges: SharpEdges
+    substance: UInt8[ndarray, " faces"]
 
     @classmethod
-    def of(cls, mesh: Mesh) -> Surroundings:
-        """The surroundings of all faces; takes about a second for 60,000 nodes."""
+    def of(
+        cls, mesh: Mesh, substance: UInt8[ndarray, " faces"] | None = None, metres: float | None = None
+    ) -> Surroundings:
+        """The surroundings of all faces; takes about a second for 60,000 nodes.
+
+        Args:
+            substance: of each face; by default all are painted sheet.
+            metres: length of the model; by default as `likely_length` says.
+        """
         surface = surface_over(mesh, np.zeros((len(mesh.faces), 3, 2)))
-        grounds = Grounds.of(surface)
+        grounds = Grounds.of(surface, metres)
+        painted = np.zeros(len(mesh.faces), np.uint8) if substance is None else substance
         back = _seen_from_behind(mesh, surface)
         normals = corner_normals(mesh.positions, mesh.faces) * np.where(back, -1.0, 1.0)[:, None, None]
         divisions = _divisions(mesh, _SPACING * grounds.length)
@@ -66,14 +79,24 @@ class Surroundings:
         rows = np.column_stack([position.astype(np.float32), np.round(normal, 2)]).astype(np.float64)
         merged, node = merge_rows(rows)
         values = np.stack(survey_maps(surface, merged[:, :3], unit(merged[:, 3:])), axis=1)
-        return cls(mesh, grounds, normals, back, divisions, start, node, values)
+        return cls(
+            mesh, grounds, normals, back, divisions, start, node, values, SharpEdges.of(_turned(mesh, back)), painted
+        )
 
-    def site(self, points: SurfacePoints, texel: float) -> Site:
-        """The site at points, `texel` metres apart: recipes paint nothing finer."""
+    def site(self, points: SurfacePoints, texel: float, *, edges: bool = True) -> Site:
+        """The site at points, `texel` metres apart: recipes paint nothing finer.
+
+        Args:
+            edges: whether the distances to edges are looked up.
+        """
         nodes, weights = self._around(points)
         found = np.einsum("pk,pkv->pv", weights, self.values[self.node[nodes]])
-        normal = unit(points.interpolate(self.normals))
-        return self.grounds.site(points.positions(self.mesh), normal, found[:, 0], found[:, 1], texel)
+        position, normal = points.positions(self.mesh), unit(points.interpolate(self.normals))
+        distances = self.edges.distances(position, normal, EDGE_REACH * self.grounds.length) if edges else None
+        substance = self.substance[points.face]
+        return self.grounds.site(
+            position, normal, found[:, 0], found[:, 1], texel, edges=distances, substance=substance
+        )
 
     def _around(self, points: SurfacePoints) -> tuple[Int[ndarray, "points 3"], Float[ndarray, "points 3"]]:
         """The nodes of the lattice's triangle around each point, and their weights."""
@@ -109,6 +132,12 @@ def _lattice(divisions: Int[ndarray, " faces"]) -> SurfacePoints:
     d = divisions[owner]
     weights = np.stack([d - i - col, i, col], axis=1) / d[:, None]
     return SurfacePoints(owner, weights)
+
+
+def _turned(mesh: Mesh, back: Bool[ndarray, " faces"]) -> Surface:
+    """The mesh with faces wound so that the side that is seen is their front."""
+    faces = np.where(back[:, None], mesh.faces[:, ::-1], mesh.faces)
+    return surface_over(replace(mesh, faces=faces), np.zeros((len(faces), 3, 2)))
 
 
 def _seen_from_behind(mesh: Mesh, surface: Surface) -> Bool[ndarray, " faces"]:

@@ -15,7 +15,8 @@ from svbrdfgan.geometry.normals import face_areas
 _PAINTED = 0.8
 """Share of one material from which on glass is likely to be painted into its texture."""
 _KEPT = "kept"
-_MASK = "the mask"
+BY_MASK = "the mask"
+"""The reason of verdicts that the user's masks gave."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ def warnings(verdicts: Sequence[Verdict], asset: Asset) -> list[str]:
         number = asset.primitive(verdict.piece).get("material")
         by_material[number] = by_material.get(number, 0.0) + verdict.area * verdict.weathers
     largest = max(by_material.values())
-    spared = any(verdict.kind == "glass" or verdict.reason == _MASK for verdict in verdicts)
+    spared = any(verdict.kind == "glass" or verdict.reason == BY_MASK for verdict in verdicts)
     if largest > _PAINTED * weathered and largest > 0.5 and not spared:
         found.append(
             f"{largest:.0%} of {asset.path.name} is one material and no part is glass: if windows or lamps are painted "
@@ -109,7 +110,7 @@ def _masked(judgement: Judgement, weathers: bool | None) -> Judgement:
     """The judgement after the user's masks, which say whether the piece weathers, or None. --keep wins over them."""
     if weathers is None or judgement.kind == _KEPT:
         return judgement
-    return replace(judgement, weathers=weathers, reason=_MASK, sure=True)
+    return replace(judgement, weathers=weathers, reason=BY_MASK, sure=True)
 
 
 def _asked(asset: Asset, facts: Facts, learnable: Sequence[str], keep: Sequence[str]) -> Judgement | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
+import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
@@ -22,12 +23,15 @@ from svbrdfgan.asset.sheet import Sheet
 from svbrdfgan.asset.tangent_turns import turn_layer, turns_of_file
 from svbrdfgan.asset.uv_fitness import uv_fitness, wrapped
 from svbrdfgan.asset.weathered_material import WeatheredMaterial
+from svbrdfgan.geometry.normals import face_areas
 from svbrdfgan.io.gltf.document import Document
 from svbrdfgan.io.gltf.materials import DocumentPictures
 from svbrdfgan.types import Mesh
 
 DEFAULT_SIZE = 2048
-"""Texels along a side for materials without a texture."""
+"""Texels along a side at most, for materials without a texture."""
+
+_LEAST_SIZE = 128
 
 _BEYOND = 1e-3  # of a tile: how far UVs may pass its border
 
@@ -45,7 +49,8 @@ class Textures:
     """How large textures are.
 
     Attributes:
-        size: texels along the longer side of new textures; None keeps that of each material's own.
+        size: texels along the longer side of new textures; None keeps that of each material's own, and else takes what
+            the layer needs.
         painted: texels along a side of a texture over the whole model, by whose density the layer is painted.
     """
 
@@ -142,16 +147,24 @@ def _places(edited: Edited, model: Model, group: Group, changed: WeatheredMateri
     own = group.uv(changed.uv_set())
     positions = model.mesh.positions[model.mesh.faces[group.faces]]
     flaw = uv_fitness(positions, own).reason or _border_flaw(own, changed)
-    rows, cols = changed.size(textures.size) or (textures.size or DEFAULT_SIZE,) * 2
+    enough = textures.size or _enough(model.mesh, group, textures.painted)
+    rows, cols = changed.size(textures.size) or (enough, enough)
     if own is not None and not flaw:
         return _Places(Canvas(model.mesh, group.faces, wrapped(own), model.reversed), rows, cols)
-    wanted = textures.size or max(rows, cols, DEFAULT_SIZE)  # a palette's own size says nothing
+    wanted = textures.size or max(rows, cols, enough)  # a palette's own size says nothing
     uv, size = fitting_uv_set(positions, own, wanted)
     number = free_uv_set(group.asset, group.pieces)
     edited.told.append(f"'{group.name}' gets a second UV set, TEXCOORD_{number}: {flaw}.")
     if size > wanted:
         edited.told.append(f"'{group.name}' gets textures of {size} texels a side: its charts do not fit {wanted}.")
     return _Places(Canvas(model.mesh, group.faces, uv, model.reversed), size, size, number)
+
+
+def _enough(mesh: Mesh, group: Group, painted: int) -> int:
+    """The size at which a texture is as fine as the layer, where no texture of the file says how fine it should be."""
+    areas = face_areas(mesh.positions, mesh.faces)
+    side = painted * float(np.sqrt(areas[group.faces].sum() / areas.sum()))
+    return int(min(max(2 ** np.ceil(np.log2(max(side, 1.0))), _LEAST_SIZE), DEFAULT_SIZE))
 
 
 def _border_flaw(own: Float[ndarray, "faces 3 2"] | None, changed: WeatheredMaterial) -> str:

@@ -32,6 +32,7 @@ class PartOptions:
     masks: tuple[str, ...]
     front: str | None
     up: str | None
+    length: float | None
 
 
 def part_options(command: Command) -> Command:
@@ -43,6 +44,12 @@ def part_options(command: Command) -> Command:
         command(parts=parts, **values)
 
     for option in (
+        click.option(
+            "--length",
+            type=click.FloatRange(0, min_open=True),
+            metavar="METRES",
+            help="Length of the model, by which patterns are sized.  [default: the file's, if 2 to 20; else 4.5]",
+        ),
         click.option("--up", metavar="AXIS", help="Where the roof is, such as +Z.  [default: found]"),
         click.option("--front", metavar="AXIS", help="Where the nose is, such as +X.  [default: found]"),
         click.option(

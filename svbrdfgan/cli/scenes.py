@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import click
 
@@ -19,6 +21,7 @@ from svbrdfgan.inference.weatherings import Weathering
 from svbrdfgan.inference.workpiece import Workpiece, above_ground, open_workpiece, turned
 from svbrdfgan.io.gltf.document import write_document
 from svbrdfgan.utils.memory import gigabytes
+from svbrdfgan.weathering.substances import Substance
 
 
 @dataclass(frozen=True)
@@ -43,10 +46,10 @@ class Scenes:
     memory: int | None
     parts: PartOptions
 
-    def open(self, mesh: Path) -> Workpiece:
-        """The workpiece in a file. Which parts weather is printed on stderr."""
+    def open(self, mesh: Path, settles_on: Mapping[Substance, float] = MappingProxyType({})) -> Workpiece:
+        """The workpiece in a file, on which such matter is to lie. Which parts weather is printed on stderr."""
         self.display.stage(f"loading {mesh}")
-        workpiece = open_workpiece(mesh, memory=self.memory, **asdict(self.parts))
+        workpiece = open_workpiece(mesh, memory=self.memory, **asdict(self.parts)).settled(settles_on)
         _report(workpiece)
         return workpiece
 

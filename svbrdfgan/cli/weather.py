@@ -8,7 +8,6 @@ import click
 
 from svbrdfgan.cli.display import progress
 from svbrdfgan.cli.options import (
-    DENSITY,
     PartOptions,
     check_delivery,
     delivery_options,
@@ -20,13 +19,27 @@ from svbrdfgan.cli.options import (
     studio_of,
 )
 
-_EMBEDDED = 512
+_DENSITY, _EMBEDDED = 2048, 512
+_RECIPES = "road-dirt, dust, rust, chipped-paint or grime; for laboratories smooth-dirt, -dust, -rust or -chips"
+_OPTIONS = """\b
+Options of recipes, for --option:
+  all             scale, relief
+  road-dirt       reach, spray, runs
+  dust            drops
+  rust            bleed
+  chipped-paint   scratches, rust
+  grime           streaks
+  smooth-dirt     reach, spray, detail
+  smooth-dust     cling, detail
+  smooth-rust     bleed, detail
+  smooth-chips    scratches, rust, detail
+"""
 
 
-@click.command("weather")
+@click.command("weather", epilog=_OPTIONS)
 @click.argument("meshes", metavar="MESH...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--recipe", default="road-dirt", show_default=True, help="road-dirt, dust, rust or chipped-paint.")
-@click.option("--amount", default=1.0, show_default=True, type=click.FloatRange(0, 1), help="0 is clean.")
+@click.option("--recipe", default="road-dirt", show_default=True, help=f"{_RECIPES}.")
+@click.option("--amount", type=click.FloatRange(0, 1), help="0 is clean.  [default: the recipe's]")
 @click.option("--seed", default=0, show_default=True, help="Each seed gives another pattern.")
 @click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the recipe; repeatable.")
 @click.option("--base-color-only", is_flag=True, help="Weather base colour alone; gloss and relief stay.")
@@ -35,7 +48,7 @@ _EMBEDDED = 512
     "--resolution",
     type=click.IntRange(16, 8192),
     help="The layer is as fine as a texture of that many texels along a side over the whole model.  "
-    f"[default: {DENSITY}; with --embedding-uvs {_EMBEDDED}]",
+    f"[default: {_DENSITY}; with --embedding-uvs {_EMBEDDED}]",
 )
 @click.option(
     "-o", "--out", required=True, type=click.Path(path_type=Path), help="GLB or glTF file; of several MESHes a folder."
@@ -54,7 +67,7 @@ _EMBEDDED = 512
 def command(
     meshes: tuple[Path, ...],
     recipe: str,
-    amount: float,
+    amount: float | None,
     seed: int,
     options: tuple[str, ...],
     base_color_only: bool,
@@ -86,8 +99,8 @@ def command(
         from svbrdfgan.scene.description import map_values
         from svbrdfgan.weathering.layer import recipe_from_options
 
-        detail = {} if embedding_uvs else {"detail": 1.0}  # textures of scenes are seen from near
-        chosen = recipe_from_options(recipe, {"amount": amount, "seed": seed, **detail, **key_values(options)})
+        asked = {} if amount is None else {"amount": amount}
+        chosen = recipe_from_options(recipe, {**asked, "seed": seed, **key_values(options)})
         maps = {**map_values(key_values(bare), "--map")} if bare or base_color_only else dict.fromkeys(BARE)
         studio = studio_of(
             {"--picture": picture}, environment, renderer, maps if embedding_uvs else dict.fromkeys(BARE)
@@ -105,10 +118,13 @@ def command(
             from svbrdfgan.cli.scenes import Scenes
             from svbrdfgan.inference.weatherings import RecipeWeathering
 
-            textures = Textures(size, resolution or DENSITY)
+            textures = Textures(size, resolution or _DENSITY)
             scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
             weathering = RecipeWeathering(chosen, tuple(maps))
             done = each_alone(
-                meshes, lambda k: scenes.write(scenes.open(meshes[k]), weathering, paths[k][0], studio, picture)
+                meshes,
+                lambda k: scenes.write(
+                    scenes.open(meshes[k], chosen.settles_on), weathering, paths[k][0], studio, picture
+                ),
             )
     done.report()

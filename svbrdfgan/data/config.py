@@ -101,7 +101,7 @@ class WeatheringDistribution(StrictModel):
     """The ground-truth generator G0 (thesis 4.2), or with `model` a trained one (`svbrdfgan.data.trained_model`)."""
 
     recipe: Name = Field(
-        default=Fixed[str](fixed="road-dirt"), description="any of `road-dirt`, `dust`, `rust` and `chipped-paint`"
+        default=Fixed[str](fixed="road-dirt"), description="such as `rust`; [all](commands.md#recipes)"
     )
     amount: Annotated[Number, within(0, 1)] = Field(
         default=Fixed[float](fixed=1.0), description="0 is clean, 1 is filthy"

@@ -57,7 +57,7 @@ class TrueDraws:
 
 
 def paint_all(vehicles: Sequence[Vehicle], workers: int) -> Iterator[TrueDraws]:
-    """Yields the true draws of each vehicle, in order; those of a model from this process, which may have a GPU.
+    """Yields the true draws of each vehicle, in order; from this process if it has a GPU, or if a model paints.
 
     Args:
         workers: processes. The pool spawns them, so they import the caller's main module.
@@ -65,7 +65,8 @@ def paint_all(vehicles: Sequence[Vehicle], workers: int) -> Iterator[TrueDraws]:
     Raises:
         AssetError: a mesh's file is missing or has changed; or a process was killed.
     """
-    if workers == 1 or len(vehicles) < 2 or any(weathering_of(vehicle.scenes[0]).model for vehicle in vehicles):
+    here = torch.cuda.is_available() or any(weathering_of(vehicle.scenes[0]).model for vehicle in vehicles)
+    if workers == 1 or len(vehicles) < 2 or here:
         shared = {vehicle.folder: SceneLoader(vehicle.folder) for vehicle in vehicles}
         yield from (paint(vehicle, shared[vehicle.folder]) for vehicle in vehicles)
         return
@@ -102,7 +103,7 @@ def _amounts(
 ) -> list[Float[ndarray, " amounts"]]:
     rng, scene = np.random.default_rng([2, vehicle.number]), vehicle.scenes[0]
     share = area.ravel().astype(np.float64)
-    site = loader.site(scene).at(rng.choice(share.size, _POINTS, p=share / share.sum()))
+    site = loader.site(scene).at(torch.from_numpy(rng.choice(share.size, _POINTS, p=share / share.sum())))
     seeds = [vehicle.declared.seed.sample(rng) for _ in vehicle.scenes]
 
     def covered(drawn: SceneWeathering) -> float:

@@ -20,6 +20,7 @@ from svbrdfgan.networks.draw import Draw
 from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.training.run import Model
 from svbrdfgan.types import layer_channels
+from svbrdfgan.weathering.substances import Substance
 
 _BENEATH = 1024
 """Texels along a side at which peels beneath the outermost are painted at most, or those of the training."""
@@ -63,6 +64,10 @@ class LearnedWeathering:
         asked = {"model": name, "seed": seed, "amount": amount, "recipe": recipe}
         draw = choose_draw(model, seed=seed, amount=amount, recipe=recipe)
         return cls(model, draw, {key: value for key, value in asked.items() if value is not None}, resolution)
+
+    @property
+    def settles_on(self) -> Mapping[Substance, float]:
+        return {}
 
     @property
     def description(self) -> Mapping[str, Any]:

@@ -59,29 +59,31 @@ def write_weathered(
     masks: Sequence[str] = (),
     front: str | None = None,
     up: str | None = None,
+    length: float | None = None,
     variants: bool = False,
 ) -> Weathered:
     """Writes a mesh file's whole scene, weathered. All that does not weather stays as it was.
 
     Args:
         path: .glb, or .gltf with files beside it.
-        source: .glb, .gltf, .obj, .ply or .stl; or what `open_workpiece` made of it, to which the patterns, masks and
-            axes were given then.
+        source: .glb, .gltf, .obj, .ply or .stl; or what `open_workpiece` made of it, to which the patterns, masks, axes
+            and length were given then, and on which nothing else weathers than its verdicts say.
         weathering: a recipe, or another kind of weathering.
         textures: how large; by default as the file's own.
-        learnable, keep, masks, front, up: as for `open_workpiece`.
+        learnable, keep, masks, front, up, length: as for `open_workpiece`.
         variants: whether the clean materials are kept, too, as a variant.
 
     Raises:
         AssetError: a file cannot be read or written, or the result would overwrite the source.
         ConfigError: `front` or `up` is no axis, or a mask lies on nothing.
     """
+    layer = weathering if isinstance(weathering, Weathering) else RecipeWeathering(weathering)
     if isinstance(source, Workpiece):
         workpiece = source
     else:
-        workpiece = open_workpiece(source, learnable=learnable, keep=keep, masks=masks, front=front, up=up)
+        opened = open_workpiece(source, learnable=learnable, keep=keep, masks=masks, front=front, up=up, length=length)
+        workpiece = opened.settled(layer.settles_on)
     require_apart(workpiece.asset.path, Path(path))
-    layer = weathering if isinstance(weathering, Weathering) else RecipeWeathering(weathering)
     edited = weathered_document(workpiece, layer, textures or Textures(), variants=variants)
     return Weathered(tuple(write_document(path, edited.document)), tuple(edited.told), workpiece.warnings)
 

@@ -10,6 +10,7 @@ from svbrdfgan.asset.painters import Painter, RecipePainter
 from svbrdfgan.inference.workpiece import Workpiece
 from svbrdfgan.types import FURTHER_MAPS
 from svbrdfgan.weathering.recipes import RECIPES, Recipe
+from svbrdfgan.weathering.substances import Substance
 
 
 @runtime_checkable
@@ -23,6 +24,10 @@ class Weathering(Protocol):
     @property
     def peak_bytes(self) -> int:
         """What its painter holds in memory at most, besides the mesh."""
+
+    @property
+    def settles_on(self) -> Mapping[Substance, float]:
+        """What it lies on beside the parts that weather anyway, as of a `Recipe`."""
 
     def painter(self, workpiece: Workpiece) -> Painter:
         """Paints the layer on one mesh."""
@@ -44,6 +49,10 @@ class RecipeWeathering:
     def description(self) -> Mapping[str, Any]:
         name = next(name for name, kind in RECIPES.items() if isinstance(self.recipe, kind))
         return {"recipe": name, **asdict(self.recipe)}  # type: ignore[call-overload]
+
+    @property
+    def settles_on(self) -> Mapping[Substance, float]:
+        return self.recipe.settles_on
 
     def painter(self, workpiece: Workpiece) -> Painter:
         return RecipePainter(workpiece.surroundings, self.recipe, self.maps)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from glob import escape
@@ -11,10 +11,12 @@ from glob import escape
 from svbrdfgan.asset.asset import Asset, load_asset
 from svbrdfgan.asset.masks import Mask, MeshMask, masked_pieces
 from svbrdfgan.asset.orientation import Orientation, axes, find_orientation
+from svbrdfgan.asset.part_substances import face_substances, settled
 from svbrdfgan.asset.surroundings import Surroundings
 from svbrdfgan.asset.verdicts import Verdict, judge, warnings
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.types import Mesh
+from svbrdfgan.weathering.substances import Substance
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +28,7 @@ class Workpiece:
         verdicts: on each piece of the asset.
         warnings: sentences for the user.
         masks: on the asset's mesh, which say where a layer may lie.
+        length: of the model in metres, if it is known.
     """
 
     asset: Asset
@@ -33,6 +36,7 @@ class Workpiece:
     verdicts: tuple[Verdict, ...]
     warnings: tuple[str, ...]
     masks: tuple[MeshMask, ...] = ()
+    length: float | None = None
 
     @property
     def weathered(self) -> frozenset[int]:
@@ -52,7 +56,11 @@ class Workpiece:
 
     @cached_property
     def surroundings(self) -> Surroundings:
-        return Surroundings.of(self.mesh)
+        return Surroundings.of(self.mesh, face_substances(self.asset, self.verdicts, self.mesh), self.length)
+
+    def settled(self, settles_on: Mapping[Substance, float]) -> Workpiece:
+        """The same workpiece, of which also weathers what such matter lies on (`settled`)."""
+        return replace(self, verdicts=settled(self.verdicts, settles_on))
 
 
 def open_workpiece(
@@ -63,6 +71,7 @@ def open_workpiece(
     masks: Sequence[str] = (),
     front: str | None = None,
     up: str | None = None,
+    length: float | None = None,
     memory: int | None = None,
 ) -> Workpiece:
     """The workpiece in a mesh file.
@@ -71,6 +80,7 @@ def open_workpiece(
         learnable, keep: patterns, as for `judge`.
         masks: words, as for `Mask.read`: where a layer may lie. What they lie on weathers wherever they let it.
         front, up: nose and roof, as for `find_orientation`; by default they are found.
+        length: of the model in metres, by which recipes size their patterns; by default as `likely_length` says.
         memory: as for `load_asset`.
 
     Raises:
@@ -84,7 +94,7 @@ def open_workpiece(
     masked = masked_pieces(asset, read)
     verdicts = judge(asset, orientation=orientation.matrix(), learnable=learnable, keep=keep, masked=masked)
     doubts, asset = tuple(warnings(verdicts, asset)), above_ground(asset, verdicts)
-    return Workpiece(asset, orientation, verdicts, doubts, tuple(mask.on(asset) for mask in read))
+    return Workpiece(asset, orientation, verdicts, doubts, tuple(mask.on(asset) for mask in read), length)
 
 
 def above_ground(asset: Asset, verdicts: Sequence[Verdict]) -> Asset:

@@ -104,7 +104,7 @@ class SceneLoader:
     def paint(self, scene: Scene, weathering: SceneWeathering) -> Layer:
         """The layer of a weathering on the scene's surface, painted anew: by its recipe, or by its model.
 
-        All true layers are painted here. Painted by a model, a layer differs by at most 2/255 between devices.
+        All true layers are painted here. A layer differs by at most 2/255 between devices.
 
         Raises:
             ConfigError: the recipe is unknown, or has no such option.
@@ -127,12 +127,16 @@ class SceneLoader:
         return Layer(painted, generator.maps)
 
     def site(self, scene: Scene) -> Site:
-        """The scene's site, which recipes go by. Only the last one is kept: sites are slow to find, and large."""
+        """The scene's site, which recipes go by, on the GPU if there is one.
+
+        Only the last one is kept: sites are slow to find, and large.
+        """
         key = subject_key(scene)
         if key not in self._sites:
             self._sites.clear()
             subject, maps = self.subject(scene), self.mesh_maps(scene)
-            self._sites[key] = find_site(subject.surface, subject.buffer, maps)
+            site = find_site(subject.surface, subject.buffer, maps, tangents="normal" in scene.maps)
+            self._sites[key] = site.to("cuda", torch.float64) if torch.cuda.is_available() else site
         return self._sites[key]
 
     def view(self, scene: Scene) -> View:

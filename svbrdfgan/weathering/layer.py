@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
-import numpy as np
 import torch
 from jaxtyping import Float
-from numpy import ndarray
+from torch import Tensor
 
 from svbrdfgan.config.error_messages import did_you_mean
 from svbrdfgan.config.models import build
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.geometry.normals import unit
-from svbrdfgan.geometry.tangents import corner_tangents
-from svbrdfgan.geometry.texels import nearest_texels
 from svbrdfgan.types import CHANNELS, FURTHER_MAPS, Layer, Surface
+from svbrdfgan.utils.threads import in_threads
 from svbrdfgan.weathering.mesh_maps import TexelGeometry
 from svbrdfgan.weathering.recipes import RECIPES, Recipe
 from svbrdfgan.weathering.site import Site
@@ -26,66 +23,45 @@ from svbrdfgan.weathering.survey import find_site
 def weather(
     surface: Surface, buffer: TexelGeometry, recipe: Recipe, maps: Collection[str] = (), *, site: Site | None = None
 ) -> Layer:
-    """The weathering layer at a buffer's texels, with `maps` besides base colour; float32.
+    """The weathering layer at a buffer's texels, with `maps` besides base colour; float32, on the CPU.
 
     All values are in [0, 1], but those of `normal`, which are unit vectors in tangent space. The layer is deterministic
-    and does not depend on the model's size. Texels outside the mask continue it as smoothly as the buffer's filled
-    values do. A layer takes about two seconds at 256 x 256, mostly for visibility and curvature.
+    and does not depend on the model's place. Texels outside the mask continue it as smoothly as the buffer's filled
+    values do. Most of the time goes into the site; the recipe itself paints where that is, on a CPU or a GPU.
 
     Args:
         maps: names of further material maps to paint, such as "roughness", in any order.
-        site: result of `find_site` for the same surface and buffer; saves time if several layers are painted.
+        site: result of `find_site` for the same surface and buffer, with tangents if `maps` has normals; saves time if
+            several layers are painted.
 
     Raises:
         ConfigError: one of the maps is unknown.
     """
     _require_maps(maps)
     rows, cols, _ = buffer.position.shape
-    site = site or find_site(surface, buffer)
-    coat, names = recipe.paint(site), tuple(name for name in FURTHER_MAPS if name in maps)
-    channels = [coat.rgba]
-    for name in names:
-        if name == "normal":
-            channels.append(_relief(recipe, site, coat.height, *_tangents(surface, buffer)))
-        else:
-            channels.append({"roughness": coat.roughness, "metallic": coat.metallic}[name][:, None])
-    painted = np.concatenate(channels, axis=1)
-    return Layer(torch.from_numpy(painted.reshape(rows, cols, -1).astype(np.float32)), names)
+    names = tuple(name for name in FURTHER_MAPS if name in maps)
+    site = site or find_site(surface, buffer, tangents="normal" in names)
+    return Layer(painted(recipe, site, names).cpu().view(rows, cols, -1), names)
 
 
-def _relief(
-    recipe: Recipe,
-    site: Site,
-    height: Float[ndarray, " texels"],
-    tangent: Float[ndarray, "texels 3"],
-    bitangent: Float[ndarray, "texels 3"],
-) -> Float[ndarray, "texels 3"]:
-    """Unit normals in tangent space: the slope of the recipe's height over one texel, as it moves along each tangent.
+def painted(recipe: Recipe, site: Site, maps: tuple[str, ...]) -> Float[Tensor, "texels channels"]:
+    """The channels of a layer, float32, where the site is."""
+    return torch.cat(list(in_threads(lambda block: _painted(recipe, block, maps), site.blocks())))
+
+
+def _painted(recipe: Recipe, site: Site, maps: tuple[str, ...]) -> Float[Tensor, "texels channels"]:
+    """The channels of some texels. Normals in tangent space are the slopes of the recipe's height.
 
     Differences between texels would jump at the seams of the UVs.
     """
-    if not recipe.relief or not height.any():
-        return np.tile([0.0, 0.0, 1.0], (len(height), 1))
-    step = max(site.texel, 1e-4)
-    heights = [recipe.paint(site.moved(step * axis)).height for axis in (tangent, bitangent)]
-    slopes = [recipe.relief * (moved - height) / step for moved in heights]
-    return unit(np.stack([-slopes[0], -slopes[1], np.ones(len(height))], axis=1))
-
-
-def _tangents(surface: Surface, buffer: TexelGeometry) -> tuple[Float[ndarray, "texels 3"], Float[ndarray, "texels 3"]]:
-    """Unit tangents and bitangents at the texels, both reversed where the buffer's normal is the surface's reversed.
-
-    There the surface is seen from behind, where renderers reverse the whole tilted normal.
-    """
-    face, weights = (np.asarray(values) for values in (buffer.face, buffer.barycentric))
-    nearest = nearest_texels(face >= 0)
-    normals = surface.normals[surface.faces]
-    tangent, bitangent, normal = corner_tangents(surface).frames(
-        normals, face[nearest].ravel(), weights[nearest].reshape(-1, 3)
-    )
-    outward = np.asarray(buffer.normal, np.float64).reshape(-1, 3)
-    side = np.where((outward * normal).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
-    return side * tangent, side * bitangent
+    if "normal" in maps and recipe.relief and site.tangents is not None:
+        coat, slopes = recipe.paint_relief(site, *site.tangents.unbind(dim=1))
+    else:
+        coat, slopes = recipe.paint(site), 2 * [torch.zeros_like(site.height)]
+    tilted = torch.stack([*(-recipe.relief * slope for slope in slopes), torch.ones_like(slopes[0])], dim=1)
+    further = {"roughness": coat.roughness[:, None], "metallic": coat.metallic[:, None]}
+    further["normal"] = torch.nn.functional.normalize(tilted, dim=1)
+    return torch.cat([coat.rgba, *(further[name] for name in maps)], dim=1).float()
 
 
 def recipe_from_options(name: str, options: Mapping[str, Any], maps: Collection[str] = ()) -> Recipe:

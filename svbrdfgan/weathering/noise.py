@@ -9,14 +9,9 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from svbrdfgan.weathering.blocks import by_blocks
+from svbrdfgan.utils.threads import by_blocks
+from svbrdfgan.weathering.lattice_hash import DIRECTIONS, hashed, words
 
-_GRADIENTS = np.array([v for v in itertools.product((-1, 0, 1), repeat=3) if np.abs(v).sum() == 2]) / np.sqrt(2.0)
-"""The twelve directions from a cube's centre to its edges (Perlin 2002), of unit length."""
-
-_PRIMES = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
-_MIX = np.array([0xBF58476D1CE4E5B9, 0x94D049BB133111EB], dtype=np.uint64)
-_DIRECTIONS = np.ascontiguousarray(_GRADIENTS.T)
 _CORNERS = tuple(itertools.product((0, 1), (0, 1), (0, 1)))
 
 Corner = tuple[int, int, int]
@@ -61,9 +56,9 @@ def _gradients(cell: Int[ndarray, "3 points"], seed: int) -> Lookup:
     low = cell.min(axis=1)
     shape = cell.max(axis=1) - low + 2
     if np.prod(shape.astype(np.float64)) > len(_CORNERS) * cell.shape[1]:
-        sides = _words(cell), _words(cell + 1)
+        sides = words(cell), words(cell + 1)
         return lambda corner: _directions([sides[side][axis] for axis, side in enumerate(corner)], seed)
-    box = _words(low[:, None] + np.arange(shape.max()))
+    box = words(low[:, None] + np.arange(shape.max()))
     x, y, z = _directions(np.ix_(*(line[:count] for line, count in zip(box, shape, strict=True))), seed)
     steps = np.array([shape[1] * shape[2], shape[2], 1])
     first = np.einsum("a,ap->p", steps, cell - low[:, None])
@@ -75,25 +70,13 @@ def _gradients(cell: Int[ndarray, "3 points"], seed: int) -> Lookup:
     return at
 
 
-def _words(lattice: Int[ndarray, "3 points"]) -> tuple[ndarray, ndarray, ndarray]:
-    """Words of 64 bits for each coordinate of lattice points."""
-    x, y, z = lattice.view(np.uint64) * _PRIMES[:, None]
-    return x, (y << np.uint64(21)) ^ (y >> np.uint64(43)), z
-
-
 def _directions(words: Sequence[ndarray], seed: int) -> Gradients:
-    """Gradients by a 64-bit hash of three words (finaliser of SplitMix64; Steele et al. 2014), flat."""
-    value = words[0] ^ words[1] ^ words[2]
-    value += np.uint64((seed * 0x9E3779B97F4A7C15) % 2**64)
-    value ^= value >> np.uint64(30)
-    value *= _MIX[0]
-    value ^= value >> np.uint64(27)
-    value *= _MIX[1]
-    value ^= value >> np.uint64(31)
-    kinds = np.uint64(len(_GRADIENTS))
+    """Gradients at the lattice points of these words, flat."""
+    value = hashed(words, seed)
+    kinds = np.uint64(DIRECTIONS.shape[1])
     value -= value // kinds * kinds  # a remainder, for which NumPy has no fast loop
     kind = value.view(np.int64).ravel()
-    return _DIRECTIONS[0].take(kind), _DIRECTIONS[1].take(kind), _DIRECTIONS[2].take(kind)
+    return DIRECTIONS[0].take(kind), DIRECTIONS[1].take(kind), DIRECTIONS[2].take(kind)
 
 
 def fbm(points: Float[ndarray, "points 3"], seed: int, *, octaves: int = 3) -> Float[ndarray, " points"]:

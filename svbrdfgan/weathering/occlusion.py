@@ -14,8 +14,7 @@ from scipy.spatial import cKDTree
 from svbrdfgan.geometry.normals import face_areas, unit
 from svbrdfgan.geometry.sampling import faces_by_area, points_in_triangle, upper_frames
 from svbrdfgan.types import Surface
-from svbrdfgan.utils.threads import in_threads
-from svbrdfgan.weathering.blocks import by_blocks
+from svbrdfgan.utils.threads import by_blocks, in_threads
 
 _GRID = 128  # cells along a side of a depth map, which spans the diameter of the bounding sphere
 _MOST = 2_000_000  # points: several times what vehicles with all their seats need

@@ -30,6 +30,6 @@ def test_threads_do_not_show(restored_threads: None) -> None:
     made = []
     for threads in (1, 3):
         torch.set_num_threads(threads)
-        made.append(paint_texture(canvas, RecipePainter(around, Rust(amount=1.0, detail=1.0)), 2 * TILE + 9, TILE))
+        made.append(paint_texture(canvas, RecipePainter(around, Rust(amount=1.0)), 2 * TILE + 9, TILE))
     assert made[0][..., ALPHA].std() > 0.1
     np.testing.assert_array_equal(made[0], made[1])

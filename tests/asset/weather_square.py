@@ -61,7 +61,7 @@ def main(folder: str, *numbers: str) -> None:
     square(path, divisions, old)
     asset = load_asset(path)
     around = Surroundings.of(asset.mesh)
-    painter = RecipePainter(around, Dust(amount=1.0, detail=1.0))
+    painter = RecipePainter(around, Dust(amount=1.0))
     edited = weather_document(asset, Model(asset.mesh, around.reversed), painter, {0}, textures)
     write_document(Path(folder) / "weathered.glb", edited.document)
     plan = Plan.of(asset, {0}, textures)

@@ -6,7 +6,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.protocols import RendererCapabilities
+from svbrdfgan.weathering.recipes import RECIPES
 
 Data = Callable[..., dict[str, Any]]
 
@@ -150,7 +151,8 @@ def test_a_body_that_its_name_keeps_clean_is_reported(car: Path, tmp_path: Path)
 
 
 def test_weather_with_a_further_map(car: Path, tmp_path: Path) -> None:
-    words = ("weather", car, "--resolution", 32, *EMBEDDED, "-o", tmp_path / "dull.glb")
+    words = ("weather", car, "--recipe", "smooth-dirt", "--amount", 1, "--resolution", 32, *EMBEDDED)
+    words = (*words, "-o", tmp_path / "dull.glb")
     succeeded(invoke(*words, "--map", "roughness=0.2"))
     with Image.open(tmp_path / "dull.layer.png") as layer, Image.open(tmp_path / "dull.roughness.png") as rough:
         alpha, values = np.asarray(layer)[..., 3], np.asarray(rough) / 255
@@ -451,3 +453,13 @@ def test_demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     output = succeeded(invoke("demo", "--out", tmp_path / "demo"))
     assert "recovered:" in output
     assert (tmp_path / "demo" / "weathered_vehicle.glb").is_file()
+
+
+def test_the_help_of_weather_names_every_option_of_every_recipe() -> None:
+    said = succeeded(invoke("weather", "--help"))
+    listed = dict(re.findall(r"^ {4}([a-z-]+) {2,}((?:\w+, )*\w+)$", said, re.MULTILINE))
+    told = {name: {*words.split(", "), *listed["all"].split(", ")} for name, words in listed.items() if name != "all"}
+    named = ("amount", "seed")  # options of their own
+    assert told == {
+        name: {spec.name for spec in fields(kind) if spec.name not in named} for name, kind in RECIPES.items()
+    }

@@ -36,7 +36,7 @@ Data = Callable[..., dict[str, Any]]
 def labelled(dataset_data: Data) -> DatasetConfig:
     """One vehicle, partly dirty, in pictures that are large enough to see where."""
     one = {"train": {"meshes": {"procedural": {"count": 1}}, "views": 2}, "validation": {"views": 1}}
-    data = dataset_data(image=[64, 48], spp=16, labels=ALL, splits=one)
+    data = dataset_data(image=[64, 48], spp=16, labels=ALL, splits=one, weathering={"recipe": "smooth-dirt"})
     return validate(DatasetConfig, data, "here")
 
 

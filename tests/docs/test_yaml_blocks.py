@@ -43,7 +43,7 @@ def test_the_two_files_of_the_quickstart(quickstart: Blocks) -> None:
 def test_a_distribution_has_random_fields_and_conditions(quickstart: Blocks, commands: Blocks) -> None:
     varied, train = commands[:2]
     known = declared_conditions(dataset_of(quickstart, **varied).weathering)
-    assert known == Conditions((0.1, 1.0), ("rust", "road-dirt"))
+    assert known == Conditions((0.1, 1.0), ("smooth-rust", "smooth-dirt"))
     assert train_config(train, "train.yaml").generator.conditional
 
 

@@ -56,7 +56,8 @@ ONLINE: dict[str, Any] = {
 @pytest.fixture(scope="module")
 def declared(dataset_data: Data) -> Data:
     views = {"train": {"views": 2}, "validation": {"views": 1}}
-    return lambda **changes: dataset_data(maps={"roughness": {"uniform": [0.2, 0.5]}}, spp=4, splits=views, **changes)
+    always = {"maps": {"roughness": {"uniform": [0.2, 0.5]}}, "weathering": {"recipe": "smooth-dirt"}}
+    return lambda **changes: dataset_data(**always, spp=4, splits=views, **changes)
 
 
 @pytest.fixture(scope="module")

@@ -101,7 +101,7 @@ def test_a_finer_layer_has_the_scale_of_the_coarse_one(mesh: Mesh, model: Model)
     pooled = F.avg_pool2d(finer.permute(2, 0, 1), 4).permute(1, 2, 0)
     assert (pooled - coarse).abs().mean() < 0.1 * coarse.std(dim=(0, 1)).mean()
     ratio = power(finer_subject, finer)[2:] / power(subject, coarse)
-    assert (ratio - 1.0).abs().max() < 0.2
+    assert (ratio - 1.0).abs().max() < 0.3
 
 
 def test_finer_layers_obey_seed_amount_and_recipe(mesh: Mesh, model: Model) -> None:

@@ -64,3 +64,13 @@ def test_python_takes_a_recipe_and_spares_the_source(van: Path, tmp_path: Path) 
     with pytest.raises(AssetError, match="is the input mesh"):
         write_weathered(van, van, Dust(), SMALL)
     assert van.read_bytes() == before
+
+
+def test_patterns_are_sized_by_the_length_that_is_given(van: Path, tmp_path: Path) -> None:
+    """The van's own length in metres changes nothing, and another does."""
+    own = opened(van).surroundings.grounds.metres
+    files = [tmp_path / f"{name}.glb" for name in ("found", "given", "toy")]
+    for path, length in zip(files, (None, own, 0.3), strict=True):
+        write_weathered(path, van, Dust(), SMALL, length=length)
+    found, given, toy = (path.read_bytes() for path in files)
+    assert found == given != toy

@@ -246,7 +246,7 @@ def test_a_surface_is_surveyed_once_for_all_its_layers(
     tiny_dataset: Path, tiny_exemplars: Exemplars, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     surveyed: list[object] = []
-    monkeypatch.setattr(loader_module, "find_site", lambda *of: surveyed.append(of) or find_site(*of))
+    monkeypatch.setattr(loader_module, "find_site", lambda *of, **words: surveyed.append(of) or find_site(*of, **words))
     loader, scene = SceneLoader(tiny_dataset, keep=False), tiny_exemplars.scenes[0]
     assert isinstance(scene.weathering, SceneWeathering)
     thin = scene.model_copy(update={"weathering": scene.weathering.model_copy(update={"amount": 0.5})})

@@ -98,6 +98,17 @@ def shapes() -> SimpleNamespace:
 
 
 @pytest.fixture(scope="session")
+def arrays():
+    """A record of tensors as a namespace of arrays."""
+
+    def converted(record) -> SimpleNamespace:
+        fields = {name: np.asarray(value) if hasattr(value, "numpy") else value for name, value in vars(record).items()}
+        return SimpleNamespace(**fields)
+
+    return converted
+
+
+@pytest.fixture(scope="session")
 def vehicle() -> Surface:
     return make_vehicle()
 

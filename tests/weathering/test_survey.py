@@ -1,5 +1,7 @@
 """A site is free of the model's scale and place, and finds the wheels by where they touch the ground."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -27,4 +29,22 @@ def test_what_does_not_stand_on_wheels_gets_the_usual_axles(contact):
 
 def test_a_flat_sheet_has_a_site(shapes):
     site = survey(shapes.flat(shapes.floor()), np.zeros((1, 3)), np.array([[0.0, 1.0, 0.0]]))
-    assert all(np.isfinite(value).all() for value in (site.position, site.height, site.visibility, site.curvature))
+    assert all(value.isfinite().all() for value in (site.position, site.height, site.visibility, site.curvature))
+
+
+@pytest.mark.parametrize(("length", "metres"), [(4.2, 4.2), (12.0, 12.0), (420.0, 4.5), (0.1, 4.5)])
+def test_a_model_of_a_vehicle_s_length_is_in_metres_and_any_other_is_a_car(vehicle, length, metres):
+    scaled = replace(vehicle, positions=vehicle.positions * (length / 4.0))
+    top, normal = np.array([[0.0, 1.5, 0.0]]) * (length / 4.0), np.array([[0.0, 1.0, 0.0]])
+    site = survey(scaled, top, normal, texel=0.01 * length / 4.0)
+    assert np.isclose(site.length, metres)
+    assert np.isclose(site.tall, 1.5 * metres / 4.0)
+    assert np.isclose(site.texel * site.length, 0.01 * metres / 4.0)
+
+
+def test_distances_to_edges_are_in_metres(vehicle):
+    """The body's flank at x = 0.8 ends at y = 1; the model is in centimetres, so it is taken for a car of 4.5 m."""
+    large = replace(vehicle, positions=vehicle.positions * 100.0)
+    site = survey(large, np.array([[80.0, 95.0, 150.0]]), np.array([[1.0, 0.0, 0.0]]))
+    assert np.isclose(site.length, 4.5)
+    assert np.isclose(float(site.convex[0]), 0.05 * 4.5 / 4.0)

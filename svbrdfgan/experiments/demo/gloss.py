@@ -19,7 +19,7 @@ from svbrdfgan.types import Layer
 PAINT: Mapping[str, float] = MappingProxyType({"roughness": 0.1, "metallic": 0.0})
 """Clean paint, as `Subject.materials` takes it: as smooth as a clear coat."""
 _DIRT = (0.9, 0.0)
-"""Roughness and metallic of dirt. The recipe `road-dirt` paints a roughness from 0.85 to 0.95."""
+"""Roughness and metallic of dirt. The recipe `smooth-dirt` paints a roughness from 0.85 to 0.95."""
 _POLISHED: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
         "glass": {"roughness": 0.05, "metallic": 0.0},

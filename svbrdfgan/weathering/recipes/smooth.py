@@ -1,4 +1,4 @@
-"""Weathering recipes: each computes a layer of all material maps, texel by texel, from the geometry of a site.
+"""Smooth recipes, for laboratories: layers that a network can reproduce, and whose sharpness is an option.
 
 A recipe first computes a potential, which is greatest where its matter settles first. Matter shows where the potential
 exceeds a threshold that falls as `amount` grows, so coverage never decreases with `amount`.
@@ -12,63 +12,53 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Protocol
+from typing import ClassVar
 
 import numpy as np
+import torch
 from jaxtyping import Float
 from numpy import ndarray
+from torch import Tensor
 
 from svbrdfgan.weathering.noise import fbm
 from svbrdfgan.weathering.ranges import check_ranges, number
+from svbrdfgan.weathering.recipes.recipe import Coat, Directions
 from svbrdfgan.weathering.site import Site
+from svbrdfgan.weathering.substances import Substance
 
 Values = Float[ndarray, " texels"]
 
 
 @dataclass(frozen=True, eq=False)
-class Coat:
-    """The maps that a recipe paints, at each texel.
+class _Texels:
+    """What smooth recipes go by, of a `Site`, in NumPy."""
 
-    Attributes:
-        color: linear RGB in [0, 1].
-        alpha: straight alpha in [0, 1], for all maps.
-        roughness, metallic: in [0, 1].
-        height: of the coat's relief, in lengths of the model; its slope becomes the normal map.
-    """
+    position: Float[ndarray, "texels 3"]
+    height: Values
+    normal: Float[ndarray, "texels 3"]
+    visibility: Values
+    curvature: Values
+    axles: tuple[float, ...]
+    texel: float
+
+    @classmethod
+    def of(cls, site: Site) -> _Texels:
+        tensors = (site.position, site.height, site.normal, site.visibility, site.curvature)
+        position, height, normal, visibility, curvature = (each.double().cpu().numpy() for each in tensors)
+        return cls(position, height, normal, visibility, curvature, site.axles, site.texel)
+
+
+@dataclass(frozen=True, eq=False)
+class _Painted:
+    """A `Coat`, in NumPy."""
 
     color: Float[ndarray, "texels 3"]
     alpha: Values
     roughness: Values
     metallic: Values
     height: Values
-
-    @property
-    def rgba(self) -> Float[ndarray, "texels 4"]:
-        return np.concatenate([self.color, self.alpha[:, None]], axis=1)
-
-
-class Recipe(Protocol):
-    """A frozen record of options, with a method that paints a site."""
-
-    @property
-    def amount(self) -> float: ...
-
-    @property
-    def seed(self) -> int: ...
-
-    @property
-    def scale(self) -> float: ...
-
-    @property
-    def detail(self) -> float: ...
-
-    @property
-    def relief(self) -> float: ...
-
-    def paint(self, site: Site) -> Coat:
-        """All maps: a pure function of the site. `amount` 0 gives alpha 0."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +76,9 @@ class _Options:
         ConfigError: an option out of its range.
     """
 
+    settles_on: ClassVar[Mapping[Substance, float]] = MappingProxyType({Substance.PAINT: 1.0})
+    reads_edges: ClassVar[bool] = False
+
     amount: float = number(0.8, 0.0, 1.0)
     seed: int = number(0, 0, 2**31 - 1)
     scale: float = number(1.0, 0.25, 4.0)
@@ -95,9 +88,25 @@ class _Options:
     def __post_init__(self) -> None:
         check_ranges(self)
 
+    def paint(self, site: Site) -> Coat:
+        """All maps; see `Recipe.paint`. The coat is where the site is, in float64."""
+        painted = self._painted(_Texels.of(site))
+        return Coat(*(torch.from_numpy(np.asarray(values)).to(site.height.device) for values in vars(painted).values()))
+
+    def paint_relief(self, site: Site, *axes: Directions) -> tuple[Coat, list[Float[Tensor, " texels"]]]:
+        """All maps and slopes, by differences over a texel; see `Recipe.paint_relief`."""
+        texels, step, coat = _Texels.of(site), max(site.texel, 1e-4), self.paint(site)
+        height = coat.height.cpu().numpy()
+        places = (texels.position + step * axis.double().cpu().numpy() for axis in axes)
+        slopes = ((self._painted(replace(texels, position=place)).height - height) / step for place in places)
+        return coat, [torch.from_numpy(slope).to(site.height.device) for slope in slopes]
+
+    def _painted(self, site: _Texels) -> _Painted:
+        raise NotImplementedError
+
 
 @dataclass(frozen=True)
-class RoadDirt(_Options):
+class SmoothDirt(_Options):
     """Mud and road film: strongest on the sills, behind the wheels, along the flanks and on the tail.
 
     Attributes:
@@ -112,8 +121,7 @@ class RoadDirt(_Options):
     reach: float = number(0.65, 0.1, 1.5)
     spray: float = number(1.0, 0.0, 2.0)
 
-    def paint(self, site: Site) -> Coat:
-        """All maps; see `Recipe.paint`."""
+    def _painted(self, site: _Texels) -> _Painted:
         patches = _noise(self, site, (5.0, 5.0, 5.0), 0, octaves=3)
         runs = _noise(self, site, (10.0, 1.8, 10.0), 1)
         swept = _noise(self, site, (6.0, 10.0, 2.5), 2)
@@ -129,7 +137,7 @@ class RoadDirt(_Options):
         alpha, depth = _settle(self, site, potential, clean=1.15, filthy=0.40, softness=0.36)
         dry = _mix((0.29, 0.195, 0.11), (0.19, 0.13, 0.08), _ramp(-0.3, 0.3, swept + patches + splashes))
         mud = _ramp(0.2, 1.0, depth)
-        return Coat(
+        return _Painted(
             color=_mix(dry, (0.065, 0.038, 0.020), mud),
             alpha=0.92 * alpha,
             roughness=_slowly(self, site, 0.85, 0.95),
@@ -139,7 +147,7 @@ class RoadDirt(_Options):
 
 
 @dataclass(frozen=True)
-class Dust(_Options):
+class SmoothDust(_Options):
     """A pale film on surfaces that face up, thicker in corners and recesses, with faint runs down the sides.
 
     Attributes:
@@ -152,8 +160,7 @@ class Dust(_Options):
 
     cling: float = number(0.35, 0.0, 1.0)
 
-    def paint(self, site: Site) -> Coat:
-        """All maps; see `Recipe.paint`."""
+    def _painted(self, site: _Texels) -> _Painted:
         drifts = _noise(self, site, (4.0, 4.0, 4.0), 0, octaves=3)
         runs = _noise(self, site, (10.0, 1.5, 10.0), 1)
         upward = _ramp(-0.35, 0.95, site.normal[:, 1])
@@ -165,7 +172,7 @@ class Dust(_Options):
         potential = potential + 0.20 * _fine(self, site, 20.0, 3)
         # dust has no edges, so its softness stays
         alpha, depth = _settle(self, site, potential, clean=1.1, filthy=0.42, softness=0.7, sharpest=0.5)
-        return Coat(
+        return _Painted(
             color=_mix((0.34, 0.285, 0.205), (0.50, 0.43, 0.32), _ramp(-0.2, 0.8, depth + 0.8 * drifts)),
             alpha=0.82 * alpha,
             roughness=_slowly(self, site, 0.92, 0.98),
@@ -175,7 +182,7 @@ class Dust(_Options):
 
 
 @dataclass(frozen=True)
-class Rust(_Options):
+class SmoothRust(_Options):
     """Corrosion that starts at edges, creases and recesses, spreads in blotches and stains the flanks below.
 
     Attributes:
@@ -188,8 +195,7 @@ class Rust(_Options):
 
     bleed: float = number(1.0, 0.0, 2.0)
 
-    def paint(self, site: Site) -> Coat:
-        """All maps; see `Recipe.paint`."""
+    def _painted(self, site: _Texels) -> _Painted:
         blotches = _noise(self, site, (5.0, 5.0, 5.0), 0, octaves=3)
         grain = _noise(self, site, (9.0, 9.0, 9.0), 1)
         exposed = 0.60 * _ramp(0.15, 0.8, site.curvature) + 0.30 * _ramp(0.1, 0.8, -site.curvature)
@@ -207,7 +213,7 @@ class Rust(_Options):
         # around the rust, paint has come off and the sheet is still bare
         bare = self.detail * min(1.0, 4.0 * self.amount) * (1.0 - alpha)
         bare = bare * _ramp(-0.14, -0.06, depth) * _ramp(0.0, 0.10, flakes + 0.5 * pits)
-        return Coat(
+        return _Painted(
             color=_mix(rust, _STEEL, bare),
             alpha=np.maximum(np.maximum(0.92 * alpha, 0.7 * stain), 0.95 * bare),
             roughness=_slowly(self, site, 0.7, 0.9) * (1.0 - bare) + 0.42 * bare,
@@ -215,7 +221,7 @@ class Rust(_Options):
             height=0.0009 * alpha * (np.maximum(pits, -0.3) - 0.3 * eaten) - 0.0004 * bare,
         )
 
-    def _runs(self, site: Site) -> Values:
+    def _runs(self, site: _Texels) -> Values:
         """Stains below blotches: the maximum of the blotch noise at a few heights above, weaker with distance."""
         narrow = 0.4 + 1.4 * _noise(self, site, (10.0, 1.0, 10.0), 2)
         falls = [(0.03, 1.0), (0.07, 0.85), (0.11, 0.7), (0.15, 0.5)]
@@ -224,7 +230,7 @@ class Rust(_Options):
 
 
 @dataclass(frozen=True)
-class ChippedPaint(_Options):
+class SmoothChips(_Options):
     """Paint chipped off edges, the front and the sills down to primer and bare steel, and scratches along the flanks.
 
     Attributes:
@@ -240,8 +246,7 @@ class ChippedPaint(_Options):
     scratches: float = number(1.0, 0.0, 2.0)
     rust: float = number(0.5, 0.0, 1.0)
 
-    def paint(self, site: Site) -> Coat:
-        """All maps; see `Recipe.paint`."""
+    def _painted(self, site: _Texels) -> _Painted:
         patches = _noise(self, site, (5.0, 5.0, 5.0), 0, octaves=3)
         flakes, grain = _fine(self, site, 30.0, 1), _fine(self, site, 60.0, 2)
         edges = 0.60 * _ramp(0.1, 0.7, site.curvature)
@@ -257,7 +262,7 @@ class ChippedPaint(_Options):
         rust = _mix((0.26, 0.095, 0.030), (0.10, 0.038, 0.016), _ramp(-0.2, 0.3, grain))
         metallic = np.maximum(bare * (1.0 - rusty), scratch * (1.0 - bare))
         rough = 0.62 + (0.85 - 0.62) * rusty * bare + 0.1 * grain
-        return Coat(
+        return _Painted(
             color=_mix(_mix(_mix(primer, steel, np.maximum(bare, scratch)), rust, bare * rusty), _STEEL, 0.3 * scratch),
             alpha=np.maximum(alpha, scratch),
             roughness=np.clip(rough + (0.36 + 0.2 * np.abs(grain) - rough) * metallic, 0.0, 1.0),
@@ -265,7 +270,7 @@ class ChippedPaint(_Options):
             height=-0.0006 * alpha - 0.0003 * bare - 0.0004 * scratch + 0.0004 * grain * bare * rusty,
         )
 
-    def _scratches(self, site: Site, patches: Values) -> Values:
+    def _scratches(self, site: _Texels, patches: Values) -> Values:
         """Thin lines, about two texels wide: where stretched noise passes through zero, in some places only."""
         lines = _noise(self, site, (1.5, 24.0, 1.5), 3, octaves=1)
         width = 0.3 * 24.0 * 2.0 * math.pi * max(site.texel, 5e-4) / self.scale
@@ -274,15 +279,9 @@ class ChippedPaint(_Options):
         return self.detail * there * _ramp(width, 0.4 * width, np.abs(lines))
 
 
-RECIPES: Mapping[str, type[Recipe]] = MappingProxyType(
-    {"road-dirt": RoadDirt, "dust": Dust, "rust": Rust, "chipped-paint": ChippedPaint}
-)
-"""Recipe classes by their names in configuration files and on the command line."""
-
-
 def _noise(
-    recipe: Recipe,
-    site: Site,
+    recipe: _Options,
+    site: _Texels,
     frequency: tuple[float, float, float],
     stream: int,
     octaves: int = 2,
@@ -293,7 +292,7 @@ def _noise(
     return 1.8 * fbm(points, recipe.seed * 8 + stream, octaves=octaves)
 
 
-def _spray(site: Site, height: Values) -> Values:
+def _spray(site: _Texels, height: Values) -> Values:
     """Dirt thrown up behind the wheels, in [0, 1]: it starts at the axle, and rises and fades towards the tail."""
     fans = np.zeros(len(height))
     for axle in site.axles:
@@ -303,7 +302,7 @@ def _spray(site: Site, height: Values) -> Values:
     return fans
 
 
-def _fine(recipe: Recipe, site: Site, frequency: float, stream: int) -> Values:
+def _fine(recipe: _Options, site: _Texels, frequency: float, stream: int) -> Values:
     """Noise from `frequency` waves per vehicle length down to four texels, times `detail`; std. dev. about 0.3."""
     if not recipe.detail:
         return np.zeros(len(site.position))
@@ -312,13 +311,20 @@ def _fine(recipe: Recipe, site: Site, frequency: float, stream: int) -> Values:
     return recipe.detail * _noise(recipe, site, (frequency,) * 3, stream, octaves=octaves)
 
 
-def _slowly(recipe: Recipe, site: Site, least: float, greatest: float) -> Values:
+def _slowly(recipe: _Options, site: _Texels, least: float, greatest: float) -> Values:
     """Values between two bounds that vary slowly over the surface."""
     return least + (greatest - least) * _ramp(-0.6, 0.6, _noise(recipe, site, (6.0, 6.0, 6.0), 7))
 
 
 def _settle(
-    recipe: Recipe, site: Site, potential: Values, *, clean: float, filthy: float, softness: float, sharpest: float = 0
+    recipe: _Options,
+    site: _Texels,
+    potential: Values,
+    *,
+    clean: float,
+    filthy: float,
+    softness: float,
+    sharpest: float = 0,
 ) -> tuple[Values, Values]:
     """Coverage in [0, 1], which never decreases with `amount`, and the potential minus the threshold.
 

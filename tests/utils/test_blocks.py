@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from svbrdfgan.weathering.blocks import BLOCK, by_blocks
+from svbrdfgan.utils.threads import BLOCK, by_blocks
 from svbrdfgan.weathering.noise import fbm
 
 
