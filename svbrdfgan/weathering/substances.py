@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import IntEnum
+from functools import lru_cache
 
 import torch
 from jaxtyping import Float, Int
@@ -29,5 +30,9 @@ class Substance(IntEnum):
 
 def by_substance(substance: Int[Tensor, " texels"], shares: Mapping[Substance, float]) -> Float[Tensor, " texels"]:
     """The number of each texel's substance, float32; 0 for those that are not named."""
-    table = torch.tensor([shares.get(kind, 0.0) for kind in Substance], device=substance.device)
-    return table[substance.long()]
+    return _table(tuple(shares.get(kind, 0.0) for kind in Substance), substance.device)[substance.long()]
+
+
+@lru_cache(maxsize=64)
+def _table(shares: tuple[float, ...], device: torch.device) -> Float[Tensor, " substances"]:
+    return torch.tensor(shares, device=device)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import torch
 from jaxtyping import Float
@@ -96,7 +97,7 @@ class Ground:
         Args:
             share: of the cells that have a run.
         """
-        size = torch.tensor([width, -length], device=self.up.device) * self.recipe.scale
+        size = constant((width * self.recipe.scale, -length * self.recipe.scale), self.up.device)
         wander = 0.30 * width * self.noise(0.22, stream + 1, stretch=(1.0, 2.0, 1.0), finest=0.03).detach()
         uneven = (1.0 + 0.5 * self.noise(0.05, stream + 2, stretch=(1.0, 4.0, 1.0)).detach()).clamp(0.0, 1.0)
         sideways = ramp(-0.3, 0.3, self.normal[:, 0].abs() - self.normal[:, 2].abs())
@@ -123,10 +124,17 @@ class Ground:
         self, size: float, stretch: tuple[float, float, float], warp: Colors | None = None
     ) -> Float[Tensor, "texels 3"]:
         place = self.place if warp is None else self.place + warp
-        return place / (size * self.recipe.scale * torch.tensor(stretch, device=place.device))
+        cells = 1.0 / (size * self.recipe.scale)
+        return place * constant((cells / stretch[0], cells / stretch[1], cells / stretch[2]), place.device)
 
     def _seed(self, stream: int) -> int:
         return self.recipe.seed * 64 + stream
+
+
+@lru_cache(maxsize=512)
+def constant(numbers: tuple[float, ...], device: torch.device) -> Tensor:
+    """A float32 tensor that is copied to a GPU once: each copy waits for what the GPU still has to do."""
+    return torch.tensor(numbers, device=device)
 
 
 def ramp(start: float, end: float, value: Values) -> Values:
@@ -147,8 +155,8 @@ def film(depth: Values) -> Values:
 
 def mix(first: Color, second: Color, share: Values) -> Colors:
     """Linear mixture of two colours; `share` is that of the second."""
-    a, b = (torch.as_tensor(color, device=share.device, dtype=share.dtype) for color in (first, second))
-    return a + share[:, None] * (b - a)
+    a, b = (constant(color, share.device) if isinstance(color, tuple) else color for color in (first, second))
+    return torch.lerp(a.expand(len(share), 3), b.expand(len(share), 3), share[:, None])
 
 
 def over(top: Values, below: Values) -> Values:
