@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -17,7 +18,7 @@ from svbrdfgan.utils.threads import in_threads
 from svbrdfgan.weathering.mesh_maps import TexelGeometry
 from svbrdfgan.weathering.recipes import RECIPES, Recipe
 from svbrdfgan.weathering.site import Site
-from svbrdfgan.weathering.survey import find_site
+from svbrdfgan.weathering.survey import find_site, texel_tangents
 
 
 def weather(
@@ -31,8 +32,8 @@ def weather(
 
     Args:
         maps: names of further material maps to paint, such as "roughness", in any order.
-        site: result of `find_site` for the same surface and buffer, with tangents if `maps` has normals; saves time if
-            several layers are painted.
+        site: result of `find_site` for the same surface and buffer, best with tangents if `maps` has normals; saves
+            time if several layers are painted.
 
     Raises:
         ConfigError: one of the maps is unknown.
@@ -40,12 +41,14 @@ def weather(
     _require_maps(maps)
     rows, cols, _ = buffer.position.shape
     names = tuple(name for name in FURTHER_MAPS if name in maps)
-    site = site or find_site(surface, buffer, tangents="normal" in names)
+    site = site or find_site(surface, buffer)
+    if "normal" in names and site.tangents is None:
+        site = replace(site, tangents=texel_tangents(surface, buffer).to(site.normal))
     return Layer(painted(recipe, site, names).cpu().view(rows, cols, -1), names)
 
 
 def painted(recipe: Recipe, site: Site, maps: tuple[str, ...]) -> Float[Tensor, "texels channels"]:
-    """The channels of a layer, float32, where the site is."""
+    """The channels of a layer, float32, where the site is; normals are flat if that has no tangents."""
     return torch.cat(list(in_threads(lambda block: _painted(recipe, block, maps), site.blocks())))
 
 

@@ -31,16 +31,16 @@ def find_site(surface: Surface, buffer: TexelGeometry, maps: MeshMaps | None = N
 
     Args:
         maps: the buffer's mesh maps, which else are computed.
-        tangents: whether the site has tangents, for normal maps.
+        tangents: whether the site has them, for normal maps: those of `texel_tangents`.
     """
     position, normal = (np.asarray(values, np.float64) for values in (buffer.position, buffer.normal))
     steps = np.linalg.norm(np.diff(position, axis=1), axis=2)
     texel = float(np.median(steps[steps > 0.0])) if steps.any() else 0.0
     found = survey(surface, position.reshape(-1, 3), normal.reshape(-1, 3), texel, maps)
-    return replace(found, tangents=_tangents(surface, buffer)) if tangents else found
+    return replace(found, tangents=texel_tangents(surface, buffer)) if tangents else found
 
 
-def _tangents(surface: Surface, buffer: TexelGeometry) -> Float[Tensor, "texels 2 3"]:
+def texel_tangents(surface: Surface, buffer: TexelGeometry) -> Float[Tensor, "texels 2 3"]:
     """Unit tangents and bitangents at the texels, both reversed where the buffer's normal is the surface's reversed.
 
     There the surface is seen from behind, where renderers reverse the whole tilted normal.

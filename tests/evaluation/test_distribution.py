@@ -31,7 +31,7 @@ from svbrdfgan.weathering.layer import recipe_from_options, weather
 from svbrdfgan.weathering.survey import find_site
 
 CPU = torch.device("cpu")
-AMOUNTS = Conditions((0.4, 1.0), ("rust",))
+AMOUNTS = Conditions((0.4, 1.0), ("smooth-rust",))
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def dataset(dataset_data: Callable[..., dict[str, Any]], built_once: Any) -> Dat
         image=[16, 16],
         spp=1,
         embedding={"resolution": 64},
-        weathering={"recipe": "rust", "amount": {"uniform": [0.4, 1]}, "seed": {"uniform": [0, 9999]}},
+        weathering={"recipe": "smooth-rust", "amount": {"uniform": [0.4, 1]}, "seed": {"uniform": [0, 9999]}},
         splits={"train": {"meshes": {"procedural": {"count": 1}}, "views": 4}, "validation": {"views": 1}},
     )
     return Dataset.open(built_once("draws", lambda f: generate(dataset_config(data, "here"), f, base=Path()) and None))
@@ -69,7 +69,7 @@ class Recipe:
 
     def layer(self, seed: int, label: float) -> Tensor:
         amount = min(max((label + 1) / 2 + self.bias, 0.0), 1.0)
-        recipe = recipe_from_options("rust", {"amount": amount, "seed": 77 if self.frozen else 10**6 + seed})
+        recipe = recipe_from_options("smooth-rust", {"amount": amount, "seed": 77 if self.frozen else 10**6 + seed})
         return weather(self.subject.surface, self.subject.buffer, recipe, site=self.site).values
 
 

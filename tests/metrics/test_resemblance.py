@@ -182,7 +182,7 @@ def _require_fall(scores: list[Resemblance], target: float) -> None:
     assert found[-1] <= target, scores[-1].lines()
 
 
-@pytest.fixture(scope="module", params=["rust", "road-dirt"])
+@pytest.fixture(scope="module", params=["smooth-rust", "smooth-dirt"])
 def weathered(request: pytest.FixtureRequest) -> World:
     """Recipes at full detail on procedural vehicles."""
     vehicles = [build_vehicle(sample_vehicle(kind, 100 + n)) for n, kind in enumerate(("sedan", "van", "pickup"))]

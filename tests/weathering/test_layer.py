@@ -15,6 +15,7 @@ from svbrdfgan.weathering.ranges import number
 from svbrdfgan.weathering.recipes import RECIPES, Coat, RoadDirt
 from svbrdfgan.weathering.recipes.recipe import Options
 from svbrdfgan.weathering.recipes.smooth import SmoothRust
+from svbrdfgan.weathering.survey import find_site
 
 
 def test_layer_has_the_buffer_s_shape(vehicle, texels):
@@ -103,3 +104,13 @@ def test_layers_are_smooth_where_the_surface_is(vehicle, shapes, name):
     steps = np.abs(np.diff(layer.values.numpy(), axis=1))
     assert np.sqrt(np.square(steps).mean()) < 0.06
     assert layer.alpha.numpy().std() > 0.05
+
+
+def test_a_site_without_tangents_has_the_same_normals():
+    sheet = scenes.plane(2.0)
+    buffer = bake(Fragments.of(sheet, 24, 24))
+    bare, full = (find_site(sheet, buffer, tangents=tangents) for tangents in (False, True))
+    normals = [weather(sheet, buffer, Ridges(), ["normal"], site=site)["normal"] for site in (None, bare, full)]
+    assert torch.equal(normals[0], normals[1])
+    assert torch.equal(normals[0], normals[2])
+    assert normals[0][..., :2].abs().max() > 0.1

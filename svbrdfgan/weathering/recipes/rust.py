@@ -48,7 +48,7 @@ class Rust(Options):
         blotches = self._blotched(ground)
         flakes, pits = ground.noise(0.055, 2), ground.noise(0.012, 3)
         can = by_substance(site.substance, self.settles_on)
-        threshold = 2.05 - 1.55 * self.amount
+        threshold = 1.78 - 1.15 * self.amount
         present = min(1.0, 6.0 * self.amount) * can
         prone = _prone(ground)
         depth = prone + blotches + 0.20 * flakes + 0.07 * pits - threshold
