@@ -10,8 +10,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-_BLOCK = 8000
-"""Texels: torch shares operations on 32,768 numbers or more among threads of its own, which would get in the way."""
+_BLOCK = 32000
+"""Texels: torch shares operations on 32,768 numbers or more among threads of its own, which get in the way of ours."""
 
 
 @dataclass(frozen=True, eq=False)
