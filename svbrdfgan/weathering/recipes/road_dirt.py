@@ -105,7 +105,7 @@ def _thrown(ground: Ground, broad: Values, reach: float) -> Values:
 
 
 def _drops(ground: Ground, wet: Values, patches: Values) -> tuple[Values, Values]:
-    """Dried droplets of three sizes: their alpha, and their height from 0 to 1."""
+    """Dried droplets of several sizes: their alpha, and their height from 0 to 1."""
     alpha = lumps = torch.zeros_like(wet)
     for cell, most, stream in (
         (0.060, 0.10, 20),

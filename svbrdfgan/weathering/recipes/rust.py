@@ -88,9 +88,8 @@ class Rust(Options):
 
     def _blotched(self, ground: Ground, moved: Colors | None = None) -> Values:
         """The coarse part of where rust is, which also feeds the runs."""
-        return 0.50 * ground.noise(0.9, 0, finest=0.1, moved=moved) + 0.42 * ground.noise(
-            0.30, 1, finest=0.03, moved=moved
-        )
+        broad = ground.noise(0.9, 0, finest=0.1, moved=moved)
+        return 0.50 * broad + 0.42 * ground.noise(0.30, 1, finest=0.03, moved=moved)
 
 
 def _prone(ground: Ground) -> Values:

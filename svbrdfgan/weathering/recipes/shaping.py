@@ -26,13 +26,11 @@ class Run:
 
     Attributes:
         strength: in [0, 1], 0 where there is none.
-        along: from 0 at its head to 1 at its tail.
         head: from the texel to the run's head, in metres.
         random: numbers in [0, 1) of the run.
     """
 
     strength: Values
-    along: Values
     head: Colors
     random: Float[Tensor, "texels 4"]
 
@@ -107,7 +105,7 @@ class Ground:
             streak = streaks(plane, share.detach(), self._seed(stream) + axis)
             offset = torch.zeros_like(self.place)
             offset[:, [axis, 1]] = streak.head * size
-            found.append(Run(streak.strength * facing * steep * uneven, streak.along, offset, streak.random))
+            found.append(Run(streak.strength * facing * steep * uneven, offset, streak.random))
         return found
 
     def scratches(self, cell: float, share: Values, stream: int) -> Scratches:
