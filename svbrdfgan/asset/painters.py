@@ -55,6 +55,10 @@ class RecipePainter:
     recipe: Recipe
     maps: Collection[str] = FURTHER_MAPS
 
+    def __post_init__(self) -> None:
+        if self.recipe.reads_edges:
+            _ = self.surroundings.edges  # found once, before there are threads
+
     def __call__(self, points: SurfacePoints, texel: float) -> Paint:
         site = self.surroundings.site(points, texel, edges=self.recipe.reads_edges)
         coat = Coat.joined(map(self.recipe.paint, site.blocks()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -40,7 +41,6 @@ class Surroundings:
         start: each face's first node.
         node: of each node of each face, the index into `values`; nodes of neighbours share them.
         values: visibility and curvature.
-        edges: sharp edges of the mesh.
         substance: of each face.
     """
 
@@ -52,7 +52,6 @@ class Surroundings:
     start: Int[ndarray, " faces"]
     node: Int[ndarray, " nodes"]
     values: Float[ndarray, "values 2"]
-    edges: SharpEdges
     substance: UInt8[ndarray, " faces"]
 
     @classmethod
@@ -79,9 +78,12 @@ class Surroundings:
         rows = np.column_stack([position.astype(np.float32), np.round(normal, 2)]).astype(np.float64)
         merged, node = merge_rows(rows)
         values = np.stack(survey_maps(surface, merged[:, :3], unit(merged[:, 3:])), axis=1)
-        return cls(
-            mesh, grounds, normals, back, divisions, start, node, values, SharpEdges.of(_turned(mesh, back)), painted
-        )
+        return cls(mesh, grounds, normals, back, divisions, start, node, values, painted)
+
+    @cached_property
+    def edges(self) -> SharpEdges:
+        """The sharp edges of the mesh, found when they are first asked for: they take up to 1.5 KB a face."""
+        return SharpEdges.of(_turned(self.mesh, self.reversed))
 
     def site(self, points: SurfacePoints, texel: float, *, edges: bool = True) -> Site:
         """The site at points, `texel` metres apart: recipes paint nothing finer.

@@ -53,13 +53,6 @@ class EdgeDistances:
     border: Float[ndarray, " points"]
 
 
-def edge_distances(
-    surface: Surface, position: Float[ndarray, "points 3"], normal: Float[ndarray, "points 3"], reach: float
-) -> EdgeDistances:
-    """The distances at points on a surface; see `SharpEdges.distances`."""
-    return SharpEdges.of(surface).distances(position, normal, reach)
-
-
 @dataclass(frozen=True, eq=False)
 class SharpEdges:
     """The sharp edges of a surface by kind, to be asked for many batches of points."""

@@ -13,11 +13,15 @@ from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.types import Mesh, Part, Surface
 from svbrdfgan.weathering import edges
-from svbrdfgan.weathering.edges import EdgeDistances, SharpEdges, edge_distances
+from svbrdfgan.weathering.edges import EdgeDistances, SharpEdges
 from svbrdfgan.weathering.occlusion import scatter
 
 UP = np.array([0.0, 1.0, 0.0])
 REACH = 0.3
+
+
+def edge_distances(surface: Surface, position: np.ndarray, normal: np.ndarray, reach: float) -> EdgeDistances:
+    return SharpEdges.of(surface).distances(position, normal, reach)
 
 
 def stacked(found: EdgeDistances) -> np.ndarray:

@@ -11,10 +11,7 @@ bare metal. With detail 0 the finest wavelength at scale 1 is a twentieth of the
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
-from typing import ClassVar
 
 import numpy as np
 import torch
@@ -23,10 +20,9 @@ from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.weathering.noise import fbm
-from svbrdfgan.weathering.ranges import check_ranges, number
-from svbrdfgan.weathering.recipes.recipe import Coat, Directions
+from svbrdfgan.weathering.ranges import number
+from svbrdfgan.weathering.recipes.recipe import Coat, Directions, Options
 from svbrdfgan.weathering.site import Site
-from svbrdfgan.weathering.substances import Substance
 
 Values = Float[ndarray, " texels"]
 
@@ -62,31 +58,19 @@ class _Painted:
 
 
 @dataclass(frozen=True)
-class _Options:
-    """The options that every recipe has; a recipe's docstring says what its amounts look like.
+class _Smooth(Options):
+    """The options of smooth recipes, and how they paint.
 
     Attributes:
-        amount: how much of the matter there is.
-        seed: selects another pattern of the same kind.
-        scale: size of the pattern, relative to the default.
+        amount, seed, scale, relief: as of every recipe; `scale` is relative to the vehicle.
         detail: 0 is smooth, 1 is as sharp as the texture allows.
-        relief: height of the relief, relative to the default, which is as high as the matter is thick.
 
     Raises:
         ConfigError: an option out of its range.
     """
 
-    settles_on: ClassVar[Mapping[Substance, float]] = MappingProxyType({Substance.PAINT: 1.0})
-    reads_edges: ClassVar[bool] = False
-
     amount: float = number(0.8, 0.0, 1.0)
-    seed: int = number(0, 0, 2**31 - 1)
-    scale: float = number(1.0, 0.25, 4.0)
     detail: float = number(0.0, 0.0, 1.0)
-    relief: float = number(1.0, 0.0, 50.0)
-
-    def __post_init__(self) -> None:
-        check_ranges(self)
 
     def paint(self, site: Site) -> Coat:
         """All maps; see `Recipe.paint`. The coat is where the site is, in float64."""
@@ -106,7 +90,7 @@ class _Options:
 
 
 @dataclass(frozen=True)
-class SmoothDirt(_Options):
+class SmoothDirt(_Smooth):
     """Mud and road film: strongest on the sills, behind the wheels, along the flanks and on the tail.
 
     Attributes:
@@ -147,7 +131,7 @@ class SmoothDirt(_Options):
 
 
 @dataclass(frozen=True)
-class SmoothDust(_Options):
+class SmoothDust(_Smooth):
     """A pale film on surfaces that face up, thicker in corners and recesses, with faint runs down the sides.
 
     Attributes:
@@ -182,7 +166,7 @@ class SmoothDust(_Options):
 
 
 @dataclass(frozen=True)
-class SmoothRust(_Options):
+class SmoothRust(_Smooth):
     """Corrosion that starts at edges, creases and recesses, spreads in blotches and stains the flanks below.
 
     Attributes:
@@ -230,7 +214,7 @@ class SmoothRust(_Options):
 
 
 @dataclass(frozen=True)
-class SmoothChips(_Options):
+class SmoothChips(_Smooth):
     """Paint chipped off edges, the front and the sills down to primer and bare steel, and scratches along the flanks.
 
     Attributes:
@@ -280,7 +264,7 @@ class SmoothChips(_Options):
 
 
 def _noise(
-    recipe: _Options,
+    recipe: _Smooth,
     site: _Texels,
     frequency: tuple[float, float, float],
     stream: int,
@@ -302,7 +286,7 @@ def _spray(site: _Texels, height: Values) -> Values:
     return fans
 
 
-def _fine(recipe: _Options, site: _Texels, frequency: float, stream: int) -> Values:
+def _fine(recipe: _Smooth, site: _Texels, frequency: float, stream: int) -> Values:
     """Noise from `frequency` waves per vehicle length down to four texels, times `detail`; std. dev. about 0.3."""
     if not recipe.detail:
         return np.zeros(len(site.position))
@@ -311,13 +295,13 @@ def _fine(recipe: _Options, site: _Texels, frequency: float, stream: int) -> Val
     return recipe.detail * _noise(recipe, site, (frequency,) * 3, stream, octaves=octaves)
 
 
-def _slowly(recipe: _Options, site: _Texels, least: float, greatest: float) -> Values:
+def _slowly(recipe: _Smooth, site: _Texels, least: float, greatest: float) -> Values:
     """Values between two bounds that vary slowly over the surface."""
     return least + (greatest - least) * _ramp(-0.6, 0.6, _noise(recipe, site, (6.0, 6.0, 6.0), 7))
 
 
 def _settle(
-    recipe: _Options,
+    recipe: _Smooth,
     site: _Texels,
     potential: Values,
     *,
