@@ -39,8 +39,8 @@ Residual = Float[Tensor, "batch channels rows cols"] | None
 class Generator(nn.Module):
     """Johnson et al.'s ResNet (2016), from a geometry buffer to a layer of the same size.
 
-    It has one 7x7 convolution, strided ones that each halve the resolution and double the channels, residual blocks, as
-    many upsampling convolutions, and one 7x7.
+    It has one convolution, strided ones that each halve the resolution and double the channels, residual blocks, as
+    many upsampling convolutions, and a last one.
 
     With random fields, a layer is a function of the geometry and a seed: fields of object space are read next to the
     geometry, and random numbers modulate the features. Labels of the layer modulate them, too.
@@ -58,6 +58,7 @@ class Generator(nn.Module):
         norm: the thesis uses "instance".
         upsampling: "strided" is the thesis's transposed convolution, which leaves a checkerboard of period four in
             the layer; "nearest" doubles the features and convolves (Odena et al. 2016), which does not.
+        kernel: side of the first and the last convolution, odd; the thesis uses 7. With skips 3 is enough, and cheaper.
         skips: whether features skip the blocks at each resolution; the thesis has no skips.
         mesh_maps: whether it reads mesh maps besides position and normal (`MeshMaps`).
         maps: further maps that the layer paints besides base_color, in the order of `FURTHER_MAPS`.
@@ -72,6 +73,7 @@ class Generator(nn.Module):
         downsamplings: int = 2,
         norm: Norm = "instance",
         upsampling: Upsampling = "nearest",
+        kernel: int = 7,
         skips: bool = False,
         maps: tuple[str, ...] = (),
         mesh_maps: bool = False,
@@ -81,14 +83,14 @@ class Generator(nn.Module):
         super().__init__()
         self.mesh_maps, self.random_fields, self.labels = mesh_maps, random_fields, labels
         self.maps, self.channels = maps, channel_slices(maps)
-        self.first = nn.Conv2d(self.inputs + random_fields, width, 7, bias=_biased(norm))
+        self.first = nn.Conv2d(self.inputs + random_fields, width, kernel, bias=_biased(norm))
         widths = [width << depth for depth in range(downsamplings + 1)]
         steps = list(itertools.pairwise(widths))
         self.down = nn.Sequential(*(_conv(coarse, deep, 3, norm, stride=2) for coarse, deep in steps))
         self.blocks = nn.ModuleList(ResidualBlock(widths[-1], norm) for _ in range(blocks))
         self.up = nn.ModuleList(_up(deep, coarse, norm, upsampling) for coarse, deep in reversed(steps))
         self.mix = nn.ModuleList(_conv(coarse, coarse, 3, norm) for coarse, _ in reversed(steps)) if skips else None
-        self.last = PreActConv(nn.Conv2d(width, layer_channels(maps), 7), norm, pad=3)
+        self.last = PreActConv(nn.Conv2d(width, layer_channels(maps), kernel), norm, pad=kernel // 2)
         code = labels + (_NUMBERS if random_fields else 0)
         # of the blocks, of each `up` and the `mix` that follows it, and of `last`, in their order
         inputs = widths[-1:] * (2 * blocks + 1)
@@ -129,7 +131,7 @@ class Generator(nn.Module):
         if self.random_fields:
             assert seeds is not None
             geometry = torch.cat([geometry, random_fields(geometry[:, :3], seeds, self.random_fields)], dim=1)
-        x: Tensor = self.first(norm_act_pad(geometry, NormActPad(pad=3)).padded)
+        x: Tensor = self.first(norm_act_pad(geometry, NormActPad(pad=self.first.kernel_size[0] // 2)).padded)
         passed = []
         for down in self.down:
             passed.append(x)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field
 
@@ -31,6 +32,9 @@ class GeneratorConfig(StrictModel):
     norm: Norm = Field(default="instance", description="norm before each activation")
     upsampling: Upsampling = Field(
         default="nearest", description="`strided`, as in the thesis, leaves a pattern of four texels"
+    )
+    kernel: Literal[3, 5, 7] = Field(
+        default=7, description="side of its first and last convolution; with `skips` 3 is enough, and cheaper"
     )
     skips: bool = Field(
         default=False,
