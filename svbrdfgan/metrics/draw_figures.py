@@ -32,7 +32,7 @@ class AmountFigures(StrictModel):
 
 
 class DrawFigures(StrictModel):
-    """Draws compared with true ones, in alpha.
+    """Draws compared with true ones, in alpha and relief.
 
     Attributes:
         deviation: standard deviation over draws at each place, mean over the surface: over that of the truth.
@@ -40,33 +40,38 @@ class DrawFigures(StrictModel):
             number of draws takes from it (Spearman 1904, "correction for attenuation"): by itself the mean of 16 draws
             of rust correlates by 0.5 with that of 16 others.
         power: power in each octave, finest first: over that of the truth.
+        relief: likewise of the slopes, which are a normal's x and y times alpha; empty if the layers paint no normals
+            or the true ones are flat.
         amount: of a generator that knows amounts.
     """
 
     deviation: float
     mean_correlation: float
     power: tuple[float, ...]
+    relief: tuple[float, ...] = ()
     amount: AmountFigures | None = None
 
     def line(self) -> str:
         """The figures in words."""
-        power = ", ".join(f"{ratio:.2f}" for ratio in self.power)
-        amount = self.amount
+        power, relief = (", ".join(f"{ratio:.2f}" for ratio in ratios) for ratios in (self.power, self.relief))
+        amount, tilted = self.amount, f"; relief {relief} likewise" if relief else ""
         obeyed = "" if amount is None else f"; amount: rank {amount.correlation:.2f}, error {amount.error:.3f}"
         return (
             f"deviation {self.deviation:.2f} of the truth's; mean maps correlate {self.mean_correlation:.2f}; power "
-            f"{power} of the truth's, finest octave first{obeyed}"
+            f"{power} of the truth's, finest octave first{tilted}{obeyed}"
         )
 
 
 def draw_figures(surfaces: Sequence[ScoredSurface], truth: Sequence[Draws], made: Sequence[Draws]) -> DrawFigures:
     """The figures of draws compared with true ones, but for the amount; one stack of each for each vehicle."""
     sides = [[draws.alpha for draws in stacks] for stacks in (truth, made)]
-    deviation, power = ([measure(side, surfaces) for side in sides] for measure in (_deviation, _power))
+    deviation = [_deviation(side, surfaces) for side in sides]
+    power = [_power([alpha.unsqueeze(1) for alpha in side], surfaces) for side in sides]
     return DrawFigures(
         deviation=float(_ratio(*deviation)),
         mean_correlation=_correlation_of_means(sides[0], sides[1], surfaces),
         power=tuple(_ratio(*power).tolist()),
+        relief=_relief(surfaces, truth, made),
     )
 
 
@@ -107,10 +112,22 @@ def _deviation(side: Sequence[Tensor], surfaces: Sequence[ScoredSurface]) -> Flo
     return torch.stack(means).mean()
 
 
+def _relief(surfaces: Sequence[ScoredSurface], truth: Sequence[Draws], made: Sequence[Draws]) -> tuple[float, ...]:
+    if "normal" not in truth[0].maps:
+        return ()
+    slopes = [
+        [draws["normal"][..., :2].movedim(-1, 1) * draws.alpha.unsqueeze(1) for draws in stacks]
+        for stacks in (truth, made)
+    ]
+    power = [_power(side, surfaces) for side in slopes]
+    return tuple(_ratio(*power).tolist()) if power[0].sum() > _LEAST else ()
+
+
 def _power(side: Sequence[Tensor], surfaces: Sequence[ScoredSurface]) -> Float[Tensor, " octaves"]:
+    """The power in each octave, of all values together."""
     found = [
-        torch.cat([octave.power() for octave in octaves(alpha.unsqueeze(1), surface.weight)])
-        for alpha, surface in zip(side, surfaces, strict=True)
+        torch.stack([octave.power().sum() for octave in octaves(values, surface.weight)])
+        for values, surface in zip(side, surfaces, strict=True)
     ]
     return torch.stack(found).mean(dim=0)
 

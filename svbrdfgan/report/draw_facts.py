@@ -80,6 +80,13 @@ def _figures(figures: DrawFigures | None) -> Iterator[KeyFigure]:
         "How much draws differ from each other, over how much true draws do: 1 is as varied, 0 is the same layer at "
         "every seed.",
     )
+    if figures.relief:
+        yield KeyFigure(
+            "relief, least and most",
+            f"{min(figures.relief):.2f}, {max(figures.relief):.2f}",
+            "The power of the slopes of normals over that of true ones, at the size of pattern where it is least and "
+            "where it is greatest: 1 is as strong.",
+        )
     if figures.amount is not None:
         yield KeyFigure(
             "amount, rank",

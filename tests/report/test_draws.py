@@ -69,6 +69,13 @@ def test_the_page_of_a_distribution_tells_of_draws_and_of_nothing_else(varied: E
     assert all(meaning in page for meaning in PART_MEANINGS.values())
 
 
+def test_relief_is_shown_where_layers_have_normals(varied: Evaluated) -> None:
+    found = varied.evaluation.generated
+    figures = found.figures.model_copy(update={"relief": (0.61, 1.32, 0.94)})
+    tilted = varied.evaluation.model_copy(update={"generated": found.model_copy(update={"figures": figures})})
+    assert [figure.value for figure in draw_verdict(tilted) if figure.label.startswith("relief")] == ["0.61, 1.32"]
+
+
 def test_a_distribution_whose_draws_could_not_be_compared_says_why(varied: Evaluated, varied_run: Path) -> None:
     page = write_report(varied_run, scored(varied, "they are too small.")).read_text(encoding="utf-8")
     assert "The draws have no score, since they are too small." in page
