@@ -31,6 +31,25 @@ class AmountFigures(StrictModel):
     error: float
 
 
+class RelitFigures(StrictModel):
+    """FLIP between pictures of two draws, in lights and from views that training never had; means over pairs of draws.
+
+    Attributes:
+        flip: between a true draw and one of the generator, of the same amount and recipe.
+        of_truth: between the same true draws and other true ones.
+        pairs: the number of pairs.
+    """
+
+    flip: float
+    of_truth: float
+    pairs: int
+
+    @property
+    def ratio(self) -> float:
+        """1 where a draw is as far from a true one as another true one is, less for the mean of all draws."""
+        return self.flip / self.of_truth
+
+
 class DrawFigures(StrictModel):
     """Draws compared with true ones, in alpha and relief.
 
@@ -43,6 +62,7 @@ class DrawFigures(StrictModel):
         relief: likewise of the slopes, which are a normal's x and y times alpha; empty if the layers paint no normals
             or the true ones are flat.
         amount: of a generator that knows amounts.
+        relit: of a generator; None where no picture shows true draws to differ.
     """
 
     deviation: float
@@ -50,20 +70,22 @@ class DrawFigures(StrictModel):
     power: tuple[float, ...]
     relief: tuple[float, ...] = ()
     amount: AmountFigures | None = None
+    relit: RelitFigures | None = None
 
     def line(self) -> str:
         """The figures in words."""
         power, relief = (", ".join(f"{ratio:.2f}" for ratio in ratios) for ratios in (self.power, self.relief))
         amount, tilted = self.amount, f"; relief {relief} likewise" if relief else ""
+        seen = "" if self.relit is None else f"; relit FLIP {self.relit.ratio:.2f} of that between true draws"
         obeyed = "" if amount is None else f"; amount: rank {amount.correlation:.2f}, error {amount.error:.3f}"
         return (
             f"deviation {self.deviation:.2f} of the truth's; mean maps correlate {self.mean_correlation:.2f}; power "
-            f"{power} of the truth's, finest octave first{tilted}{obeyed}"
+            f"{power} of the truth's, finest octave first{tilted}{seen}{obeyed}"
         )
 
 
 def draw_figures(surfaces: Sequence[ScoredSurface], truth: Sequence[Draws], made: Sequence[Draws]) -> DrawFigures:
-    """The figures of draws compared with true ones, but for the amount; one stack of each for each vehicle."""
+    """The figures of draws compared with true ones, without `amount` and `relit`; a stack of each for each vehicle."""
     sides = [[draws.alpha for draws in stacks] for stacks in (truth, made)]
     deviation = [_deviation(side, surfaces) for side in sides]
     power = [_power([alpha.unsqueeze(1) for alpha in side], surfaces) for side in sides]
@@ -83,6 +105,13 @@ def amount_figures(
     ranked = [_correlation(_ranks(a), _ranks(b)) for a, b in pairs]
     errors = [(a - b).abs().mean() for a, b in pairs]
     return AmountFigures(correlation=float(torch.stack(ranked).mean()), error=float(torch.stack(errors).mean()))
+
+
+def relit_figures(truth: Sequence[float], made: Sequence[float]) -> RelitFigures | None:
+    """The means of FLIP from true draws to other true ones, and to a generator's; None where true ones never differ."""
+    if not sum(truth):
+        return None
+    return RelitFigures(flip=sum(made) / len(made), of_truth=sum(truth) / len(truth), pairs=len(truth))
 
 
 def _correlation_of_means(truth: Sequence[Tensor], made: Sequence[Tensor], surfaces: Sequence[ScoredSurface]) -> float:
