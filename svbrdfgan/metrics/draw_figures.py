@@ -17,6 +17,7 @@ from svbrdfgan.metrics.draw_statistics import Draws, ScoredSurface
 from svbrdfgan.metrics.texture_pyramid import octaves
 
 _LEAST = 1e-12
+_FLAT = 0.002  # slopes of about a tenth of a degree, which no picture shows
 
 
 class AmountFigures(StrictModel):
@@ -59,8 +60,9 @@ class DrawFigures(StrictModel):
             number of draws takes from it (Spearman 1904, "correction for attenuation"): by itself the mean of 16 draws
             of rust correlates by 0.5 with that of 16 others.
         power: power in each octave, finest first: over that of the truth.
-        relief: likewise of the slopes, which are a normal's x and y times alpha; empty if the layers paint no normals
-            or the true ones are flat.
+        relief: likewise of the slopes, which are a normal's x and y times alpha; empty if the layers paint no normals.
+            The power of slopes of a tenth of a degree is added to both, so that octaves that are flat in the truth and
+            in the draws have a ratio of 1.
         amount: of a generator that knows amounts.
         relit: of a generator; None where no picture shows true draws to differ.
     """
@@ -148,8 +150,8 @@ def _relief(surfaces: Sequence[ScoredSurface], truth: Sequence[Draws], made: Seq
         [draws["normal"][..., :2].movedim(-1, 1) * draws.alpha.unsqueeze(1) for draws in stacks]
         for stacks in (truth, made)
     ]
-    power = [_power(side, surfaces) for side in slopes]
-    return tuple(_ratio(*power).tolist()) if power[0].sum() > _LEAST else ()
+    power = [_power(side, surfaces) + _FLAT**2 for side in slopes]
+    return tuple(_ratio(*power).tolist())
 
 
 def _power(side: Sequence[Tensor], surfaces: Sequence[ScoredSurface]) -> Float[Tensor, " octaves"]:

@@ -36,9 +36,9 @@ _PATCH = 5
 _LEAST_PATCHES = 16  # octaves in which a vehicle has fewer are left out for it
 _PLACES = 32  # per side of the texture, for mean and deviation: finer ones only add noise
 _QUANTILES = 256
-_DEPENDENT = 0.05  # a map whose correlations have a lesser norm depends on no other
-_CONSTANT = 1e-3  # a value with a lesser deviation over all true draws is constant, as metallic 0 is
-_CONSTANT_VISIBLE = 0.1  # deviations far below this, of values that are constant in the truth, do not count
+_DEPENDENT = 0.25  # a map whose correlations have a lesser norm depends on no other
+_CONSTANT = 0.005  # a map whose values have lesser deviations over all true draws is constant, as metallic 0 is
+_CONSTANT_VISIBLE = 0.05  # deviations far below this, of maps that are constant in the truth, do not count
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +101,8 @@ class Measure:
     Attributes:
         patches: for each vehicle and octave, which patches are compared; the same number, or None.
         scale: the deviation of each value over all true draws.
-        factors: what values are multiplied by before anything else: 1, but less for those that the truth keeps
-            constant, since a ratio to a deviation of nothing would have no bound.
+        factors: what values are multiplied by before anything else: 1, but less for maps that the truth keeps constant,
+            where errors relative to the truth's own deviation would have no bound.
         maps: which values belong to each map; alpha is no map. Maps that the truth keeps constant are left out, since
             they depend on no other: what a generator paints there counts in the other parts, and as what other maps
             should not correlate with.
@@ -135,8 +135,10 @@ class Measure:
             raise AssetError(f"no patch of {_PATCH} x {_PATCH} scored texels lies on one part: use finer textures.")
         found = [_variance(draws, surface) for draws, surface in zip(truth, surfaces, strict=True)]
         variance = torch.stack(found).mean(dim=0)
-        varies = variance > _CONSTANT**2
-        factors = torch.where(varies, 1.0, _VISIBLE / _CONSTANT_VISIBLE)
+        maps = _map_values(truth[0].maps)
+        varying = [values for values in maps if variance[values].max() > _CONSTANT**2] or maps
+        factors = torch.full_like(variance, _VISIBLE / _CONSTANT_VISIBLE)
+        factors[torch.cat([torch.zeros(1, dtype=torch.long), *varying])] = 1.0
         pyramids = [_octaves(draws, surface, factors) for draws, surface in zip(truth, surfaces, strict=True)]
         channels, levels = pyramids[0][0].values.shape[1], len(pyramids[0])
         size = (_PATCH * _PATCH * channels, projections)
@@ -146,7 +148,7 @@ class Measure:
             patches,
             (variance * factors.square() + _VISIBLE**2).sqrt(),
             factors,
-            [values for values in _map_values(truth[0].maps) if not varies.any() or varies[values].any()],
+            varying,
             [_whitening(_second_moments([_details(p[n]) for p in pyramids])) for n in range(levels)],
             [_covariance([p[n].blocks() for p in pyramids]) for n in range(levels)],
             [each.to(variance) for each in directions],
