@@ -9,7 +9,7 @@ import numpy as np
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation.record import Painter
-from svbrdfgan.evaluation.relight import PaintedScene, render_under
+from svbrdfgan.evaluation.relight import PaintedScene, Setting, evenly
 from svbrdfgan.geometry.camera_hits import camera_hits
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import SceneWeathering
@@ -34,13 +34,12 @@ def close_ups(
     """
     weathered = [list(filter(exemplars.weathered, exemplars.views_of(n))) for n in range(len(exemplars.subjects))]
     chosen = [max(views, key=lambda view: _amount(exemplars, view)) for views in weathered if views]
-    spread = sorted({round(n) for n in np.linspace(0, len(chosen) - 1, min(_COUNT, len(chosen)))})
     found = []
-    for exemplar in (chosen[n] for n in spread):
+    for exemplar in (chosen[n] for n in evenly(len(chosen), _COUNT)):
         scene, subject = exemplars.scenes[exemplar], exemplars.subject(exemplar)
         view = _nearer(subject, exemplars.loader.view(scene))
         layers: dict[Painter, Layer] = {by: layer for by, layer in layers_of(exemplar).items() if by != "constant"}
-        found.append(render_under(scene, view, subject, renderer, renderer.prepare(subject.surface), layers))
+        found.append(Setting(scene, view, subject, renderer, renderer.prepare(subject.surface)).painted(layers))
     return tuple(found)
 
 

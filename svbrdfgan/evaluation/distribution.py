@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -13,8 +14,9 @@ from torch import Tensor
 from svbrdfgan.data.config import WeatheringDistribution
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation.record import Painter
+from svbrdfgan.evaluation.relit_draws import DrawRelighter
 from svbrdfgan.evaluation.true_draws import Vehicle, paint_all, weathering_of
-from svbrdfgan.metrics.draw_figures import DrawFigures, amount_figures, draw_figures
+from svbrdfgan.metrics.draw_figures import DrawFigures, amount_figures, draw_figures, relit_figures
 from svbrdfgan.metrics.draw_statistics import Draws, ScoredSurface
 from svbrdfgan.metrics.recovered import Scorer
 from svbrdfgan.metrics.resemblance import Resemblance, Resembler
@@ -69,6 +71,7 @@ def compare_draws(
     progress: Progress | None = None,
     count: int = DRAWS,
     workers: int = 1,
+    relighter: DrawRelighter | None = None,
 ) -> Comparison:
     """The scores of generators' draws on the split's vehicles.
 
@@ -83,6 +86,7 @@ def compare_draws(
         progress: called with the number of vehicles that are done since the last call.
         count: draws of each vehicle in each set.
         workers: processes that paint true layers; see `paint_all`.
+        relighter: compares pictures of draws; without one, no figures are `relit`.
 
     Raises:
         AssetError: the true draws do not vary, or the textures are too small to compare.
@@ -94,6 +98,7 @@ def compare_draws(
     truth: list[Draws] = []
     sets: dict[Painter, list[Draws]] = {"truth": [], **{name: [] for name in generators}}
     painted: dict[Painter, list[Tensor]] = {name: [] for name in sets}
+    flips = defaultdict[Painter, list[float]](list)
     vehicles = [_vehicle(exemplars, number, config, declared, count) for number in weights]
     for vehicle, drawn in zip(vehicles, paint_all(vehicles, workers), strict=True):
         weight = weights[vehicle.number]
@@ -108,6 +113,10 @@ def compare_draws(
         for name, generator in generators.items():
             sets[name].append(_generated(generator, config, fabric, asked))
             painted[name] += _generated_amounts(generator, config, fabric, asked)
+        if relighter is not None:
+            drawn_last = {name: stacks[-1] for name, stacks in sets.items()}
+            for name, found in relighter.flips(vehicle.number, first, drawn_last).items():
+                flips[name] += found
         if progress is not None:
             progress(1)
     resembler = Resembler.make(surfaces, truth, sets["truth"], constants)
@@ -115,6 +124,9 @@ def compare_draws(
     for name in generators if painted["truth"] else ():
         obeyed = amount_figures(painted["truth"], painted[name])
         figures[name] = figures[name].model_copy(update={"amount": obeyed})
+    for name in generators:
+        relit = relit_figures(flips["truth"], flips[name])
+        figures[name] = figures[name].model_copy(update={"relit": relit})
     return Comparison({name: resembler.score(sets[name]) for name in generators}, figures)
 
 

@@ -27,6 +27,7 @@ from svbrdfgan.evaluation.observable_texels import Observation
 from svbrdfgan.evaluation.oracle import LoadedSplit, OracleConfig, oracle_of
 from svbrdfgan.evaluation.record import Painter
 from svbrdfgan.evaluation.relight import Relight, Relighter
+from svbrdfgan.evaluation.relit_draws import DrawRelighter
 from svbrdfgan.metrics.constant_layer import constant_layers
 from svbrdfgan.metrics.flip import display as as_displayed
 from svbrdfgan.metrics.flip import flip
@@ -114,7 +115,8 @@ def evaluate(
     layers_of = _with_own_conditions(by_subject(source.exemplars, layers), drawing, config, fabric, source)
     flips, draws = _flips(source, layers_of, shown), Comparison()
     if model.generator.varies or seeds_vary(config.dataset):
-        draws = _draws(drawing, config, fabric, source, scorer, constants, workers, shown)
+        pictured = DrawRelighter.make(relighter, source.exemplars, opened.index.sampler(split), renderer)
+        draws = _draws(drawing, config, fabric, source, scorer, constants, workers, pictured, shown)
     shown.begin("comparing relit pictures")
     relit = relighter.relit(source.exemplars, opened.index.sampler(split), renderer, layers_of, shown.advance)
     evaluation = Findings(scorer, constants, layers, flips, relit.flips, draws).evaluation(split, found)
@@ -131,13 +133,22 @@ def _draws(
     scorer: Scorer,
     constants: Tensor,
     workers: int,
+    relighter: DrawRelighter,
     shown: Display,
 ) -> Comparison:
     """The scores of draws; none if the true draws cannot be compared."""
     shown.begin("comparing draws of layers", len({target.subject for target in scorer.targets}))
     try:
         return compare_draws(
-            generators, config, fabric, source.exemplars, scorer, constants, shown.advance, workers=workers
+            generators,
+            config,
+            fabric,
+            source.exemplars,
+            scorer,
+            constants,
+            shown.advance,
+            workers=workers,
+            relighter=relighter,
         )
     except AssetError as error:
         log.warning("resemblance has no score: %s", error)

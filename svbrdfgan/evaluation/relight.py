@@ -67,6 +67,40 @@ class PaintedScene:
 
 
 @dataclass(frozen=True, eq=False)
+class Setting:
+    """A scene in which layers of one subject are rendered.
+
+    Attributes:
+        view: that of the scene, or another.
+        prepared: the subject's surface, as the renderer prepared it.
+    """
+
+    scene: Scene
+    view: View
+    subject: Subject
+    renderer: CheckedRenderer
+    prepared: Any
+
+    def picture(self, layer: Layer, seed: int) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "height width"]]:
+        """A display-referred picture under a layer, and its coverage, on the CPU; equal seeds share random numbers."""
+        materials = self.subject.materials(layer, self.scene.maps, base_colors=self.scene.materials)
+        rendering = self.renderer.render(self.prepared, materials, self.view, spp=self.scene.spp, seed=seed)
+        coverage = rendering.coverage.cpu()
+        return display(rendering.image.cpu(), coverage=coverage), coverage
+
+    def painted(self, layers: Mapping[Painter, Layer]) -> PaintedScene:
+        """Pictures under each layer, which share random numbers; the reference has others.
+
+        Args:
+            layers: the true one is among them.
+        """
+        reference, _ = self.picture(layers["truth"], self.scene.seed)
+        shown = {painter: self.picture(layer, (self.scene.seed + 1) % 2**31) for painter, layer in layers.items()}
+        pictures = {painter: picture for painter, (picture, _) in shown.items()}
+        return PaintedScene(self.scene, shown["truth"][1], reference, pictures)
+
+
+@dataclass(frozen=True, eq=False)
 class Relit:
     """Mean FLIP of each painter's layers, and the scenes of a few subjects."""
 
@@ -118,60 +152,40 @@ class Relighter:
             layers_of: an exemplar's layers, the true one among them.
         """
         totals, kept = defaultdict[Painter, float](float), []
-        scenes = list(self._scenes(exemplars, sampler))
-        spread = {round(n) for n in np.linspace(0, len(scenes) - 1, min(_KEPT, len(scenes)))}
+        subjects = range(len(exemplars.subjects))
+        scenes = [found for n in subjects for found in self.scenes_of(n, exemplars, sampler, self.count)]
+        spread = evenly(len(scenes), _KEPT)
         prepared: dict[int, Any] = {}
         for number, (exemplar, scene) in enumerate(scenes):
             subject = int(exemplars.subject_of[exemplar])
             if subject not in prepared:  # scenes of a subject follow each other
                 prepared = {subject: renderer.prepare(exemplars.subjects[subject].surface)}
-            view, layers = self.loader.view(scene), layers_of(exemplar)
-            found = render_under(scene, view, exemplars.subjects[subject], renderer, prepared[subject], layers)
+            view, shown = self.loader.view(scene), exemplars.subjects[subject]
+            found = Setting(scene, view, shown, renderer, prepared[subject]).painted(layers_of(exemplar))
             for name, value in found.flips().items():
                 totals[name] += value / len(scenes)
             kept += [found] if number in spread else []
             progress(1)
         return Relit(dict(totals), tuple(kept))
 
-    def _scenes(self, exemplars: Exemplars, sampler: ConfigSampler) -> Iterator[tuple[int, Scene]]:
-        """Yields exemplars of each weathered subject, and each one's scene with another camera, light and seed."""
-        for subject in range(len(exemplars.subjects)):
-            weathered = list(filter(exemplars.weathered, exemplars.views_of(subject)))
-            for number in range(self.count if weathered else 0):
-                exemplar, rng = weathered[number % len(weathered)], np.random.default_rng([_SEED, subject, number])
-                new = {
-                    "camera": sampler.draw_camera(sampler.mesh(exemplar), rng),
-                    "environment": sampler.draw_environment(rng, self.pool),
-                    "seed": int(rng.integers(2**31)),
-                }
-                yield exemplar, exemplars.scenes[exemplar].model_copy(update=new)
+    def scenes_of(
+        self, subject: int, exemplars: Exemplars, sampler: ConfigSampler, count: int
+    ) -> Iterator[tuple[int, Scene]]:
+        """Yields weathered exemplars of a subject in turn, and each one's scene with another camera, light and seed."""
+        weathered = list(filter(exemplars.weathered, exemplars.views_of(subject)))
+        for number in range(count if weathered else 0):
+            exemplar, rng = weathered[number % len(weathered)], np.random.default_rng([_SEED, subject, number])
+            new = {
+                "camera": sampler.draw_camera(sampler.mesh(exemplar), rng),
+                "environment": sampler.draw_environment(rng, self.pool),
+                "seed": int(rng.integers(2**31)),
+            }
+            yield exemplar, exemplars.scenes[exemplar].model_copy(update=new)
 
 
-def render_under(
-    scene: Scene,
-    view: View,
-    subject: Subject,
-    renderer: CheckedRenderer,
-    prepared: Any,
-    layers: Mapping[Painter, Layer],
-) -> PaintedScene:
-    """The scene from a view, under each layer. The pictures that are compared with the reference share random numbers.
-
-    Args:
-        layers: the true one is among them.
-    """
-
-    def show(layer: Layer, seed: int) -> tuple[Tensor, Tensor]:
-        materials = subject.materials(layer, scene.maps, base_colors=scene.materials)
-        rendering = renderer.render(prepared, materials, view, spp=scene.spp, seed=seed)
-        coverage = rendering.coverage.cpu()
-        return display(rendering.image.cpu(), coverage=coverage), coverage
-
-    reference, _ = show(layers["truth"], scene.seed)
-    shown = {painter: show(layer, (scene.seed + 1) % 2**31) for painter, layer in layers.items()}
-    return PaintedScene(
-        scene, shown["truth"][1], reference, {painter: picture for painter, (picture, _) in shown.items()}
-    )
+def evenly(count: int, at_most: int) -> list[int]:
+    """Indices of up to so many of `count` things, evenly spread from the first to the last."""
+    return sorted({round(n) for n in np.linspace(0, count - 1, min(at_most, count))})
 
 
 def _lights(files: Sequence[str], index: DatasetIndex, folder: Path) -> tuple[EnvironmentAsset, ...]:

@@ -177,6 +177,24 @@ _RESEMBLANCE = (
         lambda figures: max(figures.power),
     ),
     _of_draws(
+        "relief_least",
+        "least relief / truth",
+        "power of the slopes of normals over that of true draws, in the octave where it is least",
+        lambda figures: min(figures.relief, default=None),
+    ),
+    _of_draws(
+        "relief_greatest",
+        "greatest relief / truth",
+        "likewise where it is greatest",
+        lambda figures: max(figures.relief, default=None),
+    ),
+    _of_draws(
+        "relit_of_truth",
+        "relit FLIP / between true draws",
+        "FLIP between relit pictures of a true draw and a learned one, over that between two true draws",
+        lambda figures: None if figures.relit is None else figures.relit.ratio,
+    ),
+    _of_draws(
         "amount_correlation",
         "amount, rank correlation",
         "rank correlation, over amounts, of mean alpha over the learnable area with the recipe's",

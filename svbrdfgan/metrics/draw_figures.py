@@ -17,6 +17,7 @@ from svbrdfgan.metrics.draw_statistics import Draws, ScoredSurface
 from svbrdfgan.metrics.texture_pyramid import octaves
 
 _LEAST = 1e-12
+_FLAT = 0.002  # slopes of about a tenth of a degree, which no picture shows
 
 
 class AmountFigures(StrictModel):
@@ -31,8 +32,27 @@ class AmountFigures(StrictModel):
     error: float
 
 
+class RelitFigures(StrictModel):
+    """FLIP between pictures of two draws, in lights and from views that training never had; means over pairs of draws.
+
+    Attributes:
+        flip: between a true draw and one of the generator, of the same amount and recipe.
+        of_truth: between the same true draws and other true ones.
+        pairs: the number of pairs.
+    """
+
+    flip: float
+    of_truth: float
+    pairs: int
+
+    @property
+    def ratio(self) -> float:
+        """1 where a draw is as far from a true one as another true one is, less for the mean of all draws."""
+        return self.flip / self.of_truth
+
+
 class DrawFigures(StrictModel):
-    """Draws compared with true ones, in alpha.
+    """Draws compared with true ones, in alpha and relief.
 
     Attributes:
         deviation: standard deviation over draws at each place, mean over the surface: over that of the truth.
@@ -40,33 +60,42 @@ class DrawFigures(StrictModel):
             number of draws takes from it (Spearman 1904, "correction for attenuation"): by itself the mean of 16 draws
             of rust correlates by 0.5 with that of 16 others.
         power: power in each octave, finest first: over that of the truth.
+        relief: likewise of the slopes, which are a normal's x and y times alpha; empty if the layers paint no normals.
+            The power of slopes of a tenth of a degree is added to both, so that octaves that are flat in the truth and
+            in the draws have a ratio of 1.
         amount: of a generator that knows amounts.
+        relit: of a generator; None where no picture shows true draws to differ.
     """
 
     deviation: float
     mean_correlation: float
     power: tuple[float, ...]
+    relief: tuple[float, ...] = ()
     amount: AmountFigures | None = None
+    relit: RelitFigures | None = None
 
     def line(self) -> str:
         """The figures in words."""
-        power = ", ".join(f"{ratio:.2f}" for ratio in self.power)
-        amount = self.amount
+        power, relief = (", ".join(f"{ratio:.2f}" for ratio in ratios) for ratios in (self.power, self.relief))
+        amount, tilted = self.amount, f"; relief {relief} likewise" if relief else ""
+        seen = "" if self.relit is None else f"; relit FLIP {self.relit.ratio:.2f} of that between true draws"
         obeyed = "" if amount is None else f"; amount: rank {amount.correlation:.2f}, error {amount.error:.3f}"
         return (
             f"deviation {self.deviation:.2f} of the truth's; mean maps correlate {self.mean_correlation:.2f}; power "
-            f"{power} of the truth's, finest octave first{obeyed}"
+            f"{power} of the truth's, finest octave first{tilted}{seen}{obeyed}"
         )
 
 
 def draw_figures(surfaces: Sequence[ScoredSurface], truth: Sequence[Draws], made: Sequence[Draws]) -> DrawFigures:
-    """The figures of draws compared with true ones, but for the amount; one stack of each for each vehicle."""
+    """The figures of draws compared with true ones, without `amount` and `relit`; a stack of each for each vehicle."""
     sides = [[draws.alpha for draws in stacks] for stacks in (truth, made)]
-    deviation, power = ([measure(side, surfaces) for side in sides] for measure in (_deviation, _power))
+    deviation = [_deviation(side, surfaces) for side in sides]
+    power = [_power([alpha.unsqueeze(1) for alpha in side], surfaces) for side in sides]
     return DrawFigures(
         deviation=float(_ratio(*deviation)),
         mean_correlation=_correlation_of_means(sides[0], sides[1], surfaces),
         power=tuple(_ratio(*power).tolist()),
+        relief=_relief(surfaces, truth, made),
     )
 
 
@@ -78,6 +107,13 @@ def amount_figures(
     ranked = [_correlation(_ranks(a), _ranks(b)) for a, b in pairs]
     errors = [(a - b).abs().mean() for a, b in pairs]
     return AmountFigures(correlation=float(torch.stack(ranked).mean()), error=float(torch.stack(errors).mean()))
+
+
+def relit_figures(truth: Sequence[float], made: Sequence[float]) -> RelitFigures | None:
+    """The means of FLIP from true draws to other true ones, and to a generator's; None where true ones never differ."""
+    if not sum(truth):
+        return None
+    return RelitFigures(flip=sum(made) / len(made), of_truth=sum(truth) / len(truth), pairs=len(truth))
 
 
 def _correlation_of_means(truth: Sequence[Tensor], made: Sequence[Tensor], surfaces: Sequence[ScoredSurface]) -> float:
@@ -107,10 +143,22 @@ def _deviation(side: Sequence[Tensor], surfaces: Sequence[ScoredSurface]) -> Flo
     return torch.stack(means).mean()
 
 
+def _relief(surfaces: Sequence[ScoredSurface], truth: Sequence[Draws], made: Sequence[Draws]) -> tuple[float, ...]:
+    if "normal" not in truth[0].maps:
+        return ()
+    slopes = [
+        [draws["normal"][..., :2].movedim(-1, 1) * draws.alpha.unsqueeze(1) for draws in stacks]
+        for stacks in (truth, made)
+    ]
+    power = [_power(side, surfaces) + _FLAT**2 for side in slopes]
+    return tuple(_ratio(*power).tolist())
+
+
 def _power(side: Sequence[Tensor], surfaces: Sequence[ScoredSurface]) -> Float[Tensor, " octaves"]:
+    """The power in each octave, of all values together."""
     found = [
-        torch.cat([octave.power() for octave in octaves(alpha.unsqueeze(1), surface.weight)])
-        for alpha, surface in zip(side, surfaces, strict=True)
+        torch.stack([octave.power().sum() for octave in octaves(values, surface.weight)])
+        for values, surface in zip(side, surfaces, strict=True)
     ]
     return torch.stack(found).mean(dim=0)
 

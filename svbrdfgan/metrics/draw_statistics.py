@@ -36,7 +36,9 @@ _PATCH = 5
 _LEAST_PATCHES = 16  # octaves in which a vehicle has fewer are left out for it
 _PLACES = 32  # per side of the texture, for mean and deviation: finer ones only add noise
 _QUANTILES = 256
-_DEPENDENT = 0.05  # a map whose correlations have a lesser norm depends on no other, as metallic 0 does
+_DEPENDENT = 0.25  # a map whose correlations have a lesser norm depends on no other
+_CONSTANT = 0.005  # a map whose values have lesser deviations over all true draws is constant, as metallic 0 is
+_CONSTANT_VISIBLE = 0.05  # deviations far below this, of maps that are constant in the truth, do not count
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +101,11 @@ class Measure:
     Attributes:
         patches: for each vehicle and octave, which patches are compared; the same number, or None.
         scale: the deviation of each value over all true draws.
-        maps: which values belong to each map; alpha is no map.
+        factors: what values are multiplied by before anything else: 1, but less for maps that the truth keeps constant,
+            where errors relative to the truth's own deviation would have no bound.
+        maps: which values belong to each map; alpha is no map. Maps that the truth keeps constant are left out, since
+            they depend on no other: what a generator paints there counts in the other parts, and as what other maps
+            should not correlate with.
         details: for each octave, what makes the true details uncorrelated.
         blocks: for each octave, the covariance of the true blocks.
         directions: for each octave, what patches are projected on.
@@ -108,6 +114,7 @@ class Measure:
     surfaces: Sequence[ScoredSurface]
     patches: list[list[Int[Tensor, " patches"] | None]]
     scale: Float[Tensor, " channels"]
+    factors: Float[Tensor, " channels"]
     maps: list[Int[Tensor, " channels"]]
     details: list[Float[Tensor, "channels channels"]]
     blocks: list[Float[Tensor, "values values"] | None]
@@ -126,23 +133,29 @@ class Measure:
         patches = [_choose_patches(surface, count, rng) for surface in surfaces]
         if all(chosen is None for each in patches for chosen in each):
             raise AssetError(f"no patch of {_PATCH} x {_PATCH} scored texels lies on one part: use finer textures.")
-        pyramids = [_octaves(draws, surface) for draws, surface in zip(truth, surfaces, strict=True)]
+        found = [_variance(draws, surface) for draws, surface in zip(truth, surfaces, strict=True)]
+        variance = torch.stack(found).mean(dim=0)
+        maps = _map_values(truth[0].maps)
+        varying = [values for values in maps if variance[values].max() > _CONSTANT**2] or maps
+        factors = torch.full_like(variance, _VISIBLE / _CONSTANT_VISIBLE)
+        factors[torch.cat([torch.zeros(1, dtype=torch.long), *varying])] = 1.0
+        pyramids = [_octaves(draws, surface, factors) for draws, surface in zip(truth, surfaces, strict=True)]
         channels, levels = pyramids[0][0].values.shape[1], len(pyramids[0])
-        variance = torch.stack([_variance(pyramid[0]) for pyramid in pyramids]).mean(dim=0)
         size = (_PATCH * _PATCH * channels, projections)
         directions = [F.normalize(torch.randn(size, generator=rng), dim=0) for _ in range(levels)]
         return cls(
             surfaces,
             patches,
-            (variance + _VISIBLE**2).sqrt(),
-            _map_values(truth[0].maps),
+            (variance * factors.square() + _VISIBLE**2).sqrt(),
+            factors,
+            varying,
             [_whitening(_second_moments([_details(p[n]) for p in pyramids])) for n in range(levels)],
             [_covariance([p[n].blocks() for p in pyramids]) for n in range(levels)],
             [each.to(variance) for each in directions],
         )
 
     def statistics(self, stacks: Sequence[Draws]) -> Statistics:
-        pyramids = [_octaves(draws, surface) for draws, surface in zip(stacks, self.surfaces, strict=True)]
+        pyramids = [_octaves(*each, self.factors) for each in zip(stacks, self.surfaces, strict=True)]
         levels, each = range(len(pyramids[0])), len(pyramids)
         places = [self._places(pyramid[0]) for pyramid in pyramids]
         mean, error, deviation, share = (torch.cat(values, dim=-1) for values in zip(*places, strict=True))
@@ -200,8 +213,8 @@ class Measure:
         return _quantiles(torch.cat(found).T) if found else None
 
 
-def _octaves(draws: Draws, surface: ScoredSurface) -> list[Octave]:
-    return octaves(premultiplied(draws), surface.weight.to(draws.values.device))
+def _octaves(draws: Draws, surface: ScoredSurface, factors: Float[Tensor, " channels"]) -> list[Octave]:
+    return octaves(premultiplied(draws) * factors[:, None, None], surface.weight.to(draws.values.device))
 
 
 def _choose_patches(surface: ScoredSurface, count: int, rng: torch.Generator) -> list[Int[Tensor, " patches"] | None]:
@@ -219,9 +232,10 @@ def _surface_mean(
     return (values * (weight / weight.sum())).sum(dim=(2, 3))
 
 
-def _variance(finest: Octave) -> Float[Tensor, " channels"]:
+def _variance(draws: Draws, surface: ScoredSurface) -> Float[Tensor, " channels"]:
     """The variance over surface and draws."""
-    mean, square = (_surface_mean(x, finest.weight).mean(dim=0) for x in (finest.values, finest.values.square()))
+    values, weight = premultiplied(draws), surface.weight.to(draws.values.device)
+    mean, square = (_surface_mean(x, weight).mean(dim=0) for x in (values, values.square()))
     return (square - mean.square()).clamp(min=0.0)
 
 

@@ -80,6 +80,20 @@ def _figures(figures: DrawFigures | None) -> Iterator[KeyFigure]:
         "How much draws differ from each other, over how much true draws do: 1 is as varied, 0 is the same layer at "
         "every seed.",
     )
+    if figures.relit is not None:
+        yield KeyFigure(
+            "relit FLIP, of true draws'",
+            f"{figures.relit.ratio:.2f}",
+            "How different pictures of a learned and a true draw are, in new lights and from new views, over how "
+            "different those of two true draws are: 1 is as alike.",
+        )
+    if figures.relief:
+        yield KeyFigure(
+            "relief, least and most",
+            f"{min(figures.relief):.2f}, {max(figures.relief):.2f}",
+            "The power of the slopes of normals over that of true ones, at the size of pattern where it is least and "
+            "where it is greatest: 1 is as strong.",
+        )
     if figures.amount is not None:
         yield KeyFigure(
             "amount, rank",

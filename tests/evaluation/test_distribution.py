@@ -140,6 +140,13 @@ def test_a_run_with_chance_has_the_score_in_its_record_and_paints_exemplars_as_t
     assert draws is not None
     assert draws.draws == 16
     assert draws.lines()[0] in found.lines()
+    figures = found.generated.figures
+    assert figures is not None
+    assert figures.relit is not None
+    assert figures.relit.pairs == 4
+    assert figures.line() in "\n".join(found.lines())
+    assert found.truth.figures is not None
+    assert found.truth.figures.relit is None
     assert Evaluation.model_validate_json((varied_run / "evaluation.validation.json").read_text()) == found
 
 

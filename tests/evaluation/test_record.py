@@ -100,9 +100,12 @@ def test_a_distribution_has_its_oracle_and_its_figures() -> None:
         "subjects": 3,
         "draws": 16,
     }
-    figures = {"deviation": 0.8, "mean_correlation": 0.7, "power": (0.9, 1.1)}
+    figures = {"deviation": 0.8, "mean_correlation": 0.7, "power": (0.9, 1.1), "relief": (0.6, 1.3)}
     changes = {
-        "generated": {"draws": draws | {"deviation": 0.25}, "figures": figures},
+        "generated": {
+            "draws": draws | {"deviation": 0.25},
+            "figures": figures | {"relit": {"flip": 0.06, "of_truth": 0.05, "pairs": 16}},
+        },
         "oracle": {"draws": draws, "plateau": None},
         "truth": {"figures": figures | {"deviation": 1.0}},
     }
@@ -117,9 +120,9 @@ def test_a_distribution_has_its_oracle_and_its_figures() -> None:
         "oracle:      0.891 (least: deviation 0.50; 300 steps)",
         "fraction:    0.891 of the oracle",
         "truth: deviation 1.00 of the truth's; mean maps correlate 0.70; power 0.90, 1.10 of the truth's, finest "
-        "octave first",
+        "octave first; relief 0.60, 1.30 likewise",
         "generated: deviation 0.80 of the truth's; mean maps correlate 0.70; power 0.90, 1.10 of the truth's, finest "
-        "octave first",
+        "octave first; relief 0.60, 1.30 likewise; relit FLIP 1.20 of that between true draws",
     ]
 
 

@@ -11,13 +11,18 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.evaluation.record import MapScore
 from svbrdfgan.experiments.columns import verdicts
 from svbrdfgan.experiments.outcome import RunOutcome
-from svbrdfgan.metrics.draw_figures import AmountFigures, DrawFigures
+from svbrdfgan.metrics.draw_figures import AmountFigures, DrawFigures, RelitFigures
 from svbrdfgan.metrics.draw_statistics import PARTS
 from svbrdfgan.metrics.resemblance import Resemblance
 
 DRAWS = Resemblance(**dict.fromkeys(PARTS, 0.5) | {"joint": 0.25}, subjects=2, draws=16)
 FIGURES = DrawFigures(
-    deviation=0.8, mean_correlation=0.7, power=(0.4, 0.9, 1.3), amount=AmountFigures(correlation=0.95, error=0.05)
+    deviation=0.8,
+    mean_correlation=0.7,
+    power=(0.4, 0.9, 1.3),
+    relief=(0.7, 1.5, 1.0),
+    amount=AmountFigures(correlation=0.95, error=0.05),
+    relit=RelitFigures(flip=0.06, of_truth=0.05, pairs=16),
 )
 
 
@@ -80,5 +85,6 @@ def test_draws_have_columns_where_there_are_any(outcome) -> None:
         "resemblance_fraction": DRAWS.resemblance / 0.5,
         "resemblance_joint": 0.25, "resemblance_mean": 0.5, "deviation_ratio": 0.8, "mean_correlation": 0.7,
         "power_least": 0.4, "power_greatest": 1.3, "amount_correlation": 0.95, "amount_error": 0.05,
+        "relief_least": 0.7, "relief_greatest": 1.5, "relit_of_truth": 1.2,
     }  # fmt: skip
     assert {key: numbers.get(key) for key in wanted} == pytest.approx(wanted)

@@ -73,6 +73,49 @@ def test_blur_takes_the_power_of_the_finest_octave() -> None:
     assert coarsest > 0.6
 
 
+def relieved(seed: int, steep: float = 0.2) -> Layer:
+    """Draws with normals whose x and y are noise of this deviation."""
+    tilted = steep * torch.randn(DRAWS, SIZE, SIZE, 2, generator=torch.Generator().manual_seed(seed))
+    further = [torch.full((DRAWS, SIZE, SIZE, 1), 0.8), tilted, torch.ones(DRAWS, SIZE, SIZE, 1)]
+    return Layer(torch.cat([draws(seed), *further], dim=-1), ("roughness", "normal"))
+
+
+def test_relief_is_the_power_of_slopes_by_octave() -> None:
+    truth = relieved(0)
+    other, flatter = (draw_figures([surface()], [truth], [relieved(1, steep)]) for steep in (0.2, 0.1))
+    assert other.relief == pytest.approx([1.0] * 3, abs=0.1)
+    assert flatter.relief == pytest.approx([0.25] * 3, abs=0.03)
+    assert flatter.power == other.power, "that is of alpha"
+    assert "; relief 0.2" in flatter.line()
+    smooth = relieved(1)
+    smooth["normal"][..., :2] = smooth["normal"][:, ::4, ::4, :2].repeat_interleave(4, 1).repeat_interleave(4, 2)
+    smooth["alpha"][:] = truth["alpha"][:] = 1.0
+    finest, second, third = draw_figures([surface()], [truth], [smooth]).relief
+    assert max(finest, second) < 0.001
+    assert third == pytest.approx(16.0, rel=0.2)
+
+
+def test_relief_counts_where_it_covers() -> None:
+    hidden, truth = relieved(1), relieved(0)
+    hidden["normal"][..., :2] += torch.where(hidden.alpha < 0.5, 9.0, 0.0)[..., None]
+    hidden["alpha"][hidden.alpha < 0.5] = 0.0
+    truth["alpha"][truth.alpha < 0.5] = 0.0
+    assert draw_figures([surface()], [truth], [hidden]).relief == pytest.approx([1.0] * 3, abs=0.15)
+
+
+def test_octaves_without_relief_that_one_sees_have_one() -> None:
+    flat = relieved(0, steep=0.0)
+    faint, seen = (draw_figures([surface()], [flat], [relieved(1, steep)]).relief for steep in (0.001, 0.1))
+    assert faint == pytest.approx([1.0] * 3, abs=0.2)
+    assert min(seen) > 5.0
+
+
+def test_there_is_no_relief_without_normals() -> None:
+    found = figures(draws(1))
+    assert found.relief == ()
+    assert "relief" not in found.line()
+
+
 def test_what_is_not_scored_does_not_count() -> None:
     made = draws(1)
     made[:, SIZE // 2 :] = 0.0

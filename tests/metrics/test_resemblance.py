@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 import pytest
@@ -36,6 +36,10 @@ NOISE = 0.02
 TARGETS = {"frozen": 0.3, "moved": 0.5, "shuffled": 0.6, "amount": 0.7, "blurred": 0.8}
 """What the resemblance of each fault may be at most: one frozen draw, patches moved by a quarter of the texture, all
 further maps of another draw, amounts off by 0.3, and blur by 2 texels."""
+BLURRED = {
+    "patches": 0.74947, "mean": 0.99068, "deviation": 0.98042, "spectrum": 0.79115, "joint": 0.63306, "amount": 0.99135
+}  # fmt: skip
+"""The parts of the least blur, as they were before maps that are constant in the truth were scored."""
 
 Stacks = list[Tensor]
 Paint = Callable[[int, int, float], Tensor]
@@ -211,6 +215,69 @@ def test_a_fault_of_a_recipe_lowers_the_score(weathered: World, fault: str) -> N
 def test_other_draws_of_a_recipe_score_one(weathered: World) -> None:
     found = weathered.score(weathered.draws(3))
     assert found.resemblance > 0.93, found.lines()
+
+
+def with_metallic(stacks: Stacks, value: float) -> Stacks:
+    changed = [draws.clone() for draws in stacks]
+    for draws in changed:
+        draws[..., 5] = value
+    return changed
+
+
+@pytest.fixture(scope="module")
+def dull(world: World) -> World:
+    """The same with layers that are nowhere metal, as dust, dirt and rust are."""
+    return World(world.surfaces, lambda *of: with_metallic([world.paint(*of)], 0.0)[0])
+
+
+def test_a_map_that_is_constant_in_the_truth_costs_what_can_be_seen_of_it(dull: World) -> None:
+    """Metallic of 0.01 once cost everything: its correlation with alpha is perfect, and the truth has none."""
+    found = {value: dull.score(with_metallic(dull.faultless, value)) for value in (0.0, 0.01, 0.05, 0.2, 0.5, 1.0)}
+    scores = [score.resemblance for score in found.values()]
+    assert scores == sorted(scores, reverse=True)
+    assert scores[0] > 0.97
+    assert found[0.01].resemblance > scores[0] - 0.005
+    assert found[0.05].resemblance > scores[0] - 0.03
+    assert found[0.5].resemblance < 0.6
+    assert {found[0.5].least, found[1.0].least} <= {"mean", "deviation", "joint"}
+    assert found[1.0].resemblance == 0.0
+
+
+def with_relief(world: World, steep: float) -> World:
+    """The same with normals that are noise of this deviation, which depends on no other map."""
+
+    def paint(vehicle: int, seed: int, amount: float) -> Tensor:
+        layer, rng = world.paint(vehicle, seed, amount), torch.Generator().manual_seed(seed)
+        tilted = steep * torch.randn(*layer.shape[:2], 2, generator=rng)
+        return torch.cat([layer[..., :6], tilted, torch.ones_like(tilted[..., :1])], dim=-1)
+
+    return World(world.surfaces, paint)
+
+
+def test_relief_that_nobody_sees_does_not_count(world: World) -> None:
+    """Slopes of recipes at 256 texels deviate by 0.003 at most."""
+    faint = with_relief(world, 0.003)
+    found = [faint.score(with_relief(world, steep).faultless).resemblance for steep in (0.003, 0.0, 0.02, 0.5)]
+    assert found[0] > 0.97
+    assert found[1:3] == pytest.approx([found[0]] * 2, abs=0.01)
+    assert found[3] < 0.7
+
+
+def test_relief_that_depends_on_nothing_is_scored(world: World) -> None:
+    """Its correlations are chance in the truth, too, and errors relative to these would refuse every score."""
+    tilted = with_relief(world, 0.03)
+    assert tilted.score(tilted.faultless).joint > 0.9
+    assert tilted.score(with_relief(world, 0.3).faultless).resemblance < 0.6
+
+
+@pytest.mark.parametrize("fault", ["frozen", "shuffled"])
+def test_a_fault_is_found_beside_a_map_that_is_constant(dull: World, fault: str) -> None:
+    _require_fall([dull.score(draws) for draws in dull.faulty(fault)], TARGETS[fault])
+
+
+def test_maps_that_vary_have_the_scores_that_they_always_had(world: World) -> None:
+    found = world.score(next(islice(world.faulty("blurred"), 1, None)))
+    assert found.parts == pytest.approx(BLURRED, abs=1e-4)
 
 
 def test_texels_that_are_not_scored_and_colours_of_nothing_do_not_count(world: World) -> None:

@@ -59,14 +59,21 @@ def scored(varied: Evaluated, refusal: str = "") -> Evaluated:
 def test_the_page_of_a_distribution_tells_of_draws_and_of_nothing_else(varied: Evaluated, varied_run: Path) -> None:
     page = write_report(varied_run, scored(varied)).read_text(encoding="utf-8")
     labels = re.findall(r'class="label">([^<]+)<', page)
-    assert labels == ["resemblance", "least part: deviation", "deviation over draws", "amount, rank", "amount, error",
-                      "area seen"]  # fmt: skip
+    assert labels == ["resemblance", "least part: deviation", "deviation over draws", "relit FLIP, of true draws&#39;",
+                      "amount, rank", "amount, error", "area seen"]  # fmt: skip
     assert "): resemblance 0.000</title>" in page
     shown = re.sub(r"data:[^\"]*", "", page)  # pictures in base64 spell any short word by chance
     body = shown[shown.index("<body>") : shown.index("<h2>Reproduce")]
-    for said in ("recovered", "FLIP", "Best constant", "Error of", "no score was kept"):
+    for said in ("recovered", "FLIP between", "Relit FLIP", "Best constant", "Error of", "no score was kept"):
         assert said not in body
     assert all(meaning in page for meaning in PART_MEANINGS.values())
+
+
+def test_relief_is_shown_where_layers_have_normals(varied: Evaluated) -> None:
+    found = varied.evaluation.generated
+    figures = found.figures.model_copy(update={"relief": (0.61, 1.32, 0.94)})
+    tilted = varied.evaluation.model_copy(update={"generated": found.model_copy(update={"figures": figures})})
+    assert [figure.value for figure in draw_verdict(tilted) if figure.label.startswith("relief")] == ["0.61, 1.32"]
 
 
 def test_a_distribution_whose_draws_could_not_be_compared_says_why(varied: Evaluated, varied_run: Path) -> None:
