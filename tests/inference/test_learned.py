@@ -19,6 +19,8 @@ from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.types import channel_slices
+from svbrdfgan.weathering.recipes import ChippedPaint, Recipe, RoadDirt, Rust
+from svbrdfgan.weathering.substances import Substance
 
 TEXELS = 128
 
@@ -106,3 +108,32 @@ def test_normals_lean_as_the_layer_s_do_in_the_frames_of_the_embedding(workpiece
     lean = (normal * along / np.linalg.norm(along, axis=1, keepdims=True)).sum(axis=1)
     assert np.median(rise) == pytest.approx(0.8, abs=0.01)
     assert np.median(lean) == pytest.approx(0.6, abs=0.02)
+
+
+@pytest.mark.parametrize("recipe", [RoadDirt, Rust])
+def test_a_layer_lies_on_what_its_recipe_settles_on(recipe: type[Recipe], workpiece: Workpiece) -> None:
+    learned = replace(position_model(), recipe=recipe)
+    opened = open_workpiece(workpiece.asset.path, front="+Z", up="+Y")
+    workpiece = opened.settled(learned.settles_on)
+    assert (len(workpiece.weathered) > len(opened.weathered)) == (recipe is RoadDirt)  # on glass, too
+    points = points_on(workpiece, 20_000)
+    paint = learned.painter(workpiece)(points, 0.01)
+    substance = workpiece.surroundings.substance[points.face]
+    assert {Substance.PAINT, Substance.GLASS, Substance.RUBBER} <= set(substance)
+    for kind in np.unique(substance):
+        share = recipe.settles_on.get(Substance(kind), 0.0)
+        np.testing.assert_allclose(paint.alpha[substance == kind], share, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("recipe", "maps"),
+    [
+        (RoadDirt, ["roughness", "normal", "metallic"]),
+        (ChippedPaint, ["roughness", "normal"]),
+        (None, ["roughness", "normal"]),
+    ],
+)
+def test_what_is_no_metal_hides_metal(recipe: type[Recipe] | None, maps: list[str], workpiece: Workpiece) -> None:
+    painter = replace(position_model(), recipe=recipe).painter(workpiece)
+    assert list(painter.maps) == maps
+    assert not painter(points_on(workpiece, 100), 0.01).metallic.any()
