@@ -18,10 +18,10 @@ from svbrdfgan.geometry.split import surface_over
 from svbrdfgan.io.rows import merge_rows
 from svbrdfgan.types import Mesh, Surface
 from svbrdfgan.weathering.edges import SharpEdges
-from svbrdfgan.weathering.mesh_maps import survey_maps
+from svbrdfgan.weathering.mesh_maps import EDGE_REACH, survey_maps
 from svbrdfgan.weathering.occlusion import ambient_visibility
 from svbrdfgan.weathering.site import Site
-from svbrdfgan.weathering.survey import EDGE_REACH, Grounds
+from svbrdfgan.weathering.survey import Grounds
 
 _SPACING = 0.02  # of nodes on large faces, in lengths of the model: what occlusion resolves
 _FINEST = 64  # divisions of an edge at most

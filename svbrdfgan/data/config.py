@@ -59,7 +59,7 @@ BRIGHTNESS = (1e-6, math.inf)
 
 
 class CameraDistribution(StrictModel):
-    """Cameras on a sphere about the middle of the mesh's bounding box."""
+    """Cameras on a sphere about a point in the mesh's bounding box."""
 
     azimuth_degrees: Number = Field(
         default=Uniform(uniform=(0.0, 360.0)),
@@ -75,6 +75,13 @@ class CameraDistribution(StrictModel):
     )
     vertical_fov_degrees: Annotated[Number, within(*FIELD_OF_VIEW)] = Field(
         default=Fixed[float](fixed=35.0), description="full vertical angle, 1 to 170"
+    )
+    spread: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=1.0,
+        description="share of the box in which the point that a camera looks at lies, evenly distributed about the "
+        "middle; 0: the middle itself; more where cameras are close, so that they see all parts",
     )
 
 

@@ -106,11 +106,12 @@ class ConfigSampler:
     def draw_camera(
         self, mesh: MeshAsset, rng: np.random.Generator, declared: CameraDistribution | None = None
     ) -> OrbitCamera:
-        """A camera about the middle of the mesh's box, from the split's distribution or another."""
+        """A camera about a point in the mesh's box, from the split's distribution or another."""
         declared, (width, height) = declared or self.config.camera_of(self.split), self.config.image
         lower, upper = np.asarray(mesh.bounds)
         fov = _clamped(declared.vertical_fov_degrees.sample(rng), FIELD_OF_VIEW)
-        x, y, z = ((lower + upper) / 2).tolist()
+        aside = declared.spread * (rng.random(3) - 0.5) if declared.spread else np.zeros(3)
+        x, y, z = ((lower + upper) / 2 + aside * (upper - lower)).tolist()
         fit = fit_distance(float(np.linalg.norm(upper - lower)) / 2, math.radians(fov), width / height)
         return OrbitCamera(
             azimuth_degrees=declared.azimuth_degrees.sample(rng) % 360.0,

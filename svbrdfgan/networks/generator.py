@@ -19,8 +19,8 @@ from svbrdfgan.types import channel_slices, layer_channels
 
 GEOMETRY_CHANNELS = 6
 """Position and normal."""
-MESH_MAPS = 2
-"""Visibility and curvature."""
+MESH_MAPS = 5
+"""Visibility, curvature, and nearness to convex edges, creases and borders."""
 
 _NO_METAL = -3.0
 """What is added to metallic before the sigmoid. Without it training starts half metallic, and few things are."""
@@ -45,6 +45,10 @@ class Generator(nn.Module):
     With random fields, a layer is a function of the geometry and a seed: fields of object space are read next to the
     geometry, and random numbers modulate the features. Labels of the layer modulate them, too.
 
+    With skips, features on the way down are added to those of the same resolution on the way up, and a convolution
+    there mixes both (U-Net; Ronneberger et al. 2015). So coarse features decide where the finest random fields show,
+    which else would have to pass the blocks.
+
     Args:
         width: channels after the first convolution. The thesis uses 64, and so 256 in the blocks.
         blocks: residual blocks; the thesis uses six.
@@ -54,7 +58,8 @@ class Generator(nn.Module):
         norm: the thesis uses "instance".
         upsampling: "strided" is the thesis's transposed convolution, which leaves a checkerboard of period four in
             the layer; "nearest" doubles the features and convolves (Odena et al. 2016), which does not.
-        mesh_maps: whether it reads visibility and curvature besides position and normal (`MeshMaps`).
+        skips: whether features skip the blocks at each resolution; the thesis has no skips.
+        mesh_maps: whether it reads mesh maps besides position and normal (`MeshMaps`).
         maps: further maps that the layer paints besides base_color, in the order of `FURTHER_MAPS`.
         random_fields: how many random fields it reads, one for each octave; 0: it reads none.
         labels: numbers that say which layer is wanted, such as its amount; about -1 to 1.
@@ -67,6 +72,7 @@ class Generator(nn.Module):
         downsamplings: int = 2,
         norm: Norm = "instance",
         upsampling: Upsampling = "nearest",
+        skips: bool = False,
         maps: tuple[str, ...] = (),
         mesh_maps: bool = False,
         random_fields: int = 0,
@@ -81,9 +87,13 @@ class Generator(nn.Module):
         self.down = nn.Sequential(*(_conv(coarse, deep, 3, norm, stride=2) for coarse, deep in steps))
         self.blocks = nn.ModuleList(ResidualBlock(widths[-1], norm) for _ in range(blocks))
         self.up = nn.ModuleList(_up(deep, coarse, norm, upsampling) for coarse, deep in reversed(steps))
+        self.mix = nn.ModuleList(_conv(coarse, coarse, 3, norm) for coarse, _ in reversed(steps)) if skips else None
         self.last = PreActConv(nn.Conv2d(width, layer_channels(maps), 7), norm, pad=3)
         code = labels + (_NUMBERS if random_fields else 0)
-        inputs = widths[-1:] * (2 * blocks) + widths[::-1]  # of the blocks, `up` and `last`, in their order
+        # of the blocks, of each `up` and the `mix` that follows it, and of `last`, in their order
+        inputs = widths[-1:] * (2 * blocks + 1)
+        for coarse in reversed(widths[:-1]):
+            inputs += (2 if skips else 1) * [coarse]
         self.modulation = Modulation(code, inputs) if code else None
 
     @property
@@ -119,12 +129,18 @@ class Generator(nn.Module):
         if self.random_fields:
             assert seeds is not None
             geometry = torch.cat([geometry, random_fields(geometry[:, :3], seeds, self.random_fields)], dim=1)
-        x: Tensor = self.down(self.first(norm_act_pad(geometry, NormActPad(pad=3)).padded))
+        x: Tensor = self.first(norm_act_pad(geometry, NormActPad(pad=3)).padded)
+        passed = []
+        for down in self.down:
+            passed.append(x)
+            x = down(x)
         residual: Residual = None
         for block in self.blocks:
             x, residual = block(x, residual, (next(affine), next(affine)))
-        for up in self.up:
+        for number, up in enumerate(self.up):
             x, residual = up(x, residual, next(affine)), None
+            if self.mix is not None:
+                x = self.mix[number](x + passed.pop(), None, next(affine))
         # `finer` with a factor of 1 gives the same, but not as one fused operation
         x = self.last(x, None, next(affine)) if factor == 1 else self.last.finer(x, factor, next(affine))
         x = x.float()

@@ -13,7 +13,7 @@ from svbrdfgan.networks.generator import Generator, Upsampling
 from svbrdfgan.networks.layers import Norm
 from svbrdfgan.networks.random_fields import MOST_FIELDS
 
-_FORMAT = "svbrdfgan generator 3"
+_FORMAT = "svbrdfgan generator 4"
 
 
 class GeneratorConfig(StrictModel):
@@ -32,10 +32,14 @@ class GeneratorConfig(StrictModel):
     upsampling: Upsampling = Field(
         default="nearest", description="`strided`, as in the thesis, leaves a pattern of four texels"
     )
+    skips: bool = Field(
+        default=False,
+        description="whether features skip the blocks at each resolution, as in a U-Net; for detail as fine as a texel",
+    )
     mesh_maps: bool = Field(
         default=False,
-        description="whether it also reads ambient visibility and curvature, since rust starts in recesses and on "
-        "edges; baked once, a second for each mesh",
+        description="whether it also reads ambient visibility, curvature, and how near sharp edges and borders are, "
+        "since rust starts in recesses and on edges; baked once, seconds for each mesh",
     )
     random_fields: int = Field(
         default=0,

@@ -21,7 +21,7 @@ from svbrdfgan.weathering.mesh_maps import MeshMaps
 
 _SUBJECT = "svbrdfgan subject 2"
 _LAYER = "svbrdfgan layer 2"
-_MAPS = "svbrdfgan mesh maps 1"
+_MAPS = "svbrdfgan mesh maps 2"
 _OF_PARTS = ("name", "base_color", "hidden_half_of")
 _REMEDY = "delete it, and it is made again"
 

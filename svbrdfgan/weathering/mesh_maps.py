@@ -1,4 +1,4 @@
-"""Mesh maps: ambient visibility and curvature of the outermost surface at each texel, by which weathering goes."""
+"""Mesh maps: visibility, curvature and distances to edges at each texel, by which weathering goes."""
 
 from __future__ import annotations
 
@@ -12,10 +12,15 @@ from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.types import Surface
+from svbrdfgan.weathering.edges import SharpEdges
 from svbrdfgan.weathering.occlusion import ambient_visibility, mean_curvature
 
 _RADIUS = 0.03
 """Curvature is that of a ball of this radius, in lengths of the model."""
+EDGE_REACH = 0.03
+"""Within which sharp edges matter, in lengths of the model."""
+_FALL = 3.0
+"""How often the nearness to an edge falls by a factor of e within that reach."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,18 +31,24 @@ class MeshMaps:
         visibility: ambient-occlusion visibility: 1 is unoccluded, 0 is enclosed.
         curvature: mean curvature times a radius of 3 % of the model's length: positive on edges, negative in creases,
             about 1 at a right angle.
+        convex, crease, border: distance to the nearest sharp edge of each kind (`EdgeDistances`), in lengths of the
+            model, at most `EDGE_REACH`.
     """
 
     visibility: Float[Tensor, "rows cols"]
     curvature: Float[Tensor, "rows cols"]
+    convex: Float[Tensor, "rows cols"]
+    crease: Float[Tensor, "rows cols"]
+    border: Float[Tensor, "rows cols"]
 
-    def flat(self) -> tuple[Float[ndarray, " texels"], Float[ndarray, " texels"]]:
-        """Visibility and curvature, row by row."""
-        return self.visibility.numpy().ravel(), self.curvature.numpy().ravel()
+    def flat(self) -> MeshMaps:
+        """The same maps, row by row in one dimension."""
+        return MeshMaps(*(values.flatten() for values in vars(self).values()))
 
-    def network_input(self) -> Float[Tensor, "2 rows cols"]:
-        """Both for the generator, in [-1, 1]; curvature beyond 2 is cut off."""
-        return torch.stack([2.0 * self.visibility - 1.0, 0.5 * self.curvature.clamp(-2.0, 2.0)]).float()
+    def network_input(self) -> Float[Tensor, "5 rows cols"]:
+        """All maps for the generator, in [-1, 1]: curvature beyond 2 is cut off, and edges are 1 and fall off."""
+        edges = [2.0 * torch.exp(-_FALL * edge / EDGE_REACH) - 1.0 for edge in (self.convex, self.crease, self.border)]
+        return torch.stack([2.0 * self.visibility - 1.0, 0.5 * self.curvature.clamp(-2.0, 2.0), *edges]).float()
 
 
 class TexelGeometry(Protocol):
@@ -64,11 +75,20 @@ class TexelGeometry(Protocol):
 
 
 def bake_mesh_maps(surface: Surface, buffer: TexelGeometry) -> MeshMaps:
-    """The mesh maps of a surface at the texels of its geometry buffer; takes about a second for 65,000 texels."""
+    """The mesh maps of a surface at the texels of its geometry buffer; takes two seconds for 65,000 texels."""
     rows, cols, _ = buffer.position.shape
-    points, normals = (np.asarray(v, np.float64).reshape(-1, 3) for v in (buffer.position, buffer.normal))
-    found = survey_maps(surface, points, normals)
-    return MeshMaps(*(torch.from_numpy(values).view(rows, cols) for values in found))
+    found = mesh_maps_at(surface, *(np.asarray(v, np.float64).reshape(-1, 3) for v in (buffer.position, buffer.normal)))
+    return MeshMaps(*(values.view(rows, cols) for values in vars(found).values()))
+
+
+def mesh_maps_at(
+    surface: Surface, position: Float[ndarray, "points 3"], normal: Float[ndarray, "points 3"]
+) -> MeshMaps:
+    """The mesh maps at points on a surface, in one dimension."""
+    length = length_of(surface)
+    near = SharpEdges.of(surface).distances(position, normal, EDGE_REACH * length)
+    edges = (edge / length for edge in (near.convex, near.crease, near.border))
+    return MeshMaps(*map(torch.from_numpy, (*survey_maps(surface, position, normal), *edges)))
 
 
 def survey_maps(

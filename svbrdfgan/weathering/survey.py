@@ -13,13 +13,10 @@ from torch import Tensor
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.geometry.texels import nearest_texels
 from svbrdfgan.types import Surface
-from svbrdfgan.weathering.edges import EdgeDistances, SharpEdges
-from svbrdfgan.weathering.mesh_maps import MeshMaps, TexelGeometry, length_of, survey_maps
+from svbrdfgan.weathering.edges import EdgeDistances
+from svbrdfgan.weathering.mesh_maps import MeshMaps, TexelGeometry, length_of, mesh_maps_at
 from svbrdfgan.weathering.occlusion import scatter
 from svbrdfgan.weathering.site import Site
-
-EDGE_REACH = 0.03
-"""Within which sharp edges matter, in lengths of the model."""
 
 _CAR = 4.5  # metres
 _LENGTHS = (2.0, 20.0)  # metres, of vehicles
@@ -63,15 +60,15 @@ def survey(
     texel: float = 0.0,
     maps: MeshMaps | None = None,
 ) -> Site:
-    """The site at points on a surface. Without `maps` it takes about a second for 65,000 points.
+    """The site at points on a surface. Without `maps` it takes about two seconds for 65,000 points.
 
     Args:
         position, texel: in metres.
         maps: the mesh maps at these points, if they are known.
     """
-    visibility, curvature = survey_maps(surface, position, normal) if maps is None else maps.flat()
-    grounds = Grounds.of(surface)
-    edges = SharpEdges.of(surface).distances(position, normal, EDGE_REACH * grounds.length)
+    found, grounds = (maps or mesh_maps_at(surface, position, normal)).flat(), Grounds.of(surface)
+    edges = EdgeDistances(*(grounds.length * edge.numpy() for edge in (found.convex, found.crease, found.border)))
+    visibility, curvature = found.visibility.numpy(), found.curvature.numpy()
     return grounds.site(position, normal, visibility, curvature, texel, edges=edges)
 
 

@@ -26,7 +26,7 @@ Data = Callable[..., dict[str, Any]]
 
 @pytest.fixture(scope="module")
 def run(varied_dataset: Path, training_data: Data, built_once: Any) -> Path:
-    changes = {"dataset": str(varied_dataset), "generator": {"mesh_maps": True, "random_fields": 2}}
+    changes = {"dataset": str(varied_dataset), "generator": {"mesh_maps": True, "random_fields": 2, "skips": True}}
     return (
         built_once("mesh maps", lambda f: train(train_config(training_data(**changes), "here"), f / "run") and None)
         / "run"
@@ -50,7 +50,7 @@ def test_it_reads_them(run: Path, varied_dataset: Path) -> None:
     model = load_model(run)
     subject = load_exemplars(Dataset.open(varied_dataset), "train", mesh_maps=True).subjects[0]
     draw, geometry = choose_draw(model, seed=0, recipe="rust"), subject.generator_input.unsqueeze(0)
-    assert geometry.shape[1] == model.generator.inputs == 8
+    assert geometry.shape[1] == model.generator.inputs == 11
     torch.testing.assert_close(geometry[0, :6], subject.geometry, rtol=0, atol=0)
     changed = geometry.clone()
     changed[:, 6:] = -changed[:, 6:]

@@ -82,6 +82,18 @@ def test_more_downsamplings_keep_the_blocks(downsamplings: int, upsampling: Upsa
     assert sizes == [(8, 8)]
 
 
+def test_skips_carry_what_is_as_fine_as_a_texel() -> None:
+    """Where the blocks end in nothing, the finest features still reach the layer; without skips nothing does."""
+    made = []
+    for skips in (False, True):
+        generator = Generator(8, 1, 2, skips=skips)
+        for up in generator.up:
+            nn.init.zeros_(up.convolve.weight)
+        made.append(generator(torch.randn(1, 6, 16, 16, generator=torch.Generator().manual_seed(0))))
+    assert made[0].std(dim=(1, 2)).max() == 0
+    assert (made[1][:, 1:] - made[1][:, :-1]).abs().mean() > 1e-3
+
+
 @pytest.mark.parametrize(("layers", "patch"), [(1, 16), (2, 34), (3, 70)])
 def test_patch_is_as_large_as_said(layers: int, patch: int) -> None:
     critic = Discriminator(channels=1, width=4, layers=layers)

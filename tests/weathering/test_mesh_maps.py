@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from svbrdfgan.weathering.mesh_maps import MeshMaps, bake_mesh_maps, length_of
+from svbrdfgan.weathering.mesh_maps import EDGE_REACH, MeshMaps, bake_mesh_maps, length_of
 
 
 def buffer_of(texels: Any) -> Any:
@@ -42,7 +42,17 @@ def test_the_model_s_size_makes_no_difference(shapes: SimpleNamespace) -> None:
 
 
 def test_networks_see_values_from_minus_one_to_one() -> None:
-    maps = MeshMaps(torch.tensor([[0.0, 0.5, 1.0]]).double(), torch.tensor([[-9.0, 1.0, 9.0]]).double())
-    seen = maps.network_input()
+    rows = [[0.0, 0.5, 1.0], [-9.0, 1.0, 9.0], [0.0, EDGE_REACH, EDGE_REACH], [0.0] * 3, [EDGE_REACH] * 3]
+    maps = MeshMaps(*(torch.tensor([row], dtype=torch.float64) for row in rows))
+    seen, far = maps.network_input(), 2.0 * np.exp(-3.0) - 1.0
     assert seen.dtype == torch.float32
-    assert np.allclose(seen, [[[-1.0, 0.0, 1.0]], [[-1.0, 0.5, 1.0]]])
+    wanted = [[-1.0, 0.0, 1.0], [-1.0, 0.5, 1.0], [1.0, far, far], [1.0] * 3, [far] * 3]
+    assert np.allclose(seen[:, 0], wanted)
+
+
+def test_edges_are_where_the_box_has_them(shapes: SimpleNamespace) -> None:
+    box = shapes.quads(*shapes.box_sides((-1, 0, -2), (1, 1, 2)))
+    maps = bake_mesh_maps(box, buffer_of(shapes.texels_of(box, 64)))
+    near = maps.convex < 0.5 * EDGE_REACH
+    assert 0.0 < near.double().mean() < 0.3
+    torch.testing.assert_close(maps.crease, torch.full_like(maps.crease, EDGE_REACH))
