@@ -17,7 +17,7 @@ from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.inference.apply import choose_draw, explain_memory, finer_factor
 from svbrdfgan.inference.learned_painter import LearnedPainter
-from svbrdfgan.inference.peel_layers import paint_peel
+from svbrdfgan.inference.peel_layers import mesh_map_inputs, paint_peel
 from svbrdfgan.inference.workpiece import Workpiece
 from svbrdfgan.networks.draw import Draw
 from svbrdfgan.plugins.registry import load_embedding
@@ -109,12 +109,16 @@ class LearnedWeathering:
         embedding = load_embedding(trained.embedding.name, trained.embedding.options)
         with explain_memory(self.resolution):
             fragments = embed_and_rasterize(embedding, workpiece.mesh, trained.texture)
-            wanted = np.isin(workpiece.asset.face_piece, list(workpiece.weathered))
-            found = list(peels(fragments, wanted, workpiece.surroundings.reversed))
+            surroundings = workpiece.surroundings
+            wanted = np.isin(workpiece.asset.face_piece, list(workpiece.weathered)) & surroundings.seen()
+            found = list(peels(fragments, wanted, surroundings.reversed))
             surface, tangents = fragments.surface, corner_tangents(fragments.surface)
+            maps: list[Tensor] | list[None] = [None] * len(found)
+            if generator.mesh_maps:
+                maps = mesh_map_inputs(surface, found, surroundings)
             layers = [
-                paint_peel(self.draw, generator, surface, tangents, peel, factor)
-                for peel, factor in zip(found, self._factors, strict=False)
+                paint_peel(self.draw, generator, surface, tangents, peel, read, factor)
+                for peel, read, factor in zip(found, maps, self._factors, strict=False)
             ]
         further = list(generator.maps)
         if "roughness" in further and "metallic" not in further and self.recipe and not self.recipe.metal:
