@@ -10,6 +10,7 @@ from click.testing import CliRunner, Result
 from PIL import Image
 
 from svbrdfgan.cli import main
+from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.io.gltf.accessors import append_accessor
 from svbrdfgan.io.gltf.document import read_document, write_document
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
@@ -98,6 +99,18 @@ def test_a_picture_is_of_one_layer(car: Path, varied_run: Path, tmp_path: Path) 
     result = texture(car, "--model", varied_run, *asked, "-o", tmp_path / "many")
     assert result.exit_code == 2
     assert "--picture is of one layer; leave out --count." in result.stderr
+
+
+def test_without_a_fast_renderer_the_extra_is_named(
+    car: Path, varied_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("svbrdfgan.plugins.select.select_renderer", lambda *_, **__: PluginChoice(name="numpy"))
+    asked = ("--model", varied_run, "--recipe", "rust", "--picture", tmp_path / "a.png")
+    result = texture(car, *asked, "-o", tmp_path / "a.glb")
+    assert result.exit_code == 1
+    assert result.stderr.count("\n") == 1
+    assert "pip install 'svbrdfgan[mitsuba]'" in result.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_layer_beside_the_scene_within_a_mask(car: Path, varied_run: Path, tmp_path: Path) -> None:
