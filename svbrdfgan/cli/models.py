@@ -11,7 +11,7 @@ import click
 from rich.markup import escape
 from rich.table import Table
 
-from svbrdfgan.cli.display import output_console, print_table
+from svbrdfgan.cli.display import output_console, print_table, progress
 from svbrdfgan.config.error_messages import did_you_mean
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.models.card import ModelCard, Scores
@@ -26,11 +26,12 @@ def command(name: str | None, as_json: bool) -> None:
 
     `svbrdfgan texture MESH --model NAME -o OUT` paints with one.
     """
-    shipped = shipped_models()
-    if name is not None and name not in shipped:
-        known = ", ".join(shipped) or "none"
-        raise ConfigError(f"no model {name!r} is shipped{did_you_mean(name, shipped) or '.'} Shipped are {known}.")
-    cards = {folder: load_card(folder) for folder in shipped.values()}
+    with progress("reading the cards"):
+        shipped = shipped_models()
+        if name is not None and name not in shipped:
+            known = ", ".join(shipped) or "none"
+            raise ConfigError(f"no model {name!r} is shipped{did_you_mean(name, shipped) or '.'} Shipped are {known}.")
+        cards = {folder: load_card(folder) for folder in shipped.values()}
     if as_json:
         records = [_record(folder, card) for folder, card in cards.items() if name in (None, card.name)]
         click.echo(json.dumps(records if name is None else records[0], indent=2))
