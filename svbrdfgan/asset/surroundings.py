@@ -25,8 +25,8 @@ from svbrdfgan.weathering.survey import Grounds
 
 _SPACING = 0.02  # of nodes on large faces, in lengths of the model: what occlusion resolves
 _FINEST = 64  # divisions of an edge at most
-_ENCLOSED = 0.02
-"""Visibility up to which a point is not seen."""
+_ENCLOSED = 0.07
+"""Visibility up to which a point counts as enclosed; of a closed box in a closed box it is 0.06."""
 _PROBES = 16  # faces of each sheet at which its two sides are compared
 
 
@@ -100,7 +100,7 @@ class Surroundings:
         return self.grounds.site(position, normal, visibility, curvature, texel, edges=distances, substance=substance)
 
     def seen(self) -> Bool[ndarray, " faces"]:
-        """Faces that are not enclosed all over, such as those between a panel's two sheets."""
+        """Faces that are not enclosed all over, as frames of seats are."""
         best: Float[ndarray, " faces"] = np.maximum.reduceat(self.values[self.node, 0], self.start)
         return best > _ENCLOSED
 
