@@ -186,6 +186,40 @@ def varied_run(built_once: BuiltOnce, varied_dataset: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
+def shipped_folder(built_once: BuiltOnce, varied_run: Path) -> Path:
+    """The short run as the shipped model `corroded`, the only one in this folder. Not to be changed."""
+    from PIL import Image
+
+    from svbrdfgan.models.card import ModelCard, Scores, Source
+    from svbrdfgan.training.ship import ship
+
+    card = ModelCard(
+        name="corroded",
+        title="Corroded",
+        about="Rust or dust, after four steps of training.",
+        recipes=("rust", "dust"),
+        data=(Source(name="two procedural vehicles", licence="Apache-2.0"),),
+        command="svbrdfgan train tiny.yaml -o run",
+        validation=Scores(resemblance=0.5),
+        test=Scores(vehicles=1, resemblance=0.25, parts={"joint": 0.1, "mean": 0.4}, power=(0.5, 2.0)),
+        limits=("Four steps teach next to nothing.",),
+    )
+
+    def fill(folder: Path) -> None:
+        Image.new("RGB", (16, 9), "brown").save(folder / "picture.jpg")
+        ship(varied_run, folder / "corroded", card, folder / "picture.jpg")
+
+    return built_once("shipped", fill)
+
+
+@pytest.fixture
+def shipped(shipped_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Makes `corroded` the only shipped model; returns its folder."""
+    monkeypatch.setattr("svbrdfgan.models.shipped.FOLDER", shipped_folder)
+    return shipped_folder / "corroded"
+
+
+@pytest.fixture(scope="session")
 def tiny_exemplars(tiny_dataset: Path) -> Any:
     """The training split of the tiny data set in memory. Not to be changed."""
     from svbrdfgan.data.exemplars import load_exemplars

@@ -21,8 +21,8 @@ FOR_EMBEDDINGS = (*CONTRACT, *(f"svbrdfgan.geometry.{name}" for name in ("cells"
 
 ROOMS = (
     *("errors", "types", "protocols", "utils", "config", "geometry", "io", "rendering", "plugins", "procedural"),
-    *("networks", "weathering", "scene", "asset", "data", "metrics", "training", "evaluation", "inference", "report"),
-    *("experiments", "bench", "testing", "cli"),
+    *("networks", "weathering", "models", "scene", "asset", "data", "metrics", "training", "evaluation", "inference"),
+    *("report", "experiments", "bench", "testing", "cli"),
 )
 """The rooms of the core, lowest first: each imports only from itself and from those before it."""
 

@@ -16,6 +16,8 @@ from svbrdfgan.geometry.rasterize import Fragments
 
 MOST = 8
 """Peels at most: what lies deeper is hardly seen."""
+_FEW = 0.05
+"""A peel that shows less, of the texels of the outermost, is not worth a pass of the network, and ends them."""
 _SAME = 2e-3  # of the extent of elevations: fragments this close are one surface
 
 
@@ -35,7 +37,7 @@ class Peel:
 def peels(
     fragments: Fragments, wanted: Bool[ndarray, " mesh_faces"], behind: Bool[ndarray, " mesh_faces"]
 ) -> Iterator[Peel]:
-    """The outermost surface, and then the wanted faces beneath, peel by peel, until there are none or `MOST`.
+    """The outermost surface, and then the wanted faces beneath, peel by peel, until there are few or `MOST`.
 
     Args:
         wanted: faces of the mesh that are to be reached.
@@ -59,6 +61,8 @@ def peels(
         )
         raster = chosen.outermost()
         known = raster.mask
+        if known.sum() < _FEW * outer.mask.sum():
+            return
         position = raster.interpolate(surface.faces, surface.positions)
         normal = unit(raster.interpolate(surface.faces, surface.normals)) * side[raster.face][..., None]
         yield Peel(

@@ -25,6 +25,8 @@ from svbrdfgan.weathering.survey import Grounds
 
 _SPACING = 0.02  # of nodes on large faces, in lengths of the model: what occlusion resolves
 _FINEST = 64  # divisions of an edge at most
+_ENCLOSED = 0.07
+"""Visibility up to which a point counts as enclosed; of a closed box in a closed box it is 0.06."""
 _PROBES = 16  # faces of each sheet at which its two sides are compared
 
 
@@ -91,14 +93,22 @@ class Surroundings:
         Args:
             edges: whether the distances to edges are looked up.
         """
-        nodes, weights = self._around(points)
-        found = np.einsum("pk,pkv->pv", weights, self.values[self.node[nodes]])
+        visibility, curvature = self.visibility_and_curvature(points)
         position, normal = points.positions(self.mesh), unit(points.interpolate(self.normals))
         distances = self.edges.distances(position, normal, EDGE_REACH * self.grounds.length) if edges else None
         substance = self.substance[points.face]
-        return self.grounds.site(
-            position, normal, found[:, 0], found[:, 1], texel, edges=distances, substance=substance
-        )
+        return self.grounds.site(position, normal, visibility, curvature, texel, edges=distances, substance=substance)
+
+    def seen(self) -> Bool[ndarray, " faces"]:
+        """Faces that are not enclosed all over, as frames of seats are."""
+        best: Float[ndarray, " faces"] = np.maximum.reduceat(self.values[self.node, 0], self.start)
+        return best > _ENCLOSED
+
+    def visibility_and_curvature(self, points: SurfacePoints) -> Float[ndarray, "2 points"]:
+        """Both at points, as of mesh maps."""
+        nodes, weights = self._around(points)
+        found: Float[ndarray, "2 points"] = np.einsum("pk,pkv->vp", weights, self.values[self.node[nodes]])
+        return found
 
     def _around(self, points: SurfacePoints) -> tuple[Int[ndarray, "points 3"], Float[ndarray, "points 3"]]:
         """The nodes of the lattice's triangle around each point, and their weights."""

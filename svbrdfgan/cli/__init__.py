@@ -41,7 +41,8 @@ COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
             "svbrdfgan.cli.experiment:command",
             "Run the thesis's experiments and ours.",
         ),
-        "texture": ("svbrdfgan.cli.texture:command", "Weather a mesh with a trained generator."),
+        "texture": ("svbrdfgan.cli.texture:command", "Weather a mesh with a trained model; some are shipped."),
+        "models": ("svbrdfgan.cli.models:command", "List the shipped models, or show the card of one."),
         "render": ("svbrdfgan.cli.render:command", "Render a stored scene to PNG or EXR."),
         "bench": ("svbrdfgan.cli.bench:command", "Time the renderers and other programs."),
     }

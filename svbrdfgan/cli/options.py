@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
-from svbrdfgan.errors import ConfigError, SvbrdfganError
+from svbrdfgan.errors import ConfigError, PluginError, SvbrdfganError
 from svbrdfgan.io.files import require_apart
 
 if TYPE_CHECKING:
@@ -21,6 +21,10 @@ Command = TypeVar("Command", bound=Callable[..., None])
 
 DENSITY = 1024
 """Layers are at least as fine as a texture of that many texels along a side over the whole model, by default."""
+
+
+_REFERENCE = "numpy"
+"""The renderer that is always there, and too slow for pictures of this size."""
 
 
 @dataclass(frozen=True)
@@ -248,7 +252,7 @@ def studio_of(
     Raises:
         UsageError: no picture is wanted, but an environment or a renderer is named.
         ConfigError: a file cannot be written there.
-        PluginError: the renderer does not work, or cannot read the maps.
+        PluginError: the renderer does not work, or cannot read the maps, or none is fast.
         AssetError: the environment cannot be read, or is black.
     """
     wanted = [path for path in pictures.values() if path is not None]
@@ -265,7 +269,12 @@ def studio_of(
     from svbrdfgan.plugins.select import resolve_renderer
     from svbrdfgan.procedural.softboxes import build_studio
 
-    chosen, _ = resolve_renderer(PluginChoice(name=renderer), maps=maps, bounces=BOUNCES)
+    chosen, named = resolve_renderer(PluginChoice(name=renderer), maps=maps, bounces=BOUNCES)
+    if renderer == "auto" and named.name == _REFERENCE:
+        raise PluginError(
+            "pictures need a fast renderer, which `pip install 'svbrdfgan[mitsuba]'` brings; "
+            f"--renderer {_REFERENCE} takes the slow reference."
+        )
     light = build_studio() if environment is None else load_environment(environment)
     return Studio(chosen, light)
 

@@ -18,14 +18,20 @@ from svbrdfgan.cli.options import (
     results,
     studio_of,
 )
+from svbrdfgan.models.shipped import DEFAULT, model_of
 
 
 @click.command("texture")
 @click.argument("meshes", metavar="MESH...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--model", "run", required=True, type=click.Path(path_type=Path), help="Folder of a training run.")
+@click.option(
+    "--model",
+    metavar="NAME|FOLDER",
+    help="A shipped model (see `svbrdfgan models`) or the folder of a training run.  "
+    "[default: the shipped one that learned --recipe, or else road-dirt]",
+)
 @click.option("--seed", type=int, help="Each seed gives another pattern; for models with random fields.  [default: 0]")
 @click.option("--amount", type=float, help="0 is clean, 1 is filthy.  [default: the middle of those trained on]")
-@click.option("--recipe", help="One of those that the model was trained on; needed if it knows several.")
+@click.option("--recipe", help="One of those that the model was trained on; needed if --model knows several.")
 @click.option(
     "--resolution",
     type=int,
@@ -54,7 +60,7 @@ from svbrdfgan.cli.options import (
 @picture_options
 def command(
     meshes: tuple[Path, ...],
-    run: Path,
+    model: str | None,
     seed: int | None,
     amount: float | None,
     recipe: str | None,
@@ -74,26 +80,31 @@ def command(
     environment: Path | None,
     renderer: str,
 ) -> None:
-    """Weather each MESH with the generator of a run: its scene comes back, only what weathers has other textures."""
+    """Weather each MESH with a trained model: its scene comes back, only what weathers has other textures."""
     check_delivery(meshes, parts, click.get_current_context().params)
     if count is not None and picture is not None:
         raise click.UsageError("--picture is of one layer; leave out --count.")
     first = seed or 0
     seeds = [seed] if count is None else list(range(first, first + count))
     paths = results(meshes, out, force=force, draws=None if count is None else [str(number) for number in seeds])
-    with progress(f"loading {run}") as display:
+    given = model or recipe
+    recipe = recipe or (None if model else DEFAULT)
+    chosen = model or model_of(recipe or DEFAULT)
+    with progress(f"loading {chosen}") as display:
         from svbrdfgan.inference.learned import LearnedWeathering
         from svbrdfgan.rendering.compositing import BARE
         from svbrdfgan.report.sheet import sheet_rows
         from svbrdfgan.training.run import load_model
 
-        model = load_model(run)
+        trained, name = load_model(chosen), Path(chosen).name
+        if not given:
+            click.echo(f"painting {DEFAULT}; --recipe and --model choose another (see `svbrdfgan models`)", err=True)
         draws = [
-            LearnedWeathering.of(model, name=run.name, seed=number, amount=amount, recipe=recipe, resolution=resolution)
+            LearnedWeathering.of(trained, name=name, seed=number, amount=amount, recipe=recipe, resolution=resolution)
             for number in seeds
         ]
-        rows = [] if sheet is None else sheet_rows(model, seed=seed, amount=amount, recipe=recipe)
-        maps = model.config.maps
+        rows = [] if sheet is None else sheet_rows(trained, seed=seed, amount=amount, recipe=recipe)
+        maps = trained.config.maps
         studio = studio_of(
             {"--picture": picture, "--sheet": sheet}, environment, renderer, maps if embedding_uvs else BARE
         )
@@ -112,14 +123,14 @@ def command(
             scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
 
             def work(number: int) -> list[Path]:
-                workpiece = scenes.open(meshes[number])
+                workpiece = scenes.open(meshes[number], draws[0].settles_on)
                 written: list[Path] = []
                 for path, draw in zip(paths[number], draws, strict=True):
                     written += scenes.write(workpiece, draw, path, studio, picture)
                 if sheet is not None and studio is not None:
                     display.stage(f"writing {sheet}")
-                    canvas = prepare(workpiece.mesh, model, workpiece.selection, resolution)
-                    write_sheet(sheet, rows, canvas, studio, maps)
+                    canvas = prepare(workpiece.mesh, trained, workpiece.selection, resolution)
+                    write_sheet(sheet, rows, canvas.thinned(draws[0].shares(workpiece)), studio, maps)
                     written.append(sheet)
                 return written
 

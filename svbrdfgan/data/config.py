@@ -124,8 +124,8 @@ class WeatheringDistribution(StrictModel):
     )
     model: str | None = Field(
         default=None,
-        description="the folder of a run, whose generator paints the layers instead of a recipe; what this section "
-        "leaves out is as in its training",
+        description="a shipped model's name, or the folder of a run, whose generator paints the layers instead of a "
+        "recipe; what this section leaves out is as in its training",
     )
 
     @model_validator(mode="after")

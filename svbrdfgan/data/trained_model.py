@@ -20,15 +20,12 @@ from svbrdfgan.data.index import INDEX
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.records import load_json
+from svbrdfgan.models.shipped import CONFIG, MODEL, model_folder, require_model
 from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.networks.random_fields import MOST_SEEDS
 from svbrdfgan.networks.saved import GeneratorConfig, load_generator
 from svbrdfgan.scene.description import SceneModel
 
-_CONFIG = "config.json"
-"""`svbrdfgan.training.run.CONFIG`, which this room may not import."""
-_MODEL = "model.safetensors"
-"""`svbrdfgan.training.run.MODEL`, likewise."""
 _COPY = Path("assets", "model")
 _UNKNOWN = "unknown"
 """The recipe of layers whose model learned from pictures of unknown weathering, or is not told recipes apart."""
@@ -61,9 +58,11 @@ class TrainedModel:
         Raises:
             AssetError: the folder is no run, or has no model yet.
         """
-        path = folder / _CONFIG
-        if not path.is_file():
-            raise AssetError(f"weathering.model: {folder} is not a run: it has no {_CONFIG}; train one first.")
+        path = folder / CONFIG
+        try:
+            require_model(folder)
+        except AssetError as error:
+            raise AssetError(f"weathering.model: {error}") from error
         data = load_json(path)
         try:
             dataset, generator = data["dataset"], data["train"]["generator"]
@@ -71,7 +70,7 @@ class TrainedModel:
             raise AssetError(f"weathering.model: {path} is not the configuration of a run.") from error
         trained_on = validate(DatasetConfig, dataset, str(path))
         config = validate(GeneratorConfig, generator, str(path))
-        load_generator(folder / _MODEL)  # its faults are found before anything is written
+        load_generator(folder / MODEL)  # its faults are found before anything is written
         return cls(folder, trained_on, conditions_of(config, trained_on), config.random_fields > 0)
 
     def fill(self, config: DatasetConfig) -> DatasetConfig:
@@ -171,11 +170,11 @@ def gather_model(config: DatasetConfig, folder: Path, base: Path) -> SceneModel 
     if config.weathering is None or config.weathering.model is None:
         return None
     model = TrainedModel.open(_run_of(config, base))
-    for name in (_CONFIG, _MODEL):
+    for name in (CONFIG, MODEL):
         with atomic_path(folder / _COPY / name) as temporary:
             temporary.write_bytes((model.folder / name).read_bytes())
     known = model.conditions
-    return SceneModel(asset=reference(folder / _COPY / _MODEL, folder), amounts=known.amount, recipes=known.recipes)
+    return SceneModel(asset=reference(folder / _COPY / MODEL, folder), amounts=known.amount, recipes=known.recipes)
 
 
 def warn_of_new_model(stored: SceneModel | None, config: DatasetConfig, base: Path) -> None:
@@ -183,19 +182,19 @@ def warn_of_new_model(stored: SceneModel | None, config: DatasetConfig, base: Pa
     if stored is None:
         return
     run = _run_of(config, base)
-    if (run / _MODEL).is_file() and reference(run / _MODEL, run).sha256 != stored.asset.sha256:
+    if (run / MODEL).is_file() and reference(run / MODEL, run).sha256 != stored.asset.sha256:
         log.warning("%s has another model now; the data set goes on with its copy of the earlier one.", run)
 
 
 def _run_of(config: DatasetConfig, base: Path) -> Path:
     assert config.weathering is not None
     assert config.weathering.model is not None
-    return base / Path(config.weathering.model).expanduser()
+    return model_folder(config.weathering.model, base)
 
 
 def _copied(config: DatasetConfig, folder: Path) -> bool:
     """Whether a data set of the same model was begun in the folder."""
-    if not (folder / INDEX).is_file() or not (folder / _COPY / _MODEL).is_file():
+    if not (folder / INDEX).is_file() or not (folder / _COPY / MODEL).is_file():
         return False
     assert config.weathering is not None
     try:

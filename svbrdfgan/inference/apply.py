@@ -15,7 +15,8 @@ from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.geometry.bake import bake
 from svbrdfgan.geometry.layers import embed_and_rasterize
-from svbrdfgan.networks.draw import Draw
+from svbrdfgan.geometry.texels import nearest_texels
+from svbrdfgan.networks.draw import Draw, opacity_of
 from svbrdfgan.networks.random_fields import MOST_SEEDS
 from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.scene.subject import Subject, make_subject
@@ -36,16 +37,27 @@ class Canvas:
         subject: at the resolution of the layer.
         geometry: the generator's input, at the resolution that it was trained at.
         factor: the one resolution over the other.
+        share: what alpha is multiplied by at each texel of the layer; None is 1.
     """
 
     subject: Subject
     geometry: Float[Tensor, "inputs trained_rows trained_cols"]
     factor: int
+    share: Float[Tensor, "rows cols 1"] | None = None
 
     def paint(self, draw: Draw) -> Layer:
         """The layer of a draw."""
         with torch.no_grad():
-            return Layer(draw(self.geometry.unsqueeze(0), self.factor)[0], draw.generator.maps)
+            values = draw(self.geometry.unsqueeze(0), self.factor)[0]
+            if self.share is not None:
+                values[..., draw.generator.channels["alpha"]] *= self.share
+            return Layer(values, draw.generator.maps)
+
+    def thinned(self, shares: Float[Tensor, " mesh_faces"]) -> Canvas:
+        """The same, where alpha is multiplied by the share of the face that each texel shows."""
+        face = self.subject.buffer.face.numpy()
+        nearest = face[nearest_texels(face >= 0)]
+        return replace(self, share=shares[self.subject.surface.source_face[nearest]][..., None])
 
 
 def paint(
@@ -63,7 +75,8 @@ def paint(
     Args:
         learnable: the parts that carry the layer; by default those that the training's selection matches.
         seed: of a model with random fields: which of its layers; by default 0.
-        amount: of a model that knows amounts, in [0, 1]; by default the middle of those that it was trained on.
+        amount: of a model that knows amounts, in [0, 1], and 0 is clean; by default the middle of those that it was
+            trained on.
         recipe: of a model of several recipes, which needs it.
         resolution: texels along a side of the layer and of the subject's textures, a multiple of those that the model
             was trained at, and at most `FINEST`; by default those. Patterns keep their scale (`Generator.forward`).
@@ -97,9 +110,9 @@ def choose_draw(
         )
     known = model.config.conditions
     labels = known.choose(amount, recipe)
-    if amount is not None and known.amount is not None and not known.amount[0] <= amount <= known.amount[1]:
+    if amount and known.amount is not None and not known.amount[0] <= amount <= known.amount[1]:
         log.warning("amount %g is beyond those that the model was trained on: %g to %g", amount, *known.amount)
-    return Draw(model.generator, seed or 0, labels)
+    return Draw(model.generator, seed or 0, labels, 1.0 if amount is None else opacity_of(amount))
 
 
 def prepare(mesh: Mesh, model: Model, learnable: PartSelection | None = None, resolution: int | None = None) -> Canvas:

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from svbrdfgan.asset.painters import Painter
 from svbrdfgan.asset.peels import MOST, peels
@@ -14,13 +17,14 @@ from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.inference.apply import choose_draw, explain_memory, finer_factor
 from svbrdfgan.inference.learned_painter import LearnedPainter
-from svbrdfgan.inference.peel_layers import paint_peel
+from svbrdfgan.inference.peel_layers import mesh_map_inputs, paint_peel
 from svbrdfgan.inference.workpiece import Workpiece
 from svbrdfgan.networks.draw import Draw
 from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.training.run import Model
 from svbrdfgan.types import layer_channels
-from svbrdfgan.weathering.substances import Substance
+from svbrdfgan.weathering.recipes import RECIPES, Recipe
+from svbrdfgan.weathering.substances import Substance, by_substance
 
 _BENEATH = 1024
 """Texels along a side at which peels beneath the outermost are painted at most, or those of the training."""
@@ -34,12 +38,14 @@ class LearnedWeathering:
     Attributes:
         asked: what files say of it: model, seed, amount and recipe as they were asked for.
         resolution: as for `paint`.
+        recipe: what its exemplars showed, if that was a procedural recipe: the layer lies on the same substances.
     """
 
     model: Model
     draw: Draw
     asked: Mapping[str, Any]
     resolution: int | None = None
+    recipe: type[Recipe] | None = None
 
     @classmethod
     def of(
@@ -63,11 +69,23 @@ class LearnedWeathering:
         finer_factor(model, resolution)
         asked = {"model": name, "seed": seed, "amount": amount, "recipe": recipe}
         draw = choose_draw(model, seed=seed, amount=amount, recipe=recipe)
-        return cls(model, draw, {key: value for key, value in asked.items() if value is not None}, resolution)
+        told = {key: value for key, value in asked.items() if value is not None}
+        known = model.config.conditions.recipes
+        learned = recipe or (known[0] if len(known) == 1 else "")
+        return cls(model, draw, told, resolution, RECIPES.get(learned))
+
+    @property
+    def clean(self) -> bool:
+        return self.draw.opacity == 0.0
 
     @property
     def settles_on(self) -> Mapping[Substance, float]:
-        return {}
+        return self.recipe.settles_on if self.recipe else {}
+
+    def shares(self, workpiece: Workpiece) -> Float[Tensor, " mesh_faces"]:
+        """What alpha is multiplied by on each face of the workpiece's mesh: as the recipe's thickness, by substance."""
+        substance = torch.from_numpy(workpiece.surroundings.substance)
+        return by_substance(substance, self.settles_on) if self.recipe else torch.ones(len(substance))
 
     @property
     def description(self) -> Mapping[str, Any]:
@@ -91,14 +109,22 @@ class LearnedWeathering:
         embedding = load_embedding(trained.embedding.name, trained.embedding.options)
         with explain_memory(self.resolution):
             fragments = embed_and_rasterize(embedding, workpiece.mesh, trained.texture)
-            wanted = np.isin(workpiece.asset.face_piece, list(workpiece.weathered))
-            found = list(peels(fragments, wanted, workpiece.surroundings.reversed))
+            surroundings = workpiece.surroundings
+            wanted = np.isin(workpiece.asset.face_piece, list(workpiece.weathered)) & surroundings.seen()
+            found = list(peels(fragments, wanted, surroundings.reversed))
             surface, tangents = fragments.surface, corner_tangents(fragments.surface)
+            maps: list[Tensor] | list[None] = [None] * len(found)
+            if generator.mesh_maps:
+                maps = mesh_map_inputs(surface, found, surroundings)
             layers = [
-                paint_peel(self.draw, generator, surface, tangents, peel, factor)
-                for peel, factor in zip(found, self._factors, strict=False)
+                paint_peel(self.draw, generator, surface, tangents, peel, read, factor)
+                for peel, read, factor in zip(found, maps, self._factors, strict=False)
             ]
-        return LearnedPainter.of(workpiece, surface, found, layers, generator.channels)
+        further = list(generator.maps)
+        if "roughness" in further and "metallic" not in further and self.recipe and not self.recipe.metal:
+            further.append("metallic")  # dirt on chrome hides the metal
+        shares = self.shares(workpiece).numpy()
+        return LearnedPainter.of(workpiece, surface, found, layers, generator.channels, further, shares)
 
     @property
     def _factors(self) -> list[int]:

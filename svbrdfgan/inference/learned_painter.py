@@ -42,6 +42,8 @@ class LearnedPainter:
         surface: embedded.
         taps: position of each texel of each peel, metres; NaN where it has nothing of its own.
         reach: of each face of the surface: how far off a tap may be, metres.
+        maps: what is painted besides base colour; those that the layers lack are 0.
+        shares: of each face of the mesh: what alpha is multiplied by.
         side: of each face of the surface, -1 if it is seen from the side that its winding calls the back.
         tree, tree_tap, tap_normals: the taps that show something, in space; their places in `taps`; their normals.
     """
@@ -53,15 +55,13 @@ class LearnedPainter:
     shape: tuple[int, int]
     layers: tuple[PeelLayer, ...]
     channels: Mapping[str, slice]
+    maps: Collection[str]
+    shares: Float[ndarray, " mesh_faces"]
     reach: Float[ndarray, " faces"]
     side: Float[ndarray, " faces"]
     tree: cKDTree = field(repr=False)
     tree_tap: Int[ndarray, " known"]
     tap_normals: Float[ndarray, "known 3"]
-
-    @property
-    def maps(self) -> Collection[str]:
-        return [name for name in self.channels if name not in ("base_color", "alpha")]
 
     @classmethod
     def of(
@@ -71,6 +71,8 @@ class LearnedPainter:
         found: Sequence[Peel],
         layers: Sequence[PeelLayer],
         channels: Mapping[str, slice],
+        maps: Collection[str],
+        shares: Float[ndarray, " mesh_faces"],
     ) -> LearnedPainter:
         """The painter of a workpiece whose embedded surface has these peels and layers on them."""
         shape = found[0].known.shape
@@ -85,6 +87,8 @@ class LearnedPainter:
             (shape[0], shape[1]),
             tuple(layers),
             channels,
+            maps,
+            shares,
             _reach(surface, max(shape)),
             np.where(workpiece.surroundings.reversed[surface.source_face], -1.0, 1.0),
             cKDTree(taps.reshape(-1, 3)[known]),
@@ -99,7 +103,7 @@ class LearnedPainter:
         nothing = np.zeros((len(points), 1))
         return Paint(
             found["base_color"],
-            found["alpha"][:, 0],
+            found["alpha"][:, 0] * self.shares[points.face],
             found.get("roughness", nothing)[:, 0],
             found.get("metallic", nothing)[:, 0],
             nothing[:, 0],

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from jaxtyping import Float
+from numpy import ndarray
 from torch import Tensor
 from torch.nn.functional import normalize
 
 from svbrdfgan.asset.peels import Peel
+from svbrdfgan.asset.points import SurfacePoints
+from svbrdfgan.asset.surroundings import Surroundings
 from svbrdfgan.geometry.tangents import Tangents
 from svbrdfgan.geometry.texels import nearest_texels
 from svbrdfgan.networks.draw import Draw
 from svbrdfgan.networks.generator import Generator
 from svbrdfgan.types import Surface
-from svbrdfgan.weathering.mesh_maps import bake_mesh_maps
+from svbrdfgan.weathering.mesh_maps import mesh_maps_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,13 +36,61 @@ class PeelLayer:
     factor: int
 
 
+def mesh_map_inputs(
+    surface: Surface, found: Sequence[Peel], surroundings: Surroundings
+) -> list[Float[Tensor, "maps rows cols"]]:
+    """What a generator reads of the mesh maps of each peel.
+
+    Those of the outermost are surveyed as for training. Beneath, visibility and curvature are interpolated between the
+    nodes of the surroundings, since a survey takes several times as long as the network.
+    """
+    outermost, *beneath = found
+    position, normal, _ = _known_points(surface, [outermost])
+    maps = mesh_maps_at(surface, position, normal).network_input()
+    inputs = [torch.zeros(len(maps), *outermost.known.shape)]
+    inputs[0][:, torch.from_numpy(outermost.known)] = maps
+    row, col = nearest_texels(outermost.known)
+    inputs[0] = inputs[0][:, row, col]
+    if beneath:
+        position, normal, points = _known_points(surface, beneath)
+        known = surroundings.visibility_and_curvature(points)
+        maps = mesh_maps_at(surface, position, normal, known).network_input()
+        for peel, own in zip(beneath, maps.split([int(peel.known.sum()) for peel in beneath], dim=1), strict=True):
+            inputs.append(inputs[0].clone())
+            inputs[-1][:, torch.from_numpy(peel.known)] = own
+    return inputs
+
+
+def _known_points(
+    surface: Surface, found: Sequence[Peel]
+) -> tuple[Float[ndarray, "points 3"], Float[ndarray, "points 3"], SurfacePoints]:
+    """Positions and normals of what peels show, and its places on the mesh."""
+
+    def known(name: str) -> ndarray:
+        return np.concatenate([getattr(peel.buffer, name).numpy()[peel.known] for peel in found])
+
+    face, position, normal = known("face"), known("position").astype(np.float64), known("normal").astype(np.float64)
+    barycentric = np.einsum("pi,pij->pj", known("barycentric"), surface.source_barycentric[face])
+    return position, normal, SurfacePoints(surface.source_face[face], barycentric)
+
+
 def paint_peel(
-    draw: Draw, generator: Generator, surface: Surface, tangents: Tangents, peel: Peel, factor: int
+    draw: Draw,
+    generator: Generator,
+    surface: Surface,
+    tangents: Tangents,
+    peel: Peel,
+    maps: Float[Tensor, "maps rows cols"] | None,
+    factor: int,
 ) -> PeelLayer:
-    """The draw's layer on a peel of the surface, `factor` times as fine as the peel."""
+    """The draw's layer on a peel of the surface, `factor` times as fine as the peel.
+
+    Args:
+        maps: of the peel, as `mesh_map_inputs` gives them, if the generator reads any.
+    """
     geometry = peel.buffer.network_input()
-    if generator.mesh_maps:
-        geometry = torch.cat([geometry, bake_mesh_maps(surface, peel.buffer).network_input()])
+    if maps is not None:
+        geometry = torch.cat([geometry, maps])
     with torch.no_grad():
         values = draw(geometry.unsqueeze(0), factor)[0].half()
     if (normal := generator.channels.get("normal")) is not None:

@@ -97,7 +97,7 @@ def weathered_document(
         variants: as for `weather_document`.
     """
     asset = workpiece.asset
-    if not workpiece.weathered:
+    if weathering.clean or not workpiece.weathered:
         return Edited.of(asset)
     model, painter = _model_and_painter(workpiece, weathering)
     return _signed(

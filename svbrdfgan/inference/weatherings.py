@@ -26,6 +26,10 @@ class Weathering(Protocol):
         """What its painter holds in memory at most, besides the mesh."""
 
     @property
+    def clean(self) -> bool:
+        """Whether its alpha is 0 everywhere, so that files stay as they are."""
+
+    @property
     def settles_on(self) -> Mapping[Substance, float]:
         """What it lies on beside the parts that weather anyway, as of a `Recipe`."""
 
@@ -49,6 +53,10 @@ class RecipeWeathering:
     def description(self) -> Mapping[str, Any]:
         name = next(name for name, kind in RECIPES.items() if isinstance(self.recipe, kind))
         return {"recipe": name, **asdict(self.recipe)}  # type: ignore[call-overload]
+
+    @property
+    def clean(self) -> bool:
+        return self.recipe.amount == 0.0
 
     @property
     def settles_on(self) -> Mapping[Substance, float]:

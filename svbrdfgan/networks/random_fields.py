@@ -15,6 +15,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from svbrdfgan.utils.threads import BLOCK, in_threads
 from svbrdfgan.utils.triton_works import triton_works
 
 MOST_FIELDS = 9
@@ -81,8 +82,12 @@ def _turned(grid: Int[Tensor, "batch 3 rows cols"]) -> Int[Tensor, "batch 3 rows
 
 
 def _noise(grid: Tensor, shift: Tensor, streams: Tensor) -> Tensor:
-    """`noise_reference`, by a Triton kernel where that works."""
-    if grid.device.type != "cuda" or not triton_works(grid.device):
+    """`noise_reference`, by a Triton kernel where that works, and on a CPU by blocks, three times as fast."""
+    if grid.device.type == "cpu":
+        rows = max(BLOCK // (grid.shape[0] * grid.shape[3]), 1)
+        blocks = in_threads(lambda part: noise_reference(part, shift, streams), grid.split(rows, dim=2))
+        return torch.cat(list(blocks), dim=2)
+    if not triton_works(grid.device):
         return noise_reference(grid, shift, streams)
     from svbrdfgan.networks.random_fields_kernel import noise_triton
 
@@ -99,17 +104,18 @@ def noise_reference(
         shift: of each field's lattice.
         streams: a word of each field, which selects its directions.
     """
-    bits = (GRID_BITS - torch.arange(streams.shape[1], device=grid.device)).view(1, -1, 1, 1, 1)  # within one cell
-    moved = grid.unsqueeze(1) + shift[..., None, None]
-    cell, offset = moved >> bits, (moved & ((1 << bits) - 1)) >> (bits - FRACTION_BITS)
-    return _interpolated(cell, offset, streams[..., None, None])
+    fields = []
+    for number in range(streams.shape[1]):  # all at once take twice the time: they do not fit a cache
+        bits = GRID_BITS - number  # within one cell
+        moved = grid + shift[:, number, :, None, None]
+        cell, offset = moved >> bits, (moved & ((1 << bits) - 1)) >> (bits - FRACTION_BITS)
+        fields.append(_interpolated(cell, offset, streams[:, number, None, None]))
+    return torch.stack(fields, dim=1)
 
 
 def _interpolated(
-    cell: Int[Tensor, "batch fields 3 rows cols"],
-    offset: Int[Tensor, "batch fields 3 rows cols"],
-    streams: Int[Tensor, "batch fields 1 1"],
-) -> Int[Tensor, "batch fields rows cols"]:
+    cell: Int[Tensor, "batch 3 rows cols"], offset: Int[Tensor, "batch 3 rows cols"], streams: Int[Tensor, "batch 1 1"]
+) -> Int[Tensor, "batch rows cols"]:
     """The noise, in units of 2^-16: linear functions of the cell's corners, mixed by the quintic fade."""
     fade, words = _faded(offset), _words(cell)
     towards = directions(cell.device)
@@ -118,11 +124,11 @@ def _interpolated(
         x, y, z = (words[axis][side] for axis, side in enumerate(corner))
         upper = _shifted(_hashed((x ^ y ^ z) + streams), 32)
         kind = (upper * len(_DIRECTIONS)) >> 32  # each direction for as many words, but for one in 2^28
-        steps = [offset[:, :, axis] - side * _ONE for axis, side in enumerate(corner)]
+        steps = [offset[:, axis] - side * _ONE for axis, side in enumerate(corner)]
         first, second, third = (step * toward.take(kind) for step, toward in zip(steps, towards, strict=True))
         values.append(first + second + third)
     for axis in (2, 1, 0):  # corners that differ in this axis alone are neighbours in the list
-        share = fade[:, :, axis]
+        share = fade[:, axis]
         values = [
             low + (((high - low) * share) >> FRACTION_BITS) for low, high in zip(values[::2], values[1::2], strict=True)
         ]
@@ -135,9 +141,9 @@ def directions(device: torch.device) -> list[Int[Tensor, " directions"]]:
     return [torch.tensor(steps, device=device) for steps in zip(*_DIRECTIONS, strict=True)]
 
 
-def _words(cell: Int[Tensor, "batch fields 3 rows cols"]) -> list[tuple[Tensor, Tensor]]:
+def _words(cell: Int[Tensor, "batch 3 rows cols"]) -> list[tuple[Tensor, Tensor]]:
     """Words of 64 bits for each axis: of the coordinates of the lower and of the upper side of each cell."""
-    x, y, z = ((cell[:, :, axis] * prime, (cell[:, :, axis] + 1) * prime) for axis, prime in enumerate(PRIMES))
+    x, y, z = ((cell[:, axis] * prime, (cell[:, axis] + 1) * prime) for axis, prime in enumerate(PRIMES))
     rotated = [(word << 21) ^ _shifted(word, 43) for word in y]
     return [x, (rotated[0], rotated[1]), z]
 

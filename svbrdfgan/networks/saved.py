@@ -74,11 +74,20 @@ def make_generator(config: GeneratorConfig, maps: tuple[str, ...] = (), labels: 
     return Generator(**config.model_dump(exclude={"conditions"}), maps=maps, labels=labels)
 
 
-def save_generator(path: Path, generator: Generator, config: GeneratorConfig, score: float | None) -> None:
-    """Writes a generator's weights, its configuration, and the maps that it paints."""
+def save_generator(
+    path: Path, generator: Generator, config: GeneratorConfig, score: float | None, *, half: bool = False
+) -> None:
+    """Writes a generator's weights, its configuration, and the maps that it paints.
+
+    Args:
+        half: whether weights are rounded to float16; they are read as float32 again.
+    """
     about = {"maps": generator.maps, "labels": generator.labels, "score": score}
     words = {"generator": config.model_dump_json()} | {name: json.dumps(value) for name, value in about.items()}
-    save_tensors(path, _FORMAT, generator.state_dict(), words)
+    weights = generator.state_dict()
+    if half:
+        weights = {name: value.half() if value.is_floating_point() else value for name, value in weights.items()}
+    save_tensors(path, _FORMAT, weights, words)
 
 
 def load_generator(path: Path) -> tuple[Generator, float | None]:

@@ -18,7 +18,7 @@ from torch import Tensor
 from svbrdfgan.errors import AssetError, EmbeddingError
 from svbrdfgan.io.environment import load_environment
 from svbrdfgan.io.mesh import load_mesh
-from svbrdfgan.networks.draw import Draw
+from svbrdfgan.networks.draw import Draw, opacity_of
 from svbrdfgan.networks.generator import Generator
 from svbrdfgan.networks.saved import load_generator
 from svbrdfgan.plugins.registry import load_embedding
@@ -119,11 +119,13 @@ class SceneLoader:
                 f"{weathering.model.asset.path} paints base_color and {list(generator.maps)}, and the scene declares "
                 f"{list(scene.maps)}: give it the maps that the model was trained with."
             )
-        labels = weathering.model.conditions.labels(weathering.amount, weathering.recipe)
+        known = weathering.model.conditions
+        labels = known.labels(weathering.amount, weathering.recipe)
+        opacity = 1.0 if known.amount is None else opacity_of(weathering.amount)
         subject = self.with_mesh_maps(scene) if generator.mesh_maps else self.subject(scene)
         geometry = subject.generator_input.to(next(generator.parameters()).device)
         with torch.no_grad():
-            painted = Draw(generator, weathering.seed, labels)(geometry.unsqueeze(0))[0].cpu()
+            painted = Draw(generator, weathering.seed, labels, opacity)(geometry.unsqueeze(0))[0].cpu()
         return Layer(painted, generator.maps)
 
     def site(self, scene: Scene) -> Site:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,14 +16,15 @@ from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.records import load_record, save_record
+from svbrdfgan.models.shipped import CONFIG as CONFIG
+from svbrdfgan.models.shipped import MODEL as MODEL
+from svbrdfgan.models.shipped import model_folder, require_model
 from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.networks.generator import Generator
 from svbrdfgan.networks.saved import load_generator
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.resolve import ResolvedRun
 
-CONFIG = "config.json"
-MODEL = "model.safetensors"
 LOG = "log.jsonl"
 ORACLE = "oracle.safetensors"
 ORACLE_NOTES = "oracle.json"
@@ -107,14 +109,20 @@ class Model:
     score: float | None
 
 
-def load_model(run: Path) -> Model:
-    """The best generator of a run, by its validation score.
+def load_model(model: str | os.PathLike[str]) -> Model:
+    """A shipped model, or the best generator of a run, by its validation score.
+
+    Args:
+        model: the name of a shipped model, such as "rust", or the folder of a run. A `Path`, and a text with a
+            separator such as "./rust", is always that of a folder.
 
     Raises:
-        AssetError: the folder is no run, or has no model yet.
+        AssetError: no model is shipped under that name and the folder is no run, or it has no model yet.
     """
-    config = RunConfig.load(run)
-    generator, score = load_generator(run / MODEL)
+    folder = model_folder(model)
+    require_model(folder)
+    config = RunConfig.load(folder)
+    generator, score = load_generator(folder / MODEL)
     return Model(generator, config, score)
 
 

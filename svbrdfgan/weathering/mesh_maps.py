@@ -82,13 +82,21 @@ def bake_mesh_maps(surface: Surface, buffer: TexelGeometry) -> MeshMaps:
 
 
 def mesh_maps_at(
-    surface: Surface, position: Float[ndarray, "points 3"], normal: Float[ndarray, "points 3"]
+    surface: Surface,
+    position: Float[ndarray, "points 3"],
+    normal: Float[ndarray, "points 3"],
+    known: Float[ndarray, "2 points"] | None = None,
 ) -> MeshMaps:
-    """The mesh maps at points on a surface, in one dimension."""
+    """The mesh maps at points on a surface, in one dimension.
+
+    Args:
+        known: visibility and curvature, if they are known, which take most of the time.
+    """
     length = length_of(surface)
     near = SharpEdges.of(surface).distances(position, normal, EDGE_REACH * length)
     edges = (edge / length for edge in (near.convex, near.crease, near.border))
-    return MeshMaps(*map(torch.from_numpy, (*survey_maps(surface, position, normal), *edges)))
+    surveyed = survey_maps(surface, position, normal) if known is None else known
+    return MeshMaps(*map(torch.from_numpy, (*surveyed, *edges)))
 
 
 def survey_maps(

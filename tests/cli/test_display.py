@@ -240,6 +240,7 @@ LONG_WORK = [
     ("parts {mesh}", "svbrdfgan.asset.verdicts.judge", "judging the parts"),
     ("embeddings --compare {folder} --embedding lscm", "svbrdfgan.cli.uv_comparison.measure_embedding", "lscm"),
     ("texture {mesh} --model {out} -o {out}/a.glb", "svbrdfgan.training.run.load_model", "loading"),
+    ("models", "svbrdfgan.cli.models.shipped_models", "reading the cards"),
     ("dataset {dataset} -o {out}", "svbrdfgan.data.generate.generate", "unwrapping and baking"),
     ("dataset {dataset} -o {out} --dry-run", "svbrdfgan.data.estimate.estimate", "making a few exemplars"),
     ("dataset {dataset} -o {out} --preview", "svbrdfgan.data.estimate.preview", "rendering the preview"),

@@ -10,6 +10,7 @@ from click.testing import CliRunner, Result
 from PIL import Image
 
 from svbrdfgan.cli import main
+from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.io.gltf.accessors import append_accessor
 from svbrdfgan.io.gltf.document import read_document, write_document
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
@@ -100,6 +101,18 @@ def test_a_picture_is_of_one_layer(car: Path, varied_run: Path, tmp_path: Path) 
     assert "--picture is of one layer; leave out --count." in result.stderr
 
 
+def test_without_a_fast_renderer_the_extra_is_named(
+    car: Path, varied_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("svbrdfgan.plugins.select.select_renderer", lambda *_, **__: PluginChoice(name="numpy"))
+    asked = ("--model", varied_run, "--recipe", "rust", "--picture", tmp_path / "a.png")
+    result = texture(car, *asked, "-o", tmp_path / "a.glb")
+    assert result.exit_code == 1
+    assert result.stderr.count("\n") == 1
+    assert "pip install 'svbrdfgan[mitsuba]'" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_layer_beside_the_scene_within_a_mask(car: Path, varied_run: Path, tmp_path: Path) -> None:
     document = read_document(car)
     for mesh in document.table("meshes"):
@@ -119,3 +132,51 @@ def test_a_layer_beside_the_scene_within_a_mask(car: Path, varied_run: Path, tmp
         assert scene.header["materials"] == document.header["materials"]
         assert scene.header["asset"]["extras"]["svbrdfgan"]["recipe"] == "rust"
     assert alphas[1] <= 128 < alphas[0]
+
+
+def test_without_a_model_the_shipped_one_paints_and_that_is_told(
+    car: Path, shipped: Path, varied_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("svbrdfgan.cli.texture.DEFAULT", "dust")
+    told = "painting dust; --recipe and --model choose another (see `svbrdfgan models`)"
+    found = {}
+    for name, asked in {"none": (), "recipe": ("--recipe", "dust"), "model": ("--model", "corroded")}.items():
+        needed = ("--recipe", "dust") if name == "model" else ()
+        result = texture(car, *asked, *needed, "--size", 64, "-o", tmp_path / f"{name}.glb")
+        assert result.exit_code == 0, result.output
+        assert (told in result.stderr) == (name == "none")
+        found[name] = (tmp_path / f"{name}.glb").read_bytes()
+    assert found["none"] == found["recipe"] == found["model"]
+    extras = read_document(tmp_path / "none.glb").header["asset"]["extras"]["svbrdfgan"]
+    assert (extras["model"], extras["recipe"]) == ("corroded", "dust")
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (("--recipe", "dsut"), "no shipped model learned the recipe 'dsut'; did you mean 'dust'?"),
+        (("--model", "corrode"), "no model of that name is shipped; did you mean 'corroded'? Shipped are corroded."),
+    ],
+)
+def test_an_unknown_model_is_told(asked: tuple[str, ...], said: str, car: Path, shipped: Path, tmp_path: Path) -> None:
+    result = texture(car, *asked, "-o", tmp_path / "a.glb")
+    assert result.exit_code == 1
+    assert said in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_amount_0_changes_no_byte_and_little_is_faint(car: Path, varied_run: Path, tmp_path: Path) -> None:
+    asked = ("--model", varied_run, "--recipe", "rust", "--size", 64, "--overlay", tmp_path / "layer")
+    result = texture(car, "--model", varied_run, "--recipe", "rust", "--amount", 0, "-o", tmp_path / "clean.glb")
+    assert result.exit_code == 0, result.output
+    before, after = read_document(car), read_document(tmp_path / "clean.glb")
+    assert (after.header["materials"], after.header.get("images")) == (before.header["materials"], None)
+    alphas = []
+    for amount in (0, 0.001, 0.02, 0.05):
+        result = texture(car, *asked, "--amount", amount, "-o", tmp_path / "a.glb", "--force")
+        assert result.exit_code == 0, result.output
+        with Image.open(tmp_path / "layer" / "layer.base_color.png") as layer:
+            alphas.append(float(np.asarray(layer)[..., 3].mean()))
+    assert alphas[0] == 0.0
+    assert alphas[0] < alphas[1] < 0.05 * alphas[3]
+    assert alphas[2] == pytest.approx(0.4 * alphas[3], rel=0.1)

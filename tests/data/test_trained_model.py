@@ -157,6 +157,15 @@ def test_what_is_no_model_is_told(declared: Made, base: Path, tmp_path: Path) ->
     refused(str(tmp_path), r"model\.safetensors cannot be read")
 
 
+def test_a_shipped_model_is_named(declared: Made, base: Path, shipped: Path) -> None:
+    named, run = (with_model(declared(weathering={"model": model}), None, base) for model in ("corroded", "run"))
+    assert named.weathering is not None
+    assert named.weathering.model == "corroded"
+    assert named.model_copy(update={"weathering": None}) == run.model_copy(update={"weathering": None})
+    with pytest.raises(AssetError, match=r"weathering\.model: .*; did you mean 'corroded'\? Shipped are corroded\."):
+        with_model(declared(weathering={"model": "corrode"}), None, base)
+
+
 def test_amounts_beyond_those_of_training_are_told(
     declared: Made, base: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -8,17 +8,26 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
+import trimesh
 from torch import Tensor
 
+from svbrdfgan.asset.peels import peels
 from svbrdfgan.asset.points import SurfacePoints
+from svbrdfgan.asset.surroundings import Surroundings
+from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.inference.learned import LearnedWeathering
 from svbrdfgan.inference.learned_painter import LearnedPainter
+from svbrdfgan.inference.peel_layers import mesh_map_inputs
 from svbrdfgan.inference.workpiece import Workpiece, open_workpiece
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
+from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
-from svbrdfgan.types import channel_slices
+from svbrdfgan.types import Mesh, Part, channel_slices
+from svbrdfgan.weathering.mesh_maps import bake_mesh_maps
+from svbrdfgan.weathering.recipes import ChippedPaint, Recipe, RoadDirt, Rust
+from svbrdfgan.weathering.substances import Substance
 
 TEXELS = 128
 
@@ -106,3 +115,55 @@ def test_normals_lean_as_the_layer_s_do_in_the_frames_of_the_embedding(workpiece
     lean = (normal * along / np.linalg.norm(along, axis=1, keepdims=True)).sum(axis=1)
     assert np.median(rise) == pytest.approx(0.8, abs=0.01)
     assert np.median(lean) == pytest.approx(0.6, abs=0.02)
+
+
+def test_peels_have_the_mesh_maps_of_what_they_show(workpiece: Workpiece) -> None:
+    fragments = embed_and_rasterize(load_embedding("hemispherical", {}), workpiece.mesh, TEXELS)
+    surface, everything = fragments.surface, np.ones(len(workpiece.mesh.faces), bool)
+    found = list(peels(fragments, everything, workpiece.surroundings.reversed))
+    inputs = mesh_map_inputs(surface, found, workpiece.surroundings)
+    wanted = bake_mesh_maps(surface, found[0].buffer).network_input()
+    torch.testing.assert_close(inputs[0], wanted)
+    assert len(found) > 1
+    for peel, given in zip(found[1:], inputs[1:], strict=True):
+        exact, known = bake_mesh_maps(surface, peel.buffer).network_input(), torch.from_numpy(peel.known)
+        torch.testing.assert_close(given[2:, known], exact[2:, known])
+        assert (given[:2, known] - exact[:2, known]).abs().median() < 0.03
+        assert torch.equal(given[:, ~known], inputs[0][:, ~known])
+
+
+def test_what_is_enclosed_is_not_seen() -> None:
+    boxes = [trimesh.creation.box((size, size, size)) for size in (1.0, 0.5)]
+    corners, faces = (np.concatenate(parts) for parts in zip(*((b.vertices, b.faces) for b in boxes), strict=True))
+    faces[12:] += 8
+    mesh = Mesh(corners, faces, np.zeros(24, np.int64), (Part("box"),))
+    assert Surroundings.of(mesh).seen().tolist() == 12 * [True] + 12 * [False]
+
+
+@pytest.mark.parametrize("recipe", [RoadDirt, Rust])
+def test_a_layer_lies_on_what_its_recipe_settles_on(recipe: type[Recipe], workpiece: Workpiece) -> None:
+    learned = replace(position_model(), recipe=recipe)
+    opened = open_workpiece(workpiece.asset.path, front="+Z", up="+Y")
+    workpiece = opened.settled(learned.settles_on)
+    assert (len(workpiece.weathered) > len(opened.weathered)) == (recipe is RoadDirt)  # on glass, too
+    points = points_on(workpiece, 20_000)
+    paint = learned.painter(workpiece)(points, 0.01)
+    substance = workpiece.surroundings.substance[points.face]
+    assert {Substance.PAINT, Substance.GLASS, Substance.RUBBER} <= set(substance)
+    for kind in np.unique(substance):
+        share = recipe.settles_on.get(Substance(kind), 0.0)
+        np.testing.assert_allclose(paint.alpha[substance == kind], share, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("recipe", "maps"),
+    [
+        (RoadDirt, ["roughness", "normal", "metallic"]),
+        (ChippedPaint, ["roughness", "normal"]),
+        (None, ["roughness", "normal"]),
+    ],
+)
+def test_what_is_no_metal_hides_metal(recipe: type[Recipe] | None, maps: list[str], workpiece: Workpiece) -> None:
+    painter = replace(position_model(), recipe=recipe).painter(workpiece)
+    assert list(painter.maps) == maps
+    assert not painter(points_on(workpiece, 100), 0.01).metallic.any()

@@ -66,6 +66,13 @@ def test_python_takes_a_recipe_and_spares_the_source(van: Path, tmp_path: Path) 
     assert van.read_bytes() == before
 
 
+def test_a_clean_layer_changes_nothing(van: Path) -> None:
+    workpiece = opened(van)
+    clean = weathered_document(workpiece, RecipeWeathering(Dust(amount=0.0)), SMALL)
+    assert clean.document.header == workpiece.asset.document.header
+    assert clean.materials == []
+
+
 def test_patterns_are_sized_by_the_length_that_is_given(van: Path, tmp_path: Path) -> None:
     """The van's own length in metres changes nothing, and another does."""
     own = opened(van).surroundings.grounds.metres

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from svbrdfgan.networks.draw import Draw
+from svbrdfgan.networks.draw import Draw, opacity_of
 from svbrdfgan.networks.generator import Generator
 
 
@@ -18,6 +18,15 @@ def test_a_draw_is_the_generator_at_its_seed_and_labels() -> None:
 def test_without_chance_it_is_the_generator_itself() -> None:
     generator, geometry = Generator(width=4, blocks=0), torch.rand(2, 6, 16, 16)
     assert torch.equal(Draw(generator)(geometry), generator(geometry))
+
+
+def test_a_layer_fades_in_from_clean() -> None:
+    assert [opacity_of(amount) for amount in (0.0, 0.025, 0.05, 1.0)] == [0.0, 0.5, 1.0, 1.0]
+    generator, geometry = Generator(width=4, blocks=0, maps=("roughness",)).eval(), torch.rand(1, 6, 16, 16)
+    with torch.no_grad():
+        whole, faint = Draw(generator)(geometry), Draw(generator, opacity=0.4)(geometry)
+    torch.testing.assert_close(faint[..., 3], 0.4 * whole[..., 3])
+    assert torch.equal(faint[..., [0, 1, 2, 4]], whole[..., [0, 1, 2, 4]])
 
 
 def test_a_finer_draw_is_the_generator_s_finer_layer() -> None:

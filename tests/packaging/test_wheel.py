@@ -37,6 +37,9 @@ def test_what_is_in_the_wheel(wheel: Path) -> None:
     tops = {name.split("/")[0] for name in names}
     assert tops == {"svbrdfgan", METADATA, *PACKAGES}
     assert "svbrdfgan/py.typed" in names
+    models = {path.relative_to(REPOSITORY).as_posix() for path in (REPOSITORY / "svbrdfgan" / "models").glob("*/*.*")}
+    assert {name for name in models if "__pycache__" not in name} <= set(names)
+    assert wheel.stat().st_size < 40_000_000
     licence = zipfile.ZipFile(wheel).read(f"{METADATA}/licenses/LICENSE")
     assert b"Apache License" in licence
 

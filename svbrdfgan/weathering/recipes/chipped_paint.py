@@ -41,6 +41,7 @@ class ChippedPaint(Options):
 
     settles_on: ClassVar[Mapping[Substance, float]] = MappingProxyType({Substance.PAINT: 1.0})
     """What has paint to lose."""
+    metal: ClassVar[bool] = True
     reads_edges: ClassVar[bool] = True
 
     def paint(self, site: Site) -> Coat:

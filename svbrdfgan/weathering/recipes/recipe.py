@@ -54,6 +54,8 @@ class Recipe(Protocol):
     settles_on: ClassVar[Mapping[Substance, float]]
     """How thickly it lies on each substance, or how readily it eats it; substances that are not named stay as they are.
     """
+    metal: ClassVar[bool]
+    """Whether its matter, or what lies bare under it, is metal anywhere; else metallic is 0 wherever it lies."""
     reads_edges: ClassVar[bool]
     """Whether it goes by the site's distances to edges."""
 
@@ -88,6 +90,7 @@ class Options:
     """
 
     settles_on: ClassVar[Mapping[Substance, float]] = MappingProxyType({Substance.PAINT: 1.0})
+    metal: ClassVar[bool] = False
     reads_edges: ClassVar[bool] = False
 
     amount: float = number(0.6, 0.0, 1.0)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -177,6 +178,7 @@ class SmoothRust(_Smooth):
         ConfigError: an option out of its range.
     """
 
+    metal: ClassVar[bool] = True
     bleed: float = number(1.0, 0.0, 2.0)
 
     def _painted(self, site: _Texels) -> _Painted:
@@ -226,6 +228,7 @@ class SmoothChips(_Smooth):
         ConfigError: an option out of its range.
     """
 
+    metal: ClassVar[bool] = True
     detail: float = number(1.0, 0.0, 1.0)
     scratches: float = number(1.0, 0.0, 2.0)
     rust: float = number(0.5, 0.0, 1.0)
