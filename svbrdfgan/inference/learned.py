@@ -83,9 +83,9 @@ class LearnedWeathering:
         return self.recipe.settles_on if self.recipe else {}
 
     def shares(self, workpiece: Workpiece) -> Float[Tensor, " mesh_faces"]:
-        """What alpha is multiplied by on each face of the workpiece's mesh: as the recipe's thickness, by substance."""
+        """What alpha is multiplied by on each face of the workpiece's mesh: the recipe's thickness on its substance."""
         substance = torch.from_numpy(workpiece.surroundings.substance)
-        return by_substance(substance, self.settles_on) if self.recipe else torch.ones(len(substance))
+        return by_substance(substance, self.settles_on) if self.settles_on else torch.ones(len(substance))
 
     @property
     def description(self) -> Mapping[str, Any]:

@@ -27,6 +27,7 @@ from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.types import Mesh, Part, channel_slices
 from svbrdfgan.weathering.mesh_maps import bake_mesh_maps
 from svbrdfgan.weathering.recipes import ChippedPaint, Recipe, RoadDirt, Rust
+from svbrdfgan.weathering.recipes.smooth import SmoothDirt
 from svbrdfgan.weathering.substances import Substance
 
 TEXELS = 128
@@ -140,7 +141,7 @@ def test_what_is_enclosed_is_not_seen() -> None:
     assert Surroundings.of(mesh).seen().tolist() == 12 * [True] + 12 * [False]
 
 
-@pytest.mark.parametrize("recipe", [RoadDirt, Rust])
+@pytest.mark.parametrize("recipe", [RoadDirt, Rust, SmoothDirt])
 def test_a_layer_lies_on_what_its_recipe_settles_on(recipe: type[Recipe], workpiece: Workpiece) -> None:
     learned = replace(position_model(), recipe=recipe)
     opened = open_workpiece(workpiece.asset.path, front="+Z", up="+Y")
@@ -151,7 +152,7 @@ def test_a_layer_lies_on_what_its_recipe_settles_on(recipe: type[Recipe], workpi
     substance = workpiece.surroundings.substance[points.face]
     assert {Substance.PAINT, Substance.GLASS, Substance.RUBBER} <= set(substance)
     for kind in np.unique(substance):
-        share = recipe.settles_on.get(Substance(kind), 0.0)
+        share = recipe.settles_on.get(Substance(kind), 0.0) if recipe.settles_on else 1.0
         np.testing.assert_allclose(paint.alpha[substance == kind], share, atol=1e-3)
 
 

@@ -53,7 +53,7 @@ class Recipe(Protocol):
 
     settles_on: ClassVar[Mapping[Substance, float]]
     """How thickly it lies on each substance, or how readily it eats it; substances that are not named stay as they are.
-    """
+    If it is empty, the recipe does not go by substances, and lies on all that weathers."""
     metal: ClassVar[bool]
     """Whether its matter, or what lies bare under it, is metal anywhere; else metallic is 0 wherever it lies."""
     reads_edges: ClassVar[bool]

@@ -11,7 +11,9 @@ bare metal. With detail 0 the finest wavelength at scale 1 is a twentieth of the
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
@@ -24,6 +26,7 @@ from svbrdfgan.weathering.noise import fbm
 from svbrdfgan.weathering.ranges import number
 from svbrdfgan.weathering.recipes.recipe import Coat, Directions, Options
 from svbrdfgan.weathering.site import Site
+from svbrdfgan.weathering.substances import Substance
 
 Values = Float[ndarray, " texels"]
 
@@ -69,6 +72,8 @@ class _Smooth(Options):
     Raises:
         ConfigError: an option out of its range.
     """
+
+    settles_on: ClassVar[Mapping[Substance, float]] = MappingProxyType({})
 
     amount: float = number(0.8, 0.0, 1.0)
     detail: float = number(0.0, 0.0, 1.0)
