@@ -15,6 +15,7 @@ from svbrdfgan.networks.fused import Features, NormActPad, norm_act_pad
 from svbrdfgan.networks.layers import Norm, make_norm
 from svbrdfgan.networks.modulation import Affine, Modulation
 from svbrdfgan.networks.random_fields import random_fields, random_numbers
+from svbrdfgan.networks.relief import relief_normals
 from svbrdfgan.types import channel_slices, layer_channels
 
 GEOMETRY_CHANNELS = 6
@@ -25,9 +26,9 @@ MESH_MAPS = 5
 _NO_METAL = -3.0
 """What is added to metallic before the sigmoid. Without it training starts half metallic, and few things are."""
 
-_TILT = 0.1
-"""What x and y of normals are multiplied by before their range. With 1 training starts with normals that lean by tens
-of degrees, where relief leans by a few, and they take long to come back."""
+_HEIGHT = 2e-4
+"""Height of the relief, in units of half a vehicle length, where the last convolution gives 1. So training starts with
+normals that lean by a few degrees, as those of relief do."""
 
 _NUMBERS = 16
 """Random numbers of a seed that modulate the features: what distinguishes draws as wholes, where fields do locally."""
@@ -81,6 +82,7 @@ class Generator(nn.Module):
         labels: int = 0,
     ) -> None:
         super().__init__()
+        values = layer_channels(maps) - (2 if "normal" in maps else 0)  # a height instead of normals
         self.mesh_maps, self.random_fields, self.labels = mesh_maps, random_fields, labels
         self.maps, self.channels = maps, channel_slices(maps)
         self.first = nn.Conv2d(self.inputs + random_fields, width, kernel, bias=_biased(norm))
@@ -90,7 +92,7 @@ class Generator(nn.Module):
         self.blocks = nn.ModuleList(ResidualBlock(widths[-1], norm) for _ in range(blocks))
         self.up = nn.ModuleList(_up(deep, coarse, norm, upsampling) for coarse, deep in reversed(steps))
         self.mix = nn.ModuleList(_conv(coarse, coarse, 3, norm) for coarse, _ in reversed(steps)) if skips else None
-        self.last = PreActConv(nn.Conv2d(width, layer_channels(maps), kernel), norm, pad=kernel // 2)
+        self.last = PreActConv(nn.Conv2d(width, values, kernel), norm, pad=kernel // 2)
         code = labels + (_NUMBERS if random_fields else 0)
         # of the blocks, of each `up` and the `mix` that follows it, and of `last`, in their order
         inputs = widths[-1:] * (2 * blocks + 1)
@@ -115,10 +117,10 @@ class Generator(nn.Module):
         labels: Float[Tensor, "batch labels"] | None = None,
         factor: int = 1,
     ) -> Float[Tensor, "batch fine_rows fine_cols channels"]:
-        """The values of layers (`Layer`) that paint `maps`: in (0, 1), but x and y of normals in (-1, 1).
+        """The values of layers (`Layer`) that paint `maps`: in (0, 1), but normals, which are unit vectors.
 
         Rows and columns must be multiples of `multiple`, and at least four times that. Where the last convolution gives
-        0, metallic is 0.05, and normals are (0, 0, 0.5), which is flat.
+        0, metallic is 0.05. Normals are those of a height that it gives (`relief_normals`).
 
         Args:
             geometry: position and normal (`GeometryBuffer.network_input`), then mesh maps if it reads them.
@@ -127,10 +129,10 @@ class Generator(nn.Module):
             factor: the layer has this many times the rows and columns of the geometry, and patterns of the same scale
                 (`PreActConv.finer`). Only the last convolution runs at that resolution, so memory hardly grows.
         """
-        affine = self._affine(seeds, labels)
+        affine, position = self._affine(seeds, labels), geometry[:, :3]
         if self.random_fields:
             assert seeds is not None
-            geometry = torch.cat([geometry, random_fields(geometry[:, :3], seeds, self.random_fields)], dim=1)
+            geometry = torch.cat([geometry, random_fields(position, seeds, self.random_fields)], dim=1)
         x: Tensor = self.first(norm_act_pad(geometry, NormActPad(pad=self.first.kernel_size[0] // 2)).padded)
         passed = []
         for down in self.down:
@@ -153,9 +155,9 @@ class Generator(nn.Module):
         layer = torch.sigmoid(x).permute(0, 2, 3, 1)
         if (normal := self.channels.get("normal")) is None:
             return layer
-        first, last = normal.start, normal.stop - 1
-        lean = torch.tanh(0.5 * _TILT * x[:, first:last]).permute(0, 2, 3, 1)
-        return torch.cat([layer[..., :first], lean, layer[..., last:]], dim=-1)
+        fine = position if factor == 1 else F.interpolate(position, scale_factor=factor, mode="bilinear")
+        normals = relief_normals(_HEIGHT * x[:, normal.start], fine)
+        return torch.cat([layer[..., : normal.start], normals], dim=-1)
 
     def _affine(self, seeds: Tensor | None, labels: Tensor | None) -> Iterator[Affine | None]:
         """The modulation of each modulated convolution, in order; None without end if there is none."""

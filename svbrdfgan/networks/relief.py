@@ -1,0 +1,35 @@
+"""Relief: normals as the slopes of a painted height, so that they belong to a surface, and lean to no side at large."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn.functional import normalize
+
+_LEAST = 0.5
+"""Least length of a texel, over the number of texels along a side, in the units of `position`. Poles of an embedding
+and texels beside the surface are shorter, and would have slopes without bound."""
+
+
+def relief_normals(
+    height: Float[Tensor, "batch rows cols"], position: Float[Tensor, "batch 3 rows cols"]
+) -> Float[Tensor, "batch rows cols 3"]:
+    """Unit normals in tangent space of a surface that was raised by `height` (Blinn 1978), by differences of texels.
+
+    Slopes are those along the surface, whatever the embedding stretches. Where texels that lie side by side show places
+    far apart, at cuts and at the texture's border, the relief is nearly flat.
+
+    Args:
+        height: outward, in the units of `position`.
+        position: of each texel.
+    """
+    least = _LEAST / max(height.shape[1:])
+    along, up = (torch.roll(position, -1, dims=dim) - position for dim in (3, 2))
+    rise, climb = (torch.roll(height, -1, dims=dim) - height for dim in (2, 1))
+    length = along.norm(dim=1).clamp(min=least)
+    sheared = (along * up).sum(dim=1) / length  # of `up` along the tangent
+    upright = (up.square().sum(dim=1) - sheared.square()).clamp(min=least**2).sqrt()
+    x = rise / length
+    y = (climb - sheared * x) / upright
+    return normalize(torch.stack([-x, -y, torch.ones_like(x)], dim=-1), dim=-1)
