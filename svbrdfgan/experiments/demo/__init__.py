@@ -14,13 +14,13 @@ from svbrdfgan.data.generate import generate
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.evaluation.record import Evaluation
-from svbrdfgan.experiments.demo.gloss import PAINT, glossy_picture, matt_dirt, polished
+from svbrdfgan.experiments.demo.gloss import GLOSS, glossy, glossy_picture, matt_dirt
 from svbrdfgan.inference.apply import paint
 from svbrdfgan.inference.embedded import write_embedded
-from svbrdfgan.inference.studio import write_picture
-from svbrdfgan.io.environment import load_environment
+from svbrdfgan.inference.studio import BOUNCES, write_picture
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.plugins.select import resolve_renderer
+from svbrdfgan.procedural.softboxes import build_studio
 from svbrdfgan.report.overview import FurtherColumn, write_overview
 from svbrdfgan.report.page import write_report
 from svbrdfgan.training.config import train_config
@@ -28,8 +28,8 @@ from svbrdfgan.training.run import CONFIG, load_model
 from svbrdfgan.training.trainer import train
 from svbrdfgan.utils.display import Display
 
-_SPP = 16
-"""Samples per pixel of the vehicle's picture, which is large."""
+_TEXTURE = 512
+"""Texels along a side of the weathered vehicle's textures."""
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,12 @@ def run_demo(out: Path, display: Display) -> DemoResult:
     train(training, run, base=out, resume=(run / CONFIG).is_file(), display=display)
     evaluated = evaluate(run, split="test", schedule=OracleConfig(batch=training.batch_size), display=display)
     display.begin("writing the vehicle and the report")
-    renderer, _ = resolve_renderer(training.renderer, maps=PAINT)
-    vehicle = out / "weathered_vehicle.glb"
-    subject, learned = paint(load_mesh(data / plan.meshes["test"][0].asset.path), load_model(run))
-    subject, layer = polished(subject), matt_dirt(learned)
-    write_embedded(vehicle, subject, layer, PAINT)
-    sky = load_environment(data / plan.environments["test"][0].asset.path)
-    write_picture(vehicle.with_suffix(".png"), subject, layer, renderer, sky, PAINT, spp=_SPP)
+    renderer, _ = resolve_renderer(training.renderer, maps=GLOSS, bounces=BOUNCES)
+    vehicle, mesh = out / "weathered_vehicle.glb", load_mesh(data / plan.meshes["test"][0].asset.path)
+    _, learned = paint(mesh, load_model(run), resolution=_TEXTURE)
+    subject, layer = glossy(mesh, declared, _TEXTURE), matt_dirt(learned)
+    write_embedded(vehicle, subject, layer, GLOSS)
+    write_picture(vehicle.with_suffix(".png"), subject, layer, renderer, build_studio(), GLOSS)
     picture = out / "overview.png"
     column = FurtherColumn("on glossy paint", partial(glossy_picture, evaluated, renderer))
     write_overview(run, evaluated, picture, further=column)
