@@ -20,15 +20,15 @@ from svbrdfgan.io.image import srgb_from_linear
 from svbrdfgan.io.mesh import join_pieces
 from svbrdfgan.report.pictures import INK, PAPER, font, to_pillow
 from svbrdfgan.types import Materials, Surface
-from svbrdfgan.weathering.recipes import RECIPES
+from svbrdfgan.weathering.layer import recipe_from_options
 
 WIDTH = 1600
 """Of the picture, in pixels, as all sizes."""
-_ASPECT = 1.8  # width of a cell by its height
+_ASPECT = 1.9  # width of a cell by its height
 _GAP = 5  # between cells
 _LABEL = 16  # size of the letters, and their distance from the cell's corner
-_PAINTED = 640  # texels along a side of a texture over the whole vehicle: as fine as a cell shows them
-_SPP = (64, 16)  # without and with a denoiser
+_PAINTED = 448  # texels along a side of a texture over the whole vehicle: as fine as a cell shows them
+_SPP = (48, 8)  # without and with a denoiser
 _AMOUNTS = {"rust": (0.5, 0.75, 1.0), "road-dirt": (0.25, 0.5, 0.75)}
 _SEEDS = (0, 1)
 
@@ -51,7 +51,8 @@ def demo_rows() -> list[list[Cell]]:
 
 
 def _weathering(name: str, seed: int, amount: float) -> Weathering:
-    return RecipeWeathering(RECIPES[name](seed=seed, amount=amount))  # a shipped model of that name takes its place
+    """A shipped model of that name takes the recipe's place in this line."""
+    return RecipeWeathering(recipe_from_options(name, {"seed": seed, "amount": amount}))
 
 
 def write_opening(path: Path, vehicle: Path, rows: Sequence[Sequence[Cell]], studio: Studio) -> Iterator[None]:
