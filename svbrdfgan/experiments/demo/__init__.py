@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib import resources
 from pathlib import Path
+
+import torch
 
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.config.yaml_files import load_yaml
@@ -36,7 +40,7 @@ from svbrdfgan.utils.display import Display
 
 _OPENING = replace(sample_vehicle("van", seed=6), paint=(0.32, 0.52, 0.50))
 """The vehicle that the demo opens with: its sides are large, and its paint is apart from rust and from dirt."""
-_ORACLE = OracleConfig(batch=8, rate=3e-3)
+_ORACLE = OracleConfig(batch=8, rate=3e-3, patience=1, halvings=3)
 """A small network learns faster than those for which the default is made."""
 _TEXTURE = 480
 """Texels along a side of the weathered vehicle's textures, a multiple of those trained at."""
@@ -84,8 +88,9 @@ def run_demo(out: Path, display: Display) -> DemoResult:
     declared = dataset_config(load_yaml(out / "dataset.yaml"), str(out / "dataset.yaml"))
     plan = generate(declared, data, base=out, display=display)
     training = train_config(load_yaml(out / "train.yaml"), str(out / "train.yaml"))
-    train(training, run, base=out, resume=(run / CONFIG).is_file(), display=display)
-    evaluated = evaluate(run, split="test", schedule=_ORACLE, display=display)
+    with _one_thread():
+        train(training, run, base=out, resume=(run / CONFIG).is_file(), display=display)
+        evaluated = evaluate(run, split="test", schedule=_ORACLE, display=display)
     display.begin("writing the vehicle and the report")
     vehicle, mesh = out / "weathered_vehicle.glb", load_mesh(data / plan.meshes["test"][0].asset.path)
     _, learned = paint(mesh, load_model(run), resolution=_TEXTURE)
@@ -97,6 +102,17 @@ def run_demo(out: Path, display: Display) -> DemoResult:
     column = FurtherColumn("on glossy paint", partial(glossy_picture, evaluated, studio.renderer))
     write_overview(run, evaluated, picture, further=column)
     return DemoResult(evaluated.evaluation, opening, vehicle, write_report(run, evaluated), picture)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Torch works in one thread: those of so small a network mostly wait for each other, longest on busy cores."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
 
 
 @cache
