@@ -26,7 +26,7 @@ def studio(monkeypatch: pytest.MonkeyPatch, quick_glossy_renderer: str) -> Studi
     """In which pictures are small and noisy."""
     for module in (opening, studio_module):
         monkeypatch.setattr(module, "can_denoise", lambda: False)
-    for name, value in {"WIDTH": 91, "_PAINTED": 32, "_SPP": (4, 4), "_LABEL": 1}.items():
+    for name, value in {"WIDTH": 91, "_ASPECT": 1.8, "_PAINTED": 32, "_SPP": (4, 4), "_LABEL": 1}.items():
         monkeypatch.setattr(opening, name, value)
     return Studio(load_bouncing(quick_glossy_renderer, {}, BOUNCES), build_studio())
 
