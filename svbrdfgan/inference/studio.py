@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -67,6 +67,14 @@ class Stand:
 
     studio: Studio
     surface: Surface
+    _grounds: dict[tuple[int, int, int], Tensor] = field(default_factory=dict, repr=False)
+
+    def sharing_shadow(self, surface: Surface) -> Stand:
+        """A stand of a surface of the same shape, such as other UVs make, on whose floor the same shadow lies.
+
+        A renderer of direct light alone then renders the floor once.
+        """
+        return replace(self, surface=surface)
 
     def show(
         self, materials: Materials, *, size: tuple[int, int] | None = None, spp: int | None = None
@@ -105,9 +113,11 @@ class Stand:
         if renderer.capabilities.max_bounces > 1:
             whole = renderer.render(self._prepared, with_floor(materials), view, spp=spp, seed=0)
             return over(whole.image, whole.coverage, floor)
-        ground = renderer.render(self._prepared, floor_alone(materials), view, spp=spp, seed=0)
-        alone = renderer.render(self._alone, materials, view, spp=spp, seed=0)
-        return alone.image + over(ground.image, ground.coverage, floor)
+        key = (view.width, view.height, spp)
+        if key not in self._grounds:
+            ground = renderer.render(self._prepared, floor_alone(materials), view, spp=spp, seed=0)
+            self._grounds[key] = over(ground.image, ground.coverage, floor)
+        return renderer.render(self._alone, materials, view, spp=spp, seed=0).image + self._grounds[key]
 
     @cached_property
     def _standing(self) -> Surface:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from svbrdfgan.procedural.loft import loft
 from svbrdfgan.procedural.outline import Outline
 from svbrdfgan.procedural.shape import VehicleShape
 from svbrdfgan.procedural.wheel import mirror, wheel
-from svbrdfgan.types import Mesh, Part
+from svbrdfgan.types import FileMap, Mesh, Part
 
 PART_NAMES = ("body", "glass", "tyre", "rim", "trim", "lights_front", "lights_rear")
 """The parts of every procedural vehicle, in order. Only the body has the paint."""
@@ -27,6 +28,16 @@ _COLORS = (
     (0.62, 0.62, 0.60),
     (0.45, 0.02, 0.015),
 )
+_GLOSS: tuple[Mapping[str, float], ...] = (
+    {"roughness": 0.15, "metallic": 0.0},  # a clear coat
+    {"roughness": 0.05, "metallic": 0.0, "alpha": 0.7},  # tinted
+    {"roughness": 0.9, "metallic": 0.0},
+    {"roughness": 0.3, "metallic": 1.0},
+    {"roughness": 0.6, "metallic": 0.0},
+    {"roughness": 0.1, "metallic": 0.0},
+    {"roughness": 0.1, "metallic": 0.0},
+)
+"""Of each part, in the order of `PART_NAMES`, as a mesh's file would say it: `make_subject` tells who reads it."""
 _RECESS = 0.004  # depth of the glass below the body's surface
 _SIDES = (1.0, -1.0)
 _REGIONS = (
@@ -43,7 +54,8 @@ _REGIONS = (
 def build_vehicle(shape: VehicleShape) -> Mesh:
     """The vehicle's mesh: nose at +Z, ground at y = 0, centred in x and z, length 1, 6,000 to 8,000 faces, no UVs.
 
-    The body with its glass, lights and trim is one closed surface; each wheel and each mirror is another.
+    The body with its glass, lights and trim is one closed surface; each wheel and each mirror is another. Paint is
+    glossy, rims are metal, and glass is seen through, where maps besides base colour are rendered.
     """
     outline = Outline(shape)
     body = _skin(outline)
@@ -64,7 +76,10 @@ def _skin(outline: Outline) -> Mesh:
     extra = np.concatenate([outline.arch_stations(11), regions.pillar_stations(outline)])
     positions, faces, under = loft(outline, extra)
     colors = (outline.shape.paint, *_COLORS)
-    parts = tuple(Part(name, color) for name, color in zip(PART_NAMES, colors, strict=True))
+    parts = tuple(
+        Part(name, color, file_maps={key: FileMap((value,)) for key, value in gloss.items()})
+        for name, color, gloss in zip(PART_NAMES, colors, _GLOSS, strict=True)
+    )
     return weld(Mesh(positions, faces, np.where(under, TRIM, BODY), parts))
 
 

@@ -447,7 +447,7 @@ def test_demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
     from svbrdfgan.experiments import demo
 
-    for name, override in (("dataset.yaml", "splits.train.meshes.procedural.count=4"), ("train.yaml", "minutes=0.1")):
+    for name, override in (("dataset.yaml", "splits.train.meshes.procedural.count=4"), ("train.yaml", "steps=20")):
         smaller = apply_overrides(load_yaml(Path(demo.__file__).parent / name), [override])
         (tmp_path / "demo" / name).write_text(json.dumps(smaller))
     output = succeeded(invoke("demo", "--out", tmp_path / "demo"))

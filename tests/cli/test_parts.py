@@ -34,7 +34,7 @@ def test_the_table_says_verdict_and_reason(car: Path) -> None:
     assert lines[0].startswith("car.glb: ")
     (glass,) = [line for line in lines if line.startswith("glass ")]
     assert "kept" in glass
-    assert "called 'glass'" in glass
+    assert "blended, mean alpha 0.70" in glass
     assert any(line.startswith("body ") and "weathers" in line for line in lines)
 
 

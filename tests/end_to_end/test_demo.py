@@ -34,8 +34,8 @@ def test_the_demonstration_recovers_something(tmp_path: Path) -> None:
     import yaml
 
     smaller = {
-        "dataset.yaml": ["image=[48, 48]", "texture=48", "splits.train.meshes.procedural.count=24"],
-        "train.yaml": ["minutes=2"],
+        "dataset.yaml": ["splits.train.meshes.procedural.count=24"],
+        "train.yaml": ["steps=600"],
     }
     for name, overrides in smaller.items():
         (tmp_path / name).write_text(yaml.safe_dump(apply_overrides(load_yaml(SHIPPED / name), overrides)))
@@ -44,6 +44,7 @@ def test_the_demonstration_recovers_something(tmp_path: Path) -> None:
     assert result.evaluation.oracle is not None
     assert result.evaluation.fraction < 1
     assert result.evaluation.generated.flip < result.evaluation.constant.flip
+    assert result.opening.is_file()
     assert result.report.is_file()
     assert result.picture.is_file()
     assert len(trimesh.load(result.vehicle).geometry) > 1

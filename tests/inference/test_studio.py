@@ -85,6 +85,15 @@ def test_direct_light_alone_shows_nearly_the_same(
     assert abs(pictures[0] - pictures[1]).mean() < 0.03
 
 
+def test_surfaces_of_one_shape_share_their_shadow(box: Surface, quick_glossy_renderer: str) -> None:
+    direct = Studio(load_bouncing(quick_glossy_renderer, {}, 1), build_studio())
+    other = replace(box, uv=box.uv + 0.5)
+    shared = direct.stand(box)
+    shared.show(GREY, size=SIZE, spp=16)
+    pictures = [stand.show(GREY, size=SIZE, spp=16) for stand in (shared.sharing_shadow(other), direct.stand(other))]
+    torch.testing.assert_close(*pictures)
+
+
 def test_white_is_not_burnt_and_black_is_no_hole(box: Surface, renderer: CheckedRenderer) -> None:
     def shown(color: float) -> torch.Tensor:
         gloss = {"base_color": torch.full((3,), color), "roughness": torch.tensor([0.3])}

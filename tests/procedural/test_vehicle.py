@@ -10,10 +10,13 @@ import pytest
 from jaxtyping import Float
 from numpy import ndarray
 
+from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.errors import ConfigError
+from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.procedural.kinds import KINDS, sample_vehicle
 from svbrdfgan.procedural.shape import LIMITS
 from svbrdfgan.procedural.vehicle import PART_NAMES, build_vehicle
+from svbrdfgan.scene.subject import make_subject
 from svbrdfgan.types import Mesh
 
 
@@ -103,6 +106,20 @@ def test_paint_is_the_body_and_nothing_else() -> None:
     np.testing.assert_array_equal(red.positions, blue.positions)
     assert red.parts[0].base_color == (0.5, 0.1, 0.1)
     assert red.parts[1:] == blue.parts[1:]
+
+
+def test_glass_paint_and_rims_are_what_they_are_called(vehicles: dict[str, Mesh]) -> None:
+    """As whole materials; where base colour alone is rendered, all is Lambertian and opaque as ever."""
+    embedding, selection = load_embedding("hemispherical"), PartSelection()
+    whole = make_subject(vehicles["sedan"], embedding, 16, selection, file_maps=True)
+    looks = whole.materials(maps=dict.fromkeys(("roughness", "metallic")))
+    found = {part.name: (part, look.maps) for part, look in zip(whole.surface.parts, looks.parts, strict=True)}
+    assert [name for name, (part, _) in found.items() if not part.opaque and not part.hidden] == ["glass"]
+    assert float(found["body"][1]["roughness"]) < float(found["trim"][1]["roughness"])
+    assert [name for name, (part, maps) in found.items() if maps["metallic"] > 0 and not part.hidden] == ["rim"]
+    plain = make_subject(vehicles["sedan"], embedding, 16, selection)
+    assert all(part.opaque for part in plain.surface.parts)
+    assert all(material.maps.keys() == {"base_color"} for material in plain.materials().parts)
 
 
 def test_same_seed_same_vehicle() -> None:
