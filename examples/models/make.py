@@ -1,20 +1,22 @@
-"""Makes the shipped models: data sets, training, the choice among seeds, and scores on the test vehicles.
+"""Makes the shipped models: data sets, training, the choice among seeds, scores on the test vehicles, and their cards.
 
-    python examples/models/make.py --assets assets -o out/models --minutes 8 --jobs 3
+    python examples/models/make.py --assets assets -o out/models --minutes 12 --jobs 3
 
 Each recipe has a data set, and each of its seeds a run. The seed that resembles the truth most on the validation
-vehicles is scored on the test vehicles, once, and shipped. What is there already is not made again. `--jobs` runs share
-a GPU; with several GPUs, runs are spread over them.
+vehicles is scored on the test vehicles, once, and becomes `out/models/shipped/RECIPE`, which belongs into
+`svbrdfgan/models`. What is there already is not made again. `--jobs` runs share a GPU; with several GPUs, they are
+spread over them.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
+import csv
 import os
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -23,11 +25,30 @@ from queue import SimpleQueue
 
 import torch
 
+from svbrdfgan.evaluation.record import Evaluation
+from svbrdfgan.io.records import load_record
+from svbrdfgan.models.card import ModelCard, Scores, Source
+from svbrdfgan.training.run import RunConfig
+from svbrdfgan.training.ship import ship
+
 HERE = Path(__file__).resolve().parent
-RECIPES = ("road-dirt", "rust", "dust", "grime", "chipped-paint")
+ABOUT = {
+    "road-dirt": "Road film that thins upwards, spray behind the wheels, mud low down, and traces of water.",
+    "rust": "Corrosion that starts at edges, sills and recesses, spreads in blotches, and runs down from them.",
+    "dust": "Dust that settles on what faces up, gathers in creases and wears off on edges.",
+    "grime": "Dark grime in recesses and creases, with streaks below them.",
+    "chipped-paint": "Paint chipped off edges and scratched off sides, down to primer and steel.",
+}
 METAL = ("chipped-paint",)
 """Recipes that lay metal bare, whose models paint metallic, too."""
+LIMITS = (
+    "Detail is as fine as a texel of 512 on a side: one to three centimetres on a car. Closer up it is soft.",
+    "Patterns have the size that they have on a car 4.5 m long, in proportion to the vehicle.",
+    "It learned from low-polygon vehicles, and from a recipe, not from photographs.",
+)
 PROGRAM = "from svbrdfgan.cli import main; main()"
+SHOWN = "cars/kenney_sedan.glb"
+"""The vehicle of the cards' pictures, which is CC0."""
 
 
 @dataclass(frozen=True)
@@ -39,31 +60,58 @@ class Work:
     free: SimpleQueue[str]
     settings: tuple[str, ...]
 
-    def dataset(self, recipe: str) -> Path:
-        """The data set of a recipe."""
-        folder = self.out / "data" / recipe
+    def dataset(self, recipe: str) -> None:
+        """Makes the data set of a recipe."""
         changes = [f"weathering.recipe={recipe}", *(["maps.metallic=0"] if recipe in METAL else [])]
-        self.run(
-            f"data-{recipe}",
-            "dataset",
-            str(self.out / "dataset.yaml"),
-            *changes,
-            *self.of("dataset"),
-            "-o",
-            str(folder),
-        )
-        return folder
+        config, folder = str(self.out / "dataset.yaml"), str(self.out / "data" / recipe)
+        self.run(f"data-{recipe}", "dataset", config, *changes, *self.of("dataset"), "-o", folder)
 
-    def train(self, recipe: str, seed: int) -> Path:
-        """A run, trained and scored on the validation vehicles."""
-        run, name = self.out / "runs" / f"{recipe}-{seed}", f"{recipe}-{seed}"
-        length = [f"seed={seed}", f"minutes={self.minutes}", f"dataset=data/{recipe}"]
-        resume = ["--resume"] if (run / "config.json").is_file() else []
-        train = ("train", str(self.out / "train.yaml"), *length, *self.of("train"), "-o", str(run), *resume)
+    def train(self, recipe: str, seed: int) -> None:
+        """Trains a run, and scores it on the validation vehicles."""
+        name, run = f"{recipe}-{seed}", self.folder(recipe, seed)
         if not (run / "evaluation.validation.json").is_file():
-            self.run(f"train-{name}", *train)
-            self.run(f"validate-{name}", "evaluate", str(run), "--split", "validation", "--no-oracle", "--workers", "4")
-        return run
+            length = (f"seed={seed}", f"minutes={self.minutes}", f"dataset=data/{recipe}")
+            resume = ["--resume"] if (run / "config.json").is_file() else []
+            config = str(self.out / "train.yaml")
+            self.run(f"train-{name}", "train", config, *length, *self.of("train"), "-o", str(run), *resume)
+            self.run(f"validate-{name}", "evaluate", str(run), "--split", "validation", "--no-oracle")
+
+    def ship(self, recipe: str, seeds: tuple[int, ...], data: tuple[Source, ...]) -> str:
+        """Scores the best seed of a recipe on the test vehicles, and makes the folder that is shipped.
+
+        Returns:
+            A line on it.
+        """
+        validated = {seed: scores_of(self.folder(recipe, seed), "validation") for seed in seeds}
+        best = max(seeds, key=lambda seed: validated[seed].resemblance or 0.0)
+        run, picture = self.folder(recipe, best), self.out / f"{recipe}.jpg"
+        if not (run / "evaluation.json").is_file():
+            self.run(f"test-{recipe}", "evaluate", str(run), "--no-oracle")
+        if not picture.is_file():
+            shown = ("texture", str(self.out / SHOWN), "--model", str(run), "-o", str(self.out / f"{recipe}.glb"))
+            self.run(f"picture-{recipe}", *shown, "--amount", "0.7", "--picture", str(picture))
+        others = {f"resemblance of seed {seed} on validation": found.resemblance for seed, found in validated.items()}
+        validation = validated[best].model_copy(update={"further": others})
+        trained = RunConfig.load(run).train
+        command = (
+            f"python examples/models/make.py --assets ASSETS -o OUT --recipes {recipe} --minutes {trained.minutes:g}"
+        )
+        card = ModelCard(
+            name=recipe,
+            title=recipe.replace("-", " ").capitalize(),
+            about=ABOUT[recipe],
+            recipes=(recipe,),
+            data=data,
+            command=command,
+            validation=validation,
+            test=scores_of(run, "test"),
+            limits=LIMITS,
+        )
+        ship(run, self.out / "shipped" / recipe, card, picture)
+        return f"{recipe}: seed {best}, {card.validation.resemblance} on validation, {card.test.resemblance} on test"
+
+    def folder(self, recipe: str, seed: int) -> Path:
+        return self.out / "runs" / f"{recipe}-{seed}"
 
     def of(self, kind: str) -> Iterator[str]:
         """The settings of a data set or of training that the command line changes."""
@@ -71,8 +119,9 @@ class Work:
 
     def run(self, name: str, *arguments: str) -> None:
         """Runs `svbrdfgan` on a free GPU; what it says goes into a file."""
-        gpu, log = self.free.get(), self.out / "logs" / f"{name}.log"
+        log = self.out / "logs" / f"{name}.log"
         log.parent.mkdir(parents=True, exist_ok=True)
+        gpu = self.free.get()
         try:
             with log.open("w") as file:
                 command = [sys.executable, "-c", PROGRAM, *arguments]
@@ -81,24 +130,48 @@ class Work:
         finally:
             self.free.put(gpu)
         if code:
-            sys.exit(f"{' '.join(arguments)} failed; {log} says why")
+            raise SystemExit(f"{' '.join(arguments)} failed; {log} says why")
         print(f"{name}: done", flush=True)
 
 
-def resemblance(run: Path, split: str) -> float:
-    """The score of a run on a split."""
+def scores_of(run: Path, split: str) -> Scores:
+    """What a card says of an evaluation."""
     name = "evaluation.json" if split == "test" else f"evaluation.{split}.json"
-    return float(json.loads((run / name).read_text())["generated"]["resemblance"]["resemblance"])
+    found = load_record(Evaluation, run / name)
+    draws, figures = found.generated.draws, found.generated.figures
+    if draws is None or figures is None:
+        raise SystemExit(f"{run} has no scores on {split}: {found.refusal}")
+    amount, relit = figures.amount, figures.relit
+    return Scores(
+        vehicles=draws.subjects,
+        resemblance=round(draws.resemblance, 3),
+        parts={name: round(value, 3) for name, value in draws.parts.items()},
+        deviation=round(figures.deviation, 3),
+        power=tuple(round(value, 3) for value in figures.power),
+        normals=tuple(round(value, 3) for value in figures.relief),
+        relit_flip=None if relit is None else round(relit.ratio, 3),
+        amount_correlation=None if amount is None else round(amount.correlation, 3),
+        amount_error=None if amount is None else round(amount.error, 3),
+    )
+
+
+def sources(assets: Path, config: str) -> tuple[Source, ...]:
+    """Who made the files that a configuration names, and their licences."""
+    with (assets / "MANIFEST.tsv").open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file, delimiter="\t") if row["file"] in config]
+    found = Counter((row["attribution"], row["licence"]) for row in rows)
+    named = [Source(name=f"{name}: {number} files", licence=licence) for (name, licence), number in found.items()]
+    return (*named, Source(name="procedural vehicles of this package", licence="Apache-2.0"))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("settings", nargs="*", help="such as train.batch_size=16 or dataset.splits.train.views=4")
-    parser.add_argument("--assets", type=Path, required=True, help="folder with cars/ and envmaps/")
+    parser.add_argument("--assets", type=Path, required=True, help="folder with cars/, envmaps/ and MANIFEST.tsv")
     parser.add_argument("-o", "--out", type=Path, required=True)
-    parser.add_argument("--recipes", nargs="+", default=RECIPES, choices=RECIPES)
+    parser.add_argument("--recipes", nargs="+", default=tuple(ABOUT), choices=tuple(ABOUT))
     parser.add_argument("--seeds", nargs="+", type=int, default=(0, 1, 2))
-    parser.add_argument("--minutes", type=float, default=8.0, help="training time of each run")
+    parser.add_argument("--minutes", type=float, default=12.0, help="training time of each run")
     parser.add_argument("--jobs", type=int, default=3, help="runs that share a GPU")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
@@ -111,10 +184,13 @@ def main() -> None:
     for gpu in gpus() * given.jobs:
         free.put(gpu)
     work = Work(given.out, given.minutes, free, tuple(given.settings))
+    seeds, data = tuple(given.seeds), sources(given.assets, (HERE / "dataset.yaml").read_text())
     with ThreadPoolExecutor(free.qsize()) as pool:
         list(pool.map(work.dataset, given.recipes))
-        pairs = [(recipe, seed) for seed in given.seeds for recipe in given.recipes]
+        pairs = [(recipe, seed) for seed in seeds for recipe in given.recipes]
         list(pool.map(lambda pair: work.train(*pair), pairs))
+        for line in pool.map(lambda recipe: work.ship(recipe, seeds, data), given.recipes):
+            print(line)
 
 
 def gpus() -> list[str]:
