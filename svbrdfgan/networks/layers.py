@@ -38,17 +38,23 @@ def instance_norm(x: Float[Tensor, "batch channels rows cols"]) -> Float[Tensor,
     return F.instance_norm(x.flatten(2), eps=EPSILON).view(x.shape)
 
 
-def initialise(network: nn.Module, generator: torch.Generator) -> None:
-    """Draws weights from N(0, 0.02) and zeroes biases, as the thesis's code base does where the thesis is silent.
+Weights = Literal["normal", "he"]
 
-    Weights of linear layers, which the thesis does not have, are drawn so that they keep the size of their input (He et
-    al. 2015).
+
+def initialise(network: nn.Module, generator: torch.Generator, weights: Weights = "normal") -> None:
+    """Draws the first weights, and zeroes biases.
+
+    Args:
+        weights: of convolutions. "normal": from N(0, 0.02), as the thesis's code base does where the thesis is silent.
+            "he": so that they keep the size of their input (He et al. 2015), as those of linear layers, which the
+            thesis does not have, always do.
     """
     for module in network.modules():
-        if isinstance(module, nn.Conv2d | nn.ConvTranspose2d):
+        if not isinstance(module, nn.Conv2d | nn.ConvTranspose2d | nn.Linear):
+            continue
+        if weights == "normal" and not isinstance(module, nn.Linear):
             nn.init.normal_(module.weight, 0.0, 0.02, generator=generator)
-            if module.bias is not None:
-                nn.init.zeros_(module.bias)
-        elif isinstance(module, nn.Linear):
+        else:
             nn.init.kaiming_normal_(module.weight, 0.2, generator=generator)
+        if module.bias is not None:
             nn.init.zeros_(module.bias)

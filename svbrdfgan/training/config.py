@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from svbrdfgan.config.choices import PluginChoice, PluginField
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.data.config import CameraDistribution, EnvironmentSource
-from svbrdfgan.networks.layers import Norm
+from svbrdfgan.networks.layers import Norm, Weights
 from svbrdfgan.networks.saved import GeneratorConfig
 
 
@@ -22,6 +22,11 @@ class DiscriminatorConfig(StrictModel):
         default=3, ge=1, le=5, description="strided convolutions: patches have 70 pixels with 3, 34 with 2, 16 with 1"
     )
     norm: Norm = Field(default="none", description="a gradient penalty needs `group` or `none`")
+    weights: Weights = Field(
+        default="normal",
+        description="its first weights: `normal`, from N(0, 0.02), as in the thesis; `he`, which keep the size of "
+        "their input (He et al. 2015), so that it tells fakes apart sooner; a larger `loss.r1` may be needed",
+    )
     gbuffer: bool = Field(
         default=True,
         description="shows it a G-buffer, the position and normal at each pixel; `false` by default with `rendering: "

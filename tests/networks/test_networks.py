@@ -224,3 +224,13 @@ def test_a_finer_layer_has_no_grid() -> None:
     step = generator(geometry, seeds, labels, 4).diff(dim=1).abs().mean(dim=(0, 2, 3))
     by_place = torch.stack([step[place::4].mean() for place in range(4)])
     assert by_place.max() < 1.3 * by_place.mean()
+
+
+def test_he_s_weights_keep_the_size_of_what_the_discriminator_sees() -> None:
+    sizes = {}
+    for weights in ("normal", "he"):
+        critic = Discriminator(channels=9)
+        initialise(critic, torch.Generator().manual_seed(0), weights)
+        with torch.no_grad():
+            sizes[weights] = float(critic(torch.randn(2, 9, 64, 64, generator=torch.Generator().manual_seed(0))).std())
+    assert sizes["normal"] < 0.3 < 0.5 < sizes["he"] < 2.0
