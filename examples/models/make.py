@@ -30,6 +30,7 @@ from svbrdfgan.io.records import load_record
 from svbrdfgan.models.card import ModelCard, Scores, Source
 from svbrdfgan.training.run import RunConfig
 from svbrdfgan.training.ship import ship
+from svbrdfgan.utils.processes import cores
 
 HERE = Path(__file__).resolve().parent
 ABOUT = {
@@ -53,18 +54,20 @@ SHOWN = "cars/kenney_sedan.glb"
 
 @dataclass(frozen=True)
 class Work:
-    """Where everything is, and which GPUs are free: one entry for each run that may start."""
+    """Where everything is, which GPUs are free (an entry for each run that may start), and the threads of each run."""
 
     out: Path
     minutes: float
     free: SimpleQueue[str]
     settings: tuple[str, ...]
+    threads: int
 
     def dataset(self, recipe: str) -> None:
         """Makes the data set of a recipe."""
         changes = [f"weathering.recipe={recipe}", *(["maps.metallic=0"] if recipe in METAL else [])]
         config, folder = str(self.out / "dataset.yaml"), str(self.out / "data" / recipe)
-        self.run(f"data-{recipe}", "dataset", config, *changes, *self.of("dataset"), "-o", folder)
+        workers = ("--workers", str(self.threads))
+        self.run(f"data-{recipe}", "dataset", config, *changes, *self.of("dataset"), "-o", folder, *workers)
 
     def train(self, recipe: str, seed: int) -> None:
         """Trains a run, and scores it on the validation vehicles."""
@@ -125,8 +128,8 @@ class Work:
         try:
             with log.open("w") as file:
                 command = [sys.executable, "-c", PROGRAM, *arguments]
-                visible = os.environ | {"CUDA_VISIBLE_DEVICES": gpu}
-                code = subprocess.run(command, stdout=file, stderr=file, env=visible, check=False).returncode
+                own = os.environ | {"CUDA_VISIBLE_DEVICES": gpu, "OMP_NUM_THREADS": str(self.threads)}
+                code = subprocess.run(command, stdout=file, stderr=file, env=own, check=False).returncode
         finally:
             self.free.put(gpu)
         if code:
@@ -183,7 +186,8 @@ def main() -> None:
     free: SimpleQueue[str] = SimpleQueue()
     for gpu in gpus() * given.jobs:
         free.put(gpu)
-    work = Work(given.out, given.minutes, free, tuple(given.settings))
+    threads = max(1, cores() // free.qsize())
+    work = Work(given.out, given.minutes, free, tuple(given.settings), threads)
     seeds, data = tuple(given.seeds), sources(given.assets, (HERE / "dataset.yaml").read_text())
     with ThreadPoolExecutor(free.qsize()) as pool:
         list(pool.map(work.dataset, given.recipes))
