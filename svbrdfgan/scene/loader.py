@@ -78,7 +78,7 @@ class SceneLoader:
         return replace(self.subject(scene), mesh_maps=self.mesh_maps(scene))
 
     def mesh_maps(self, scene: Scene) -> MeshMaps:
-        """Visibility and curvature of the scene's surface."""
+        """The mesh maps of the scene's surface."""
         key, subject = subject_key(scene), self.subject(scene)
         if key not in self._maps:
             path = self.folder / _CACHE / "mesh_maps" / f"{key}.safetensors"

@@ -37,7 +37,7 @@ class Subject:
         base: linear RGB reflectance of every part, constant (3,) or (rows, cols, 3) over the surface's UV.
         file_maps: by name, what the mesh's file says of each part's roughness, metallic and normal, likewise
             (channels,) or (rows, cols, channels). Empty if the subject was made for base colours alone.
-        mesh_maps: visibility and curvature, if the generator reads them.
+        mesh_maps: if the generator reads them.
     """
 
     surface: Surface
@@ -54,7 +54,7 @@ class Subject:
 
     @cached_property
     def generator_input(self) -> Float[Tensor, "inputs rows cols"]:
-        """Position and normal, and then visibility and curvature if they were baked."""
+        """Position and normal, and then the mesh maps if they were baked."""
         return self.geometry if self.mesh_maps is None else torch.cat([self.geometry, self.mesh_maps.network_input()])
 
     def with_mesh_maps(self) -> Subject:
