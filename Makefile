@@ -56,7 +56,7 @@ $(VENV)/bin/python:
 
 # The demo's packages come first, so that `make demo` waits for nothing else.
 $(VENV)/.demo: pyproject.toml constraints.txt | $(VENV)/bin/python
-	$(INSTALL) '.[warp,pictures]'
+	$(INSTALL) '.[warp,pictures,gltf]'
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.demo
