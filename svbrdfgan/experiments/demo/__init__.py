@@ -42,7 +42,7 @@ _OPENING = replace(sample_vehicle("van", seed=6), paint=(0.32, 0.52, 0.50))
 """The vehicle that the demo opens with: its sides are large, and its paint is apart from rust and from dirt."""
 _ORACLE = OracleConfig(batch=8, rate=3e-3, patience=1, halvings=3)
 """A small network learns faster than those for which the default is made."""
-_TEXTURE = 480
+_TEXTURE = 512
 """Texels along a side of the weathered vehicle's textures, a multiple of those trained at."""
 _SPP = 12
 """Samples per pixel of the vehicle's picture, which is large."""
