@@ -25,6 +25,8 @@ from queue import SimpleQueue
 
 import torch
 
+from svbrdfgan.config.yaml_files import load_yaml
+from svbrdfgan.data.config import dataset_config
 from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.io.records import load_record
 from svbrdfgan.models.card import ModelCard, Scores, Source
@@ -158,12 +160,14 @@ def scores_of(run: Path, split: str) -> Scores:
     )
 
 
-def sources(assets: Path, config: str) -> tuple[Source, ...]:
-    """Who made the files that a configuration names, and their licences."""
+def sources(assets: Path) -> tuple[Source, ...]:
+    """Who made what the models learn from, and its licences."""
+    config = dataset_config(load_yaml(HERE / "dataset.yaml"), "dataset.yaml")
+    used = {*config.splits["train"].meshes.files, *config.environments.files}
     with (assets / "MANIFEST.tsv").open(encoding="utf-8", newline="") as file:
-        rows = [row for row in csv.DictReader(file, delimiter="\t") if row["file"] in config]
+        rows = [row for row in csv.DictReader(file, delimiter="\t") if row["file"] in used]
     found = Counter((row["attribution"], row["licence"]) for row in rows)
-    named = [Source(name=f"{name}: {number} files", licence=licence) for (name, licence), number in found.items()]
+    named = [Source(name=f"{name} (files: {number})", licence=licence) for (name, licence), number in found.items()]
     return (*named, Source(name="procedural vehicles of this package", licence="Apache-2.0"))
 
 
@@ -188,7 +192,7 @@ def main() -> None:
         free.put(gpu)
     threads = max(1, cores() // free.qsize())
     work = Work(given.out, given.minutes, free, tuple(given.settings), threads)
-    seeds, data = tuple(given.seeds), sources(given.assets, (HERE / "dataset.yaml").read_text())
+    seeds, data = tuple(given.seeds), sources(given.assets)
     with ThreadPoolExecutor(free.qsize()) as pool:
         list(pool.map(work.dataset, given.recipes))
         pairs = [(recipe, seed) for seed in seeds for recipe in given.recipes]
