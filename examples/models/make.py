@@ -19,7 +19,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -28,8 +28,11 @@ import torch
 from svbrdfgan.config.yaml_files import load_yaml
 from svbrdfgan.data.config import dataset_config
 from svbrdfgan.evaluation.record import Evaluation
+from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.io.records import load_record
 from svbrdfgan.models.card import ModelCard, Scores, Source
+from svbrdfgan.procedural.kinds import sample_vehicle
+from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.training.run import RunConfig
 from svbrdfgan.training.ship import ship
 from svbrdfgan.utils.processes import cores
@@ -50,8 +53,8 @@ LIMITS = (
     "It learned from low-polygon vehicles, and from a recipe, not from photographs.",
 )
 PROGRAM = "from svbrdfgan.cli import main; main()"
-SHOWN = "cars/kenney_sedan.glb"
-"""The vehicle of the cards' pictures, which is CC0."""
+SHOWN = replace(sample_vehicle("van", seed=6), paint=(0.32, 0.52, 0.50))
+"""The vehicle of the cards' pictures, which is that of the demo: its sides are large."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,9 @@ class Work:
         if not (run / "evaluation.json").is_file():
             self.run(f"test-{recipe}", "evaluate", str(run), "--no-oracle")
         if not picture.is_file():
-            shown = ("texture", str(self.out / SHOWN), "--model", str(run), "-o", str(self.out / f"{recipe}.glb"))
+            vehicle, painted = self.out / f"{recipe}.clean.glb", str(self.out / f"{recipe}.glb")
+            save_mesh_glb(vehicle, build_vehicle(SHOWN))
+            shown = ("texture", str(vehicle), "--model", str(run), "-o", painted, "--force")
             self.run(f"picture-{recipe}", *shown, "--amount", "0.7", "--picture", str(picture))
         others = {f"resemblance of seed {seed} on validation": found.resemblance for seed, found in validated.items()}
         validation = validated[best].model_copy(update={"further": others})
