@@ -19,7 +19,8 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from inspect import getdoc
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -28,33 +29,25 @@ import torch
 from svbrdfgan.config.yaml_files import load_yaml
 from svbrdfgan.data.config import dataset_config
 from svbrdfgan.evaluation.record import Evaluation
+from svbrdfgan.experiments.demo import SHOWN
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.io.records import load_record
 from svbrdfgan.models.card import ModelCard, Scores, Source
-from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.training.run import RunConfig
 from svbrdfgan.training.ship import ship
 from svbrdfgan.utils.processes import cores
+from svbrdfgan.weathering.recipes import RECIPES
 
 HERE = Path(__file__).resolve().parent
-ABOUT = {
-    "road-dirt": "Road film that thins upwards, spray behind the wheels, mud low down, and traces of water.",
-    "rust": "Corrosion that starts at edges, sills and recesses, spreads in blotches, and runs down from them.",
-    "dust": "Dust that settles on what faces up, gathers in creases and wears off on edges.",
-    "grime": "Dark grime in recesses and creases, with streaks below them.",
-    "chipped-paint": "Paint chipped off edges and scratched off sides, down to primer and steel.",
-}
-METAL = ("chipped-paint",)
-"""Recipes that lay metal bare, whose models paint metallic, too."""
+LEARNED = ("road-dirt", "rust", "dust", "grime", "chipped-paint")
+"""The recipes."""
 LIMITS = (
-    "Detail is as fine as a texel of 512 on a side: one to three centimetres on a car. Closer up it is soft.",
+    "Detail is as fine as a texel of 512 on a side: half a centimetre to two on a car. Closer up it is soft.",
     "Patterns have the size that they have on a car 4.5 m long, in proportion to the vehicle.",
     "It learned from low-polygon vehicles, and from a recipe, not from photographs.",
 )
 PROGRAM = "from svbrdfgan.cli import main; main()"
-SHOWN = replace(sample_vehicle("van", seed=6), paint=(0.32, 0.52, 0.50))
-"""The vehicle of the cards' pictures, which is that of the demo: its sides are large."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +62,7 @@ class Work:
 
     def dataset(self, recipe: str) -> None:
         """Makes the data set of a recipe."""
-        changes = [f"weathering.recipe={recipe}", *(["maps.metallic=0"] if recipe in METAL else [])]
+        changes = [f"weathering.recipe={recipe}", *(["maps.metallic=0"] if RECIPES[recipe].metal else [])]
         config, folder = str(self.out / "dataset.yaml"), str(self.out / "data" / recipe)
         workers = ("--workers", str(self.threads))
         self.run(f"data-{recipe}", "dataset", config, *changes, *self.of("dataset"), "-o", folder, *workers)
@@ -109,7 +102,7 @@ class Work:
         card = ModelCard(
             name=recipe,
             title=recipe.replace("-", " ").capitalize(),
-            about=ABOUT[recipe],
+            about=" ".join(str(getdoc(RECIPES[recipe])).split("\n\n")[0].split()),
             recipes=(recipe,),
             data=data,
             command=command,
@@ -181,7 +174,7 @@ def main() -> None:
     parser.add_argument("settings", nargs="*", help="such as train.batch_size=16 or dataset.splits.train.views=4")
     parser.add_argument("--assets", type=Path, required=True, help="folder with cars/, envmaps/ and MANIFEST.tsv")
     parser.add_argument("-o", "--out", type=Path, required=True)
-    parser.add_argument("--recipes", nargs="+", default=tuple(ABOUT), choices=tuple(ABOUT))
+    parser.add_argument("--recipes", nargs="+", default=LEARNED, choices=LEARNED)
     parser.add_argument("--seeds", nargs="+", type=int, default=(0, 1, 2))
     parser.add_argument("--minutes", type=float, default=12.0, help="training time of each run")
     parser.add_argument("--jobs", type=int, default=3, help="runs that share a GPU")

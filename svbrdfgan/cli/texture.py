@@ -87,17 +87,18 @@ def command(
     first = seed or 0
     seeds = [seed] if count is None else list(range(first, first + count))
     paths = results(meshes, out, force=force, draws=None if count is None else [str(number) for number in seeds])
-    given = model or recipe
-    recipe = recipe or (None if model else DEFAULT)
-    chosen = model or model_of(recipe or DEFAULT)
-    with progress(f"loading {chosen}") as display:
+    asked = model or recipe
+    if model is None:
+        recipe = recipe or DEFAULT
+        model = model_of(recipe)
+    with progress(f"loading {model}") as display:
         from svbrdfgan.inference.learned import LearnedWeathering
         from svbrdfgan.rendering.compositing import BARE
         from svbrdfgan.report.sheet import sheet_rows
         from svbrdfgan.training.run import load_model
 
-        trained, name = load_model(chosen), Path(chosen).name
-        if not given:
+        trained, name = load_model(model), Path(model).name
+        if not asked:
             click.echo(f"painting {DEFAULT}; --recipe and --model choose another (see `svbrdfgan models`)", err=True)
         draws = [
             LearnedWeathering.of(trained, name=name, seed=number, amount=amount, recipe=recipe, resolution=resolution)

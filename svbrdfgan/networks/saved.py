@@ -43,7 +43,7 @@ class GeneratorConfig(StrictModel):
     mesh_maps: bool = Field(
         default=False,
         description="whether it also reads ambient visibility, curvature, and how near sharp edges and borders are, "
-        "since rust starts in recesses and on edges; baked once, seconds for each mesh",
+        "since rust starts in recesses and on edges; baked once, a second for each mesh",
     )
     random_fields: int = Field(
         default=0,

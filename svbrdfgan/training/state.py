@@ -21,7 +21,7 @@ from torch.optim.swa_utils import get_ema_multi_avg_fn
 from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.networks.discriminator import Discriminator
 from svbrdfgan.networks.generator import Generator
-from svbrdfgan.networks.layers import Weights, initialise
+from svbrdfgan.networks.layers import initialise
 from svbrdfgan.networks.saved import make_generator
 from svbrdfgan.training.all_reduce import GradientAllReduce
 from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
@@ -78,12 +78,9 @@ class State:
         rng = torch.Generator().manual_seed(config.seed)
         generator = make_generator(config.generator, maps, labels)
         discriminator = make_discriminator(config.discriminator, labels, judged)
-        networks: list[tuple[nn.Module, Weights]] = [
-            (generator, "normal"),
-            (discriminator, config.discriminator.weights),
-        ]
-        for network, weights in networks:
-            initialise(network, rng, weights)
+        initialise(generator, rng)
+        initialise(discriminator, rng, config.discriminator.weights)
+        for network in (generator, discriminator):
             network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
         adam, betas = config.optimizer, (config.optimizer.beta1, config.optimizer.beta2)
         return cls(

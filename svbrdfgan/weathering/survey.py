@@ -60,7 +60,7 @@ def survey(
     texel: float = 0.0,
     maps: MeshMaps | None = None,
 ) -> Site:
-    """The site at points on a surface. Without `maps` it takes about two seconds for 65,000 points.
+    """The site at points on a surface. Without `maps` it takes about a second for 65,000 points.
 
     Args:
         position, texel: in metres.

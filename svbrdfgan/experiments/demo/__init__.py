@@ -38,7 +38,7 @@ from svbrdfgan.training.run import CONFIG, load_model
 from svbrdfgan.training.trainer import train
 from svbrdfgan.utils.display import Display
 
-_OPENING = replace(sample_vehicle("van", seed=6), paint=(0.32, 0.52, 0.50))
+SHOWN = replace(sample_vehicle("van", seed=6), paint=(0.32, 0.52, 0.50))
 """The vehicle that the demo opens with: its sides are large, and its paint is apart from rust and from dirt."""
 _ORACLE = OracleConfig(batch=8, rate=3e-3, patience=1, halvings=3)
 """A small network learns faster than those for which the default is made."""
@@ -71,7 +71,7 @@ def open_demo(out: Path, display: Display) -> Path:
     picture, vehicle, rows = out / "opening.png", out / "clean_vehicle.glb", demo_rows()
     if not picture.is_file():
         display.begin("rust and road dirt on a vehicle", sum(map(len, rows)))
-        save_mesh_glb(vehicle, build_vehicle(_OPENING))
+        save_mesh_glb(vehicle, build_vehicle(SHOWN))
         for _ in write_opening(picture, vehicle, rows, _studio()):
             display.advance()
     return picture

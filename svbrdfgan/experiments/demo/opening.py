@@ -51,7 +51,7 @@ def demo_rows() -> list[list[Cell]]:
 
 
 def _weathering(name: str, seed: int, amount: float) -> Weathering:
-    """A shipped model of that name takes the recipe's place in this line."""
+    """The recipe of that name, as long as no model of it is shipped."""
     return RecipeWeathering(recipe_from_options(name, {"seed": seed, "amount": amount}))
 
 
