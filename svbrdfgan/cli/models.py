@@ -48,7 +48,11 @@ def _table(cards: Mapping[Path, ModelCard]) -> Table:
         score = "" if card.test.resemblance is None else f"{card.test.resemblance:.2f}"
         size = f"{_bytes(folder) / 1e6:.1f} MB"
         table.add_row(card.name, escape(card.about), score, size, escape(str(folder / PICTURE)))
-    table.caption = "resemblance: on vehicles that training never saw; 1 is as close as other true draws"
+    table.caption = (
+        "resemblance: on vehicles that training never saw; 1 is as close as other true draws"
+        if cards
+        else "this version ships no model; `svbrdfgan weather` paints recipes"
+    )
     return table
 
 

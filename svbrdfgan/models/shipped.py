@@ -46,9 +46,10 @@ def model_of(recipe: str) -> str:
     fitting = [name for name, recipes in learned.items() if recipe in recipes]
     if not fitting:
         known = sorted({each for recipes in learned.values() for each in recipes})
+        told = f"Shipped models know {', '.join(known)}" if known else "This version ships no model"
         raise ConfigError(
-            f"no shipped model learned the recipe {recipe!r}{did_you_mean(recipe, known) or '.'} Shipped models know "
-            f"{', '.join(known) or 'none'}; --model names another one."
+            f"no shipped model learned the recipe {recipe!r}{did_you_mean(recipe, known) or '.'} {told}; --model names "
+            "another one, and `svbrdfgan weather --recipe` paints recipes themselves."
         )
     return recipe if recipe in fitting else fitting[0]
 

@@ -133,3 +133,9 @@ def test_a_card_shows_what_was_measured_and_no_more() -> None:
 def test_names_are_those_of_folders(shipped: Path) -> None:
     with pytest.raises(ValueError, match="String should match pattern"):
         ModelCard.model_validate({**load_card(shipped).model_dump(), "name": "../rust"})
+
+
+def test_without_any_model_the_message_says_what_paints(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("svbrdfgan.models.shipped.FOLDER", tmp_path)
+    with pytest.raises(ConfigError, match=r"This version ships no model.*`svbrdfgan weather --recipe`"):
+        model_of("rust")
