@@ -23,7 +23,9 @@ from svbrdfgan_warp.trace_kernels import Geometry
 wp.set_module_options({"enable_backward": False})
 
 REDRAWS = wp.constant(4)
-"""Visits in which all light samples are drawn again once: each visit draws those of one group of hits."""
+"""Visits in which all light samples are drawn again once: each visit draws those of one group of pixels. What a pixel
+has is drawn at once, as one sequence: several short ones are spread less evenly, and fakes would be noisier than
+exemplars."""
 SHADOWED = wp.constant(wp.uint32(0xFFFFFFFF))
 # Streams of `rng.hashed`; 0 and 1 belong to `rng.numbers`.
 _WITHIN = wp.constant(wp.uint32(0x10000))
@@ -164,9 +166,9 @@ def draw_number(visit: int):
 
 
 @wp.func
-def last_drawn(hit: int, visit: int):
-    """The last visit, up to a visit from 0 on, for which a hit's light sample was drawn."""
-    return visit - (visit + REDRAWS - hit % REDRAWS) % REDRAWS
+def last_drawn(pixel: int, visit: int):
+    """The last visit, up to a visit from 0 on, for which a pixel's light samples were drawn."""
+    return visit - (visit + REDRAWS - pixel % REDRAWS) % REDRAWS
 
 
 @wp.func
@@ -179,18 +181,18 @@ def light_position(view: StoredView, hit: int, stored: wp.uint32, drawn: int):
 
 @wp.kernel(cuda_max_registers=64)  # as in `trace_kernels.illuminate_hits`
 def draw_light(views: wp.array(dtype=StoredView), first: int, group: int, visit: int):
-    """Draws the light samples of a visit: those of hits whose number is `group` modulo `REDRAWS`."""
+    """Draws the light samples of a visit: those of pixels whose number is `group` modulo `REDRAWS`."""
     thread, hit = wp.tid()
     number = first + thread
     view = views[number]
-    if hit >= view.face.shape[0] or hit % REDRAWS != group:
+    if hit >= view.face.shape[0]:
         return
     pixel = view.pixel[hit]
-    # What is drawn of a pixel at once is one sequence: parts of a longer one would lie close together. The dimensions,
-    # like those of rays, are as in `material_kernels.draw_light`: u[0] and u[1] placed the camera samples, and numbers
-    # of one dimension differ by a constant only, whatever the seed.
-    place = (hit - view.start[pixel]) / REDRAWS
-    u, v = rng.numbers(pixel, place, view.seed_low ^ draw_number(visit), view.seed_high)
+    if pixel % REDRAWS != group:
+        return
+    # The dimensions, like those of rays, are as in `material_kernels.draw_light`: u[0] and u[1] placed the camera
+    # samples, and numbers of one dimension differ by a constant only, whatever the seed.
+    u, v = rng.numbers(pixel, hit - view.start[pixel], view.seed_low ^ draw_number(visit), view.seed_high)
     row = emitter.drawn_column(view.environment.row_first, 0, u[2])
     stored = wp.uint32(row * view.environment.texels.shape[1])
     stored += wp.uint32(emitter.drawn_column(view.environment.col_first, row, u[3]))
@@ -263,7 +265,7 @@ def incoming(
         at = wp.vec2(-1.0, 0.0)
         light = view.light[hit]
         if light != SHADOWED:
-            at = light_position(view, hit, light, last_drawn(hit, visit))
+            at = light_position(view, hit, light, last_drawn(view.pixel[hit], visit))
     d = wp.vec3(0.0)
     radiance = wp.vec3(0.0)
     factor = float(0.0)  # noqa: UP018

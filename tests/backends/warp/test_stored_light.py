@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from svbrdfgan_warp import WarpRenderer
@@ -15,6 +17,7 @@ from svbrdfgan_warp.stored_light import _kept
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.renderer import stored_light
 from svbrdfgan.testing.renderer.stored_light import StoredCase
+from svbrdfgan.types import Environment
 
 MAPS = ("base_color", "roughness", "metallic", "normal")
 
@@ -75,7 +78,7 @@ def test_light_takes_twenty_bytes_a_hit(stored: StoredCase) -> None:
 
 
 def test_every_light_sample_is_drawn_anew_in_some_visits(renderer: WarpRenderer) -> None:
-    """At each visit those of one group, and after `REDRAWS` visits all."""
+    """At each visit those of one group of pixels, and after `REDRAWS` visits all."""
     light_of = scenes.random_light(64, 128)
     stored = StoredCase(renderer, stored_light.uniform(light_of), (0,))
     light: Any = stored.store(hits=7, spp=8, seed=0)
@@ -84,13 +87,34 @@ def test_every_light_sample_is_drawn_anew_in_some_visits(renderer: WarpRenderer)
     for visit in range(1, REDRAWS + 1):
         before = light.light.clone()
         stored.shade(light, visit=visit)
-        drawn = torch.arange(len(light.hits), device=fresh.device) % REDRAWS == visit % REDRAWS
+        drawn = light.hits.pixel % REDRAWS == visit % REDRAWS
         changed = light.light != before
         assert not (changed & ~drawn).any()
         assert changed[drawn].float().mean() > 0.7  # the others were in shadow before, and are again
         fresh |= drawn
     assert fresh.all()
     assert (light.light != first).float().mean() > 0.7
+
+
+@pytest.mark.parametrize("visit", [0, 5])
+def test_stored_pictures_are_as_noisy_as_rendered_ones(renderer: WarpRenderer, visit: int) -> None:
+    """Otherwise a discriminator tells fakes from exemplars by their noise, and no layer changes that."""
+    case = stored_light.sheet(MAPS)
+    case = replace(case, view=replace(case.view, environment=_smooth_light()))
+    stored, spp, seeds = StoredCase(renderer, case, (0,)), 16, range(48)
+    rendered = np.stack([stored.rendered.image(case, spp=spp, seed=seed) for seed in seeds])
+    shaded = torch.stack(
+        [stored.shade(stored.store(hits=spp, spp=spp, seed=seed), visit=visit, seed=seed)[0][0] for seed in seeds]
+    )
+    assert shaded.var(dim=0).mean().item() == pytest.approx(rendered.var(axis=0, ddof=1).mean(), rel=0.15)
+
+
+def _smooth_light(rows: int = 64, cols: int = 128) -> Environment:
+    """Light from one side with neither edges nor broad pixels: what noise it has depends on how samples spread."""
+    polar = torch.linspace(0.0, math.pi, rows).unsqueeze(1)
+    around = torch.linspace(0.0, 2.0 * math.pi, cols)
+    lobe = torch.exp(3.0 * (polar.sin() * around.cos() - 1.0))
+    return Environment((0.2 + 4.0 * lobe).unsqueeze(-1).repeat(1, 1, 3))
 
 
 def test_light_is_drawn_for_views_that_need_it(stored: StoredCase) -> None:
