@@ -11,9 +11,9 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
-from svbrdfgan.networks.fused import Features, NormActPad, norm_act_pad
+from svbrdfgan.networks.fused import Affine, Features, NormActPad, norm_act_pad
 from svbrdfgan.networks.layers import Norm, make_norm
-from svbrdfgan.networks.modulation import Affine, Modulation
+from svbrdfgan.networks.modulation import Modulation
 from svbrdfgan.networks.random_fields import random_fields, random_numbers
 from svbrdfgan.networks.relief import relief_normals
 from svbrdfgan.types import channel_slices, layer_channels
@@ -206,27 +206,21 @@ class PreActConv(nn.Module):
         strided convolutions and doubling do not commute with shifts of a part of a texel: computed for each such shift
         alone, layers show a grid with the period of a texel.
         """
-        padded = norm_act_pad(self.norm(x), NormActPad(norm=self.fused, pad=self.pad + 1)).padded
+        padded = norm_act_pad(self.norm(x), NormActPad(norm=self.fused, pad=self.pad + 1), affine=affine).padded
         shifts = [(2 * place + 1 - factor) / (2 * factor) for place in range(factor)]
         phases = []  # one at a time, so that wide features are never held at the finer resolution
         for down in shifts:
             rows = _shifted(padded, down, dim=2)
             for right in shifts:
-                features = F.relu(_shifted(rows, right, dim=3))
-                phases.append(self.convolve(features if affine is None else affine(features)))
+                phases.append(self.convolve(F.relu(_shifted(rows, right, dim=3))))
         return F.pixel_shuffle(torch.stack(phases, dim=2).flatten(1, 2), factor)
 
     def activate(
         self, x: Float[Tensor, "batch inputs rows cols"], residual: Residual = None, affine: Affine | None = None
     ) -> Features:
-        """The convolution's input, modulated; and its features, which are not.
-
-        A sum with a residual is not rectified (He et al. 2016).
-        """
+        """The convolution's input. A sum with a residual is not rectified (He et al. 2016)."""
         spec = NormActPad(norm=self.fused, relu=residual is None, upsample=self.upsample, pad=self.pad)
-        padded, features = norm_act_pad(self.norm(x), spec, residual)
-        # padding repeats texels, so it makes no difference that it comes first
-        return Features(padded if affine is None else affine(padded), features)
+        return norm_act_pad(self.norm(x), spec, residual, affine)
 
 
 class ResidualBlock(nn.Module):

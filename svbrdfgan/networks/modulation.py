@@ -9,30 +9,17 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from svbrdfgan.networks.fused import Affine
+
 _HIDDEN = 128  # width of the MLP's two hidden layers
-
-
-class Affine:
-    """A scale and a shift for each sample and channel.
-
-    Attributes:
-        scale, shift: 1 and 0 change nothing.
-    """
-
-    def __init__(self, values: Float[Tensor, "batch twice_channels"]) -> None:
-        scale, shift = values[..., None, None].chunk(2, dim=1)
-        self.scale, self.shift = 1.0 + scale, shift
-
-    def __call__(self, x: Float[Tensor, "batch channels rows cols"]) -> Float[Tensor, "batch channels rows cols"]:
-        return torch.addcmul(self.shift.to(x.dtype), x, self.scale.to(x.dtype))
 
 
 class Modulation(nn.Module):
     """An MLP from a code to an `Affine` for each of several convolutions (FiLM; Perez et al. 2018).
 
     Before training, modulation changes nothing. An instance norm removes whatever is constant over a texture, so a code
-    that came in as planes next to the geometry would be lost; a scale of features is not, since each convolution mixes
-    channels. A shift is, but for the last convolution, whose result has no norm.
+    that came in as planes next to the geometry would be lost. Scale and shift follow the norm, as its affine parameters
+    (Huang and Belongie 2017), and precede the activation.
 
     Args:
         code: numbers in the code.
@@ -51,7 +38,8 @@ class Modulation(nn.Module):
 
     def forward(self, code: Float[Tensor, "batch code"]) -> list[Affine]:
         values = F.linear(self.mapping(code), self.weight, self.bias)
-        return [Affine(part) for part in values.split(self.sizes, dim=1)]
+        identity = values.new_tensor([[1.0], [0.0]])
+        return [part.unflatten(1, (2, -1)) + identity for part in values.float().split(self.sizes, dim=1)]
 
 
 def _leaky_relu() -> nn.Module:

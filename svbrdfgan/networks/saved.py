@@ -14,7 +14,7 @@ from svbrdfgan.networks.generator import Generator, Upsampling
 from svbrdfgan.networks.layers import Norm
 from svbrdfgan.networks.random_fields import MOST_FIELDS
 
-_FORMAT = "svbrdfgan generator 4"
+_FORMAT = "svbrdfgan generator 5"
 
 
 class GeneratorConfig(StrictModel):

@@ -13,7 +13,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from svbrdfgan.networks.fused import Features, NormActPad, norm_act_pad
+from svbrdfgan.networks.fused import Affine, Features, NormActPad, norm_act_pad
 from svbrdfgan.networks.fused.reference import norm_act_pad_reference as reference
 from svbrdfgan.networks.generator import Generator
 from svbrdfgan.networks.layers import initialise
@@ -25,22 +25,26 @@ DEVICE = "cuda" if CUDA and not INTERPRETED else "cpu"
 SPECS = [NormActPad(bool(n), bool(r), u, p) for n, r, u, p in product((0, 1), (0, 1), (1, 2), (0, 1, 3))]
 needs_kernels = pytest.mark.skipif(not KERNELS, reason="there is no CUDA device with Triton")
 
-Implementation = Callable[[Tensor, NormActPad, Tensor | None], Features]
+Implementation = Callable[[Tensor, NormActPad, Tensor | None, Affine | None], Features]
 
 
-def modules(x: Tensor, spec: NormActPad, residual: Tensor | None) -> Features:
+def modules(x: Tensor, spec: NormActPad, residual: Tensor | None, affine: Affine | None = None) -> Features:
     """The composition of torch's own modules."""
     norm = nn.InstanceNorm2d(x.shape[1]) if spec.norm else nn.Identity()
-    values = nn.Sequential(norm, nn.ReLU() if spec.relu else nn.Identity())(x)
-    features = values if residual is None else residual + values
+    normed = norm(x)
+    if affine is not None:
+        scale, shift = affine[:, 0, :, None, None], affine[:, 1, :, None, None]
+        normed = torch.addcmul(shift, normed, scale)
+    rectified = nn.ReLU()(normed) if spec.relu else normed
+    features = rectified if residual is None else residual + rectified
     larger = nn.Sequential(nn.Upsample(scale_factor=spec.upsample), nn.ReflectionPad2d(spec.pad))
     return Features(larger(features), features)
 
 
-def kernels(x: Tensor, spec: NormActPad, residual: Tensor | None) -> Features:
+def kernels(x: Tensor, spec: NormActPad, residual: Tensor | None, affine: Affine | None = None) -> Features:
     from svbrdfgan.networks.fused.autograd import norm_act_pad_triton
 
-    return norm_act_pad_triton(x, spec, residual)
+    return norm_act_pad_triton(x, spec, residual, affine)
 
 
 def values(shape: tuple[int, ...], seed: int, mean: float = 0.0) -> Tensor:
@@ -54,10 +58,12 @@ def differentiated(
     spec: NormActPad,
     residual: Tensor | None,
     used: tuple[bool, bool] = (True, True),
+    affine: Affine | None = None,
 ) -> list[Tensor]:
     """Both results and the gradients of the inputs, for fixed gradients of the results that are used."""
-    inputs = [t.detach().clone().requires_grad_() for t in (x, residual) if t is not None]
-    results = implementation(inputs[0], spec, inputs[1] if residual is not None else None)
+    given = [t if t is None else t.detach().clone().requires_grad_() for t in (x, residual, affine)]
+    inputs = [t for t in given if t is not None]
+    results = implementation(inputs[0], spec, *given[1:])
     slopes = [values(tuple(result.shape), 7 + n).to(result) for n, result in enumerate(results)]
     pairs = [(r, s) for r, s, is_used in zip(results, slopes, used, strict=True) if is_used]
     gradients = torch.autograd.grad([r for r, _ in pairs], inputs, [s for _, s in pairs])
@@ -69,26 +75,32 @@ def assert_same(computed: list[Tensor], expected: list[Tensor], **tolerance: Any
         torch.testing.assert_close(one.cpu().double(), other.cpu().double(), **tolerance)
 
 
+@pytest.mark.parametrize("modulated", [False, True])
 @pytest.mark.parametrize("added", [False, True])
 @pytest.mark.parametrize("spec", SPECS, ids=str)
-def test_the_reference_is_the_composition_of_modules(spec: NormActPad, added: bool) -> None:
+def test_the_reference_is_the_composition_of_modules(spec: NormActPad, added: bool, modulated: bool) -> None:
     x, residual = values((2, 5, 16, 19), 1, mean=3), values((2, 5, 16, 19), 2) if added else None
-    kept = x.clone()
-    assert_same(
-        differentiated(reference, x, spec, residual), differentiated(modules, x, spec, residual), rtol=0, atol=0
-    )
-    norm_act_pad(x, spec, residual)
+    affine, kept = values((2, 2, 5), 3) if modulated else None, x.clone()
+    computed, expected = (differentiated(f, x, spec, residual, affine=affine) for f in (reference, modules))
+    assert_same(computed, expected, rtol=0, atol=0)
+    norm_act_pad(x, spec, residual, affine)
     assert torch.equal(x, kept)
 
 
 @needs_kernels
 @pytest.mark.parametrize("shape", [(2, 5, 16, 19), (1, 24, 17, 9)])
+@pytest.mark.parametrize("modulated", [False, True])
 @pytest.mark.parametrize("added", [False, True])
 @pytest.mark.parametrize("spec", SPECS, ids=str)
-def test_kernels_are_the_reference_in_double_precision(spec: NormActPad, added: bool, shape: tuple[int, ...]) -> None:
+def test_kernels_are_the_reference_in_double_precision(
+    spec: NormActPad, added: bool, modulated: bool, shape: tuple[int, ...]
+) -> None:
     x, residual = values(shape, 1, mean=3), values(shape, 2) if added else None
-    expected = differentiated(reference, x.double(), spec, None if residual is None else residual.double())
-    computed = differentiated(kernels, x.to(DEVICE), spec, None if residual is None else residual.to(DEVICE))
+    affine = values((shape[0], 2, shape[1]), 3) if modulated else None
+    doubled = (None if t is None else t.double() for t in (residual, affine))
+    moved = (None if t is None else t.to(DEVICE) for t in (residual, affine))
+    expected = differentiated(reference, x.double(), spec, next(doubled), affine=next(doubled))
+    computed = differentiated(kernels, x.to(DEVICE), spec, next(moved), affine=next(moved))
     assert_same(computed, expected, rtol=1e-4, atol=1e-5)
 
 
@@ -179,18 +191,21 @@ def test_kernels_give_the_same_bits_again() -> None:
 @pytest.mark.parametrize("norm", ["instance", "group", "none"])
 @pytest.mark.parametrize("upsampling", ["nearest", "strided"])
 def test_a_generator_learns_the_same_by_either(norm: str, upsampling: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    network = Generator(width=4, blocks=2, norm=norm, upsampling=upsampling)  # type: ignore[arg-type]
+    network = Generator(width=4, blocks=2, norm=norm, upsampling=upsampling, labels=2)  # type: ignore[arg-type]
     initialise(network, torch.Generator().manual_seed(1))
+    assert network.modulation is not None
+    nn.init.normal_(network.modulation.weight, 0.0, 0.02, generator=torch.Generator().manual_seed(2))
     monkeypatch.setattr(torch.backends.cudnn, "allow_tf32", False)
-    geometry = values((2, 6, 16, 20), 1)
+    geometry, labels = values((2, 6, 16, 20), 1), values((2, 2), 3)
     found = []
     for implementation, made in ((kernels, network.to(DEVICE)), (reference, copy.deepcopy(network).cpu().double())):
         monkeypatch.setattr("svbrdfgan.networks.generator.norm_act_pad", with_optional_residual(implementation))
-        layer = made.to(memory_format=torch.channels_last)(geometry.to(next(made.parameters())))  # type: ignore[call-overload]
+        inputs = (geometry.to(next(made.parameters())), None, labels.to(next(made.parameters())))
+        layer = made.to(memory_format=torch.channels_last)(*inputs)  # type: ignore[call-overload]
         slope = values(tuple(layer.shape), 2).to(layer)
         found.append([layer.detach(), *torch.autograd.grad(layer, list(made.parameters()), slope)])
     assert_same(*found, rtol=1e-3, atol=1e-4)
 
 
 def with_optional_residual(implementation: Implementation) -> Callable[..., Features]:
-    return lambda x, spec, residual=None: implementation(x, spec, residual)
+    return lambda x, spec, residual=None, affine=None: implementation(x, spec, residual, affine)

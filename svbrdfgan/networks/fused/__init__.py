@@ -1,4 +1,4 @@
-"""Norm, activation or skip connection, upsampling and padding between two convolutions, as one operation.
+"""Norm, modulation, activation or skip connection, upsampling and padding between two convolutions, as one operation.
 
 On CUDA with Triton it is a few kernels over channels-last memory; elsewhere it is torch's own operations.
 `benchmarks/fused_norm.py` compares both with `torch.compile`.
@@ -10,10 +10,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.networks.fused.reference import Features, NormActPad, norm_act_pad_reference
+from svbrdfgan.networks.fused.reference import Affine, Features, NormActPad, norm_act_pad_reference
 from svbrdfgan.utils.triton_works import triton_works
 
-__all__ = ["Features", "NormActPad", "norm_act_pad"]
+__all__ = ["Affine", "Features", "NormActPad", "norm_act_pad"]
 
 _KERNEL_DTYPES = (torch.float32, torch.bfloat16, torch.float16)
 
@@ -22,16 +22,17 @@ def norm_act_pad(
     x: Float[Tensor, "batch channels rows cols"],
     spec: NormActPad,
     residual: Float[Tensor, "batch channels rows cols"] | None = None,
+    affine: Affine | None = None,
 ) -> Features:
-    """The result of `spec` for `x` and the residual, by Triton kernels where they apply, else by the reference.
+    """The result of `spec` for these inputs, by Triton kernels where they apply, else by the reference.
 
     The kernels' results have autocast's precision, must not be changed in place, and differentiate once only.
     """
     if x.device.type != "cuda" or not _kernels_apply(x, spec) or not triton_works(x.device):
-        return norm_act_pad_reference(x, spec, residual)
+        return norm_act_pad_reference(x, spec, residual, affine)
     from svbrdfgan.networks.fused.autograd import norm_act_pad_triton
 
-    return norm_act_pad_triton(x, spec, residual)
+    return norm_act_pad_triton(x, spec, residual, affine)
 
 
 def _kernels_apply(x: Tensor, spec: NormActPad) -> bool:

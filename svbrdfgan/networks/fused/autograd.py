@@ -1,9 +1,9 @@
 """`norm_act_pad` by Triton kernels, and its derivative.
 
 The forward pass reads `x` twice: for its moments, and to write the padded result. The backward pass reads the gradient
-and `x` twice: for the two sums per channel that the norm's gradient needs, and to write the gradient of `x`. Where
-upsampling made the gradient larger than `x`, or a residual needs it too, the first of these passes stores it at the
-size of `x` for the second.
+and `x` twice: for the two sums per channel that are the gradients of shift and scale and that the norm's gradient
+needs, and to write the gradient of `x`. Where upsampling made the gradient larger than `x`, or a residual needs it too,
+the first of these passes stores it at the size of `x` for the second.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from svbrdfgan.networks.fused import kernels
-from svbrdfgan.networks.fused.reference import Features, NormActPad
+from svbrdfgan.networks.fused.reference import Affine, Features, NormActPad
 from svbrdfgan.networks.layers import EPSILON
 
 
@@ -51,36 +51,39 @@ def norm_act_pad_triton(
     x: Float[Tensor, "batch channels rows cols"],
     spec: NormActPad,
     residual: Float[Tensor, "batch channels rows cols"] | None = None,
+    affine: Affine | None = None,
 ) -> Features:
     """The result of `norm_act_pad_reference`, in autocast's precision where that is on; differentiable once."""
     kind = x.device.type
     dtype = torch.get_autocast_dtype(kind) if torch.is_autocast_enabled(kind) else x.dtype
-    return Features(*_NormActPad.apply(x, residual, spec, dtype))
+    return Features(*_NormActPad.apply(x, residual, affine, spec, dtype))
 
 
 class _NormActPad(torch.autograd.Function):
     @staticmethod
     def forward(
-        ctx: Any, x: Tensor, residual: Tensor | None, spec: NormActPad, dtype: torch.dtype
+        ctx: Any, x: Tensor, residual: Tensor | None, affine: Affine | None, spec: NormActPad, dtype: torch.dtype
     ) -> tuple[Tensor, Tensor]:
         x = _channels_last(x)
         moments = _moments(x) if spec.norm else x  # kernels take some pointer, and do not read it without the norm
-        ctx.save_for_backward(x, moments)
+        if affine is not None:
+            affine = affine.float().contiguous()
+        ctx.save_for_backward(x, moments, affine)
         ctx.spec, ctx.has_residual = spec, residual is not None
         ctx.set_materialize_grads(False)  # usually one of the two results has no gradient: no zeros are made for it
-        padded = _forward(x, moments, residual, spec, dtype)
+        padded = _forward(x, moments, affine, residual, spec, dtype)
         rows, cols = (slice(spec.pad, size - spec.pad, spec.upsample) for size in padded.shape[-2:])
         return padded, padded[..., rows, cols]
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, grad_padded: Tensor | None, grad_features: Tensor | None) -> tuple[Tensor | None, ...]:
-        x, moments = ctx.saved_tensors
+        x, moments, affine = ctx.saved_tensors
         if grad_padded is None:
             assert grad_features is not None
             grad_padded = grad_features.new_zeros(_padded_shape(x, ctx.spec))
         grad_padded = _channels_last(grad_padded)
-        return *_backward(grad_padded, grad_features, x, moments, ctx.spec, ctx.has_residual), None, None
+        return *_backward(grad_padded, grad_features, x, moments, affine, ctx.spec, ctx.has_residual), None, None
 
 
 def _moments(x: Tensor) -> Float[Tensor, "batch 2 channels"]:
@@ -95,36 +98,47 @@ def _moments(x: Tensor) -> Float[Tensor, "batch 2 channels"]:
     return moments
 
 
-def _forward(x: Tensor, moments: Tensor, residual: Tensor | None, spec: NormActPad, dtype: torch.dtype) -> Tensor:
+def _forward(
+    x: Tensor, moments: Tensor, affine: Affine | None, residual: Tensor | None, spec: NormActPad, dtype: torch.dtype
+) -> Tensor:
     shape, (_, channels, rows, cols) = _padded_shape(x, spec), x.shape
     padded = torch.empty(shape, dtype=dtype, device=x.device, memory_format=torch.channels_last)
     # a residual is often a view into a padded tensor: its rows may lie apart, its channels may not
     added = x if residual is None else residual if residual.stride(1) == 1 else _channels_last(residual)
     sample, _, row, col = added.stride()
-    arguments = (x, moments, added, padded, rows, cols, channels, sample, row, col)
-    flags = {"RESIDUAL": residual is not None, **_flags(spec)}
+    arguments = (x, moments, x if affine is None else affine, added, padded, rows, cols, channels, sample, row, col)
+    flags = {"RESIDUAL": residual is not None, "AFFINE": affine is not None, **_flags(spec)}
     _launch(kernels.forward, FORWARD, x, shape[2] * shape[3], *arguments, **flags)
     return padded
 
 
 def _backward(
-    grad: Tensor, grad_features: Tensor | None, x: Tensor, moments: Tensor, spec: NormActPad, has_residual: bool
-) -> tuple[Tensor, Tensor | None]:
-    """The gradients of x and, if one was added, of the residual."""
+    grad: Tensor,
+    grad_features: Tensor | None,
+    x: Tensor,
+    moments: Tensor,
+    affine: Affine | None,
+    spec: NormActPad,
+    has_residual: bool,
+) -> tuple[Tensor, Tensor | None, Affine | None]:
+    """The gradients of x and, if there are any, of the residual and the affine parameters."""
     _, channels, rows, cols = x.shape
     grad_x = torch.empty_like(x)
     grad_sum = torch.empty_like(x, dtype=grad.dtype) if has_residual else grad_x  # the residual's gradient is the sum's
-    stored = has_residual or (spec.norm and spec.upsample > 1)
-    tensors = (grad, grad if grad_features is None else _channels_last(grad_features), x, moments, grad_sum)
+    summed = spec.norm or affine is not None
+    stored = has_residual or (summed and spec.upsample > 1)
+    features = grad if grad_features is None else _channels_last(grad_features)
+    tensors = (grad, features, x, moments, x if affine is None else affine, grad_sum)
     sizes = (rows, cols, channels)
-    flags = {"GRAD_FEATURES": grad_features is not None, **_flags(spec)}
+    flags = {"GRAD_FEATURES": grad_features is not None, "AFFINE": affine is not None, **_flags(spec)}
     sums = moments
-    if stored or spec.norm:
+    if stored or summed:
         partials = _partials(x, BACKWARD_SUMS)
         _launch(kernels.backward_sums, BACKWARD_SUMS, x, rows * cols, *tensors, partials, *sizes, STORE=stored, **flags)
         sums = partials.sum(dim=1)
     _launch(kernels.backward, BACKWARD, x, rows * cols, *tensors, sums, grad_x, *sizes, STORED=stored, **flags)
-    return grad_x, grad_sum if has_residual else None
+    grad_affine = None if affine is None else sums.flip(1)  # the sums are those of the shift, then of the scale
+    return grad_x, grad_sum if has_residual else None, grad_affine
 
 
 def _launch(kernel: Any, tile: Tile, x: Tensor, texels: int, *arguments: Any, **flags: int) -> None:

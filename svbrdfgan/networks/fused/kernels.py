@@ -85,6 +85,17 @@ def normalise(values, moments, sample, channel, channels, NORM: tl.constexpr):
 
 
 @triton.jit
+def modulate(values, affine, sample, channel, channels, AFFINE: tl.constexpr):
+    """The values times the scale plus the shift of their channel, and the scale."""
+    scale = tl.full([1, 1], 1, tl.float32)
+    if AFFINE:
+        offset = affine + sample * 2 * channels + channel
+        scale = tl.load(offset, mask=channel < channels, other=0)[None, :]
+        values = values * scale + tl.load(offset + channels, mask=channel < channels, other=0)[None, :]
+    return values, scale
+
+
+@triton.jit
 def reflect(index, size):
     """The index inside that an index of the padding repeats."""
     index = tl.abs(index)
@@ -93,11 +104,11 @@ def reflect(index, size):
 
 @triton.jit
 def forward(
-    x, moments, residual, padded, rows, cols, channels, sample_stride, row_stride, col_stride,
-    NORM: tl.constexpr, RELU: tl.constexpr, RESIDUAL: tl.constexpr, UPSAMPLE: tl.constexpr, PAD: tl.constexpr,
-    TEXELS: tl.constexpr, CHANNELS: tl.constexpr,
+    x, moments, affine, residual, padded, rows, cols, channels, sample_stride, row_stride, col_stride,
+    NORM: tl.constexpr, AFFINE: tl.constexpr, RELU: tl.constexpr, RESIDUAL: tl.constexpr, UPSAMPLE: tl.constexpr,
+    PAD: tl.constexpr, TEXELS: tl.constexpr, CHANNELS: tl.constexpr,
 ):  # fmt: skip
-    """padded = reflect_pad(upsample(relu(norm(x)) + residual)). The strides are those of the residual."""
+    """padded = reflect_pad(upsample(relu(affine(norm(x))) + residual)). The strides are those of the residual."""
     padded_cols = cols * UPSAMPLE + 2 * PAD
     texels = (rows * UPSAMPLE + 2 * PAD) * padded_cols
     sample, texel, channel, mask = tile_indices(texels, channels, TEXELS, CHANNELS)
@@ -107,6 +118,7 @@ def forward(
     offset = ((row * cols + col) * channels)[:, None] + channel[None, :]
     values = tl.load(x + offset, mask=mask, other=0).to(tl.float32)
     values, _ = normalise(values, moments, sample, channel, channels, NORM)
+    values, _ = modulate(values, affine, sample, channel, channels, AFFINE)
     if RELU:
         values = tl.where(values < 0, 0, values)  # unlike a maximum, it keeps NaN
     if RESIDUAL:
@@ -148,7 +160,7 @@ def sum_gradient(
     grad, grad_features, sample, texel, channel, mask, rows, cols, channels,
     GRAD_FEATURES: tl.constexpr, UPSAMPLE: tl.constexpr, PAD: tl.constexpr,
 ):  # fmt: skip
-    """The gradient of relu(norm(x)) + residual: the sum over all padded texels that repeat a texel."""
+    """The gradient of relu(affine(norm(x))) + residual: the sum over all padded texels that repeat a texel."""
     row, col = texel // cols, texel % cols
     tall, wide = rows * UPSAMPLE, cols * UPSAMPLE
     grad += sample * (tall + 2 * PAD) * (wide + 2 * PAD) * channels
@@ -174,11 +186,14 @@ def sum_gradient(
 
 @triton.jit
 def backward_sums(
-    grad, grad_features, x, moments, grad_sum, partials, rows, cols, channels,
-    GRAD_FEATURES: tl.constexpr, NORM: tl.constexpr, RELU: tl.constexpr, UPSAMPLE: tl.constexpr, PAD: tl.constexpr,
-    STORE: tl.constexpr, TEXELS: tl.constexpr, CHANNELS: tl.constexpr,
+    grad, grad_features, x, moments, affine, grad_sum, partials, rows, cols, channels,
+    GRAD_FEATURES: tl.constexpr, NORM: tl.constexpr, AFFINE: tl.constexpr, RELU: tl.constexpr, UPSAMPLE: tl.constexpr,
+    PAD: tl.constexpr, STORE: tl.constexpr, TEXELS: tl.constexpr, CHANNELS: tl.constexpr,
 ):  # fmt: skip
-    """Stores the gradient of the sum with the residual, and each tile's partial sums for the norm's gradient."""
+    """Stores the gradient of the sum with the residual, and each tile's partial sums for those of shift and scale.
+
+    The norm's gradient needs these, too.
+    """
     sample, texel, channel, mask = tile_indices(rows * cols, channels, TEXELS, CHANNELS)
     start = sample * rows * cols * channels
     offset = texel[:, None] * channels + channel[None, :]
@@ -187,11 +202,12 @@ def backward_sums(
     )
     if STORE:
         tl.store(grad_sum + start + offset, slope.to(grad_sum.dtype.element_ty), mask=mask)
-    if NORM:
+    if NORM or AFFINE:
         values = tl.load(x + start + offset, mask=mask, other=0).to(tl.float32)
         values, _ = normalise(values, moments, sample, channel, channels, NORM)
         if RELU:
-            slope = tl.where(values <= 0, 0, slope)  # 0 at 0 too, as torch's
+            active, _ = modulate(values, affine, sample, channel, channels, AFFINE)
+            slope = tl.where(active <= 0, 0, slope)  # 0 at 0 too, as torch's
         partial = partial_offset(sample, channels, channel)
         tl.store(partials + partial, tl.sum(slope, axis=0), mask=channel < channels)
         tl.store(partials + partial + channels, tl.sum(slope * values, axis=0), mask=channel < channels)
@@ -199,9 +215,9 @@ def backward_sums(
 
 @triton.jit
 def backward(
-    grad, grad_features, x, moments, grad_sum, sums, grad_x, rows, cols, channels,
-    GRAD_FEATURES: tl.constexpr, NORM: tl.constexpr, RELU: tl.constexpr, UPSAMPLE: tl.constexpr, PAD: tl.constexpr,
-    STORED: tl.constexpr, TEXELS: tl.constexpr, CHANNELS: tl.constexpr,
+    grad, grad_features, x, moments, affine, grad_sum, sums, grad_x, rows, cols, channels,
+    GRAD_FEATURES: tl.constexpr, NORM: tl.constexpr, AFFINE: tl.constexpr, RELU: tl.constexpr, UPSAMPLE: tl.constexpr,
+    PAD: tl.constexpr, STORED: tl.constexpr, TEXELS: tl.constexpr, CHANNELS: tl.constexpr,
 ):  # fmt: skip
     """grad_x, from the gradient that `backward_sums` stored, or gathered again. `grad_sum` may be `grad_x` itself."""
     sample, texel, channel, mask = tile_indices(rows * cols, channels, TEXELS, CHANNELS)
@@ -213,15 +229,17 @@ def backward(
         slope = sum_gradient(
             grad, grad_features, sample, texel, channel, mask, rows, cols, channels, GRAD_FEATURES, UPSAMPLE, PAD
         )
-    if NORM or RELU:
+    if NORM or AFFINE or RELU:
         values = tl.load(x + start + offset, mask=mask, other=0).to(tl.float32)
         values, scale = normalise(values, moments, sample, channel, channels, NORM)
+        active, gain = modulate(values, affine, sample, channel, channels, AFFINE)
         if RELU:
-            slope = tl.where(values <= 0, 0, slope)
+            slope = tl.where(active <= 0, 0, slope)
         if NORM:
             # the norm's gradient: less its mean, and less its component along the normalised values
             sum_offset = sums + sample * 2 * channels + channel
             mean = tl.load(sum_offset, mask=channel < channels, other=0)[None, :] / (rows * cols)
             along = tl.load(sum_offset + channels, mask=channel < channels, other=0)[None, :] / (rows * cols)
             slope = (slope - mean - values * along) * scale
+        slope *= gain
     tl.store(grad_x + start + offset, slope.to(grad_x.dtype.element_ty), mask=mask)

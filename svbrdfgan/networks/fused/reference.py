@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
+import torch
 import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.networks.layers import instance_norm
 
+Affine: TypeAlias = Float[Tensor, "batch 2 channels"]
+"""A scale and a shift for each sample and channel."""
+
 
 @dataclass(frozen=True)
 class NormActPad:
-    """reflect_pad(upsample(relu(norm(x)) + residual)); every part is optional.
+    """reflect_pad(upsample(relu(affine(norm(x))) + residual)); every part is optional.
 
     Attributes:
-        norm: instance norm (Ulyanov et al. 2016), without affine parameters.
+        norm: instance norm (Ulyanov et al. 2016). Its affine parameters, if any, belong to a sample (`Modulation`).
         upsample: nearest-neighbour factor, 1 or 2.
         pad: rows and columns added on each side by reflection, fewer than there are.
     """
@@ -40,11 +44,17 @@ class Features(NamedTuple):
     features: Float[Tensor, "batch channels rows cols"]
 
 
-def norm_act_pad_reference(x: Tensor, spec: NormActPad, residual: Tensor | None = None) -> Features:
+def norm_act_pad_reference(
+    x: Tensor, spec: NormActPad, residual: Tensor | None = None, affine: Affine | None = None
+) -> Features:
     """The result of `norm_act_pad`, differentiable any number of times."""
     features = instance_norm(x) if spec.norm else x
+    if affine is not None:
+        scale, shift = affine[..., None, None].to(features.dtype).unbind(dim=1)
+        features = torch.addcmul(shift, features, scale)
     if spec.relu:
-        features = F.relu(features, inplace=spec.norm)  # without the norm it would overwrite the caller's x
+        own = spec.norm or affine is not None  # without them it would overwrite the caller's x
+        features = F.relu(features, inplace=own)
     if residual is not None:
         features = residual + features
     padded = F.interpolate(features, scale_factor=spec.upsample) if spec.upsample > 1 else features
