@@ -98,7 +98,7 @@ def make_batch_source(
     order = _by_subject(exemplars)
     demodulated = discriminator.compares == "reflectance"
     fake_scenes.build(order, progress)
-    if own_scenes is not fake_scenes and (demodulated or discriminator.gbuffer):
+    if own_scenes is not fake_scenes and (demodulated or shows_buffers(discriminator)):
         own_scenes.build(order, progress)
     buffers = own_buffers(discriminator, own_scenes, range(len(exemplars)))
     known = (*buffers, labels_of_scenes(run.conditions, exemplars.scenes))
@@ -131,18 +131,32 @@ def load_seen_texels(
     return exemplars, seen
 
 
-def own_buffers(
-    config: DiscriminatorConfig, own_scenes: SceneRendering, indices: Sequence[int]
-) -> tuple[Float[Tensor, "exemplars height width 6"] | None, Float[Tensor, "exemplars height width 9"] | None]:
-    """G-buffers and light buffers of these exemplars' own scenes, in half precision; None if they are not shown."""
-    shown = [index for index in indices if config.gbuffer or config.light_buffer]
-    batches = (own_scenes.first_scenes([index]) for index in shown)  # one for both buffers: making it may trace
+Buffers = tuple[
+    Float[Tensor, "exemplars height width 6"] | None,
+    Float[Tensor, "exemplars height width 9"] | None,
+    Float[Tensor, "exemplars height width 3"] | None,
+]
+"""G-buffers, light buffers and clean pictures; None if they are not shown."""
+
+
+def shows_buffers(config: DiscriminatorConfig) -> bool:
+    return config.gbuffer or config.light_buffer or config.clean_picture
+
+
+def own_buffers(config: DiscriminatorConfig, own_scenes: SceneRendering, indices: Sequence[int]) -> Buffers:
+    """What the discriminator is shown besides the pictures, of these exemplars' own scenes, in half precision."""
+    shown = [index for index in indices if shows_buffers(config)]
+    batches = (own_scenes.first_scenes([index]) for index in shown)  # one for all buffers: making it may trace
     buffers = [
-        (_half(batch.gbuffer) if config.gbuffer else None, _half(batch.light_buffer) if config.light_buffer else None)
+        (
+            _half(batch.gbuffer) if config.gbuffer else None,
+            _half(batch.light_buffer) if config.light_buffer else None,
+            _half(batch.clean) if config.clean_picture else None,
+        )
         for batch in batches
     ]
-    gbuffers, lights = zip(*buffers, strict=True) if buffers else ((), ())
-    return _joined(gbuffers), _joined(lights)
+    gbuffers, lights, clean = zip(*buffers, strict=True) if buffers else ((), (), ())
+    return _joined(gbuffers), _joined(lights), _joined(clean)
 
 
 def stack_inputs(exemplars: Exemplars, device: torch.device) -> Float[Tensor, "subjects inputs rows cols"]:
@@ -174,8 +188,10 @@ def make_scenes(
         return OnlineRendering(exemplars, perturbation, RenderLayer(renderer, config.spp, config.spp_grad))
     pool, spp, seed = config.scenes.pool, config.spp, config.seed
     if run.deferred:
-        hits, light = config.hits, config.discriminator.light_buffer
-        return DeferredRendering(exemplars, perturbation, renderer, spp, hits, pool, device, seed, light, cache_bytes)
+        shown = (config.discriminator.light_buffer, config.discriminator.clean_picture)
+        return DeferredRendering(
+            exemplars, perturbation, renderer, spp, config.hits, pool, device, seed, *shown, cache_bytes
+        )
     options = config.renderer.options
     return CachedRendering(exemplars, perturbation, renderer, spp, pool, device, seed, options, cache_bytes)
 

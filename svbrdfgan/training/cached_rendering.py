@@ -54,6 +54,7 @@ class CachedSceneBatch:
     batch: TransportBatch
     base: Float[Tensor, "textures *#size 3"]
     light_buffer: None = None
+    clean: None = None
     """Never shown: pictures that are linear in their textures can be divided by their light instead."""
 
     @property

@@ -38,6 +38,11 @@ class DiscriminatorConfig(StrictModel):
         "`maps`, or `rendering: online`): how each picture's scene lights one matt and two metallic white materials; "
         "with `online`, in scenes that are not matched, each fake costs three more pictures",
     )
+    clean_picture: bool = Field(
+        default=False,
+        description="shows it how each picture differs from one of the same scene without the layer, which else it has "
+        "to guess (with `rendering: online` or data sets with `maps`); needs base materials that are known",
+    )
     compares: Literal["auto", "radiance", "reflectance"] = Field(
         default="auto",
         description="`radiance`: the plain pictures; `reflectance`: pictures divided by their light and reprojected "

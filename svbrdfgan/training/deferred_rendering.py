@@ -48,6 +48,7 @@ class DeferredScene:
         coverage: share of each pixel that shows the surface.
         gbuffer: position and normal of the learnable parts, premultiplied; half precision.
         light_buffer: see `ReferencePictures.light_buffer`; None if the discriminator is not shown it.
+        clean: see `ReferencePictures.clean`; likewise.
         base: the maps under the layer, for each learnable part.
     """
 
@@ -56,11 +57,12 @@ class DeferredScene:
     coverage: Float[Tensor, "height width"]
     gbuffer: Float[Tensor, "height width 6"]
     light_buffer: Float[Tensor, "height width 9"] | None
+    clean: Float[Tensor, "height width 3"] | None
     base: Float[Tensor, "parts *#size values"]
 
     @property
     def nbytes(self) -> int:
-        tensors = (self.background, self.coverage, self.gbuffer, self.light_buffer, self.base)
+        tensors = (self.background, self.coverage, self.gbuffer, self.light_buffer, self.clean, self.base)
         return self.light.nbytes + sum(tensor.nbytes for tensor in tensors if tensor is not None)
 
     @property
@@ -97,6 +99,13 @@ class DeferredSceneBatch:
             return None
         buffers = [scene.light_buffer for scene in self.scenes if scene.light_buffer is not None]
         return torch.stack(buffers).float() if buffers else None
+
+    @cached_property
+    def clean(self) -> Float[Tensor, "batch height width 3"] | None:
+        if self.matched:
+            return None
+        pictures = [scene.clean for scene in self.scenes if scene.clean is not None]
+        return torch.stack(pictures).float() if pictures else None
 
     @cached_property
     def coverage(self) -> Coverage:
@@ -140,6 +149,7 @@ class DeferredRendering:
         device: where layers are.
         seed: of the perturbations.
         shows_light: whether the discriminator is shown a light buffer.
+        shows_clean: whether it is shown clean pictures.
         cache_bytes: memory for stored scenes; None takes half of the device's, and 0 keeps only the last one.
     """
 
@@ -152,6 +162,7 @@ class DeferredRendering:
     device: torch.device
     seed: int = 0
     shows_light: bool = False
+    shows_clean: bool = False
     cache_bytes: int | None = None
 
     def __post_init__(self) -> None:
@@ -238,6 +249,7 @@ class DeferredRendering:
             coverage=beside.coverage.to(self.device),
             gbuffer=shown.gbuffer().half().to(self.device),
             light_buffer=shown.light_buffer().to(self.device) if self.shows_light else None,
+            clean=shown.clean().to(self.device) if self.shows_clean else None,
             base=_stacked([bare[part] for part in subject.learnable], self.maps).to(self.device),
         )
 

@@ -30,6 +30,7 @@ class ImageBatch:
         gbuffer: position and normal that each pixel shows, premultiplied; None where the discriminator is not shown it.
         light_buffer: how the scene lights reference materials there (`svbrdfgan.training.reference_pictures`), linear
             and premultiplied; None likewise.
+        clean: pictures of the same scenes without the layer, linear and premultiplied; None likewise.
         labels: what is known of the layer that each image shows (`Conditions`); None if nothing is.
     """
 
@@ -37,6 +38,7 @@ class ImageBatch:
     coverage: Float[Tensor, "batch height width"]
     gbuffer: Float[Tensor, "batch height width 6"] | None
     light_buffer: Float[Tensor, "batch height width 9"] | None = None
+    clean: Float[Tensor, "batch height width 3"] | None = None
     labels: Float[Tensor, "batch labels"] | None = None
 
     def __len__(self) -> int:
@@ -45,10 +47,9 @@ class ImageBatch:
     def pick(self, indices: Sequence[int]) -> ImageBatch:
         """The images at these indices. The indices are copied to the images' device without waiting for it."""
         picked = copy_async(torch.as_tensor(indices), self.image.device)
-        gbuffer = None if self.gbuffer is None else self.gbuffer[picked]
-        light_buffer = None if self.light_buffer is None else self.light_buffer[picked]
-        labels = None if self.labels is None else self.labels[picked]
-        return ImageBatch(self.image[picked], self.coverage[picked], gbuffer, light_buffer, labels)
+        known = (self.gbuffer, self.light_buffer, self.clean, self.labels)
+        found = (None if values is None else values[picked] for values in known)
+        return ImageBatch(self.image[picked], self.coverage[picked], *found)
 
     @classmethod
     def cat(cls, batches: Sequence[ImageBatch]) -> ImageBatch:
@@ -58,25 +59,32 @@ class ImageBatch:
         """
         image = torch.cat([batch.image.clamp(max=BRIGHTEST).half() for batch in batches])
         coverage = torch.cat([batch.coverage.half() for batch in batches])
-        gbuffers = [batch.gbuffer.half() for batch in batches if batch.gbuffer is not None]
-        lights = [batch.light_buffer.half() for batch in batches if batch.light_buffer is not None]
-        return cls(image, coverage, torch.cat(gbuffers) if gbuffers else None, torch.cat(lights) if lights else None)
+        buffers = []
+        for each in zip(*((batch.gbuffer, batch.light_buffer, batch.clean) for batch in batches), strict=True):
+            known = [buffer.half() for buffer in each if buffer is not None]
+            buffers.append(torch.cat(known) if known else None)
+        return cls(image, coverage, *buffers)
 
     def tone_mapped(self, background: Float[Tensor, "batch 3"]) -> Pictures:
         """The images over a plain background, in about [-1, 1], and six channels of G-buffer and nine of light buffer.
 
-        Each label is one more channel, the same everywhere. None has no channels. The light buffer is over
-        black, and has the images' tone curve.
+        Three more are the difference between the images and the clean ones, both tone-mapped. Each label is one more
+        channel, the same everywhere. None has no channels. The light buffer is over black, and has the images' tone
+        curve.
 
         The tone curve is log(1 + 10 x) / log 11 * 2 - 1. The curve maps 0 to -1 and 1 to 1, and is never flat:
         highlights keep a gradient.
         """
         picture = over(self.image.float(), self.coverage.float(), background[:, None, None, :])
-        channels = [tone_curve(picture)]
+        shown = tone_curve(picture)
+        channels = [shown]
         if self.gbuffer is not None:
             channels.append(self.gbuffer.float())
         if self.light_buffer is not None:
             channels.append(tone_curve(self.light_buffer.float()))
+        if self.clean is not None:
+            clean = over(self.clean.float(), self.coverage.float(), background[:, None, None, :])
+            channels.append(shown - tone_curve(clean))
         if self.labels is not None:
             channels.append(self.labels[:, None, None, :].expand(*self.coverage.shape, -1))
         return torch.cat(channels, dim=-1).permute(0, 3, 1, 2)

@@ -60,6 +60,12 @@ class OnlineSceneBatch:
             return None
         return torch.stack([self._references(n).light_buffer() for n in range(len(self.scenes))])
 
+    @cached_property
+    def clean(self) -> Float[Tensor, "batch height width 3"] | None:
+        if self.own_camera and self.own_light:
+            return None
+        return torch.stack([self._references(n).clean() for n in range(len(self.scenes))])
+
     def render(self, layers: Layers) -> tuple[Images, Coverage]:
         renderings = [self._render(n, layer) for n, layer in enumerate(layers)]
         images = torch.stack([rendering.image for rendering in renderings])

@@ -35,6 +35,9 @@ REFERENCES = MappingProxyType(
 """The materials of a light buffer, white and smooth, in the order of its pictures."""
 LIGHT_CHANNELS = 3 * len(REFERENCES)
 
+_CLEAN_SAMPLES = 4
+"""The noise of a clean picture is half that of what is compared with it."""
+
 _DARK = 1e-3
 """Scales base colours that stand for numbers, so that light which is scattered twice hardly counts."""
 
@@ -84,6 +87,12 @@ class ReferencePictures:
             for white in REFERENCES.values()
         ]
         return torch.cat(images, dim=-1).clamp(max=BRIGHTEST).half()
+
+    def clean(self) -> Float[Tensor, "height width 3"]:
+        """The picture without the layer, with `_CLEAN_SAMPLES` times the samples: linear, premultiplied, half floats."""
+        materials = self.subject.materials(None, self.scene.maps, base_colors=self.scene.materials)
+        image = replace(self, spp=_CLEAN_SAMPLES * self.spp)._render(list(materials.parts)).image
+        return image.clamp(max=BRIGHTEST).half()
 
     def gbuffer(self) -> Float[Tensor, "height width 6"]:
         """Mean position and normal over a pixel's learnable samples, times their share of the pixel; for any renderer.

@@ -99,11 +99,12 @@ def make_fabric(device: str, *, devices: int = 1, precision: str = "auto") -> Fa
 
 def _require_divisible(config: TrainConfig, dataset: DatasetConfig) -> None:
     """Pictures that are linear in their textures are divided by their light; the light of others can be shown."""
-    if config.rendering == "stored" and config.discriminator.light_buffer and not dataset.maps:
-        raise ConfigError(
-            "discriminator.light_buffer: rendering: stored of base_color has discriminator.compares: reflectance "
-            "instead; set discriminator.light_buffer: false, or rendering: online."
-        )
+    for name in ("light_buffer", "clean_picture"):
+        if config.rendering == "stored" and getattr(config.discriminator, name) and not dataset.maps:
+            raise ConfigError(
+                f"discriminator.{name}: rendering: stored of base_color has discriminator.compares: reflectance "
+                f"instead; set discriminator.{name}: false, or rendering: online."
+            )
     if dataset.maps and config.discriminator.compares == "reflectance":
         raise ConfigError(
             "discriminator.compares: reflectance is for base_color alone, and the data set's layers paint "

@@ -43,6 +43,10 @@ class SceneBatch(Protocol):
         """
 
     @property
+    def clean(self) -> Float[Tensor, "batch height width 3"] | None:
+        """Pictures of these scenes without the layer; None where they are as in the exemplars'. See `light_buffer`."""
+
+    @property
     def demodulator(self) -> Demodulator | None:
         """Divides the light of these scenes out of their pictures; None if it is not known what pixels show."""
 

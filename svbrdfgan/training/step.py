@@ -96,12 +96,14 @@ def make_pair(
 
 def _with_buffers(image: Images, coverage: Coverage, real: ImageBatch, scenes: SceneBatch) -> ImageBatch:
     """Fakes and the buffers that exemplars have: those of their own scenes, or else the exemplars'."""
-    gbuffer, light_buffer = real.gbuffer, real.light_buffer
+    gbuffer, light_buffer, clean = real.gbuffer, real.light_buffer, real.clean
     if gbuffer is not None and scenes.gbuffer is not None:
         gbuffer = scenes.gbuffer.to(gbuffer.device)
     if light_buffer is not None and scenes.light_buffer is not None:
         light_buffer = scenes.light_buffer.to(light_buffer.device)
-    return ImageBatch(image, coverage, gbuffer, light_buffer, real.labels)
+    if clean is not None and scenes.clean is not None:
+        clean = scenes.clean.to(clean.device)
+    return ImageBatch(image, coverage, gbuffer, light_buffer, clean, real.labels)
 
 
 def _make_batch(

@@ -130,12 +130,15 @@ def test_a_fresh_stage_renders_each_layer_once(
     assert coverage.max() == 1
 
 
-LIT: dict[str, Any] = {"rendering": "online", "discriminator": {"gbuffer": True, "light_buffer": True}}
+LIT: dict[str, Any] = {
+    "rendering": "online",
+    "discriminator": {"gbuffer": True, "light_buffer": True, "clean_picture": True},
+}
 
 
 @pytest.fixture(scope="module")
 def lit(config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path) -> BatchSource:
-    """Matched scenes, in which the discriminator is shown both buffers."""
+    """Matched scenes, in which the discriminator is shown all buffers."""
     return make_batch_source(resolve_run(config(**LIT, spp=4)), "train", cpu_renderer, CPU)
 
 
@@ -156,6 +159,8 @@ def test_matched_fakes_share_their_exemplars_buffers(lit: BatchSource) -> None:
     assert real.light_buffer.shape == (2, 32, 32, 9)
     assert fake.light_buffer is real.light_buffer
     assert fake.gbuffer is real.gbuffer
+    assert real.clean is not None
+    assert fake.clean is real.clean
     assert source.real.light_buffer is not None
     assert source.real.light_buffer.dtype == torch.float16
 
@@ -171,6 +176,9 @@ def test_a_fake_in_other_light_carries_its_own_scenes_light(lit: BatchSource) ->
     assert not fake.light_buffer.requires_grad
     apart = (fake.light_buffer - real.light_buffer).float().abs().mean()
     assert apart > 0.1 * real.light_buffer.float().mean()
+    assert fake.clean is not None
+    assert real.clean is not None
+    assert not torch.equal(fake.clean, real.clean)
     assert isinstance(scenes, OnlineSceneBatch)
     there = replace(source.exemplars, scenes=(*source.exemplars.scenes[:2], *scenes.scenes))
     assert isinstance(source.own_scenes, OnlineRendering)

@@ -57,8 +57,8 @@ def glossy_training(training_data: Data, glossy_dataset: Path) -> Data:
 
 @pytest.fixture(scope="module")
 def source(glossy_training: Data) -> BatchSource:
-    """Matched scenes, in which the discriminator is shown both buffers."""
-    data = glossy_training(discriminator={"gbuffer": True, "light_buffer": True})
+    """Matched scenes, in which the discriminator is shown all buffers."""
+    data = glossy_training(discriminator={"gbuffer": True, "light_buffer": True, "clean_picture": True})
     return make_batch_source(
         resolve_run(train_config(data, "here")), "train", load_renderer("warp", {"device": "cpu"}), CPU
     )
@@ -75,11 +75,12 @@ def layers(count: int) -> Tensor:
     return torch.rand((count, 32, 32, CHANNELS), generator=torch.Generator().manual_seed(5)) + torch.eye(CHANNELS)[8]
 
 
-def buffers(rendering: DeferredRendering, index: int) -> tuple[Tensor, Tensor | None]:
-    """G-buffer and light buffer of the first stored scene of an exemplar."""
+def buffers(rendering: DeferredRendering, index: int) -> tuple[Tensor, Tensor | None, Tensor | None]:
+    """G-buffer, light buffer and clean picture of the first stored scene of an exemplar."""
     scenes = rendering.first_scenes([index])
     assert scenes.gbuffer is not None
-    return scenes.gbuffer[0], None if scenes.light_buffer is None else scenes.light_buffer[0]
+    light, clean = (None if shown is None else shown[0] for shown in (scenes.light_buffer, scenes.clean))
+    return scenes.gbuffer[0], light, clean
 
 
 def rng(seed: int = 0) -> np.random.Generator:
@@ -143,16 +144,19 @@ def test_what_does_not_fit_is_traced_again_with_equal_results(
 
 
 def test_buffers_are_of_the_first_stored_scene(source: BatchSource, rendering: DeferredRendering) -> None:
-    gbuffer, light = buffers(rendering, 2)
+    gbuffer, light, clean = buffers(rendering, 2)
     assert light is not None
-    assert (gbuffer.shape, light.shape) == ((32, 32, 6), (32, 32, 9))
+    assert clean is not None
+    assert (gbuffer.shape, light.shape, clean.shape) == ((32, 32, 6), (32, 32, 9), (32, 32, 3))
     matched = rendering.scenes([2], rng())
-    assert (matched.gbuffer, matched.light_buffer) == (None, None)
+    assert (matched.gbuffer, matched.light_buffer, matched.clean) == (None, None, None)
     shown = gbuffer[..., 3:].norm(dim=-1)
     assert float(shown.max()) == pytest.approx(1.0, abs=0.02)
     assert source.real.gbuffer is not None
     assert torch.equal(source.real.gbuffer[2].float(), gbuffer)
-    assert buffers(replace(rendering, shows_light=False), 2)[1] is None
+    assert source.real.clean is not None
+    assert torch.equal(source.real.clean[2].float(), clean)
+    assert buffers(replace(rendering, shows_light=False, shows_clean=False), 2)[1:] == (None, None)
 
 
 def test_scenes_that_do_not_match_carry_their_own_buffers(rendering: DeferredRendering) -> None:
@@ -160,7 +164,7 @@ def test_scenes_that_do_not_match_carry_their_own_buffers(rendering: DeferredRen
     perturbation = replace(rendering.perturbation, config=config)
     moved = replace(rendering, perturbation=perturbation)
     batch = moved.scenes([0, 3], rng())
-    for mine, its in zip((batch.gbuffer, batch.light_buffer), buffers(moved, 0), strict=True):
+    for mine, its in zip((batch.gbuffer, batch.light_buffer, batch.clean), buffers(moved, 0), strict=True):
         assert mine is not None
         assert its is not None
         assert torch.equal(mine[0], its)
@@ -174,17 +178,16 @@ def test_scenes_that_do_not_match_carry_their_own_buffers(rendering: DeferredRen
     assert not image[coverage == 0].any()
 
 
-def test_both_buffers_of_scenes_that_are_not_kept_take_one_trace(
+def test_buffers_of_scenes_that_are_not_kept_take_one_trace(
     rendering: DeferredRendering, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     own, traced = rendering.own_scenes(16, keep=False), []
     trace = own._trace
     monkeypatch.setattr(own, "_trace", lambda index, scene: traced.append(index) or trace(index, scene))
-    gbuffers, lights = own_buffers(DiscriminatorConfig(gbuffer=True, light_buffer=True), own, [0, 1])
+    shown = DiscriminatorConfig(gbuffer=True, light_buffer=True, clean_picture=True)
+    found = [buffer for buffer in own_buffers(shown, own, [0, 1]) if buffer is not None]
     assert traced == [0, 1]
-    assert gbuffers is not None
-    assert lights is not None
-    assert len(gbuffers) == len(lights) == 2
+    assert [len(buffer) for buffer in found] == [2, 2, 2]
 
 
 def test_seen_texels_lie_on_learnable_parts(source: BatchSource, rendering: DeferredRendering) -> None:

@@ -90,6 +90,17 @@ def test_it_changes_with_the_light(setting: Setting) -> None:
     assert (other - own).abs().mean() > 0.1 * own.mean()
 
 
+def test_a_clean_picture_is_the_scene_without_its_layer(setting: Setting) -> None:
+    bare = setting.subject.materials(None, setting.scene.maps, base_colors=setting.scene.materials)
+    prepared = setting.renderer.prepare(setting.subject.surface)
+    wanted = setting.renderer.render(prepared, bare, setting.view, spp=256, seed=3).image
+    clean = setting.pictures(spp=64).clean()
+    assert clean.dtype == torch.float16
+    assert (clean.float() - wanted).abs().mean() < 0.08 * wanted.mean()  # the noise of 256 samples, twice
+    red = setting.pictures(scene=painted(setting, (0.8, 0.1, 0.1), 0.5)).clean().float()
+    assert (red - wanted).abs().mean() > 0.16 * wanted.mean()
+
+
 def test_it_has_irradiance_and_two_reflections(setting: Setting) -> None:
     """Under uniform light white matt parts without occlusion are as bright as the light; metals lose little."""
     uniform = replace(setting.view.environment, radiance=torch.ones(4, 8, 3))

@@ -199,6 +199,22 @@ def test_buffers_follow_the_picture_as_channels() -> None:
     assert both.light_buffer.shape == (3, 4, 4, 9)
 
 
+def test_a_clean_picture_is_shown_as_the_difference_from_it() -> None:
+    """The background is the same in both, so it never shows there."""
+    image = torch.rand(2, 4, 4, 3)
+    coverage = torch.ones(2, 4, 4)
+    coverage[:, 2:], image[:, 2:] = 0.0, 0.0
+    given = ImageBatch(image, coverage, None, clean=torch.cat([image[:1], 0.5 * image[1:]]))
+    same, brighter = given.pick([1, 0]).tone_mapped(torch.rand(2, 3)).flip(0)
+    assert same.shape == (6, 4, 4)
+    assert not same[3:].any()
+    assert brighter[3:, :2].min() > 0
+    assert not brighter[3:, 2:].any()
+    joined = ImageBatch.cat([given, given]).clean
+    assert joined is not None
+    assert joined.shape == (4, 4, 4, 3)
+
+
 def test_labels_are_planes_after_the_buffers() -> None:
     labels = torch.tensor([[0.5, -1.0], [0.0, 1.0]])
     given = ImageBatch(torch.zeros(2, 4, 4, 3), torch.zeros(2, 4, 4), None, labels=labels)
@@ -208,12 +224,14 @@ def test_labels_are_planes_after_the_buffers() -> None:
 
 
 @pytest.mark.parametrize(
-    ("gbuffer", "light_buffer", "channels"), [(False, False, 3), (True, False, 9), (True, True, 18)]
+    ("gbuffer", "light_buffer", "clean", "channels"),
+    [(False, False, False, 3), (True, False, False, 9), (True, True, False, 18), (True, True, True, 21)],
 )
 def test_the_discriminator_has_channels_for_what_it_is_shown(
-    gbuffer: bool, light_buffer: bool, channels: int, config: Callable[..., TrainConfig]
+    gbuffer: bool, light_buffer: bool, clean: bool, channels: int, config: Callable[..., TrainConfig]
 ) -> None:
-    chosen = config(rendering="online", discriminator={"gbuffer": gbuffer, "light_buffer": light_buffer})
+    shown = {"gbuffer": gbuffer, "light_buffer": light_buffer, "clean_picture": clean}
+    chosen = config(rendering="online", discriminator=shown)
     first = next(m for m in State.fresh(chosen, CPU).discriminator.modules() if isinstance(m, torch.nn.Conv2d))
     assert first.in_channels == channels
 
