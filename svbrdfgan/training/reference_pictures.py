@@ -89,7 +89,7 @@ class ReferencePictures:
         return torch.cat(images, dim=-1).clamp(max=BRIGHTEST).half()
 
     def clean(self) -> Float[Tensor, "height width 3"]:
-        """The picture without the layer, with `_CLEAN_SAMPLES` times the samples: linear, premultiplied, half floats."""
+        """The picture without the layer, with `_CLEAN_SAMPLES` times the samples: linear, premultiplied, float16."""
         materials = self.subject.materials(None, self.scene.maps, base_colors=self.scene.materials)
         image = replace(self, spp=_CLEAN_SAMPLES * self.spp)._render(list(materials.parts)).image
         return image.clamp(max=BRIGHTEST).half()
