@@ -8,7 +8,7 @@ from numpy import ndarray
 
 from svbrdfgan.asset.box_charts import box_charts
 from svbrdfgan.asset.islands import areas, components, edge_neighbours, extent, signed_areas, uv_islands, welded
-from svbrdfgan.asset.packing import import_xatlas
+from svbrdfgan.asset.packing import generate, import_xatlas
 
 _STRETCH = 2.0  # the most that an own island may be longer or shorter in UV than in space
 _STRETCHED = 0.05  # share of an island's area that may be stretched more
@@ -58,7 +58,7 @@ def new_charts(positions: Float[ndarray, "faces 3 3"]) -> tuple[Float[ndarray, "
     charting.max_iterations = 1
     packing.resolution, packing.padding, packing.bilinear = 256, 0, False
     atlas.add_mesh(points.astype(np.float32), faces.reshape(-1, 3).astype(np.uint32))
-    atlas.generate(charting, packing)
+    generate(atlas, charting, packing)
     _, index, uv = atlas.get_mesh(0)
     chart = np.full(len(positions), -1, dtype=np.int64)
     for number in range(atlas.get_mesh_chart_count(0)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import time
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ _TRIES = 40  # to a scale of an eighth of the first guess
 _LONGEST = 1.2  # of the side of a square of the charts' area: about the side of the texture that they fill
 _GROWTHS = 4  # further scales after the first that fits
 _SHRUNK = 0.97  # xatlas shrinks charts that are longer than the square
+_ASLEEP = 0.01  # seconds after which threads without work sleep
 
 _Charts = tuple[Float[ndarray, "vertices 2"], Int[ndarray, "faces 3"], Int[ndarray, " faces"]]
 
@@ -38,6 +40,16 @@ def import_xatlas() -> Any:
         raise AssetError(
             "a second UV set needs xatlas, which is not installed; pip install svbrdfgan[gltf]."
         ) from error
+
+
+def generate(atlas: Any, charting: Any, packing: Any) -> None:
+    """Makes and packs the charts of an atlas of xatlas, and waits until its threads sleep.
+
+    An atlas that goes wakes its threads so that they end, without their lock: one that is about to fall asleep misses
+    that, and xatlas 0.0.11 waits for it for ever.
+    """
+    atlas.generate(charting, packing)
+    time.sleep(_ASLEEP)
 
 
 def pack(
@@ -165,7 +177,7 @@ def _placed(mesh: _Charts, room: tuple[int, int, float]) -> Float[ndarray, "face
     options.rotate_charts_to_axis = False  # it makes points of many charts whose corners are above one another
     options.padding = (gutter + 1) // 2  # xatlas widens each chart by that much, so that two are twice as far apart
     atlas.add_uv_mesh(vertices.astype(np.float32), faces.astype(np.uint32), chart.astype(np.uint32)[:, None])
-    atlas.generate(xatlas.ChartOptions(), options)
+    generate(atlas, xatlas.ChartOptions(), options)
     if atlas.atlas_count != 1:
         return None
     _, found, uv = atlas.get_mesh(0)
