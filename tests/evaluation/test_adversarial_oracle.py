@@ -105,8 +105,8 @@ def test_further_maps_are_judged_and_labels_may_be_missing(even: TrueLayers, fab
 @pytest.mark.full
 def test_it_learns_to_obey_the_amount(even: TrueLayers, fabric: Fabric) -> None:
     told: list[int] = []
-    oracle, steps = train_adversarial_oracle(fabric, CONFIG, even, Budget(300), told.append)
-    assert steps == sum(told) == 300
+    oracle, steps = train_adversarial_oracle(fabric, CONFIG, even, Budget(500), told.append)
+    assert steps == sum(told) == 500
     labels = torch.tensor([[-0.6], [0.6]])
     with torch.no_grad():
         little, much = oracle(even.geometry, torch.tensor([5, 5]), labels)[:, SIZE // 2 :, :, 3].mean(dim=(1, 2))
