@@ -60,7 +60,7 @@ def main(config: Path, overrides: tuple[str, ...], steps: int, rows: int) -> Non
     activities = [ProfilerActivity.CPU, *([ProfilerActivity.CUDA] if cuda else [])]
     with profile(activities=activities) as profiled:
         run()
-    order = "self_cuda_time_total" if cuda else "self_cpu_time_total"
+    order = "self_device_time_total" if cuda else "self_cpu_time_total"
     click.echo(profiled.key_averages().table(sort_by=order, row_limit=rows, max_name_column_width=60))
 
 

@@ -41,7 +41,7 @@ from svbrdfgan.weathering.recipes import RECIPES
 
 HERE = Path(__file__).resolve().parent
 LEARNED = ("road-dirt", "rust", "dust", "grime", "chipped-paint")
-"""The recipes."""
+"""The recipes that have a model each."""
 LIMITS = (
     "Detail is as fine as a texel of 512 on a side: half a centimetre to two on a car. Closer up it is soft.",
     "Patterns have the size that they have on a car 4.5 m long, in proportion to the vehicle.",

@@ -43,10 +43,10 @@ def import_xatlas() -> Any:
 
 
 def generate(atlas: Any, charting: Any, packing: Any) -> None:
-    """Makes and packs the charts of an atlas of xatlas, and waits until its threads sleep.
+    """Makes and packs the charts of an xatlas atlas, and waits until its threads sleep.
 
-    An atlas that goes wakes its threads so that they end, without their lock: one that is about to fall asleep misses
-    that, and xatlas 0.0.11 waits for it for ever.
+    When Python deletes an atlas, xatlas 0.0.11 signals its threads to end, and waits for them. A thread that is just
+    falling asleep misses the signal, since xatlas does not hold its lock then; so the wait would never end.
     """
     atlas.generate(charting, packing)
     time.sleep(_ASLEEP)

@@ -98,7 +98,7 @@ def make_batch_source(
     order = _by_subject(exemplars)
     demodulated = discriminator.compares == "reflectance"
     fake_scenes.build(order, progress)
-    if own_scenes is not fake_scenes and (demodulated or shows_buffers(discriminator)):
+    if own_scenes is not fake_scenes and (demodulated or discriminator.shows_buffers):
         own_scenes.build(order, progress)
     buffers = own_buffers(discriminator, own_scenes, range(len(exemplars)))
     known = (*buffers, labels_of_scenes(run.conditions, exemplars.scenes))
@@ -139,13 +139,9 @@ Buffers = tuple[
 """G-buffers, light buffers and clean pictures; None if they are not shown."""
 
 
-def shows_buffers(config: DiscriminatorConfig) -> bool:
-    return config.gbuffer or config.light_buffer or config.clean_picture
-
-
 def own_buffers(config: DiscriminatorConfig, own_scenes: SceneRendering, indices: Sequence[int]) -> Buffers:
     """What the discriminator is shown besides the pictures, of these exemplars' own scenes, in half precision."""
-    shown = [index for index in indices if shows_buffers(config)]
+    shown = [index for index in indices if config.shows_buffers]
     batches = (own_scenes.first_scenes([index]) for index in shown)  # one for all buffers: making it may trace
     buffers = [
         (

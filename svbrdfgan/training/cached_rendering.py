@@ -54,8 +54,9 @@ class CachedSceneBatch:
     batch: TransportBatch
     base: Float[Tensor, "textures *#size 3"]
     light_buffer: None = None
-    clean: None = None
     """Never shown: pictures that are linear in their textures can be divided by their light instead."""
+    clean: None = None
+    """Never shown, for the same reason."""
 
     @property
     def gbuffer(self) -> Float[Tensor, "batch height width 6"]:

@@ -50,6 +50,11 @@ class DiscriminatorConfig(StrictModel):
         "`spp`, with `rendering: online`, or if the data set has `maps`; else `reflectance`",
     )
 
+    @property
+    def shows_buffers(self) -> bool:
+        """Whether it is shown anything of the scene besides its picture."""
+        return self.gbuffer or self.light_buffer or self.clean_picture
+
 
 class LossConfig(StrictModel):
     """The GAN loss and its penalties (thesis 4.3.2, 5.3)."""

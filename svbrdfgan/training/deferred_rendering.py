@@ -91,21 +91,19 @@ class DeferredSceneBatch:
 
     @cached_property
     def gbuffer(self) -> Float[Tensor, "batch height width 6"] | None:
-        return None if self.matched else torch.stack([scene.gbuffer for scene in self.scenes]).float()
+        return self._unless_matched(scene.gbuffer for scene in self.scenes)
 
     @cached_property
     def light_buffer(self) -> Float[Tensor, "batch height width 9"] | None:
-        if self.matched:
-            return None
-        buffers = [scene.light_buffer for scene in self.scenes if scene.light_buffer is not None]
-        return torch.stack(buffers).float() if buffers else None
+        return self._unless_matched(scene.light_buffer for scene in self.scenes)
 
     @cached_property
     def clean(self) -> Float[Tensor, "batch height width 3"] | None:
-        if self.matched:
-            return None
-        pictures = [scene.clean for scene in self.scenes if scene.clean is not None]
-        return torch.stack(pictures).float() if pictures else None
+        return self._unless_matched(scene.clean for scene in self.scenes)
+
+    def _unless_matched(self, buffers: Iterable[Tensor | None]) -> Tensor | None:
+        known = [] if self.matched else [buffer for buffer in buffers if buffer is not None]
+        return torch.stack(known).float() if known else None
 
     @cached_property
     def coverage(self) -> Coverage:

@@ -96,14 +96,13 @@ def make_pair(
 
 def _with_buffers(image: Images, coverage: Coverage, real: ImageBatch, scenes: SceneBatch) -> ImageBatch:
     """Fakes and the buffers that exemplars have: those of their own scenes, or else the exemplars'."""
-    gbuffer, light_buffer, clean = real.gbuffer, real.light_buffer, real.clean
-    if gbuffer is not None and scenes.gbuffer is not None:
-        gbuffer = scenes.gbuffer.to(gbuffer.device)
-    if light_buffer is not None and scenes.light_buffer is not None:
-        light_buffer = scenes.light_buffer.to(light_buffer.device)
-    if clean is not None and scenes.clean is not None:
-        clean = scenes.clean.to(clean.device)
-    return ImageBatch(image, coverage, gbuffer, light_buffer, clean, real.labels)
+
+    def shown(name: str) -> Tensor | None:  # by name, since a scene may render a buffer when it is first asked for it
+        exemplars: Tensor | None = getattr(real, name)
+        own: Tensor | None = None if exemplars is None else getattr(scenes, name)
+        return exemplars if exemplars is None or own is None else own.to(exemplars.device)
+
+    return ImageBatch(image, coverage, shown("gbuffer"), shown("light_buffer"), shown("clean"), real.labels)
 
 
 def _make_batch(

@@ -97,10 +97,16 @@ def test_kernels_are_the_reference_in_double_precision(
 ) -> None:
     x, residual = values(shape, 1, mean=3), values(shape, 2) if added else None
     affine = values((shape[0], 2, shape[1]), 3) if modulated else None
-    doubled = (None if t is None else t.double() for t in (residual, affine))
-    moved = (None if t is None else t.to(DEVICE) for t in (residual, affine))
-    expected = differentiated(reference, x.double(), spec, next(doubled), affine=next(doubled))
-    computed = differentiated(kernels, x.to(DEVICE), spec, next(moved), affine=next(moved))
+    expected, computed = (
+        differentiated(
+            implementation,
+            x.to(target),
+            spec,
+            None if residual is None else residual.to(target),
+            affine=None if affine is None else affine.to(target),
+        )
+        for implementation, target in ((reference, torch.float64), (kernels, DEVICE))
+    )
     assert_same(computed, expected, rtol=1e-4, atol=1e-5)
 
 

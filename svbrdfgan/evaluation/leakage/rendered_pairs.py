@@ -127,7 +127,7 @@ class RenderedPairs:
             self.progress(1)
 
     def _own_buffers(self, own_scenes: SceneRendering) -> list[Tensor | None]:
-        """G-buffers and light buffers of the exemplars' own scenes, which no confounder changes."""
+        """`own_buffers` of the exemplars, which no confounder changes."""
         if not self._buffers:
             buffers = own_buffers(self.run.config.discriminator, own_scenes, self.chosen)
             self._buffers.extend(None if buffer is None else self._scattered(buffer) for buffer in buffers)

@@ -73,13 +73,19 @@ def moments(
 
 
 @triton.jit
+def two_of_each_channel(numbers, sample, channel, channels):
+    """Both numbers that a sample has for each channel: all first ones lie before all second ones."""
+    offset = numbers + sample * 2 * channels + channel
+    first = tl.load(offset, mask=channel < channels, other=0)
+    return first[None, :], tl.load(offset + channels, mask=channel < channels, other=0)[None, :]
+
+
+@triton.jit
 def normalise(values, moments, sample, channel, channels, NORM: tl.constexpr):
     """The normalised values, and the reciprocal standard deviation."""
     scale = tl.full([1, 1], 1, tl.float32)
     if NORM:
-        offset = moments + sample * 2 * channels + channel
-        mean = tl.load(offset, mask=channel < channels, other=0)[None, :]
-        scale = tl.load(offset + channels, mask=channel < channels, other=0)[None, :]
+        mean, scale = two_of_each_channel(moments, sample, channel, channels)
         values = (values - mean) * scale
     return values, scale
 
@@ -89,9 +95,8 @@ def modulate(values, affine, sample, channel, channels, AFFINE: tl.constexpr):
     """The values times the scale plus the shift of their channel, and the scale."""
     scale = tl.full([1, 1], 1, tl.float32)
     if AFFINE:
-        offset = affine + sample * 2 * channels + channel
-        scale = tl.load(offset, mask=channel < channels, other=0)[None, :]
-        values = values * scale + tl.load(offset + channels, mask=channel < channels, other=0)[None, :]
+        scale, shift = two_of_each_channel(affine, sample, channel, channels)
+        values = values * scale + shift
     return values, scale
 
 
@@ -237,9 +242,7 @@ def backward(
             slope = tl.where(active <= 0, 0, slope)
         if NORM:
             # the norm's gradient: less its mean, and less its component along the normalised values
-            sum_offset = sums + sample * 2 * channels + channel
-            mean = tl.load(sum_offset, mask=channel < channels, other=0)[None, :] / (rows * cols)
-            along = tl.load(sum_offset + channels, mask=channel < channels, other=0)[None, :] / (rows * cols)
-            slope = (slope - mean - values * along) * scale
+            total, along = two_of_each_channel(sums, sample, channel, channels)
+            slope = (slope - (total + values * along) / (rows * cols)) * scale
         slope *= gain
     tl.store(grad_x + start + offset, slope.to(grad_x.dtype.element_ty), mask=mask)

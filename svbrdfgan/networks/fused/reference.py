@@ -21,7 +21,7 @@ class NormActPad:
     """reflect_pad(upsample(relu(affine(norm(x))) + residual)); every part is optional.
 
     Attributes:
-        norm: instance norm (Ulyanov et al. 2016). Its affine parameters, if any, belong to a sample (`Modulation`).
+        norm: instance norm (Ulyanov et al. 2016). Each sample may have affine parameters of its own.
         upsample: nearest-neighbour factor, 1 or 2.
         pad: rows and columns added on each side by reflection, fewer than there are.
     """
