@@ -1,11 +1,11 @@
 """Makes the shipped models: data sets, training, the choice among seeds, scores on the test vehicles, and their cards.
 
-    python examples/models/make.py --assets assets -o out/models --minutes 12 --jobs 3
+    python examples/models/make.py --assets assets -o out/models --minutes 12
 
 Each recipe has a data set, and each of its seeds a run. The seed that resembles the truth most on the validation
 vehicles is scored on the test vehicles, once, and becomes `out/models/shipped/RECIPE`, which belongs into
-`svbrdfgan/models`. What is there already is not made again. `--jobs` runs share a GPU; with several GPUs, they are
-spread over them.
+`svbrdfgan/models`. What is there already is not made again. One run keeps a GPU busy; with several GPUs, runs
+are spread over them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,6 @@ from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.io.records import load_record
 from svbrdfgan.models.card import ModelCard, Scores, Source
 from svbrdfgan.procedural.vehicle import build_vehicle
-from svbrdfgan.training.run import RunConfig
 from svbrdfgan.training.ship import ship
 from svbrdfgan.utils.processes import cores
 from svbrdfgan.weathering.recipes import RECIPES
@@ -95,17 +94,14 @@ class Work:
             self.run(f"picture-{recipe}", *shown, "--amount", "0.7", "--picture", str(picture))
         others = {f"resemblance of seed {seed} on validation": found.resemblance for seed, found in validated.items()}
         validation = validated[best].model_copy(update={"further": others})
-        trained = RunConfig.load(run).train
-        command = (
-            f"python examples/models/make.py --assets ASSETS -o OUT --recipes {recipe} --minutes {trained.minutes:g}"
-        )
+        given = ("--recipes", recipe, "--seeds", *map(str, seeds), "--minutes", f"{self.minutes:g}", *self.settings)
         card = ModelCard(
             name=recipe,
             title=recipe.replace("-", " ").capitalize(),
             about=" ".join(str(getdoc(RECIPES[recipe])).split("\n\n")[0].split()),
             recipes=(recipe,),
             data=data,
-            command=command,
+            command=" ".join(("python examples/models/make.py --assets ASSETS -o OUT", *given)),
             validation=validation,
             test=scores_of(run, "test"),
             limits=LIMITS,
@@ -177,7 +173,7 @@ def main() -> None:
     parser.add_argument("--recipes", nargs="+", default=LEARNED, choices=LEARNED)
     parser.add_argument("--seeds", nargs="+", type=int, default=(0, 1, 2))
     parser.add_argument("--minutes", type=float, default=12.0, help="training time of each run")
-    parser.add_argument("--jobs", type=int, default=3, help="runs that share a GPU")
+    parser.add_argument("--jobs", type=int, default=1, help="runs that share a GPU")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     for name in ("dataset.yaml", "train.yaml"):

@@ -142,6 +142,11 @@ class TrainConfig(StrictModel):
     steps: int = Field(default=20000, ge=1, description="updates of the generator")
     minutes: float | None = Field(default=None, gt=0, description="stops earlier, after this training time")
     batch_size: int = Field(default=16, ge=1, description="exemplars in a step, over all devices")
+    init: str | None = Field(
+        default=None,
+        description="the name of a [shipped model](commands.md#shipped-models), or the folder of a run, relative to "
+        "this file: training starts from its generator instead of random weights; `generator` may be left out then",
+    )
     generator: GeneratorConfig = Field(default=GeneratorConfig(), description="the network that paints layers")
     discriminator: DiscriminatorConfig = Field(
         default=DiscriminatorConfig(), description="the network that compares pictures"

@@ -9,12 +9,14 @@ import torch
 from lightning_fabric import Fabric
 
 from svbrdfgan.config.distributions import Fixed
+from svbrdfgan.config.models import differences
 from svbrdfgan.data.conditions import conditions_of
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
-from svbrdfgan.errors import ConfigError
+from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.models.shipped import MODEL, model_folder, require_model, shipped_models
 from svbrdfgan.networks.conditions import Conditions
-from svbrdfgan.networks.saved import GeneratorConfig
+from svbrdfgan.networks.saved import GeneratorConfig, load_generator, load_generator_config
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
 
 
@@ -23,7 +25,8 @@ class ResolvedRun:
     """A run with all that it will do decided. Code below reads it, and opens and decides nothing again.
 
     Attributes:
-        config: the configuration, with `discriminator.compares` and `discriminator.light_buffer` decided.
+        config: the configuration, with `discriminator.compares` and `discriminator.light_buffer` decided, and of what
+            `init` names: the generator's settings, and its name or whole path.
         dataset: the data set that it names, opened.
         base: the folder that file patterns of the configuration are relative to.
     """
@@ -67,6 +70,8 @@ def resolve_run(config: TrainConfig, base: Path = Path()) -> ResolvedRun:
         ConfigError: this data set cannot do what the configuration asks.
     """
     dataset = Dataset.open((base / config.dataset).resolve())
+    if config.init is not None:
+        config = _from_model(config, config.init, base, dataset.config)
     _require_divisible(config, dataset.config)
     _require_halvable(config, dataset.config.texture)
     return ResolvedRun(resolved(config, dataset.config.spp, dataset.config.maps), dataset, base)
@@ -95,6 +100,30 @@ def make_fabric(device: str, *, devices: int = 1, precision: str = "auto") -> Fa
         cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
         precision = "bf16-mixed" if cuda else "32-true"
     return Fabric(accelerator=device, devices=devices, strategy=strategy, precision=precision)  # type: ignore[arg-type]  # one of its literals
+
+
+def _from_model(config: TrainConfig, init: str, base: Path, dataset: DatasetConfig) -> TrainConfig:
+    """The configuration of a run that starts from a model, with the settings of that model's generator."""
+    folder = model_folder(init, base)
+    try:
+        require_model(folder)
+        built, (generator, _) = load_generator_config(folder / MODEL), load_generator(folder / MODEL)
+    except AssetError as error:
+        raise AssetError(f"init: {error}") from error
+    wanted = config.generator if "generator" in config.model_fields_set else built
+    if changed := differences(wanted.model_dump(), built.model_dump()):
+        raise ConfigError(f"generator: the model that training starts from has other settings ({'; '.join(changed)}).")
+    maps, labels = tuple(dataset.maps), conditions_of(built, dataset).size
+    if maps != generator.maps:
+        painted, other = (", ".join(("base_color", *names)) for names in (generator.maps, maps))
+        raise ConfigError(f"init: the model paints {painted}, and the layers of the data set have {other}.")
+    if labels != generator.labels:
+        raise ConfigError(
+            f"init: the model is told {generator.labels} numbers of each layer, its amount and recipe, and the data "
+            f"set's exemplars differ in {labels}."
+        )
+    named = init if init in shipped_models() else str(folder.resolve())
+    return config.model_copy(update={"generator": built, "init": named})
 
 
 def _require_divisible(config: TrainConfig, dataset: DatasetConfig) -> None:

@@ -28,7 +28,7 @@ from svbrdfgan.training.resolve import ResolvedRun
 LOG = "log.jsonl"
 ORACLE = "oracle.safetensors"
 ORACLE_NOTES = "oracle.json"
-_LENGTH = ("steps", "minutes", "score_every", "save_every", "device", "devices", "dataset")
+_LENGTH = ("steps", "minutes", "score_every", "save_every", "device", "devices", "dataset", "init")
 _STABILITY = {"optimizer": {"generator_rate", "discriminator_rate"}, "loss": {"r1"}}
 _FREE: dict[str, Any] = {
     "train": dict.fromkeys(_LENGTH, True) | _STABILITY,

@@ -93,6 +93,11 @@ class State:
             discriminator_gradients=GradientAllReduce(discriminator, processes),
         )
 
+    def start_from(self, generator: Generator) -> None:
+        """Takes the weights of a generator of the same configuration, before the first step."""
+        for own in (self.generator, self.averaged):
+            own.load_state_dict(generator.state_dict())
+
     def average(self, batch_size: int, half_life: float) -> None:
         """Moves the averaged generator towards the current one: half the way in `half_life` images, faster at first."""
         half_life = min(half_life, 0.1 * self.step * batch_size)

@@ -26,7 +26,7 @@ from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.graceful_interrupt import defer_interrupts
 from svbrdfgan.training.metrics_log import MetricsLog
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, resolve_run
-from svbrdfgan.training.run import CONFIG, MODEL, ORACLE, ORACLE_NOTES, RunConfig
+from svbrdfgan.training.run import CONFIG, MODEL, ORACLE, ORACLE_NOTES, RunConfig, load_model
 from svbrdfgan.training.state import State, checkpoint_path, checkpoints, step_of
 from svbrdfgan.training.step import Diagnostics, batch_indices, step_rng, training_step
 from svbrdfgan.utils.display import Display, SilentDisplay
@@ -119,6 +119,8 @@ def _train(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path, 
     if found:
         state.load(found[-1])
         log.info("resumed at step %d", state.step)
+    elif config.init is not None:
+        state.start_from(load_model(config.init).generator)
     if session.first:
         session = replace(session, metrics_log=MetricsLog(run, state.step))
     display.begin("training", config.steps)

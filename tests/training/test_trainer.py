@@ -168,6 +168,40 @@ def test_a_run_with_chance_and_conditions_goes_on_bit_for_bit(
     assert all(torch.equal(weight, averaged[name]) for name, weight in model.generator.state_dict().items())
 
 
+def test_a_run_starts_from_a_model(
+    training_data: Data, varied_dataset: Path, shipped: Path, varied_run: Path, tmp_path: Path
+) -> None:
+    still = {"steps": 2, "optimizer": {"generator_rate": 1e-12}}
+    data = {key: value for key, value in training_data(**still).items() if key != "generator"}
+    for number, init in enumerate(("corroded", os.path.relpath(varied_run, tmp_path))):
+        begun = train_config(data | {"dataset": str(varied_dataset), "init": init}, "here")
+        run = tmp_path / str(number)
+        train(begun, run, base=tmp_path)
+        made, start = load_model(run), load_model(shipped if number == 0 else varied_run)
+        for name, weights in start.generator.state_dict().items():
+            torch.testing.assert_close(made.generator.state_dict()[name], weights, rtol=0, atol=1e-6)
+        assert made.config.train.generator == start.config.train.generator
+        train(begun.model_copy(update={"steps": 3}), run, base=tmp_path, resume=True)
+    train(begun.model_copy(update={"steps": 4, "init": "corroded"}), run, base=tmp_path, resume=True)
+
+
+def test_a_model_that_cannot_be_the_start_is_told_before_anything_is_written(
+    config: Callable[..., TrainConfig], varied_dataset: Path, shipped: Path, tiny_dataset: Path, tmp_path: Path
+) -> None:
+    chance = {"width": 4, "blocks": 1, "random_fields": 3}
+    for told, said in (
+        ({"init": "corrode", "generator": chance}, r"^init: corrode is not a run.*did you mean 'corroded'\?"),
+        ({"init": "corroded"}, r"^generator: the model .* other settings \(random_fields 0, not 3\)\."),
+        (
+            {"init": "corroded", "generator": chance, "dataset": str(tiny_dataset)},
+            r"^init: the model is told 3 numbers of each layer.* differ in 0\.",
+        ),
+    ):
+        with pytest.raises((AssetError, ConfigError), match=said):
+            train(config(**({"dataset": str(varied_dataset)} | told)), tmp_path / "run")
+        assert not (tmp_path / "run").exists()
+
+
 def test_conditions_are_told_with_chance_or_when_asked_for(
     config: Callable[..., TrainConfig], varied_dataset: Path
 ) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from svbrdfgan.asset.weather_document import Textures
 from svbrdfgan.inference.denoising import can_denoise
 from svbrdfgan.inference.file_scene import file_scene
+from svbrdfgan.inference.learned import LearnedWeathering
 from svbrdfgan.inference.studio import Studio
 from svbrdfgan.inference.weathered_file import weathered_document
 from svbrdfgan.inference.weatherings import RecipeWeathering, Weathering
@@ -18,7 +19,9 @@ from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.gltf.pieces import document_pieces
 from svbrdfgan.io.image import srgb_from_linear
 from svbrdfgan.io.mesh import join_pieces
+from svbrdfgan.models.shipped import shipped_models
 from svbrdfgan.report.pictures import INK, PAPER, font, to_pillow
+from svbrdfgan.training.run import load_model
 from svbrdfgan.types import Materials, Surface
 from svbrdfgan.weathering.layer import recipe_from_options
 
@@ -42,17 +45,17 @@ class Cell:
 
 
 def demo_rows() -> list[list[Cell]]:
-    """What the demo shows: rust and road dirt, two seeds of each, three amounts."""
-    return [
-        [Cell(f"{name}, seed {seed}, amount {amount:g}", _weathering(name, seed, amount)) for amount in amounts]
-        for name, amounts in _AMOUNTS.items()
-        for seed in _SEEDS
-    ]
+    """What the demo shows: rust and road dirt, two seeds of each, three amounts; as shipped models learned them."""
+    shown = ((name, seed, amounts) for name, amounts in _AMOUNTS.items() for seed in _SEEDS)
+    return [[_cell(name, seed, amount) for amount in amounts] for name, seed, amounts in shown]
 
 
-def _weathering(name: str, seed: int, amount: float) -> Weathering:
-    """The recipe of that name, as long as no model of it is shipped."""
-    return RecipeWeathering(recipe_from_options(name, {"seed": seed, "amount": amount}))
+def _cell(name: str, seed: int, amount: float) -> Cell:
+    """What a shipped model learned from the recipe of that name, or the recipe itself where none did."""
+    said = f"{name}, seed {seed}, amount {amount:g}"
+    if name not in shipped_models():
+        return Cell(said, RecipeWeathering(recipe_from_options(name, {"seed": seed, "amount": amount})))
+    return Cell(f"learned {said}", LearnedWeathering.of(load_model(name), name=name, seed=seed, amount=amount))
 
 
 def write_opening(path: Path, vehicle: Path, rows: Sequence[Sequence[Cell]], studio: Studio) -> Iterator[None]:
