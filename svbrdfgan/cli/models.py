@@ -45,15 +45,23 @@ def command(name: str | None, as_json: bool) -> None:
 def _table(cards: Mapping[Path, ModelCard]) -> Table:
     table = Table("name", "what it paints", "resemblance", "size", "picture")
     for folder, card in cards.items():
-        score = "" if card.test.resemblance is None else f"{card.test.resemblance:.2f}"
+        score = _score(card)
         size = f"{_bytes(folder) / 1e6:.1f} MB"
         table.add_row(card.name, escape(card.about), score, size, escape(str(folder / PICTURE)))
     table.caption = (
-        "resemblance: on vehicles that training never saw; 1 is as close as other true draws"
+        "resemblance: on vehicles that training never saw (v: those that models are chosen by); 1 is as close as other "
+        "true draws"
         if cards
         else "this version ships no model; `svbrdfgan weather` paints recipes"
     )
     return table
+
+
+def _score(card: ModelCard) -> str:
+    for scores, mark in ((card.test, ""), (card.validation, " v")):
+        if scores.resemblance is not None:
+            return f"{scores.resemblance:.2f}{mark}"
+    return ""
 
 
 def _lines(folder: Path, card: ModelCard) -> list[str]:

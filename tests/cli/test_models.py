@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
+import pytest
 from click.testing import CliRunner, Result
 
 from svbrdfgan.cli import main
+from svbrdfgan.io.records import save_record
+from svbrdfgan.models.card import Scores
+from svbrdfgan.models.shipped import CARD, load_card
 
 
 def models(*words: str) -> Result:
@@ -20,6 +25,16 @@ def test_the_list_has_a_line_for_each_model(shipped: Path) -> None:
     (line,) = [line for line in result.stdout.splitlines() if line.startswith("corroded")]
     for said in ("Rust or dust, after four steps", "0.25", " MB", str(shipped / "picture.jpg")):
         assert said in line
+
+
+def test_a_model_without_test_scores_shows_what_it_was_chosen_by(
+    shipped_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = shutil.copytree(shipped_folder, tmp_path / "models") / "corroded"
+    save_record(folder / CARD, load_card(folder).model_copy(update={"test": Scores()}))
+    monkeypatch.setattr("svbrdfgan.models.shipped.FOLDER", folder.parent)
+    (line,) = [line for line in models().stdout.splitlines() if line.startswith("corroded")]
+    assert "0.50 v" in line
 
 
 def test_a_card_is_readable(shipped: Path) -> None:

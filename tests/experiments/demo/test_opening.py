@@ -15,6 +15,7 @@ from svbrdfgan.inference import studio as studio_module
 from svbrdfgan.inference.studio import BOUNCES, Studio
 from svbrdfgan.inference.weatherings import RecipeWeathering
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
+from svbrdfgan.models.shipped import shipped_models
 from svbrdfgan.plugins.registry import load_bouncing
 from svbrdfgan.procedural.softboxes import build_studio
 from svbrdfgan.types import Mesh, Part
@@ -33,7 +34,11 @@ def studio(monkeypatch: pytest.MonkeyPatch, quick_glossy_renderer: str) -> Studi
 
 def test_the_demo_shows_two_recipes_with_two_seeds_and_three_amounts() -> None:
     shown = [cell.weathering.description for row in demo_rows() for cell in row]
-    assert [(each["recipe"], each["seed"]) for each in shown[::3]] == list(product(("rust", "road-dirt"), (0, 1)))
+    kinds = [("model" if name in shipped_models() else "recipe", name) for name in ("rust", "road-dirt")]
+    expected = [(kind, name, seed) for (kind, name), seed in product(kinds, (0, 1))]
+    assert [
+        (kind, each.get(kind), each["seed"]) for each, (kind, _, _) in zip(shown[::3], expected, strict=True)
+    ] == expected
     for row in range(0, len(shown), 3):
         assert sorted({each["amount"] for each in shown[row : row + 3]}) == [e["amount"] for e in shown[row : row + 3]]
 
