@@ -20,8 +20,8 @@ from svbrdfgan.cli.display import progress
 def command(out: Path) -> None:
     """Show rust and road dirt on a vehicle; then make a data set, train on it, and weather a vehicle of its test split.
 
-    The picture is there within a minute, the report within ten on two CPU cores. Run again, it continues where it was
-    stopped; another --out starts from nothing.
+    On two CPU cores the picture is there within two minutes, the report within ten. Run again, it continues where it
+    was stopped; another --out starts from nothing.
     """
     with progress("starting the demo") as display:
         from svbrdfgan.experiments.demo import open_demo, run_demo
