@@ -43,17 +43,25 @@ class TrainedModel:
         folder: of the run, or its copy.
         trained_on: the run's data set.
         conditions: what the generator is told of each layer.
-        stochastic: whether its layers depend on a seed.
+        generator: the settings of its generator.
     """
 
     folder: Path
     trained_on: DatasetConfig
     conditions: Conditions
-    stochastic: bool
+    generator: GeneratorConfig
+
+    @property
+    def stochastic(self) -> bool:
+        """Whether its layers depend on a seed."""
+        return self.generator.random_fields > 0
 
     @classmethod
-    def open(cls, folder: Path) -> TrainedModel:
+    def open(cls, folder: Path, key: str = "weathering.model") -> TrainedModel:
         """The model of a run.
+
+        Args:
+            key: of the configuration that names it, for messages.
 
         Raises:
             AssetError: the folder is no run, or has no model yet.
@@ -62,16 +70,16 @@ class TrainedModel:
         try:
             require_model(folder)
         except AssetError as error:
-            raise AssetError(f"weathering.model: {error}") from error
+            raise AssetError(f"{key}: {error}") from error
         data = load_json(path)
         try:
             dataset, generator = data["dataset"], data["train"]["generator"]
         except (KeyError, TypeError) as error:
-            raise AssetError(f"weathering.model: {path} is not the configuration of a run.") from error
+            raise AssetError(f"{key}: {path} is not the configuration of a run.") from error
         trained_on = validate(DatasetConfig, dataset, str(path))
         config = validate(GeneratorConfig, generator, str(path))
         load_generator(folder / MODEL)  # its faults are found before anything is written
-        return cls(folder, trained_on, conditions_of(config, trained_on), config.random_fields > 0)
+        return cls(folder, trained_on, conditions_of(config, trained_on), config)
 
     def fill(self, config: DatasetConfig) -> DatasetConfig:
         """The configuration with what it leaves out: what the generator was trained with.

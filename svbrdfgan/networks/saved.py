@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -16,7 +15,6 @@ from svbrdfgan.networks.layers import Norm
 from svbrdfgan.networks.random_fields import MOST_FIELDS
 
 _FORMAT = "svbrdfgan generator 5"
-_ADVICE = "train the run until it has saved a model"
 
 
 class GeneratorConfig(StrictModel):
@@ -98,23 +96,9 @@ def load_generator(path: Path) -> tuple[Generator, float | None]:
     Raises:
         AssetError: missing, damaged, or of another kind.
     """
-    with stored_tensors(path, _FORMAT, _ADVICE) as (weights, words):
-        built = _stored_config(path, words)
+    with stored_tensors(path, _FORMAT, "train the run until it has saved a model") as (weights, words):
+        built = validate(GeneratorConfig, json.loads(words["generator"]), str(path))
         maps, labels, score = (json.loads(words[name]) for name in ("maps", "labels", "score"))
         generator = make_generator(built, tuple(maps), labels)
         generator.load_state_dict(weights)
     return generator.eval().requires_grad_(False), score
-
-
-def load_generator_config(path: Path) -> GeneratorConfig:
-    """Reads the configuration that `save_generator` wrote.
-
-    Raises:
-        AssetError: missing, damaged, or of another kind.
-    """
-    with stored_tensors(path, _FORMAT, _ADVICE) as (_, words):
-        return _stored_config(path, words)
-
-
-def _stored_config(path: Path, words: Mapping[str, str]) -> GeneratorConfig:
-    return validate(GeneratorConfig, json.loads(words["generator"]), str(path))

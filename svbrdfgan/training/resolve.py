@@ -13,10 +13,11 @@ from svbrdfgan.config.models import differences
 from svbrdfgan.data.conditions import conditions_of
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.index import Dataset
-from svbrdfgan.errors import AssetError, ConfigError
-from svbrdfgan.models.shipped import MODEL, model_folder, require_model, shipped_models
+from svbrdfgan.data.trained_model import TrainedModel
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.models.shipped import model_folder, shipped_models
 from svbrdfgan.networks.conditions import Conditions
-from svbrdfgan.networks.saved import GeneratorConfig, load_generator, load_generator_config
+from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
 
 
@@ -104,26 +105,20 @@ def make_fabric(device: str, *, devices: int = 1, precision: str = "auto") -> Fa
 
 def _from_model(config: TrainConfig, init: str, base: Path, dataset: DatasetConfig) -> TrainConfig:
     """The configuration of a run that starts from a model, with the settings of that model's generator."""
-    folder = model_folder(init, base)
-    try:
-        require_model(folder)
-        built, (generator, _) = load_generator_config(folder / MODEL), load_generator(folder / MODEL)
-    except AssetError as error:
-        raise AssetError(f"init: {error}") from error
-    wanted = config.generator if "generator" in config.model_fields_set else built
-    if changed := differences(wanted.model_dump(), built.model_dump()):
+    model = TrainedModel.open(model_folder(init, base), "init")
+    wanted = config.generator if "generator" in config.model_fields_set else model.generator
+    if changed := differences(wanted.model_dump(), model.generator.model_dump()):
         raise ConfigError(f"generator: the model that training starts from has other settings ({'; '.join(changed)}).")
-    maps, labels = tuple(dataset.maps), conditions_of(built, dataset).size
-    if maps != generator.maps:
-        painted, other = (", ".join(("base_color", *names)) for names in (generator.maps, maps))
-        raise ConfigError(f"init: the model paints {painted}, and the layers of the data set have {other}.")
-    if labels != generator.labels:
+    maps, known = (", ".join(("base_color", *names)) for names in (dataset.maps, model.trained_on.maps))
+    if maps != known:
+        raise ConfigError(f"init: the model paints {known}, and the layers of the data set have {maps}.")
+    if conditions_of(model.generator, dataset).size != model.conditions.size:
         raise ConfigError(
-            f"init: the model is told {generator.labels} numbers of each layer, its amount and recipe, and the data "
-            f"set's exemplars differ in {labels}."
+            "init: the model is told each layer's amount and recipe where they varied in its own data set; those of "
+            "this one must vary likewise."
         )
-    named = init if init in shipped_models() else str(folder.resolve())
-    return config.model_copy(update={"generator": built, "init": named})
+    named = init if init in shipped_models() else str(model.folder.resolve())
+    return config.model_copy(update={"generator": model.generator, "init": named})
 
 
 def _require_divisible(config: TrainConfig, dataset: DatasetConfig) -> None:

@@ -194,7 +194,7 @@ def test_a_model_that_cannot_be_the_start_is_told_before_anything_is_written(
         ({"init": "corroded"}, r"^generator: the model .* other settings \(random_fields 0, not 3\)\."),
         (
             {"init": "corroded", "generator": chance, "dataset": str(tiny_dataset)},
-            r"^init: the model is told 3 numbers of each layer.* differ in 0\.",
+            r"^init: the model is told each layer's amount and recipe .* must vary likewise\.",
         ),
     ):
         with pytest.raises((AssetError, ConfigError), match=said):

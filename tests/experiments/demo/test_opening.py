@@ -34,11 +34,8 @@ def studio(monkeypatch: pytest.MonkeyPatch, quick_glossy_renderer: str) -> Studi
 
 def test_the_demo_shows_two_recipes_with_two_seeds_and_three_amounts() -> None:
     shown = [cell.weathering.description for row in demo_rows() for cell in row]
-    kinds = [("model" if name in shipped_models() else "recipe", name) for name in ("rust", "road-dirt")]
-    expected = [(kind, name, seed) for (kind, name), seed in product(kinds, (0, 1))]
-    assert [
-        (kind, each.get(kind), each["seed"]) for each, (kind, _, _) in zip(shown[::3], expected, strict=True)
-    ] == expected
+    for each, (name, seed) in zip(shown[::3], product(("rust", "road-dirt"), (0, 1)), strict=True):
+        assert (each["model" if name in shipped_models() else "recipe"], each["seed"]) == (name, seed)
     for row in range(0, len(shown), 3):
         assert sorted({each["amount"] for each in shown[row : row + 3]}) == [e["amount"] for e in shown[row : row + 3]]
 
