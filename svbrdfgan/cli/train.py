@@ -34,6 +34,6 @@ def command(config: Path, overrides: tuple[str, ...], out: Path, resume: bool) -
     except KeyboardInterrupt:
         click.echo(f"{out}: stopped; the same command with --resume continues.", err=True)
         raise
-    scored = state.history and not state.generator.varies  # one draw recovers no other
-    best = f", validation recovered {state.best[0]:.3f} at step {state.best[1]}" if scored else ""
+    scores = state.history[-1].keys() - {"step", "seconds"} if state.history else ()
+    best = "".join(f", validation {name} {state.best[0]:.3f} at step {state.best[1]}" for name in scores)
     click.echo(f"{out}: {state.step} steps in {state.seconds / 60:.1f} minutes{best}")

@@ -11,16 +11,15 @@ from jaxtyping import Float
 from lightning_fabric import Fabric
 from torch import Tensor
 
-from svbrdfgan.data.config import WeatheringDistribution
 from svbrdfgan.data.exemplars import Exemplars
+from svbrdfgan.data.true_draws import Sweeps, Vehicle, paint_all
 from svbrdfgan.evaluation.record import Painter
 from svbrdfgan.evaluation.relit_draws import DrawRelighter
-from svbrdfgan.evaluation.true_draws import Vehicle, paint_all, weathering_of
 from svbrdfgan.metrics.draw_figures import DrawFigures, amount_figures, draw_figures, relit_figures
+from svbrdfgan.metrics.draw_scorer import draws_of, scored_surface, vehicle_of
 from svbrdfgan.metrics.draw_statistics import Draws, ScoredSurface
 from svbrdfgan.metrics.recovered import Scorer
 from svbrdfgan.metrics.resemblance import Resemblance, Resembler
-from svbrdfgan.networks.draw import Draw
 from svbrdfgan.networks.generator import Generator
 from svbrdfgan.training.batches import Progress
 from svbrdfgan.training.run import RunConfig
@@ -99,19 +98,17 @@ def compare_draws(
     sets: dict[Painter, list[Draws]] = {"truth": [], **{name: [] for name in generators}}
     painted: dict[Painter, list[Tensor]] = {name: [] for name in sets}
     flips = defaultdict[Painter, list[float]](list)
-    vehicles = [_vehicle(exemplars, number, config, declared, count) for number in weights]
+    vehicles = [vehicle_of(exemplars, number, declared, count, _sweeps(config)) for number in weights]
     for vehicle, drawn in zip(vehicles, paint_all(vehicles, workers), strict=True):
         weight = weights[vehicle.number]
-        parts = exemplars.subjects[vehicle.number].buffer.part
-        surfaces.append(ScoredSurface(weight, parts.to(weight.device)))
-        halves, maps = torch.from_numpy(drawn.layers).to(weight.device).chunk(2), tuple(config.dataset.maps)
-        first, again = (Layer(half, maps) for half in halves)
+        surfaces.append(scored_surface(exemplars, vehicle, weight))
+        first, again = drawn.halves(config.dataset.maps, weight.device)
         truth.append(first)
         sets["truth"].append(again)
         painted["truth"] += [torch.from_numpy(row) for row in drawn.amounts]
         asked = _Asked(scorer.geometry[vehicle.number], torch.from_numpy(drawn.area).to(weight.device), vehicle)
         for name, generator in generators.items():
-            sets[name].append(_generated(generator, config, fabric, asked))
+            sets[name].append(draws_of(generator, config.conditions, fabric, asked.geometry, vehicle))
             painted[name] += _generated_amounts(generator, config, fabric, asked)
         if relighter is not None:
             drawn_last = {name: stacks[-1] for name, stacks in sets.items()}
@@ -128,25 +125,6 @@ def compare_draws(
         relit = relit_figures(flips["truth"], flips[name])
         figures[name] = figures[name].model_copy(update={"relit": relit})
     return Comparison({name: resembler.score(sets[name]) for name in generators}, figures)
-
-
-def _vehicle(
-    exemplars: Exemplars, number: int, config: RunConfig, declared: WeatheringDistribution, count: int
-) -> Vehicle:
-    scenes = [exemplars.scenes[view] for view in exemplars.views_of(number) if exemplars.weathered(view)]
-    drawn = tuple(scenes[n % len(scenes)] for n in range(count))
-    return Vehicle(exemplars.loader.folder, number, drawn, declared, _sweeps(config))
-
-
-def _generated(generator: Generator, config: RunConfig, fabric: Fabric, asked: _Asked) -> Draws:
-    """Draws of the generator with the amounts and recipes of the vehicle's scenes, and seeds from 0 on."""
-    layers = []
-    for seed, scene in enumerate(asked.vehicle.scenes):
-        wanted = weathering_of(scene)
-        labels = config.conditions.labels(wanted.amount, wanted.recipe)
-        with torch.no_grad(), fabric.autocast():
-            layers.append(Draw(generator, seed, labels)(asked.geometry.unsqueeze(0))[0].float())
-    return Layer(torch.stack(layers), generator.maps)
 
 
 def _generated_amounts(
@@ -169,7 +147,7 @@ def _generated_amounts(
     return [torch.tensor([mean_alpha(amount, recipe) for amount in amounts]) for recipe, amounts in sweeps]
 
 
-def _sweeps(config: RunConfig) -> tuple[tuple[str, tuple[float, ...]], ...]:
+def _sweeps(config: RunConfig) -> Sweeps:
     """Each recipe, with amounts from the least to the greatest that the run knows; none if it knows no amounts."""
     known = config.conditions
     if known.amount is None:

@@ -21,11 +21,19 @@ class ScorePoint(StrictModel):
     Attributes:
         images: exemplars shown to the discriminator so far, in all its updates.
         seconds: duration of training so far.
+        recovered, resemblance: the score of a run that learns one layer, or a distribution; None of the other.
     """
 
     images: int
     seconds: float
-    recovered: float
+    recovered: float | None = None
+    resemblance: float | None = None
+
+    @property
+    def score(self) -> float:
+        """That by which training kept its best generator; -infinity without one."""
+        found = self.recovered if self.resemblance is None else self.resemblance
+        return -math.inf if found is None else found
 
 
 class RunOutcome(StrictModel):
@@ -55,11 +63,11 @@ class RunOutcome(StrictModel):
     def half_way(self) -> ScorePoint | None:
         """The first point with half the oracle's score; None if no point has it, or the oracle learned nothing."""
         half = self.evaluation.half_way
-        return next((point for point in self.history if point.recovered >= half > 0), None)
+        return next((point for point in self.history if (point.recovered or 0.0) >= half > 0), None)
 
     def best_within(self, *, images: float = math.inf, seconds: float = math.inf) -> float | None:
         """The best score within a budget, which a run of that length would keep; None before the first score."""
-        scores = (point.recovered for point in self.history if point.images <= images and point.seconds <= seconds)
+        scores = (point.score for point in self.history if point.images <= images and point.seconds <= seconds)
         return max(scores, default=None)
 
     def save(self, run: Path) -> None:

@@ -137,7 +137,8 @@ def _train(task: OracleTask | RunTask, config: TrainConfig, dataset: str) -> Sta
 
 def _point(config: TrainConfig, entry: dict[str, float]) -> ScorePoint:
     images = round(entry["step"]) * config.images_per_step
-    return ScorePoint(images=images, seconds=entry["seconds"], recovered=entry["recovered"])
+    scores = {name: entry.get(name) for name in ("recovered", "resemblance")}
+    return ScorePoint(images=images, seconds=entry["seconds"], **scores)
 
 
 def _forget_checkpoints(run: Path) -> None:

@@ -5,19 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.asset.painters import Painter
-from svbrdfgan.asset.peels import MOST, peels
-from svbrdfgan.geometry.layers import embed_and_rasterize
-from svbrdfgan.geometry.tangents import corner_tangents
+from svbrdfgan.asset.peels import MOST
 from svbrdfgan.inference.apply import choose_draw, explain_memory, finer_factor
+from svbrdfgan.inference.embedded_peels import EmbeddedPeels
 from svbrdfgan.inference.learned_painter import LearnedPainter
-from svbrdfgan.inference.peel_layers import mesh_map_inputs, paint_peel
+from svbrdfgan.inference.peel_layers import paint_peel
 from svbrdfgan.inference.workpiece import Workpiece
 from svbrdfgan.networks.draw import Draw
 from svbrdfgan.plugins.registry import load_embedding
@@ -29,6 +28,10 @@ from svbrdfgan.weathering.substances import Substance, by_substance
 _BENEATH = 1024
 """Texels along a side at which peels beneath the outermost are painted at most, or those of the training."""
 _COMPUTING = 16  # bytes of each number of a layer, while it is computed
+_EMBEDDED_TEXEL = 120  # bytes of `EmbeddedPeels` for each texel of each peel
+
+_EMBEDDED = WeakKeyDictionary[Workpiece, tuple[tuple[object, ...], EmbeddedPeels]]()
+"""The peels of workpieces on which models have painted, and for what kind of model."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,10 +96,10 @@ class LearnedWeathering:
 
     @property
     def peak_bytes(self) -> int:
-        """Of its layers, and of one more while it is computed in float32."""
+        """Of its peels and layers, and of one more layer while it is computed in float32."""
         trained, channels = self.model.config.dataset.texture, layer_channels(self.model.generator.maps)
         texels = [(factor * trained) ** 2 for factor in self._factors]
-        return channels * (2 * sum(texels) + _COMPUTING * texels[0])
+        return channels * (2 * sum(texels) + _COMPUTING * texels[0]) + _EMBEDDED_TEXEL * MOST * trained**2
 
     def painter(self, workpiece: Workpiece) -> Painter:
         """The layers on all peels of the workpiece's mesh.
@@ -105,26 +108,29 @@ class LearnedWeathering:
             EmbeddingError: the mesh cannot be embedded.
             ConfigError: there is not enough memory.
         """
-        trained, generator = self.model.config.dataset, self.model.generator
-        embedding = load_embedding(trained.embedding.name, trained.embedding.options)
+        generator = self.model.generator
         with explain_memory(self.resolution):
-            fragments = embed_and_rasterize(embedding, workpiece.mesh, trained.texture)
-            surroundings = workpiece.surroundings
-            wanted = np.isin(workpiece.asset.face_piece, list(workpiece.weathered)) & surroundings.seen()
-            found = list(peels(fragments, wanted, surroundings.reversed))
-            surface, tangents = fragments.surface, corner_tangents(fragments.surface)
-            maps: list[Tensor] | list[None] = [None] * len(found)
-            if generator.mesh_maps:
-                maps = mesh_map_inputs(surface, found, surroundings)
+            embedded = self._embedded(workpiece)
             layers = [
-                paint_peel(self.draw, generator, surface, tangents, peel, read, factor)
-                for peel, read, factor in zip(found, maps, self._factors, strict=False)
+                paint_peel(self.draw, generator, embedded.surface, embedded.tangents, peel, geometry, factor)
+                for peel, geometry, factor in zip(embedded.peels, embedded.inputs, self._factors, strict=False)
             ]
         further = list(generator.maps)
         if "roughness" in further and "metallic" not in further and self.recipe and not self.recipe.metal:
             further.append("metallic")  # dirt on chrome hides the metal
         shares = self.shares(workpiece).numpy()
-        return LearnedPainter.of(workpiece, surface, found, layers, generator.channels, further, shares)
+        return LearnedPainter(workpiece.mesh, embedded, layers, generator.channels, further, shares)
+
+    def _embedded(self, workpiece: Workpiece) -> EmbeddedPeels:
+        """What all draws on a workpiece share, kept as long as the workpiece, for the latest kind of model."""
+        trained, mesh_maps = self.model.config.dataset, self.model.generator.mesh_maps
+        wanted = (trained.embedding.name, dict(trained.embedding.options), trained.texture, mesh_maps)
+        known, embedded = _EMBEDDED.get(workpiece, (None, None))
+        if embedded is None or known != wanted:
+            embedding = load_embedding(trained.embedding.name, trained.embedding.options)
+            embedded = EmbeddedPeels.of(workpiece, embedding, trained.texture, mesh_maps)
+            _EMBEDDED[workpiece] = (wanted, embedded)
+        return embedded
 
     @property
     def _factors(self) -> list[int]:

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.spatial import cKDTree
 
 from svbrdfgan.asset.painters import Paint
-from svbrdfgan.asset.peels import Peel
 from svbrdfgan.asset.points import SurfacePoints
-from svbrdfgan.asset.subfaces import SubFaces
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.geometry.texels import bilinear_taps
+from svbrdfgan.inference.embedded_peels import EmbeddedPeels
 from svbrdfgan.inference.peel_layers import PeelLayer
-from svbrdfgan.inference.workpiece import Workpiece
-from svbrdfgan.types import Mesh, Surface
+from svbrdfgan.types import Mesh
 
-_REACH = 1.5  # texels: a tap shows a point's surface if it lies within what so many texels span there
-_NEAR, _FAR = 0.1, 3.0  # of the model's size over the number of texels along a side: bounds of that distance
 _SEAM = 3.0  # texels
 _CLEARLY = 0.15  # of the reach: how much nearer than any other peel's a tap must be to count in full
 _NOWHERE = 1e9
@@ -39,65 +34,21 @@ class LearnedPainter:
 
     Attributes:
         mesh: the model.
-        surface: embedded.
-        taps: position of each texel of each peel, metres; NaN where it has nothing of its own.
-        reach: of each face of the surface: how far off a tap may be, metres.
+        embedded: its peels.
+        layers: on the peels.
         maps: what is painted besides base colour; those that the layers lack are 0.
         shares: of each face of the mesh: what alpha is multiplied by.
-        side: of each face of the surface, -1 if it is seen from the side that its winding calls the back.
-        tree, tree_tap, tap_normals: the taps that show something, in space; their places in `taps`; their normals.
     """
 
     mesh: Mesh
-    surface: Surface
-    subfaces: SubFaces
-    taps: Float[ndarray, "peels texels 3"]
-    shape: tuple[int, int]
-    layers: tuple[PeelLayer, ...]
+    embedded: EmbeddedPeels
+    layers: Sequence[PeelLayer]
     channels: Mapping[str, slice]
     maps: Collection[str]
     shares: Float[ndarray, " mesh_faces"]
-    reach: Float[ndarray, " faces"]
-    side: Float[ndarray, " faces"]
-    tree: cKDTree = field(repr=False)
-    tree_tap: Int[ndarray, " known"]
-    tap_normals: Float[ndarray, "known 3"]
-
-    @classmethod
-    def of(
-        cls,
-        workpiece: Workpiece,
-        surface: Surface,
-        found: Sequence[Peel],
-        layers: Sequence[PeelLayer],
-        channels: Mapping[str, slice],
-        maps: Collection[str],
-        shares: Float[ndarray, " mesh_faces"],
-    ) -> LearnedPainter:
-        """The painter of a workpiece whose embedded surface has these peels and layers on them."""
-        shape = found[0].known.shape
-        taps = np.stack([peel.positions.reshape(-1, 3) for peel in found])
-        normals = np.stack([peel.buffer.normal.numpy().reshape(-1, 3) for peel in found])
-        known = np.flatnonzero(np.isfinite(taps[..., 0]).ravel())
-        return cls(
-            workpiece.mesh,
-            surface,
-            SubFaces.of(surface, len(workpiece.mesh.faces)),
-            taps,
-            (shape[0], shape[1]),
-            tuple(layers),
-            channels,
-            maps,
-            shares,
-            _reach(surface, max(shape)),
-            np.where(workpiece.surroundings.reversed[surface.source_face], -1.0, 1.0),
-            cKDTree(taps.reshape(-1, 3)[known]),
-            known,
-            normals.reshape(-1, 3)[known],
-        )
 
     def __call__(self, points: SurfacePoints, texel: float) -> Paint:
-        at = self.subfaces.find(points)
+        at = self.embedded.subfaces.find(points)
         values = self._values(points.positions(self.mesh).astype(np.float32), at)
         found = {name: values[:, channels] for name, channels in self.channels.items()}
         nothing = np.zeros((len(points), 1))
@@ -112,12 +63,12 @@ class LearnedPainter:
 
     def _values(self, position: Float[ndarray, "points 3"], at: SurfacePoints) -> Float[ndarray, "points channels"]:
         """Continuous but where the layer is not: what enters or leaves a mean does so with no weight."""
-        uv = at.interpolate(self.surface.uv[self.surface.faces])
-        rows, cols = self.shape
+        uv = at.interpolate(self.embedded.surface.uv[self.embedded.surface.faces])
+        rows, cols = self.embedded.shape
         index, weight = (
-            tensor.numpy() for tensor in bilinear_taps(torch.from_numpy(uv), rows, cols, self.surface.repeat)
+            tensor.numpy() for tensor in bilinear_taps(torch.from_numpy(uv), rows, cols, self.embedded.surface.repeat)
         )
-        peel, shows = self._shown(index, position, self.reach[at.face])
+        peel, shows = self._shown(index, position, self.embedded.reach[at.face])
         share = np.zeros((len(uv), len(self.layers)))
         np.add.at(share, (np.arange(len(uv))[:, None], peel), weight * shows)
         main = share.argmax(axis=1)
@@ -137,8 +88,8 @@ class LearnedPainter:
 
     def _inside(self, uv: Float[ndarray, "points 2"]) -> Float[ndarray, " points"]:
         """1 but for a few texels at those borders of the UV square where the layer ends, and the surface may go on."""
-        depth = np.minimum(uv, 1.0 - uv) * self.shape[::-1] / _SEAM
-        depth[:, self.surface.repeat] = 1.0
+        depth = np.minimum(uv, 1.0 - uv) * self.embedded.shape[::-1] / _SEAM
+        depth[:, self.embedded.surface.repeat] = 1.0
         return np.clip(0.5 + 0.5 * depth.min(axis=1), 0.5, 1.0)
 
     def _shown(
@@ -147,7 +98,7 @@ class LearnedPainter:
         """The peel of each tap that is nearest to the point, and how surely it shows the point's surface."""
         peel, shows = np.zeros(index.shape, np.int64), np.zeros(index.shape)
         for tap in range(index.shape[1]):
-            distance = np.linalg.norm(self.taps[:, index[:, tap]] - position, axis=2)
+            distance = np.linalg.norm(self.embedded.taps[:, index[:, tap]] - position, axis=2)
             distance = np.where(np.isfinite(distance), distance, _NOWHERE)
             peel[:, tap] = distance.argmin(axis=0)
             best, *others = np.partition(distance, min(1, len(distance) - 1), axis=0)[:2] / reach
@@ -160,7 +111,7 @@ class LearnedPainter:
         self, tap: Int[ndarray, " points"], peel: Int[ndarray, " points"], uv: Float[ndarray, "points 2"]
     ) -> Float[ndarray, "points 2"]:
         """The UVs moved to between the centres of the finer texels in the texel of a tap: no other is looked up."""
-        size = np.array(self.shape[::-1])
+        size = np.array(self.embedded.shape[::-1])
         centre = np.stack([tap % size[0], tap // size[0]], axis=1) + 0.5
         inner = 0.5 - 0.5 / np.array([layer.factor for layer in self.layers])[peel, None]
         return (centre + np.clip(uv * size - centre, -inner, inner)) / size
@@ -172,8 +123,8 @@ class LearnedPainter:
         values = np.zeros((len(uv), self.layers[0].values.shape[1]), np.float32)
         for number in np.unique(peel):
             mine, layer = np.flatnonzero(peel == number), self.layers[number]
-            rows, cols = (side * layer.factor for side in self.shape)
-            index, weight = bilinear_taps(torch.from_numpy(uv[mine]), rows, cols, self.surface.repeat)
+            rows, cols = (side * layer.factor for side in self.embedded.shape)
+            index, weight = bilinear_taps(torch.from_numpy(uv[mine]), rows, cols, self.embedded.surface.repeat)
             values[mine] = (layer.values[index].float() * weight[..., None]).sum(dim=1).numpy()
         return values
 
@@ -183,33 +134,24 @@ class LearnedPainter:
         """The mean of the nearest texels in space (Franke and Nielson 1980), most of those that face the same way."""
         if not len(lost):
             return np.zeros((0, self.layers[0].values.shape[1]), np.float32)
-        count = min(_NEIGHBOURS + 1, len(self.tree_tap))
-        distance, near = self.tree.query(position, k=range(1, count + 1))
+        count = min(_NEIGHBOURS + 1, len(self.embedded.tree_tap))
+        distance, near = self.embedded.tree.query(position, k=range(1, count + 1))
         furthest = np.maximum(distance[:, -1:], 1e-9)
-        faces = self.surface.faces[at.face[lost]]
-        normal = unit(np.einsum("pj,pjk->pk", at.barycentric[lost], self.surface.normals[faces]))
-        normal *= self.side[at.face[lost], None]
-        alike = np.maximum(np.einsum("pk,pnk->pn", normal, self.tap_normals[near]), 0.0)
+        faces = self.embedded.surface.faces[at.face[lost]]
+        normal = unit(np.einsum("pj,pjk->pk", at.barycentric[lost], self.embedded.surface.normals[faces]))
+        normal *= self.embedded.side[at.face[lost], None]
+        alike = np.maximum(np.einsum("pk,pnk->pn", normal, self.embedded.tap_normals[near]), 0.0)
         weight = (1.0 - distance / furthest) ** 2 * (alike**2 + 1e-3)
         weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-30)
-        rows, cols = self.shape
-        peel, tap = np.divmod(self.tree_tap[near], rows * cols)
+        rows, cols = self.embedded.shape
+        peel, tap = np.divmod(self.embedded.tree_tap[near], rows * cols)
         centre = np.stack([tap % cols + 0.5, tap // cols + 0.5], axis=-1) / (cols, rows)
         found = self._sampled(peel.ravel(), centre.reshape(-1, 2)).reshape(*near.shape, -1)
         return np.einsum("pn,pnc->pc", weight, found)
 
     def _normals(self, leaning: Float[ndarray, "points 3"], at: SurfacePoints) -> Float[ndarray, "points 3"]:
         """Unit normals that lean so, on the side of the winding's front."""
-        upward = unit(at.interpolate(self.surface.normals[self.surface.faces]))
+        upward = unit(at.interpolate(self.embedded.surface.normals[self.embedded.surface.faces]))
         flat = leaning - (leaning * upward).sum(axis=1, keepdims=True) * upward
         rise = np.sqrt(np.clip(1.0 - (flat**2).sum(axis=1, keepdims=True), 1e-4, 1.0))
         return unit(flat + rise * upward)
-
-
-def _reach(surface: Surface, texels: int) -> Float[ndarray, " faces"]:
-    """By the greatest stretch along an edge of each face."""
-    corners, uv = surface.positions[surface.faces], surface.uv[surface.faces] * texels
-    length, span = (np.linalg.norm(each - np.roll(each, 1, axis=1), axis=2) for each in (corners, uv))
-    size = float(np.linalg.norm(np.ptp(surface.positions, axis=0)))
-    stretch = (length / np.maximum(span, 1e-6)).max(axis=1)
-    return np.clip(_REACH * stretch, _NEAR * size / texels, _FAR * size / texels)

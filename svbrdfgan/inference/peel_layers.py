@@ -80,17 +80,14 @@ def paint_peel(
     surface: Surface,
     tangents: Tangents,
     peel: Peel,
-    maps: Float[Tensor, "maps rows cols"] | None,
+    geometry: Float[Tensor, "inputs rows cols"],
     factor: int,
 ) -> PeelLayer:
     """The draw's layer on a peel of the surface, `factor` times as fine as the peel.
 
     Args:
-        maps: of the peel, as `mesh_map_inputs` gives them, if the generator reads any.
+        geometry: what the generator reads of the peel.
     """
-    geometry = peel.buffer.network_input()
-    if maps is not None:
-        geometry = torch.cat([geometry, maps])
     with torch.no_grad():
         values = draw(geometry.unsqueeze(0), factor)[0].half()
     if (normal := generator.channels.get("normal")) is not None:

@@ -122,7 +122,7 @@ class Resembler:
 
         Raises:
             AssetError: the stacks do not fit each other or the surfaces, are of one draw, or a texture cannot be halved
-                twice.
+                twice; or true draws are no closer to each other than to a constant layer.
         """
         maps = truth[0].maps if truth else ()
         _require_fit(surfaces, truth, maps, "true")
@@ -133,15 +133,17 @@ class Resembler:
         chunks = [[Layer(draws.values.chunk(sets)[n], maps) for draws in again] for n in range(sets)]
         layers = [*constants.to(truth[0].values), _mean_layer(surfaces, truth)]
         flat = [[Layer(layer.expand(1, *surface.weight.shape, -1), maps) for surface in surfaces] for layer in layers]
-        chance = [distances(measure.statistics(chunk), found) for chunk in chunks]
-        constant = [distances(measure.statistics(stack), found) for stack in flat]
-        return cls(
-            measure,
-            found,
-            {name: sum(d[name] for d in chance) / sets for name in PARTS},
-            {name: min(d[name] for d in constant) for name in PARTS},
-            maps,
-        )
+        of_chance = [distances(measure.statistics(chunk), found) for chunk in chunks]
+        of_constant = [distances(measure.statistics(stack), found) for stack in flat]
+        chance = {name: sum(d[name] for d in of_chance) / sets for name in PARTS}
+        constant = {name: min(d[name] for d in of_constant) for name in PARTS}
+        for name in PARTS:
+            if constant[name] <= chance[name]:
+                raise AssetError(
+                    f"the true draws are no closer to each other in {name} than to a constant layer: compare more "
+                    "draws or more vehicles."
+                )
+        return cls(measure, found, chance, constant, maps)
 
     def score(self, generated: Sequence[Draws]) -> Resemblance:
         """The resemblance of a generator's draws, one stack for each vehicle.
@@ -155,13 +157,7 @@ class Resembler:
         return Resemblance(**parts, subjects=len(generated), draws=len(generated[0].values))
 
     def _skill(self, name: str, distance: float) -> float:
-        room = self.constant[name] - self.chance[name]
-        if room <= 0:
-            raise AssetError(
-                f"the true draws are no closer to each other in {name} than to a constant layer: compare more draws or "
-                "more vehicles."
-            )
-        return 1.0 - (distance - self.chance[name]) / room
+        return 1.0 - (distance - self.chance[name]) / (self.constant[name] - self.chance[name])
 
 
 def _mean_layer(surfaces: Sequence[ScoredSurface], truth: Sequence[Draws]) -> Float[Tensor, " channels"]:

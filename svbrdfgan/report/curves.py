@@ -87,7 +87,7 @@ def charts(log: MetricsLog, evaluation: Evaluation, config: TrainConfig) -> list
     """The charts for which the log has numbers."""
     images_per_step = config.images_per_step
     made = [
-        _recovered(log, evaluation, images_per_step),
+        _scores(log, evaluation, images_per_step),
         _lines("Losses", {"g_loss": "generator", "d_loss": "discriminator"}, log, images_per_step),
         _lines("Discriminator accuracy", {"d_accuracy": "pairs distinguished"}, log, images_per_step, (0.0, 1.03)),
         _lines("Images per second", {"images_per_second": "images per second"}, log, images_per_step, (0.0, None)),
@@ -95,18 +95,22 @@ def charts(log: MetricsLog, evaluation: Evaluation, config: TrainConfig) -> list
     return [chart for chart in made if chart is not None]
 
 
-def _recovered(log: MetricsLog, evaluation: Evaluation, images_per_step: int) -> LineChart | None:
-    scored = [line for line in log if "recovered" in line]
-    if not scored or evaluation.of_distribution:  # the score of one draw says nothing
+def _scores(log: MetricsLog, evaluation: Evaluation, images_per_step: int) -> LineChart | None:
+    """The validation scores by which training kept its best generator, and the scores of the report's own split."""
+    measure = "resemblance" if evaluation.of_distribution else "recovered"
+    scored = [line for line in log if measure in line]
+    if not scored:
         return None
-    x, y = [line["step"] * images_per_step for line in scored], [line["recovered"] for line in scored]
-    levels = [Level(f"model on {evaluation.split}", evaluation.generated.recovered, SERIES[1], x[y.index(max(y))])]
-    if evaluation.oracle is not None:
-        levels.append(Level(f"oracle on {evaluation.split}", evaluation.oracle.recovered, INK))
+    x, y = [line["step"] * images_per_step for line in scored], [line[measure] for line in scored]
+    final = getattr(evaluation.generated, measure)
+    levels = [] if final is None else [Level(f"model on {evaluation.split}", final, SERIES[1], x[y.index(max(y))])]
+    best = None if evaluation.oracle is None else getattr(evaluation.oracle, measure)
+    if best is not None:
+        levels.append(Level(f"oracle on {evaluation.split}", best, INK))
     least = max(-0.25, min(y)) if max(y) > 0 else min(y)  # cuts off a bad start, but not a run that is bad throughout
-    low = min(0.0, least - 0.03, evaluation.generated.recovered - 0.03)
+    low = min([0.0, least - 0.03] + [level.y - 0.03 for level in levels])
     return LineChart(
-        title="Recovered",
+        title=measure.capitalize(),
         x_label=_IMAGES,
         curves=(Curve("validation", x, y),),
         levels=tuple(levels),

@@ -43,6 +43,12 @@ class DiscriminatorConfig(StrictModel):
         description="shows it how each picture differs from one of the same scene without the layer, which else it has "
         "to guess (with `rendering: online` or data sets with `maps`); needs base materials that are known",
     )
+    augment: bool = Field(
+        default=True,
+        description="mirrors and turns exemplars and their fakes at random, both alike, and where the light is shown "
+        "draws its colour and strength anew: as many of them as it takes that no more than 0.57 of the pairs are told "
+        "apart, so that it does not know few exemplars by heart",
+    )
     compares: Literal["auto", "radiance", "reflectance"] = Field(
         default="auto",
         description="`radiance`: the plain pictures; `reflectance`: pictures divided by their light and reprojected "
@@ -118,7 +124,7 @@ RECIPES: dict[str, dict[str, Any]] = {
     "thesis": {
         "batch_size": 1,
         "loss": {"name": "wgan", "r1": 0.0, "gradient_penalty": 10.0, "penalty_every": 1, "critic_steps": 5},
-        "discriminator": {"gbuffer": False, "norm": "none", "compares": "radiance"},
+        "discriminator": {"gbuffer": False, "norm": "none", "augment": False, "compares": "radiance"},
         "generator": {"norm": "instance", "upsampling": "strided"},
         "optimizer": {"beta1": 0.5, "beta2": 0.999, "ema_images": 0.0},
     },

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.data.exemplar_files import BRIGHTEST
@@ -18,6 +19,8 @@ from svbrdfgan.utils.copy_async import copy_async
 Pictures = Float[Tensor, "batch channels height width"]
 
 _CONTRAST = 10.0
+_EXPOSURE, _TINT = 0.35, 0.1
+"""Deviations of the logarithm of light that is drawn anew: of its strength, and of each colour's besides."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +68,20 @@ class ImageBatch:
             buffers.append(torch.cat(known) if known else None)
         return cls(image, coverage, *buffers)
 
+    def lit(self, gain: Float[Tensor, "batch 3"]) -> ImageBatch:
+        """The images as in light of another colour and strength, in which pictures are linear.
+
+        Only where the light is shown, since else nobody could tell light from paint; other images stay as they are.
+        """
+        if self.light_buffer is None and self.clean is None:
+            return self
+
+        def gained(values: Tensor | None) -> Tensor | None:
+            return None if values is None else values.float() * gain.repeat(1, values.shape[-1] // 3)[:, None, None]
+
+        image = self.image.float() * gain[:, None, None]
+        return replace(self, image=image, light_buffer=gained(self.light_buffer), clean=gained(self.clean))
+
     def tone_mapped(self, background: Float[Tensor, "batch 3"]) -> Pictures:
         """The images over a plain background, in about [-1, 1], and six channels of G-buffer and nine of light buffer.
 
@@ -98,14 +115,42 @@ class DiscriminatorBatch:
     fake: Pictures
 
 
-def composite_pair(real: ImageBatch, fake: ImageBatch, rng: np.random.Generator) -> DiscriminatorBatch:
+def composite_pair(
+    real: ImageBatch, fake: ImageBatch, rng: np.random.Generator, augmented: Float[Tensor, ""] | None = None
+) -> DiscriminatorBatch:
     """Tone-maps both sides over random plain backgrounds.
 
     An exemplar and its fake share a background, so that the background does not tell them apart.
+
+    Args:
+        augmented: the share of pairs that are mirrored and turned at random, in light of another colour and strength
+            where the light is shown. An exemplar and its fake share all of that, so the generator learns nothing of it.
     """
-    colors = torch.from_numpy(rng.random((len(real), 3), dtype=np.float32))
-    background = copy_async(colors, real.image.device)
-    return DiscriminatorBatch(real.tone_mapped(background), fake.tone_mapped(background))
+    background = _random(rng.random((len(real), 3), dtype=np.float32), real)
+    if augmented is None:
+        return DiscriminatorBatch(real.tone_mapped(background), fake.tone_mapped(background))
+    chosen = _random(rng.random((len(real), 1), dtype=np.float32), real) < augmented
+    light = rng.normal(size=(len(real), 1)) * _EXPOSURE + rng.normal(size=(len(real), 3)) * _TINT
+    gain = torch.where(chosen, _random(np.exp(light).astype(np.float32), real), 1.0)
+    turns = chosen & _random(rng.random((len(real), 3)) < 0.5, real)
+    shown = (each.lit(gain).tone_mapped(background) for each in (real, fake))
+    return DiscriminatorBatch(*(_turned(each, turns) for each in shown))
+
+
+def _random(values: ndarray, batch: ImageBatch) -> Tensor:
+    return copy_async(torch.from_numpy(values), batch.image.device)
+
+
+def _turned(pictures: Pictures, turns: Bool[Tensor, "batch 3"]) -> Pictures:
+    """The pictures mirrored top to bottom, left to right, and about a diagonal, where `turns` says so.
+
+    Pictures that are not square are not mirrored about a diagonal.
+    """
+    mirrors = [lambda x: x.flip(-2), lambda x: x.flip(-1), lambda x: x.transpose(-1, -2)]
+    square = pictures.shape[-1] == pictures.shape[-2]
+    for mirrored, where in zip(mirrors[: 3 if square else 2], turns.unbind(dim=1), strict=False):
+        pictures = torch.where(where[:, None, None, None], mirrored(pictures), pictures)
+    return pictures
 
 
 def tone_curve(radiance: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:

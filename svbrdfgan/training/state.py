@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from jaxtyping import Float
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
@@ -33,6 +34,9 @@ _KEEP = 2
 """Checkpoints of a run: the one before serves if the last is damaged."""
 _GBUFFER = 6
 """Channels of position and normal."""
+_TOLD_APART = 0.57  # of the pairs: a discriminator that tells more apart has begun to know its exemplars by heart
+_ACCURACY_IMAGES = 500  # half-life of the mean accuracy
+_AUGMENTED_IMAGES = 4000  # that take the share of augmented pairs from 0 to 1, or back
 
 
 @dataclass(eq=False)
@@ -44,6 +48,8 @@ class State:
         step: generator updates done.
         seconds: training time spent, over all resumptions.
         best: the best validation score so far, and at which step.
+        accuracy: the mean share of recent pairs that the discriminator told apart.
+        augmented: the share of pairs that are augmented, on the device, as `accuracy`.
     """
 
     generator: Generator
@@ -53,6 +59,8 @@ class State:
     discriminator_adam: torch.optim.Adam
     generator_gradients: GradientAllReduce
     discriminator_gradients: GradientAllReduce
+    accuracy: Float[Tensor, ""]
+    augmented: Float[Tensor, ""]
     step: int = 0
     seconds: float = 0.0
     best: tuple[float, int] = (-float("inf"), 0)
@@ -91,6 +99,8 @@ class State:
             discriminator_adam=torch.optim.Adam(discriminator.parameters(), adam.discriminator_rate, betas, fused=True),
             generator_gradients=GradientAllReduce(generator, processes),
             discriminator_gradients=GradientAllReduce(discriminator, processes),
+            accuracy=torch.tensor(0.5, device=device),
+            augmented=torch.tensor(0.0, device=device),
         )
 
     def start_from(self, generator: Generator) -> None:
@@ -104,6 +114,19 @@ class State:
         keep = 0.5 ** (batch_size / half_life) if half_life > 0 else 0.0
         means, now = list(self.averaged.parameters()), list(self.generator.parameters())
         get_ema_multi_avg_fn(keep)(means, now, None)
+
+    def adapt(self, accuracy: Float[Tensor, ""], batch_size: int) -> None:
+        """Augments more pairs if the discriminator tells more than 0.57 of them apart, and else fewer.
+
+        So augmentation sets in when exemplars are too few, and slows nothing before (Karras et al. 2020). Nothing waits
+        for the device.
+
+        Args:
+            accuracy: the share of the step's pairs that the discriminator told apart.
+        """
+        self.accuracy.lerp_(accuracy, 1.0 - 0.5 ** (batch_size / _ACCURACY_IMAGES))
+        change = torch.sign(self.accuracy - _TOLD_APART) * (batch_size / _AUGMENTED_IMAGES)
+        self.augmented.add_(change).clamp_(0.0, 1.0)
 
     def save(self, folder: Path) -> None:
         """Writes a checkpoint, a folder that appears whole or not at all, and keeps the latest two."""
@@ -132,6 +155,8 @@ class State:
                 network.load_state_dict(_under(f"{name}.", tensors))
             for name, adam in self._optimizers().items():
                 _load_adam(adam, _under(f"{name}.", tensors))
+            for own in ("accuracy", "augmented"):
+                getattr(self, own).copy_(tensors[own])
         self.step, self.seconds = counters["step"], counters["seconds"]
         self.best, self.history = tuple(counters["best"]), counters["history"]
 
@@ -146,6 +171,7 @@ class State:
         for name, adam in self._optimizers().items():
             for number, moments in adam.state_dict()["state"].items():
                 tensors |= {f"{name}.{number}.{key}": value for key, value in moments.items()}
+        tensors |= {"accuracy": self.accuracy, "augmented": self.augmented}
         return {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
 
 

@@ -34,9 +34,13 @@ def training_step(
 
     def make(critic_step: int, indices: Sequence[int], rng: np.random.Generator) -> DiscriminatorBatch:
         visit = (state.step * len(batches) + critic_step) * config.batch_size // len(source)
-        return _make_batch(fabric, state, source, indices, rng, visit)
+        return _make_batch(fabric, config, state, source, indices, rng, visit)
 
-    return adversarial_step(fabric, config, state, batches, make)
+    diagnostics = adversarial_step(fabric, config, state, batches, make)
+    if not config.discriminator.augment:
+        return diagnostics
+    state.adapt(torch.as_tensor(fabric.all_reduce(diagnostics["d_accuracy"])), config.batch_size)
+    return diagnostics | {"d_augmented": state.augmented.clone()}
 
 
 def adversarial_step(
@@ -106,13 +110,20 @@ def _with_buffers(image: Images, coverage: Coverage, real: ImageBatch, scenes: S
 
 
 def _make_batch(
-    fabric: Fabric, state: State, source: BatchSource, indices: Sequence[int], rng: np.random.Generator, visit: int
+    fabric: Fabric,
+    config: TrainConfig,
+    state: State,
+    source: BatchSource,
+    indices: Sequence[int],
+    rng: np.random.Generator,
+    visit: int,
 ) -> DiscriminatorBatch:
     geometry = source.geometry(indices)
     seeds = draw_seeds(rng, len(indices), geometry.device) if state.generator.random_fields else None
     with fabric.autocast():
         layers = state.generator(geometry, seeds, source.labels(indices))
-    return composite_pair(*make_pair(source, indices, source.scenes(indices, rng, visit), layers), rng)
+    pair = make_pair(source, indices, source.scenes(indices, rng, visit), layers)
+    return composite_pair(*pair, rng, state.augmented if config.discriminator.augment else None)
 
 
 def draw_seeds(rng: np.random.Generator, count: int, device: torch.device) -> Int[Tensor, " batch"]:

@@ -15,9 +15,6 @@ from lightning_fabric import Fabric
 
 from svbrdfgan.data.index import INDEX
 from svbrdfgan.errors import ConfigError, TrainingError
-from svbrdfgan.metrics.constant_layer import constant_layers
-from svbrdfgan.metrics.recovered import Scorer, mean_over_maps
-from svbrdfgan.networks.draw import Draw
 from svbrdfgan.networks.saved import save_generator
 from svbrdfgan.plugins.registry import RENDERERS, find_plugin
 from svbrdfgan.plugins.select import resolve_renderer
@@ -29,6 +26,7 @@ from svbrdfgan.training.resolve import ResolvedRun, make_fabric, resolve_run
 from svbrdfgan.training.run import CONFIG, MODEL, ORACLE, ORACLE_NOTES, RunConfig, load_model
 from svbrdfgan.training.state import State, checkpoint_path, checkpoints, step_of
 from svbrdfgan.training.step import Diagnostics, batch_indices, step_rng, training_step
+from svbrdfgan.training.validation import Validation
 from svbrdfgan.utils.display import Display, SilentDisplay
 
 _REPORT_EVERY = 50
@@ -70,20 +68,15 @@ def train(
 
 @dataclass(frozen=True, eq=False)
 class _Session:
-    """The state of a process while it trains. Only the first process has a scorer and a metrics log.
-
-    Attributes:
-        typical: the labels of the layers that are scored, of a generator that is told any.
-    """
+    """The state of a process while it trains. Only the first process validates and has a metrics log."""
 
     fabric: Fabric
     config: TrainConfig
     run: Path
     source: BatchSource
-    scorer: Scorer | None
+    validation: Validation | None
     metrics_log: MetricsLog | None
     display: Display
-    typical: Sequence[float]
 
     @property
     def first(self) -> bool:
@@ -153,13 +146,12 @@ def _open_session(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run:
         record.model_copy(update={"versions": record.versions | made_by}).save(run)
     display.begin("light transport of the train scenes")
     source = make_batch_source(resolved, "train", renderer, device, display.advance)
-    scorer = None
+    validation = None
     if "validation" in record.dataset.splits and fabric.is_global_zero:
-        constants = constant_layers(source.exemplars, source.seen, device)
         display.begin("light transport of the validation scenes")
         held_out = load_seen_texels(resolved, "validation", renderer, display.advance)
-        scorer = Scorer.make(*held_out, constants, device)
-    return _Session(fabric, config, run, source, scorer, None, display, record.conditions.typical())
+        validation = Validation.make(fabric, resolved, (source.exemplars, source.seen), held_out)
+    return _Session(fabric, config, run, source, validation, None, display)
 
 
 def _loop(session: _Session, state: State) -> None:
@@ -223,39 +215,29 @@ def _report(session: _Session, state: State, diagnostics: Diagnostics, rate: flo
     values |= {"images_per_second": rate, "seconds": state.seconds}
     if session.metrics_log is not None:
         session.metrics_log.write(state.step, values)
-    scored = state.history and not state.generator.varies  # one draw recovers no other
-    score = f", recovered {state.history[-1]['recovered']:.3f}" if scored else ""
+    measure = None if session.validation is None else session.validation.measure
+    score = f", {measure} {state.history[-1][measure]:.3f}" if measure and state.history else ""
     session.display.advance(0, f"{rate:.0f} images/s{score}")
 
 
 def _score(session: _Session, state: State) -> None:
-    """Scores the averaged generator on the validation split, and saves it if it is the best so far.
-
-    A generator that paints different layers on one geometry is always saved, so that the last becomes the model: one
-    draw of it recovers no other, however alike they look, and to compare many draws would cost as much as many steps.
-    The score of such a generator is that of its layer of seed 0 and typical labels.
-
-    With further maps, the score is the mean over maps, on all texels that pictures show: to find where each map can be
-    observed would take renderings of the whole split.
-    """
-    if session.scorer is None or session.metrics_log is None:
+    """Scores the averaged generator on the validation split, and saves it if it is the best so far or has no score."""
+    validation = session.validation
+    if validation is None or session.metrics_log is None:
         return
-    with session.fabric.autocast():
-        layers = session.scorer.layers(Draw(state.averaged, labels=session.typical))
-    each = session.scorer.each_recovered_by(layers)
-    score = mean_over_maps(each)
-    if not math.isfinite(score):
+    found, measure = validation.score(state.averaged), validation.measure
+    if not all(map(math.isfinite, found.values())):
         raise _not_finite(session, state)
-    session.metrics_log.add_image(state.step, "learned above truth", session.scorer.picture(layers))
-    state.history.append({"step": state.step, "seconds": state.seconds, "recovered": score})
-    by_map = {f"recovered_{name}": value for name, value in each.items() if value is not None and len(each) > 1}
-    session.metrics_log.write(state.step, {"recovered": score, **by_map, "seconds": state.seconds})
-    varies, better = state.generator.varies, score > state.best[0]
-    if better:
-        state.best = (score, state.step)
-    if better or varies:
-        known = None if varies else score
-        save_generator(session.run / MODEL, state.averaged, session.config.generator, known)
+    session.metrics_log.add_image(state.step, "learned above truth", validation.picture(state.averaged))
+    session.metrics_log.write(state.step, {**found, "seconds": state.seconds})
+    state.history.append({"step": state.step, "seconds": state.seconds})
+    score = None
+    if measure is not None:
+        state.history[-1][measure] = score = found[measure]
+        if score < state.best[0]:
+            return
+        state.best = (score, state.step)  # of equal ones the later, since no resemblance is below 0
+    save_generator(session.run / MODEL, state.averaged, session.config.generator, score)
 
 
 def _save(session: _Session, state: State, diagnostics: Diagnostics) -> None:
@@ -272,7 +254,7 @@ def _finish(session: _Session, state: State, diagnostics: Diagnostics) -> None:
     scores = len(state.history)
     if not state.history or state.history[-1]["step"] != state.step:
         _score(session, state)
-    if session.scorer is None:
+    if session.validation is None:
         save_generator(session.run / MODEL, state.averaged, session.config.generator, None)
     if len(state.history) > scores or not checkpoint_path(session.run, state.step).is_dir():
         state.save(session.run)

@@ -20,9 +20,9 @@ from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.data.trained_model import with_model
+from svbrdfgan.data.true_draws import Vehicle, paint
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.evaluation.evaluate import evaluate
-from svbrdfgan.evaluation.true_draws import Vehicle, paint
 from svbrdfgan.inference.apply import choose_draw
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader

@@ -13,17 +13,18 @@ import torch
 from lightning_fabric import Fabric
 from torch import Tensor
 
+from svbrdfgan.data import true_draws
 from svbrdfgan.data.config import dataset_config
 from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
-from svbrdfgan.evaluation import true_draws
 from svbrdfgan.evaluation.distribution import Comparison, compare_draws
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.inference.apply import choose_draw
 from svbrdfgan.metrics.constant_layer import constant_layers
+from svbrdfgan.metrics.draw_scorer import DrawScorer
 from svbrdfgan.metrics.recovered import Scorer
 from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.training.run import load_model
@@ -31,6 +32,7 @@ from svbrdfgan.weathering.layer import recipe_from_options, weather
 from svbrdfgan.weathering.survey import find_site
 
 CPU = torch.device("cpu")
+FABRIC = Fabric(accelerator="cpu", precision="32-true")
 AMOUNTS = Conditions((0.4, 1.0), ("smooth-rust",))
 
 
@@ -74,21 +76,29 @@ class Recipe:
 
 
 @pytest.fixture(scope="module")
-def score(dataset: Dataset, exemplars: Exemplars) -> Callable[..., Comparison]:
-    def seen(index: int) -> Tensor:
-        return torch.ones(64, 64)
+def constants(exemplars: Exemplars) -> Tensor:
+    return constant_layers(exemplars, seen, CPU)
 
-    constants = constant_layers(exemplars, seen, CPU)
-    scorer = Scorer.make(exemplars, seen, constants, CPU)
+
+@pytest.fixture(scope="module")
+def scorer(exemplars: Exemplars, constants: Tensor) -> Scorer:
+    return Scorer.make(exemplars, seen, constants, CPU)
+
+
+@pytest.fixture(scope="module")
+def score(dataset: Dataset, exemplars: Exemplars, scorer: Scorer, constants: Tensor) -> Callable[..., Comparison]:
     config: Any = SimpleNamespace(dataset=dataset.config, conditions=AMOUNTS)
-    fabric = Fabric(accelerator="cpu", precision="32-true")
 
     @cache
     def found(**fault: Any) -> Comparison:
         learned: Any = Recipe(exemplars, **fault)
-        return compare_draws({"it": learned}, config, fabric, exemplars, scorer, constants)
+        return compare_draws({"it": learned}, config, FABRIC, exemplars, scorer, constants)
 
     return found
+
+
+def seen(index: int) -> Tensor:
+    return torch.ones(64, 64)
 
 
 @pytest.mark.full
@@ -101,6 +111,18 @@ def test_draws_of_the_recipe_resemble_it_and_others_do_not(score: Callable[..., 
     assert frozen.resemblance < 0.7 * learned.resemblance
     biased = score(bias=-0.3).resemblance["it"]
     assert biased.amount < 0.5 < 0.9 < learned.amount, biased.lines()
+
+
+@pytest.mark.full
+def test_training_scores_as_an_evaluation_does(
+    dataset: Dataset, exemplars: Exemplars, scorer: Scorer, constants: Tensor, score: Callable[..., Comparison]
+) -> None:
+    declared = dataset.config.weathering
+    assert declared is not None
+    made = DrawScorer.make(exemplars, scorer, constants, declared, AMOUNTS, count=16, limit=8)
+    learned: Any = Recipe(exemplars, bias=-0.3)
+    found, wanted = made.score(learned, FABRIC), score(bias=-0.3).resemblance["it"]
+    assert found.parts == pytest.approx(wanted.parts, rel=1e-4)
 
 
 @pytest.mark.full

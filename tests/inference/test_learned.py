@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +20,7 @@ from svbrdfgan.asset.points import SurfacePoints
 from svbrdfgan.asset.surroundings import Surroundings
 from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.geometry.tangents import corner_tangents
+from svbrdfgan.inference.embedded_peels import EmbeddedPeels
 from svbrdfgan.inference.learned import LearnedWeathering
 from svbrdfgan.inference.learned_painter import LearnedPainter
 from svbrdfgan.inference.peel_layers import mesh_map_inputs
@@ -90,10 +95,10 @@ def test_every_point_gets_what_was_painted_where_it_is(workpiece: Workpiece, pai
 
 def test_a_flat_normal_is_the_surface_s_own(workpiece: Workpiece, painter: LearnedPainter) -> None:
     points = points_on(workpiece, 1000)
-    at = painter.subfaces.find(points)
+    at = painter.embedded.subfaces.find(points)
     normal = painter(points, 0.01).normal
     assert normal is not None
-    own = at.interpolate(painter.surface.normals[painter.surface.faces])
+    own = at.interpolate(painter.embedded.surface.normals[painter.embedded.surface.faces])
     np.testing.assert_allclose((normal * own / np.linalg.norm(own, axis=1, keepdims=True)).sum(axis=1), 1.0, atol=1e-3)
 
 
@@ -106,16 +111,42 @@ def test_normals_lean_as_the_layer_s_do_in_the_frames_of_the_embedding(workpiece
     painter = replace(position_model(), draw=lean_along_u).painter(workpiece)  # type: ignore[arg-type]
     assert isinstance(painter, LearnedPainter)
     points = points_on(workpiece, 2000)
-    at = painter.subfaces.find(points)
+    at = painter.embedded.subfaces.find(points)
     normal = painter(points, 0.01).normal
     assert normal is not None
     np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1.0, atol=1e-6)
-    own = at.interpolate(painter.surface.normals[painter.surface.faces])
+    own = at.interpolate(painter.embedded.surface.normals[painter.embedded.surface.faces])
     rise = (normal * own / np.linalg.norm(own, axis=1, keepdims=True)).sum(axis=1)
-    along = at.interpolate(corner_tangents(painter.surface).direction)
+    along = at.interpolate(corner_tangents(painter.embedded.surface).direction)
     lean = (normal * along / np.linalg.norm(along, axis=1, keepdims=True)).sum(axis=1)
     assert np.median(rise) == pytest.approx(0.8, abs=0.01)
     assert np.median(lean) == pytest.approx(0.6, abs=0.02)
+
+
+def test_a_workpiece_is_embedded_once_for_all_draws_of_a_model_and_forgotten_with_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    embedded: list[int] = []
+
+    def count(*arguments: Any) -> EmbeddedPeels:
+        embedded.append(arguments[2])
+        return found(*arguments)
+
+    found = EmbeddedPeels.of
+    monkeypatch.setattr(EmbeddedPeels, "of", count)
+    save_mesh_glb(tmp_path / "van.glb", build_vehicle(sample_vehicle("van", 6)))
+    workpiece = open_workpiece(tmp_path / "van.glb", learnable=("*",), front="+Z", up="+Y")
+    first, second = (position_model(), replace(position_model(), resolution=2 * TEXELS))
+    painters = [each.painter(workpiece) for each in (first, second, first)]
+    assert embedded == [TEXELS]
+    other = position_model()
+    other.model.config.dataset.texture = TEXELS // 2
+    painters.append(other.painter(workpiece))
+    assert embedded == [TEXELS, TEXELS // 2]
+    kept = weakref.ref(painters[-1].embedded)  # type: ignore[attr-defined]
+    del painters, workpiece
+    gc.collect()
+    assert kept() is None
 
 
 def test_peels_have_the_mesh_maps_of_what_they_show(workpiece: Workpiece) -> None:

@@ -336,6 +336,5 @@ def test_what_does_not_fit_is_refused(world: World) -> None:
     with pytest.raises(AssetError, match="nothing is scored"):
         resembler_of([unseen], draws[:1], draws[:1])
     flat = [torch.full((2, 64, 64, 9), 0.5)]
-    resembler = resembler_of(world.surfaces[:1], flat, flat)
     with pytest.raises(AssetError, match="no closer to each other"):
-        resembler.score(layered(flat))
+        resembler_of(world.surfaces[:1], flat, flat)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from svbrdfgan.evaluation import true_draws
+from svbrdfgan.data import true_draws
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.evaluated import Evaluated
 from svbrdfgan.evaluation.record import OracleScores
@@ -106,9 +106,14 @@ def test_a_strip_has_true_draws_above_draws_of_the_same_amounts(varied: Evaluate
     assert len({np.asarray(each.picture).tobytes() for each in pictures}) == 2 * STRIP
 
 
-def test_training_of_a_distribution_has_no_curve_of_single_layers(varied: Evaluated) -> None:
+def test_training_of_a_distribution_has_a_curve_of_draws_and_none_of_single_layers(varied: Evaluated) -> None:
     log = [{"step": 2, "recovered": 0.3, "g_loss": 1.0}]
     assert [chart.title for chart in charts(log, varied.evaluation, varied.config.train)] == ["Losses"]
+    log = [{"step": 2, "resemblance": 0.3}, {"step": 4, "resemblance": 0.5}, {"step": 6, "resemblance": 0.4}]
+    (chart,) = charts(log, varied.evaluation, varied.config.train)
+    assert (chart.title, list(chart.curves[0].y)) == ("Resemblance", [0.3, 0.5, 0.4])
+    (level,) = chart.levels
+    assert level.x == chart.curves[0].x[1], "the best was kept"
 
 
 def test_close_ups_show_the_truth_and_the_same_place_as_learned(varied: Evaluated) -> None:

@@ -375,3 +375,38 @@ def test_the_average_moves_half_the_way_in_a_half_life(config: Callable[..., Tra
     state.average(batch_size=5, half_life=0.0)
     pairs = zip(state.averaged.parameters(), state.generator.parameters(), strict=True)
     assert all(torch.equal(a, b) for a, b in pairs)
+
+
+def test_more_pairs_are_augmented_only_while_the_discriminator_tells_too_many_apart(
+    config: Callable[..., TrainConfig],
+) -> None:
+    state = State.fresh(config(), CPU)
+    for _ in range(400):
+        state.adapt(torch.tensor(0.55), 16)
+    assert state.augmented == 0
+    for _ in range(1000):
+        state.adapt(torch.tensor(0.8), 16)
+    assert state.augmented == 1, "4,000 images are enough"
+    for _ in range(200):
+        state.adapt(torch.tensor(0.5), 16)
+    assert 0.2 < state.augmented < 0.7
+
+
+def test_augmentation_is_in_the_log_and_the_checkpoint_and_can_be_left_out(
+    config: Callable[..., TrainConfig], source: BatchSource, tmp_path: Path
+) -> None:
+    def after(**changes: Any) -> tuple[State, Diagnostics]:
+        state = State.fresh(config(**changes), CPU)
+        state.augmented.fill_(0.75)
+        return state, run_steps(config(**changes), state, source, 1)[0]
+
+    state, report = after()
+    assert float(report["d_augmented"]) == pytest.approx(0.75, abs=0.01)
+    state.save(tmp_path)
+    again = State.fresh(config(), CPU)
+    again.load(checkpoints(tmp_path)[-1])
+    assert torch.equal(again.augmented, state.augmented)
+    assert torch.equal(again.accuracy, state.accuracy)
+    plain, report = after(discriminator={"augment": False})
+    assert "d_augmented" not in report
+    assert any(not torch.equal(tensor, weights(plain)[name]) for name, tensor in weights(state).items())

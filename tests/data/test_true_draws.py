@@ -14,7 +14,7 @@ from svbrdfgan.data.config import dataset_config
 from svbrdfgan.data.exemplar_files import exemplar_paths
 from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset
-from svbrdfgan.evaluation.true_draws import Vehicle, paint, paint_all
+from svbrdfgan.data.true_draws import Vehicle, paint, paint_all
 from svbrdfgan.scene.description import Scene
 
 

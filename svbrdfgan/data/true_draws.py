@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -18,6 +18,10 @@ from svbrdfgan.data.config import WeatheringDistribution
 from svbrdfgan.errors import AssetError
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader, recipe_of
+from svbrdfgan.types import Layer
+
+Sweeps = tuple[tuple[str, tuple[float, ...]], ...]
+"""Recipes, each with amounts for which mean alpha is wanted."""
 
 _POINTS = 4096  # texels for the recipe's mean alpha, enough to know it to a fraction of a percent
 
@@ -31,14 +35,14 @@ class Vehicle:
         number: index of the subject in its split; true seeds depend on it.
         scenes: one for each draw: it has the amount and recipe of one of the vehicle's own exemplars.
         declared: says which seeds true layers have.
-        sweeps: recipes, each with the amounts for which mean alpha is wanted.
+        sweeps: the mean alphas that are wanted.
     """
 
     folder: Path
     number: int
     scenes: tuple[Scene, ...]
     declared: WeatheringDistribution
-    sweeps: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    sweeps: Sweeps = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +50,7 @@ class TrueDraws:
     """The true draws of a vehicle. NumPy's arrays, since torch would pass its own between processes in shared memory.
 
     Attributes:
-        layers: one for each scene with a new seed, and the same scenes again with other seeds.
+        layers: one for each scene with a new seed, and the same scenes again with other seeds (`halves`).
         area: the share of each texel in the learnable area.
         amounts: mean alpha over that area, a row for each of the vehicle's sweeps; means of as many draws as scenes.
     """
@@ -54,6 +58,11 @@ class TrueDraws:
     layers: Float[ndarray, "draws rows cols channels"]
     area: Float[ndarray, "rows cols"]
     amounts: list[Float[ndarray, " amounts"]]
+
+    def halves(self, maps: Collection[str], device: torch.device) -> tuple[Layer, Layer]:
+        """Two sets of draws of the same scenes, stacks of layers."""
+        first, again = torch.from_numpy(self.layers).to(device).chunk(2)
+        return Layer(first, tuple(maps)), Layer(again, tuple(maps))
 
 
 def paint_all(vehicles: Sequence[Vehicle], workers: int) -> Iterator[TrueDraws]:
