@@ -40,6 +40,8 @@ LEAST_IOU = 0.8
 
 _LEAST_OVERLAP = 0.05
 """The same, below which the picture is refused."""
+_MOST_ERRORS = 30
+"""Errors that are listed: a capture may have hundreds of pictures with the same."""
 _MOST_ENLARGED = 10.0
 """The greatest enlargement of a picture; more is refused."""
 
@@ -60,9 +62,13 @@ class ErrorCollector:
             self.messages += [f"{self.source}: {what}: {line}" for line in str(error).splitlines()]
 
     def raise_if_any(self) -> None:
-        """Raises ConfigError with a line for each error collected."""
-        if self.messages:
-            raise ConfigError("\n".join(dict.fromkeys(self.messages)))
+        """Raises ConfigError with a line for each error collected, at most 30 and the number of others."""
+        messages = list(dict.fromkeys(self.messages))
+        if len(messages) > _MOST_ERRORS:
+            further = f"{self.source}: and {len(messages) - _MOST_ERRORS} further errors."
+            messages = [*messages[:_MOST_ERRORS], further]
+        if messages:
+            raise ConfigError("\n".join(messages))
 
 
 @dataclass(frozen=True, eq=False)
