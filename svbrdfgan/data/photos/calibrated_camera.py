@@ -32,7 +32,7 @@ class CalibratedCamera(StrictModel):
         "backward, and the camera's position"
     )
     size: tuple[Pixels, Pixels] = Field(
-        description="width and height of the picture that the pixels below are of; smaller copies of it are allowed"
+        description="width and height of the picture that the pixels below are of; copies of another size are allowed"
     )
     focal: tuple[Pixels, Pixels] = Field(description="focal lengths in x and y, pixels")
     center: tuple[float, float] = Field(
