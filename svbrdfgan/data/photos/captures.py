@@ -51,9 +51,10 @@ def _read(capture: Capture, base: Path) -> tuple[Path, Sequence[Frame]]:
         images, frames = Path(capture.images), read_colmap(source)
     if not frames:
         raise ConfigError(f"{source} has no picture; calibrate again, or choose another of the program's models.")
-    repeated = [name for name, count in Counter(frame.name for frame in frames).items() if count > 1]
+    counts = Counter(str(Path(frame.name)) for frame in frames)
+    repeated = sorted(name for name, count in counts.items() if count > 1)
     if repeated:
-        raise ConfigError(f"{source} has several cameras of {', '.join(sorted(repeated))}; keep one of each picture.")
+        raise ConfigError(f"{source} has several cameras of {', '.join(repeated)}; keep one of each picture.")
     if capture.images is not None:
         _warn_of_others(base, images, capture, frames)
     return images, frames

@@ -194,7 +194,7 @@ def _calibrated(entry: PictureEntry, photo: Photo) -> CalibratedCamera:
     if abs(height * camera.size[0] / camera.size[1] - width) > 1 + width / 500:
         raise ConfigError(
             f"it is {width} x {height} pixels when upright, and its camera's pictures are {camera.size[0]:g} x "
-            f"{camera.size[1]:g}: it must be those pixels, neither cropped nor turned by EXIF, or a smaller copy."
+            f"{camera.size[1]:g}: it must be those pixels, neither cropped nor turned by EXIF, or a scaled copy."
         )
     return camera
 

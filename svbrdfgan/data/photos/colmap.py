@@ -53,8 +53,8 @@ def read_colmap(folder: Path) -> list[Frame]:
     ):
         files = folder / f"cameras{suffix}", folder / f"images{suffix}"
         if all(file.is_file() for file in files):
-            cameras, poses = _parsed(files[0], read_cameras), _parsed(files[1], read_poses)
-            return [_frame(pose, dict(cameras), files[0]) for pose in poses]
+            cameras = dict(_parsed(files[0], read_cameras))
+            return [_frame(pose, cameras, files[0]) for pose in _parsed(files[1], read_poses)]
     raise AssetError(
         f"{folder} holds no COLMAP model: wanted cameras.bin and images.bin, or cameras.txt and images.txt."
     )

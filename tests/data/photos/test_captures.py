@@ -99,6 +99,24 @@ def test_every_format_projects_as_opencv_does(cameras: str, base: Path, car: Mes
         assert pixels(calibrated(entry), car.positions) == pytest.approx(taken.pixels(car.positions), abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("model", "focal", "distortion"),
+    [
+        ("SIMPLE_PINHOLE 240 160 300 120 80", (300, 300), (0, 0, 0, 0)),
+        ("PINHOLE 240 160 300 310 120 80", (300, 310), (0, 0, 0, 0)),
+        ("SIMPLE_RADIAL 240 160 300 120 80 -0.1", (300, 300), (-0.1, 0, 0, 0)),
+        ("RADIAL 240 160 300 120 80 -0.1 0.02", (300, 300), (-0.1, 0.02, 0, 0)),
+    ],
+)
+def test_simpler_lens_models_of_colmap(
+    model: str, focal: tuple[float, ...], distortion: tuple[float, ...], base: Path
+) -> None:
+    (base / "text" / "cameras.txt").write_text("".join(f"{number} {model}\n" for number in (1, 2, 3)))
+    camera = calibrated(entries(base, capture("text"))[0])
+    assert (camera.size, camera.focal, camera.center) == ((240, 160), focal, (120, 80))
+    assert camera.distortion == distortion
+
+
 def test_overlays_lie_on_the_pictures(base: Path) -> None:
     data = {"captures": [capture("binary")], "image": [32, 32], "texture": 16}
     records = import_pictures(read_manifest(data, "m.yaml"), base / "own", base=base, preview=True)
@@ -215,7 +233,7 @@ Change = Callable[[dict[str, Any]], object]
         (lambda d: d.pop("frames"), ".*has no list 'frames'"),
         (lambda d: d["frames"].clear(), ".*transforms.json has no picture"),
         (lambda d: d["frames"][1].pop("file_path"), r"transforms.json: frames\[1\] names no picture"),
-        (lambda d: d["frames"].append(d["frames"][0]), ".*has several cameras of ./a.png; keep one"),
+        (lambda d: d["frames"].append(d["frames"][0]), ".*has several cameras of a.png; keep one"),
         (lambda d: d["frames"][0].update(file_path="z.png"), "z.png: .*z.png does not exist; delete its frame"),
         (
             lambda d: d["frames"][0].update(file_path="unmasked.png"),
