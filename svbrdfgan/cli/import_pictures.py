@@ -37,9 +37,8 @@ def command(manifest: Path, overrides: tuple[str, ...], out: Path, preview: bool
     click.echo(f"look at {out / OVERLAYS / SHEET}: does the mesh's outline (yellow) lie on every picture?")
     if not preview:
         for split in contents.config().splits:
-            meshes = contents.meshes(split)
-            count = sum(entry.mesh in meshes for entry in contents.pictures)
-            click.echo(f"{split}: {count} exemplars of {len(meshes)} meshes")
+            count = sum(picture.exemplar.startswith(f"{split}/") for picture in imported)
+            click.echo(f"{split}: {count} exemplars of {len(contents.meshes(split))} meshes")
 
 
 def _print(picture: ImportedPicture) -> None:

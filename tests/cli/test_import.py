@@ -99,10 +99,11 @@ def test_both_commands_are_in_the_help() -> None:
 
 
 def test_the_page_s_files_are_right() -> None:
-    own, training = (
+    own, captured, training = (
         yaml.safe_load(block) for block in re.findall(r"^```yaml\n(.*?)^```", PAGE.read_text(), re.M | re.S)
     )
     assert len(read_manifest(own, "page").pictures) > 1
+    assert len(read_manifest(captured, "page").captures) > 1
     assert train_config(training, "page").scenes.matched
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from svbrdfgan.data.gather import gather_environments, match_files
 from svbrdfgan.data.index import INDEX
+from svbrdfgan.data.photos.captures import expand_captures
 from svbrdfgan.data.photos.check import (
     ErrorCollector,
     ImportJob,
@@ -77,7 +78,8 @@ def import_pictures(
     """
     _require_free(folder)
     errors = ErrorCollector(source)
-    job = ImportJob(manifest, base, errors, display or SilentDisplay())
+    manifest, labels = expand_captures(manifest, base, errors)
+    job = ImportJob(manifest, base, errors, display or SilentDisplay(), labels)
     with _stage(folder) as stage:
         meshes = check_meshes(job)
         check_environments(job)

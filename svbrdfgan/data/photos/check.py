@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
-from jaxtyping import Bool, Float
-from numpy import ndarray
+from jaxtyping import Float
 from torch import Tensor
 
+from svbrdfgan.data.photos.calibrated_camera import CalibratedCamera
 from svbrdfgan.data.photos.manifest import Manifest, PictureEntry
 from svbrdfgan.data.photos.overlay import (
     NO_PART,
@@ -23,7 +24,7 @@ from svbrdfgan.data.photos.overlay import (
     visible_parts,
 )
 from svbrdfgan.data.photos.photo import Photo, load_photo
-from svbrdfgan.data.photos.rectify import minification, rectified_camera, rectify
+from svbrdfgan.data.photos.rectify import minification, rectified_camera, rectify, shows_whole
 from svbrdfgan.errors import AssetError, ConfigError, SvbrdfganError
 from svbrdfgan.io.environment import load_environment
 from svbrdfgan.io.mesh import load_mesh
@@ -39,6 +40,8 @@ LEAST_IOU = 0.8
 
 _LEAST_OVERLAP = 0.05
 """The same, below which the picture is refused."""
+_MOST_ERRORS = 30
+"""Errors that are listed: a capture may have hundreds of pictures with the same."""
 _MOST_ENLARGED = 10.0
 """The greatest enlargement of a picture; more is refused."""
 
@@ -59,9 +62,13 @@ class ErrorCollector:
             self.messages += [f"{self.source}: {what}: {line}" for line in str(error).splitlines()]
 
     def raise_if_any(self) -> None:
-        """Raises ConfigError with a line for each error collected."""
-        if self.messages:
-            raise ConfigError("\n".join(dict.fromkeys(self.messages)))
+        """Raises ConfigError with a line for each error collected, at most 30 and the number of others."""
+        messages = list(dict.fromkeys(self.messages))
+        if len(messages) > _MOST_ERRORS:
+            further = f"{self.source}: and {len(messages) - _MOST_ERRORS} further errors."
+            messages = [*messages[:_MOST_ERRORS], further]
+        if messages:
+            raise ConfigError("\n".join(messages))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,13 +76,16 @@ class ImportJob:
     """A manifest to import, and where to report errors and progress.
 
     Attributes:
+        manifest: with the pictures of its captures among `pictures`.
         base: the folder that the manifest's files are relative to.
+        labels: where the manifest has each picture, such as "pictures[3]".
     """
 
     manifest: Manifest
     base: Path
     errors: ErrorCollector
     display: Display
+    labels: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +113,10 @@ class RectifiedPhoto:
 def check_meshes(job: ImportJob) -> dict[str, Mesh]:
     """The usable meshes, by file."""
     meshes: dict[str, Mesh] = {}
-    for file in dict.fromkeys(entry.mesh for entry in job.manifest.pictures):
+    for file in job.manifest.mesh_files:
         with job.errors.context("mesh"):
             mesh = load_mesh(job.base / file)
+            mesh = replace(mesh, positions=job.manifest.mesh_alignment(file).apply(mesh.positions))
             if not any(job.manifest.learnable.selects(part) for part in mesh.parts):
                 names = ", ".join(part.name for part in mesh.parts)
                 raise AssetError(f"{file} has no learnable part, only {names}: change 'learnable' to select one.")
@@ -128,20 +139,26 @@ def check_pictures(job: ImportJob, meshes: Mapping[str, Mesh]) -> tuple[Rectifie
     pictures, film, errors = job.manifest.pictures, job.manifest.image, job.errors
     job.display.begin("pictures checked", len(pictures))
     photos = []
-    for number, entry in enumerate(pictures):
-        with errors.context(f"pictures[{number}]"):
+    for entry, label in zip(pictures, job.labels, strict=True):
+        with errors.context(label):
             photo = load_photo(job.base / entry.file, None if entry.mask is None else job.base / entry.mask)
             if entry.mesh in meshes:
-                with errors.context(f"pictures[{number}]: {entry.file}"):
+                with errors.context(f"{label}: {entry.file}"):
                     photos.append(_rectified(entry, photo, meshes[entry.mesh], film))
         job.display.advance()
     return tuple(photos)
 
 
 def _rectified(entry: PictureEntry, photo: Photo, mesh: Mesh, film: tuple[int, int]) -> RectifiedPhoto:
-    camera, size = entry.camera.camera(), drawing_size(*photo.size)
-    target = rectified_camera(camera, photo.size, mesh, film)
-    parts = visible_parts(mesh, camera, *size)
+    camera, size = _calibrated(entry, photo), drawing_size(*photo.size)
+    target = rectified_camera(camera, mesh, film)
+    color, masked = photo.image.permute(2, 0, 1), photo.mask is not None
+    inside = torch.ones(1, *color.shape[1:])
+    weight = inside if photo.mask is None else photo.mask[None]
+    pinhole = camera.pinhole()  # meshes have straight edges in its picture alone
+    seen = rectify(downsample(torch.cat([color, weight, inside]), size), camera, pinhole, size)
+    mask, shown = (seen[3:] > 0.5).numpy()
+    parts = np.where(shown, visible_parts(mesh, pinhole, *size), NO_PART)
     silhouette = parts != NO_PART
     if not silhouette.any():
         raise ConfigError("the camera sees no pixel of the mesh: correct it, or the scale of the mesh (metres).")
@@ -151,29 +168,41 @@ def _rectified(entry: PictureEntry, photo: Photo, mesh: Mesh, film: tuple[int, i
             f"the mesh fills {silhouette.mean():.2%} of the picture as this camera sees it: correct the distance, "
             "which is in the mesh's unit, or the field of view."
         )
-    color, mask, iou = photo.image.permute(2, 0, 1), None, None
-    weight = torch.ones(1, *color.shape[1:])
-    if photo.mask is not None:
-        weight = photo.mask[None]
-        mask = downsample(weight, size)[0].numpy() > 0.5
-        iou = intersection_over_union(mask, silhouette)
-        if iou < _LEAST_OVERLAP:
-            raise AssetError(f"the mask is not where the camera sees the mesh (IoU {iou:.2f}): correct one of them.")
+    iou = intersection_over_union(mask, silhouette) if masked else None
+    if iou is not None and iou < _LEAST_OVERLAP:
+        raise AssetError(f"the mask is not where the camera sees the mesh (IoU {iou:.2f}): correct one of them.")
     return RectifiedPhoto(
         entry=entry,
         camera=target,
         film=rectify(torch.cat([color * weight, weight]), camera, target.camera(), film),
-        masked=mask is not None,
-        overlay=overlay(downsample(color, size), parts, mask),
+        masked=masked,
+        overlay=overlay(seen[:3], parts, mask if masked else None),
         iou=iou,
-        doubts=tuple(_doubts(iou, silhouette, reduced)),
+        doubts=tuple(_doubts(iou, shows_whole(camera, mesh.positions), reduced)),
     )
 
 
-def _doubts(iou: float | None, silhouette: Bool[ndarray, "rows cols"], reduced: float) -> Iterator[str]:
+def _calibrated(entry: PictureEntry, photo: Photo) -> CalibratedCamera:
+    """The camera of the picture.
+
+    Raises:
+        ConfigError: it is that of pictures of another shape.
+    """
+    camera, (width, height) = entry.camera, photo.size
+    if not isinstance(camera, CalibratedCamera):
+        return CalibratedCamera.of(camera.camera(), photo.size)
+    if abs(height * camera.size[0] / camera.size[1] - width) > 1 + width / 500:
+        raise ConfigError(
+            f"it is {width} x {height} pixels when upright, and its camera's pictures are {camera.size[0]:g} x "
+            f"{camera.size[1]:g}: it must be those pixels, neither cropped nor turned by EXIF, or a scaled copy."
+        )
+    return camera
+
+
+def _doubts(iou: float | None, whole: bool, reduced: float) -> Iterator[str]:
     if iou is not None and iou < LEAST_IOU:
         yield f"mask and mesh agree by {iou:.2f} only (IoU, wanted {LEAST_IOU}): correct the camera or the mask"
-    if silhouette[[0, -1]].any() or silhouette[:, [0, -1]].any():
+    if not whole:
         yield "the mesh reaches beyond the picture, which is cropped about its middle"
     if reduced < 0.95:
         yield f"the mesh is small in it and is enlarged {1 / reduced:.1f} times: use a larger one, or lower 'image'"

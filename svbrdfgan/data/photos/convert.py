@@ -68,7 +68,7 @@ def convert_photos(
     exposures = [0.0] * len(photos)
     at = places(job.manifest)
     for number in sorted(range(len(photos)), key=at.__getitem__):  # a mesh is prepared once
-        with job.errors.context(f"pictures[{number}]: {photos[number].entry.file}"):
+        with job.errors.context(f"{job.labels[number]}: {photos[number].entry.file}"):
             exposures[number] = converter.convert(photos[number], number, exemplar_paths(folder, *at[number]))
         job.display.advance()
     index.save(folder)

@@ -9,6 +9,8 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.data.config import DatasetConfig, MeshSource, SharedConfig, Split, SplitConfig
+from svbrdfgan.data.photos.alignment import Alignment
+from svbrdfgan.data.photos.calibrated_camera import CalibratedCamera
 from svbrdfgan.scene.description import OrbitCamera
 from svbrdfgan.types import Camera
 
@@ -32,12 +34,17 @@ class LookAtCamera(StrictModel):
 
 def _kind(value: Any) -> str:
     """The tag of the intended camera, so that errors are reported for that one alone."""
-    by_position = {"position", "look_at"} & set(value) if isinstance(value, dict) else isinstance(value, LookAtCamera)
-    return "look-at" if by_position else "orbit"
+    keys = set(value) if isinstance(value, dict) else type(value).model_fields.keys()
+    if "camera_to_world" in keys:
+        return "calibrated"
+    return "look-at" if {"position", "look_at"} & keys else "orbit"
 
 
 PictureCamera = Annotated[
-    Annotated[OrbitCamera, Tag("orbit")] | Annotated[LookAtCamera, Tag("look-at")], Discriminator(_kind)
+    Annotated[OrbitCamera, Tag("orbit")]
+    | Annotated[LookAtCamera, Tag("look-at")]
+    | Annotated[CalibratedCamera, Tag("calibrated")],
+    Discriminator(_kind),
 ]
 
 
@@ -46,7 +53,9 @@ class PictureEntry(StrictModel):
 
     file: str = Field(description="the picture: PNG, JPEG or EXR")
     mesh: str = Field(description="the mesh's file")
-    camera: PictureCamera = Field(description="by angles and distance from a target, or by `position` and `look_at`")
+    camera: PictureCamera = Field(
+        description="by angles and distance from a target, by `position` and `look_at`, or by `camera_to_world`"
+    )
     mask: str | None = Field(default=None, description="an image of the same size, white where the object is")
     paint: Reflectance | None = Field(
         default=None,
@@ -62,10 +71,35 @@ class PictureEntry(StrictModel):
         return self
 
 
+class Capture(StrictModel):
+    """Pictures of one object whose cameras another program has found. Paths are relative to the manifest."""
+
+    cameras: str = Field(description="a folder with a COLMAP model, such as `sparse/0`, or NeRF's `transforms.json`")
+    images: str | None = Field(
+        default=None,
+        description="the folder that the pictures' names there are relative to; `null`: that of `transforms.json`",
+    )
+    masks: str | None = Field(
+        default=None,
+        description="a folder with a mask for each picture: the picture's name, its suffix replaced or followed by "
+        "`.png`; `null`: the masks that `transforms.json` names, if any",
+    )
+    mesh: str = Field(description="the mesh's file")
+    alignment: Alignment = Field(
+        default=Alignment(), description="from the axes of `cameras` to the data set's: Y up, nose at +Z, metres"
+    )
+    align_mesh: bool = Field(
+        default=False, description="whether the mesh lies in the axes of `cameras`, too, and is aligned with them"
+    )
+
+
 class Manifest(SharedConfig):
     """The pictures to import, and the data set made of them."""
 
-    pictures: tuple[PictureEntry, ...] = Field(description="the pictures")
+    pictures: tuple[PictureEntry, ...] = Field(default=(), description="the pictures, one by one")
+    captures: tuple[Capture, ...] = Field(
+        default=(), description="pictures whose cameras are in a file of COLMAP or a NeRF; they follow `pictures`"
+    )
     test: tuple[str, ...] = Field(
         default=(), description="meshes whose pictures are kept from training, as split `test`"
     )
@@ -85,19 +119,33 @@ class Manifest(SharedConfig):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Manifest:
-        shown = {entry.mesh for entry in self.pictures}
+        shown = self.mesh_files
         for key, named in (("paint", self.paint), ("test", self.test)):
             strange = [mesh for mesh in named if mesh not in shown]
             if strange:
                 raise ValueError(f"{key} names {strange[0]!r}, which no picture shows; known are {', '.join(shown)}")
         if not self.meshes("train"):
-            raise ValueError("there is no picture to train on: name some in 'pictures', and not every mesh in 'test'")
+            raise ValueError(
+                "there is no picture to train on: name some in 'pictures' or 'captures', and not every mesh in 'test'"
+            )
+        for mesh in shown:
+            if len({(c.alignment if c.align_mesh else None) for c in self.captures if c.mesh == mesh}) > 1:
+                raise ValueError(f"captures align {mesh!r} in different ways; make a copy of the file for each")
         return self
 
+    @property
+    def mesh_files(self) -> tuple[str, ...]:
+        """The files of all meshes, in the order in which pictures and captures first name them."""
+        named = [entry.mesh for entry in self.pictures] + [capture.mesh for capture in self.captures]
+        return tuple(dict.fromkeys(named))
+
+    def mesh_alignment(self, mesh: str) -> Alignment:
+        """What moves a mesh from the axes of its file to the data set's."""
+        return next((c.alignment for c in self.captures if c.mesh == mesh and c.align_mesh), Alignment())
+
     def meshes(self, split: Split) -> tuple[str, ...]:
-        """The mesh files of a split, in the order in which pictures first name them."""
-        named = dict.fromkeys(entry.mesh for entry in self.pictures)
-        return tuple(mesh for mesh in named if self.split(mesh) == split)
+        """The mesh files of a split, in the order of `mesh_files`."""
+        return tuple(mesh for mesh in self.mesh_files if self.split(mesh) == split)
 
     def split(self, mesh: str) -> Split:
         return "test" if mesh in self.test else "train"

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from torch import Tensor
 
-from svbrdfgan.data.photos.rectify import film_coordinates
+from svbrdfgan.data.photos.calibrated_camera import CalibratedCamera
 from svbrdfgan.geometry.rasterize import rasterize
 from svbrdfgan.io.image import picture
 from svbrdfgan.types import Camera, Mesh, Surface
@@ -41,7 +41,7 @@ def visible_parts(mesh: Mesh, camera: Camera, width: int, height: int) -> Int[nd
     Raises:
         ConfigError: a part of the mesh is not in front of the camera.
     """
-    at, depth = film_coordinates(camera, width / height, mesh.positions)
+    at, depth = CalibratedCamera.of(camera, (width, height)).film_coordinates(mesh.positions)
     count = len(mesh.faces)
     seen = Surface(
         positions=mesh.positions,

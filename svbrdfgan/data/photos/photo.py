@@ -58,6 +58,22 @@ def load_photo(path: Path, mask: Path | None) -> Photo:
     return Photo(color, _require_object(own, path))
 
 
+def find_photo(path: Path) -> Path:
+    """The picture of this path, which may lack its suffix; the path itself if there is none."""
+    found = (path.with_name(path.name + suffix) for suffix in ("", *SUFFIXES))
+    return next((file for file in found if file.is_file()), path)
+
+
+def photo_size(path: Path) -> tuple[int, int]:
+    """Width and height of a picture as `load_photo` gives it.
+
+    Raises:
+        AssetError: the file cannot be read.
+    """
+    height, width = _load(path).shape[:2]
+    return width, height
+
+
 def _load_mask(path: Path, picture: Path, size: tuple[int, int]) -> Float[Tensor, "height width"]:
     values = _load(path)
     found = (values.shape[1], values.shape[0])

@@ -95,7 +95,7 @@ def test_an_error_in_a_file_is_one_line(data: Data, said: str, base: Path, tmp_p
 @pytest.mark.parametrize(
     ("data", "said"),
     [
-        ({}, "key 'pictures' is missing"),
+        ({}, "there is no picture to train on"),
         (pictures({"environment_rotation_degrees": 9}), r"pictures\[0\]: environment_rotation_degrees turns the light"),
         ({"pictures": []}, "there is no picture to train on"),
         (pictures({"fil": "a"}), r"pictures\[0\]: unknown key 'fil'; did you mean 'file'"),

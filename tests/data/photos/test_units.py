@@ -15,10 +15,11 @@ from torch import Tensor
 
 from svbrdfgan.config.distributions import Fixed
 from svbrdfgan.data.index import DatasetIndex
+from svbrdfgan.data.photos.calibrated_camera import CalibratedCamera
 from svbrdfgan.data.photos.exposure import exposure_factor, mean_light
 from svbrdfgan.data.photos.overlay import NO_PART, intersection_over_union, visible_parts
 from svbrdfgan.data.photos.photo import load_photo
-from svbrdfgan.data.photos.rectify import film_coordinates, minification, rectified_camera, rectify
+from svbrdfgan.data.photos.rectify import minification, rectified_camera, rectify
 from svbrdfgan.data.sampler import ConfigSampler
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.environment import load_environment
@@ -55,16 +56,16 @@ def seen_all_round(camera: Camera, width: int, height: int) -> Tensor:
 def test_rectifying_gives_the_picture_of_another_direction() -> None:
     source = orbit(fov=60)
     target = Camera(source.origin, (0.3, 0.4, 0.2), vertical_fov=math.radians(20))
-    found = rectify(seen_all_round(source, 480, 320), source, target, (48, 32))
+    found = rectify(seen_all_round(source, 480, 320), CalibratedCamera.of(source, (480, 320)), target, (48, 32))
     assert (found - seen_all_round(target, 48, 32)).abs().max() < 0.004
 
 
 def test_beyond_the_border_there_is_nothing() -> None:
     source = orbit(fov=30)
     away = Camera(source.origin, tuple(2 * np.asarray(source.origin)), vertical_fov=math.radians(20))  # type: ignore[arg-type]
-    assert not rectify(torch.ones(1, 32, 48), source, away, (8, 8)).any()
+    assert not rectify(torch.ones(1, 32, 48), CalibratedCamera.of(source, (48, 32)), away, (8, 8)).any()
     wider = Camera(source.origin, source.target, vertical_fov=2 * math.atan(2 * math.tan(math.radians(15))))
-    seen = rectify(torch.ones(1, 64, 64), source, wider, (16, 16))[0]
+    seen = rectify(torch.ones(1, 64, 64), CalibratedCamera.of(source, (64, 64)), wider, (16, 16))[0]
     assert seen[4:12, 4:12].min() > 0.99
     assert float(seen.mean()) == pytest.approx(0.25, abs=0.01)
 
@@ -73,20 +74,20 @@ def test_beyond_the_border_there_is_nothing() -> None:
 def test_the_rectified_camera_shows_the_whole_mesh_from_the_same_place(car: Mesh, film: tuple[int, int]) -> None:
     for azimuth in range(0, 360, 45):
         source = orbit(azimuth)
-        target = rectified_camera(source, (150, 100), car, film)
+        target = rectified_camera(CalibratedCamera.of(source, (150, 100)), car, film)
         assert target.camera().origin == pytest.approx(source.origin)
         assert target.target == pytest.approx(tuple(car.bounds.mean(axis=0)))
-        at, _ = film_coordinates(target.camera(), film[0] / film[1], car.positions)
+        at, _ = CalibratedCamera.of(target.camera(), film).film_coordinates(car.positions)
         assert np.abs(at).max() == pytest.approx(1 / 1.08)
 
 
 def test_a_mesh_that_reaches_beyond_the_picture_is_cropped_about_its_middle(car: Mesh) -> None:
     source = orbit(distance=1.0, fov=30)
-    target = rectified_camera(source, (150, 100), car, (64, 64)).camera()
+    target = rectified_camera(CalibratedCamera.of(source, (150, 100)), car, (64, 64)).camera()
     assert target.origin == pytest.approx(source.origin)
     assert target.basis() == pytest.approx(source.basis())
     assert target.vertical_fov == pytest.approx(source.vertical_fov)  # a square of the picture's height
-    upright = rectified_camera(source, (100, 150), car, (64, 64)).camera()
+    upright = rectified_camera(CalibratedCamera.of(source, (100, 150)), car, (64, 64)).camera()
     assert math.tan(upright.vertical_fov / 2) == pytest.approx(math.tan(source.vertical_fov / 2) / 1.5)
 
 
@@ -100,11 +101,12 @@ def test_a_mesh_that_reaches_beyond_the_picture_is_cropped_about_its_middle(car:
 )
 def test_impossible_cameras_are_refused(camera: Camera, message: str, car: Mesh) -> None:
     with pytest.raises(ConfigError, match=message):
-        rectified_camera(camera, (150, 100), car, (64, 64))
+        rectified_camera(CalibratedCamera.of(camera, (150, 100)), car, (64, 64))
 
 
 def test_minification_is_source_pixels_along_a_target_pixel() -> None:
-    assert minification(300, orbit(fov=40), orbit(fov=40), (64, 100)) == pytest.approx(3)
+    source = CalibratedCamera.of(orbit(fov=40), (150, 100))
+    assert minification(300, source, orbit(fov=40), (64, 100)) == pytest.approx(3)
 
 
 def test_the_silhouette_is_the_renderer_s(car: Mesh) -> None:
