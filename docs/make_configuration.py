@@ -15,6 +15,7 @@ from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.config.distributions import Fixed, Integer, Name, Number, Paint
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.photos.manifest import Manifest
+from svbrdfgan.data.staged_photos.config import StagedPhotosConfig
 from svbrdfgan.experiments.definition import Experiment
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.config import TrainConfig
@@ -24,6 +25,7 @@ PAGE = Path(__file__).with_name("configuration.md")
 FILES: dict[str, type[BaseModel]] = {
     "`dataset.yaml`": DatasetConfig,
     "`train.yaml`": TrainConfig,
+    "The YAML file of staged photographs": StagedPhotosConfig,
     "The manifest of your own pictures": Manifest,
     "The YAML file of an experiment": Experiment,
     "The JSON file of a scene": Scene,

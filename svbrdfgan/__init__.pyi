@@ -11,7 +11,6 @@ from svbrdfgan.errors import SvbrdfganError as SvbrdfganError
 from svbrdfgan.evaluation.evaluate import evaluate as evaluate
 from svbrdfgan.evaluation.leakage.probe import probe_shortcuts as probe_shortcuts
 from svbrdfgan.inference.apply import paint as paint
-from svbrdfgan.inference.embedded import write_embedded as write_embedded
 from svbrdfgan.inference.learned import LearnedWeathering as LearnedWeathering
 from svbrdfgan.inference.studio import write_picture as write_picture
 from svbrdfgan.inference.weathered_file import write_weathered as write_weathered
@@ -38,6 +37,7 @@ from svbrdfgan.rendering.transport.light_transport import LightTransport as Ligh
 from svbrdfgan.rendering.transport.product import TransportBatch as TransportBatch
 from svbrdfgan.report.page import write_report as write_report
 from svbrdfgan.scene.description import Scene as Scene
+from svbrdfgan.scene.embedded_files import write_embedded as write_embedded
 from svbrdfgan.scene.subject import Subject as Subject
 from svbrdfgan.scene.subject import make_subject as make_subject
 from svbrdfgan.training.config import TrainConfig as TrainConfig

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 
 class _Dataset(click.Command):
-    """The command `dataset`, or `dataset import` if the first word is `import`.
+    """The command `dataset`, or `dataset import` or `dataset photograph` if that is the first word.
 
-    A group would take CONFIG for the name of a command. A CONFIG of that name is given as `./import`.
+    A group would take CONFIG for the name of a command. A CONFIG of such a name is given as `./import`.
     """
 
     def make_context(
@@ -27,11 +27,18 @@ class _Dataset(click.Command):
             from svbrdfgan.cli import import_pictures
 
             return import_pictures.command.make_context(f"{info_name} import", args[1:], parent, **extra)
+        if args[:1] == ["photograph"]:
+            from svbrdfgan.cli import photograph
+
+            return photograph.command.make_context(f"{info_name} photograph", args[1:], parent, **extra)
         return super().make_context(info_name, args, parent, **extra)
 
 
 @click.command(
-    "dataset", cls=_Dataset, epilog="`svbrdfgan dataset import MANIFEST` makes a data set of your own pictures."
+    "dataset",
+    cls=_Dataset,
+    epilog="`svbrdfgan dataset import MANIFEST` makes a data set of your own pictures. `svbrdfgan dataset photograph "
+    "CONFIG` lets Blender photograph the scenes of one.",
 )
 @click.argument("config", type=click.Path(path_type=Path, dir_okay=False))
 @click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")

@@ -12,12 +12,12 @@ from svbrdfgan.cli.display import ProgressBar, ProgressLines
 from svbrdfgan.cli.options import PartOptions
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.inference.apply import explain_memory, prepare
-from svbrdfgan.inference.embedded import write_embedded
 from svbrdfgan.inference.learned import LearnedWeathering
 from svbrdfgan.inference.studio import Studio
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.report.sheet import Row, write_sheet
+from svbrdfgan.scene.embedded_files import write_embedded
 from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.types import Layer
 from svbrdfgan.weathering.layer import weather

@@ -16,11 +16,11 @@ from svbrdfgan.data.index import Dataset
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.inference.apply import paint
-from svbrdfgan.inference.embedded import write_embedded
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
+from svbrdfgan.scene.embedded_files import write_embedded
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.run import load_model
 from svbrdfgan.training.trainer import train

@@ -26,11 +26,11 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.oracle import OracleConfig
 from svbrdfgan.inference.apply import paint
-from svbrdfgan.inference.embedded import write_embedded
 from svbrdfgan.io.image import load_image, srgb_from_linear
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.protocols import RendererCapabilities
+from svbrdfgan.scene.embedded_files import write_embedded
 from svbrdfgan.training.batches import make_batch_source
 from svbrdfgan.training.config import TrainConfig, train_config
 from svbrdfgan.training.online_rendering import OnlineSceneBatch

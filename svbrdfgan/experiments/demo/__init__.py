@@ -22,7 +22,6 @@ from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.experiments.demo.gloss import GLOSS, glossy, glossy_picture, matt_dirt
 from svbrdfgan.experiments.demo.opening import demo_rows, write_opening
 from svbrdfgan.inference.apply import paint
-from svbrdfgan.inference.embedded import write_embedded
 from svbrdfgan.inference.studio import BOUNCES, Studio, write_picture
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.io.mesh import load_mesh
@@ -33,6 +32,7 @@ from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.rendering.compositing import BARE
 from svbrdfgan.report.overview import FurtherColumn, write_overview
 from svbrdfgan.report.page import write_report
+from svbrdfgan.scene.embedded_files import write_embedded
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.run import CONFIG, load_model
 from svbrdfgan.training.trainer import train

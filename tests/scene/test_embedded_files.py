@@ -17,11 +17,11 @@ from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.geometry.bake_materials import bake_file_maps
 from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.geometry.tangents import corner_tangents
-from svbrdfgan.inference.embedded import write_embedded
 from svbrdfgan.io.image import load_image, srgb_from_linear
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
+from svbrdfgan.scene.embedded_files import write_embedded
 from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.types import FileMap, Layer, Materials, Mesh, Part
 

@@ -1,4 +1,4 @@
-"""Write a surface under a layer over the UVs of its embedding, as GLB and PNG."""
+"""Write a surface under its materials over the UVs of its embedding as GLB, and the layer beside it as PNG."""
 
 from __future__ import annotations
 
@@ -39,13 +39,7 @@ def write_embedded(
         AssetError: the layer paints other maps, or a file cannot be written.
     """
     materials = subject.materials(layer, maps)
-    colors = {part: material.base_color for part, material in enumerate(materials.parts)}
-    textures = {part: color for part, color in colors.items() if color.ndim == 3}
-    further = _further_maps(subject, materials)
-    tangents = None
-    if any("normal" in named for named in further.values()):
-        tangents = corner_tangents(subject.surface).attribute()
-    save_glb(path, subject.surface, textures, further, tangents)
+    further = save_materials(path, subject, materials)
     for name in layer.maps:
         values = further[subject.learnable[0]][name]
         numbers = 0.5 + 0.5 * values if name == "normal" else values
@@ -53,6 +47,22 @@ def write_embedded(
     layer_path = path.with_suffix(".layer.png")
     save_texture(layer_path, layer.rgba)
     return layer_path
+
+
+def save_materials(path: Path, subject: Subject, materials: Materials) -> dict[int, dict[str, Float[Tensor, "*shape"]]]:
+    """Writes the surface under these materials as GLB, and returns their further maps by part, normals of length one.
+
+    Raises:
+        AssetError: the file cannot be written.
+    """
+    colors = {part: material.base_color for part, material in enumerate(materials.parts)}
+    textures = {part: color for part, color in colors.items() if color.ndim == 3}
+    further = _further_maps(subject, materials)
+    tangents = None
+    if any("normal" in named for named in further.values()):
+        tangents = corner_tangents(subject.surface).attribute()
+    save_glb(path, subject.surface, textures, further, tangents)
+    return further
 
 
 def _further_maps(subject: Subject, materials: Materials) -> dict[int, dict[str, Float[Tensor, "*shape"]]]:

@@ -1,0 +1,252 @@
+"""Photographs the scenes of a data set, and writes what somebody would have who took them: pictures and a manifest."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import tempfile
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import yaml
+
+from svbrdfgan.config.models import StrictModel, differences
+from svbrdfgan.data.gather import gather_environments, match_files
+from svbrdfgan.data.index import DatasetIndex
+from svbrdfgan.data.make_index import make_index
+from svbrdfgan.data.staged_photos.config import Photography, StagedPhotosConfig
+from svbrdfgan.data.staged_photos.cycles import Shot, find_blender, take
+from svbrdfgan.data.trained_model import with_model
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.geometry.camera_hits import camera_hits
+from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.image import save_image
+from svbrdfgan.io.records import load_record, save_record
+from svbrdfgan.plugins.registry import load_embedding
+from svbrdfgan.scene.description import OrbitCamera, Scene
+from svbrdfgan.scene.embedded_files import save_materials
+from svbrdfgan.scene.loader import SceneLoader
+from svbrdfgan.utils.display import Display, SilentDisplay
+
+MANIFEST = "manifest.yaml"
+TRUTH = "truth"
+"""The folder of what whoever imports the photographs must not know: a data set of the same scenes."""
+_RECORD = "photography.json"
+_GROUND = ((0.05, 0.05, 0.05), (0.18, 0.17, 0.16), (0.3, 0.27, 0.22), (0.08, 0.12, 0.05))
+"""Linear reflectances of asphalt, concrete, sand and grass."""
+_MASK_POINTS = 3  # along a side of a pixel
+
+
+class StagedPhoto(StrictModel):
+    """The truth of one photograph, next to the scene that it shows.
+
+    Attributes:
+        claimed: the camera in the manifest.
+        gain: the camera's factor on each channel of radiance, besides its exposure.
+        masked: whether the manifest has a mask.
+    """
+
+    scene: Scene
+    claimed: OrbitCamera
+    view: str
+    exposure_stops: float
+    gain: tuple[float, float, float]
+    f_number: float
+    noise: float
+    jpeg_quality: int
+    ground: tuple[float, float, float] | None
+    masked: bool
+
+
+def stage_photos(
+    config: StagedPhotosConfig,
+    folder: Path,
+    *,
+    base: Path,
+    blender: str | None = None,
+    display: Display | None = None,
+) -> Path:
+    """Photographs what is missing of the scenes of `train`, and returns the manifest, which is written last.
+
+    `photos`, `masks`, `meshes` and `pool` are what a photographer has; `truth` is the data set of the same scenes, all
+    splits, which `svbrdfgan dataset` can render, with the truth of each photograph beside.
+
+    Args:
+        base: the folder that file patterns of the configuration are relative to.
+        blender: as for `find_blender`.
+
+    Raises:
+        ConfigError: the folder holds other photographs, a pattern matches nothing, or there is no Blender.
+        AssetError: an asset cannot be read, or Blender failed.
+    """
+    shown, program = display or SilentDisplay(), find_blender(blender)
+    load_embedding(config.embedding.name, config.embedding.options)
+    truth = folder / TRUTH
+    _require_same(config.photography, truth / _RECORD)
+    index = make_index(with_model(config.dataset, truth, base), truth, base)
+    save_record(truth / _RECORD, config.photography)
+    stage = _Stage(config, folder, index, SceneLoader(truth))
+    photos = [stage.draw(number) for number in range(len(index.sampler("train")))]
+    shown.begin("photographs", len(photos))
+    shown.advance(sum(stage.photo(number).is_file() for number in range(len(photos))))
+    for numbers in _by_mesh(photos):
+        missing = [number for number in numbers if not stage.photo(number).is_file()]
+        if missing:
+            stage.take(missing, [photos[number] for number in missing], program, shown)
+    return stage.write_manifest(photos, base)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stage:
+    config: StagedPhotosConfig
+    folder: Path
+    index: DatasetIndex
+    loader: SceneLoader
+
+    def photo(self, number: int) -> Path:
+        return self.folder / "photos" / f"{number:06d}.jpg"
+
+    def mask(self, number: int) -> Path:
+        return self.folder / "masks" / f"{number:06d}.png"
+
+    def draw(self, number: int) -> StagedPhoto:
+        """The photograph of a scene, which depends on seed and number alone."""
+        scene, said = self.index.sampler("train").scene(number), self.config.photography
+        rng = np.random.default_rng([self.config.seed, zlib.crc32(b"photograph"), number])
+        off = [said.camera_error_degrees.sample(rng) for _ in range(2)]
+        claimed = scene.camera.model_copy(
+            update={
+                "azimuth_degrees": (scene.camera.azimuth_degrees + off[0]) % 360.0,
+                "elevation_degrees": min(max(scene.camera.elevation_degrees + off[1], -89.0), 89.0),
+                "distance": scene.camera.distance * (1.0 + max(said.camera_error.sample(rng), -0.9)),
+            }
+        )
+        return StagedPhoto(
+            scene=scene,
+            claimed=claimed,
+            view=said.view.sample(rng),
+            exposure_stops=said.exposure_stops.sample(rng),
+            gain=self._gain(scene, min(max(said.white_balance.sample(rng), 0.0), 1.0)),
+            f_number=max(said.f_number.sample(rng), 0.5),
+            noise=max(said.noise.sample(rng), 0.0),
+            jpeg_quality=said.jpeg_quality.sample(rng),
+            ground=_GROUND[int(rng.integers(len(_GROUND)))] if said.ground else None,
+            masked=bool(rng.random() < said.masks),
+        )
+
+    def take(
+        self, numbers: Sequence[int], photos: Sequence[StagedPhoto], program: Sequence[str], shown: Display
+    ) -> None:
+        """Photographs of one mesh. Each appears whole, after its mask and its truth."""
+        self.photo(0).parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=self.folder, prefix=".taking-") as place:
+            shots = [self._shot(photo, Path(place), number) for number, photo in zip(numbers, photos, strict=True)]
+            for done in take(shots, program):
+                number, photo = numbers[done], photos[done]
+                save_record(self.folder / TRUTH / "photos" / f"{number:06d}.json", photo)
+                if photo.masked:
+                    self._save_mask(photo.scene, self.mask(number))
+                os.replace(shots[done].photo, self.photo(number))
+                shown.advance(1)
+        self.loader.forget()
+
+    def write_manifest(self, photos: Sequence[StagedPhoto], base: Path) -> Path:
+        """What a photographer writes down, and the files that it names."""
+        meshes, pool = self.folder / "meshes", self.config.photography.pool
+        meshes.mkdir(exist_ok=True)
+        for asset in {photo.scene.mesh.path for photo in photos}:
+            shutil.copyfile(self.loader.folder / asset, meshes / Path(asset).name)
+        files = match_files(pool.files, base)
+        gather_environments(pool, files, self.config.environment_rows, self.folder / "pool")
+        written: dict[str, Any] = {
+            "pictures": [self._entry(number, photo) for number, photo in enumerate(photos)],
+            "image": list(self.config.image),
+            "texture": self.config.texture,
+            "embedding": self.config.embedding.model_dump(),
+            "learnable": self.config.learnable.model_dump(mode="json"),
+            "environments": {"files": ["pool/assets/environments/*"]},
+        }
+        with atomic_path(self.folder / MANIFEST) as temporary:
+            temporary.write_text(yaml.safe_dump(written, sort_keys=False), encoding="utf-8")
+        return self.folder / MANIFEST
+
+    def _entry(self, number: int, photo: StagedPhoto) -> dict[str, Any]:
+        entry: dict[str, Any] = {
+            "file": str(self.photo(number).relative_to(self.folder)),
+            "mesh": f"meshes/{Path(photo.scene.mesh.path).name}",
+            "camera": photo.claimed.model_dump(mode="json"),
+        }
+        if photo.masked:
+            entry["mask"] = str(self.mask(number).relative_to(self.folder))
+        if photo.scene.materials:
+            entry["paint"] = list(next(iter(photo.scene.materials.values())))
+        return entry
+
+    def _shot(self, photo: StagedPhoto, place: Path, number: int) -> Shot:
+        scene, said = photo.scene, self.config.photography
+        subject, camera = self.loader.subject(scene), scene.camera.camera()
+        mesh = place / f"{number}.glb"
+        weathered = subject.materials(self.loader.layer(scene), scene.maps, base_colors=scene.materials)
+        save_materials(mesh, subject, weathered)
+        return Shot(
+            photo=str(place / f"{number}.jpg"),
+            mesh=str(mesh),
+            environment=str(self.loader.file(scene.environment.asset).resolve()),
+            rotation=math.radians(scene.environment.rotation_degrees),
+            scale=scene.environment.scale,
+            origin=camera.origin,
+            target=camera.target,
+            vertical_fov=camera.vertical_fov,
+            width=scene.width,
+            height=scene.height,
+            samples=said.samples,
+            bounces=said.bounces,
+            seed=scene.seed,
+            background=said.background,
+            f_number=photo.f_number,
+            ground=photo.ground,
+            gain=photo.gain,
+            exposure_stops=photo.exposure_stops,
+            view=photo.view,
+            noise=photo.noise,
+            jpeg_quality=photo.jpeg_quality,
+        )
+
+    def _gain(self, scene: Scene, share: float) -> tuple[float, float, float]:
+        """What takes that share of the mean light's colour out of the picture, and leaves green."""
+        mean = self.loader.view(scene).environment.radiance.mean(dim=(0, 1))
+        red, green, blue = ((mean[1] / mean.clamp(min=1e-6)) ** share).tolist()
+        return red, green, blue
+
+    def _save_mask(self, scene: Scene, path: Path) -> None:
+        """The silhouette that a pinhole in the true camera's place sees."""
+        surface = self.loader.subject(scene).surface
+        hits = camera_hits(surface, scene.camera.camera(), scene.width, scene.height, _MASK_POINTS)
+        points = hits.hit.reshape(scene.height, _MASK_POINTS, scene.width, _MASK_POINTS)
+        path.parent.mkdir(exist_ok=True)
+        covered = torch.from_numpy(points.mean(axis=(1, 3)) > 0.5).float()
+        save_image(path, covered.unsqueeze(-1))
+
+
+def _by_mesh(photos: Sequence[StagedPhoto]) -> list[list[int]]:
+    groups: dict[str, list[int]] = {}
+    for number, photo in enumerate(photos):
+        groups.setdefault(photo.scene.mesh.path, []).append(number)
+    return list(groups.values())
+
+
+def _require_same(photography: Photography, record: Path) -> None:
+    if not record.is_file():
+        return
+    known = load_record(Photography, record)
+    if changed := differences(known.model_dump(), photography.model_dump()):
+        raise ConfigError(
+            f"{record.parent.parent} holds photographs that were taken otherwise (photography: {'; '.join(changed)}); "
+            "choose another folder or delete it."
+        )
