@@ -31,6 +31,13 @@ from svbrdfgan.utils.processes import cores
 )
 @click.option("--dataset", type=click.Path(path_type=Path), help="The run's data set, if it was moved.")
 @click.option(
+    "--on",
+    "on",
+    type=click.Path(path_type=Path),
+    metavar="DATASET",
+    help="Score it on another data set, whose true layers are known; without oracle.",
+)
+@click.option(
     "--device", default="auto", show_default=True, type=click.Choice(["auto", "cpu", "cuda"]), help="Where to compute."
 )
 @click.option(
@@ -44,6 +51,7 @@ def command(
     no_oracle: bool,
     relight: tuple[str, ...],
     dataset: Path | None,
+    on: Path | None,
     device: Literal["auto", "cpu", "cuda"],
     workers: int | None,
 ) -> None:
@@ -51,6 +59,8 @@ def command(
 
     For splits other than test, the files are named after the split: report.validation.html.
     """
+    if dataset and on:
+        raise click.UsageError("--dataset is where the run's own data set was moved, and --on is another: choose one.")
     with progress(f"opening {run}") as display:
         from svbrdfgan.evaluation.evaluate import evaluate
         from svbrdfgan.evaluation.relight import Relight
@@ -62,6 +72,7 @@ def command(
             oracle=not no_oracle,
             device=device,
             dataset=dataset,
+            on=on,
             relight=Relight(relight),
             workers=workers or cores(),
             display=display,

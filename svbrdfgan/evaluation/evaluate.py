@@ -52,6 +52,7 @@ def evaluate(
     oracle: bool = True,
     device: Literal["auto", "cpu", "cuda"] = "auto",
     dataset: Path | None = None,
+    on: Path | None = None,
     schedule: OracleConfig | None = None,
     budget: Budget | None = None,
     relight: Relight | None = None,
@@ -62,6 +63,8 @@ def evaluate(
 
     Args:
         dataset: the folder of the run's data set, if it was moved.
+        on: the folder of another data set to score it on, such as that of photographs' true layers; without oracle,
+            which would be that of other exemplars.
         schedule: how a supervised oracle is trained.
         budget: how long the oracle of a distribution is trained; by default as many steps as the run, and at most the
             time that the run was allowed.
@@ -71,13 +74,18 @@ def evaluate(
 
     Raises:
         AssetError: the folder is no run or has no model yet, or its data set or that split is missing.
-        ConfigError: the data set is another one, training used a light to relight with, or torch finds no such device.
+        ConfigError: the data set is another one, or `on` has other maps or conditions; training used a light to relight
+            with; or torch finds no such device.
     """
     shown = display or SilentDisplay()
     fabric = make_fabric(device)
     model = load_model(run)
-    opened = _open_dataset(model.config, dataset)
-    config = model.config if dataset is None else model.config.moved(opened)
+    if on is None:
+        opened = _open_dataset(model.config, dataset)
+        config = model.config if dataset is None else model.config.moved(opened)
+    else:
+        opened = Dataset.open(on)
+        config = model.config.scored_on(opened)
     relighter = Relighter.make(relight or Relight(), opened.index)  # its mistakes are found before anything slow
     resolved = ResolvedRun(config.train, opened).unperturbed()
     if resolved.deferred:  # pictures are compared with exemplars, and have all of their samples
@@ -106,7 +114,7 @@ def evaluate(
     layers: dict[Painter, Tensor] = {"generated": learned, "constant": constants[0].expand_as(learned)}
     drawing: dict[Painter, Generator] = {"generated": model.generator}
     found = None
-    if oracle:
+    if oracle and on is None:
         found = oracle_of(run, fabric, config, load, constants, schedule or OracleConfig(), budget, shown)
         labels = config.conditions.typical() if found.adversarial else ()
         layers["oracle"] = _layers(fabric, scorer, found.generator, labels)

@@ -24,6 +24,10 @@ class Conditions:
         """The conditions of a model without labels: the recipe is known if there is only one."""
         return Conditions(None, () if self._told_apart else self.recipes)
 
+    def alike(self, other: Conditions) -> bool:
+        """Whether labels of both say the same of a layer."""
+        return (self.amount is None, self._told_apart) == (other.amount is None, other._told_apart)
+
     @property
     def size(self) -> int:
         """Numbers in the labels of a layer."""

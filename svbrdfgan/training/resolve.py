@@ -112,7 +112,7 @@ def _from_model(config: TrainConfig, init: str, base: Path, dataset: DatasetConf
     maps, known = (", ".join(("base_color", *names)) for names in (dataset.maps, model.trained_on.maps))
     if maps != known:
         raise ConfigError(f"init: the model paints {known}, and the layers of the data set have {maps}.")
-    if conditions_of(model.generator, dataset).size != model.conditions.size:
+    if not model.conditions.alike(conditions_of(model.generator, dataset)):
         raise ConfigError(
             "init: the model is told each layer's amount and recipe where they varied in its own data set; those of "
             "this one must vary likewise."

@@ -74,6 +74,27 @@ class RunConfig(StrictModel):
             )
         return self.model_copy(update={"dataset_folder": str(dataset.folder.resolve())})
 
+    def scored_on(self, dataset: Dataset) -> RunConfig:
+        """The same run as if it had learned from another data set, so that it can be scored there.
+
+        Raises:
+            ConfigError: layers of that data set have other maps, or the generator is told what does not vary there.
+        """
+        if tuple(dataset.config.maps) != tuple(self.dataset.maps):
+            here, there = (", ".join(("base_color", *maps)) for maps in (self.dataset.maps, dataset.config.maps))
+            raise ConfigError(f"the run paints {here}, and the layers of {dataset.folder} have {there}.")
+        generator = self.train.generator.model_copy(update={"conditions": self.conditions.size > 0})
+        train = self.train.model_copy(update={"generator": generator})
+        found = self.model_copy(
+            update={"train": train, "dataset": dataset.config, "dataset_folder": str(dataset.folder.resolve())}
+        )
+        if self.conditions.size and not self.conditions.alike(found.conditions):
+            raise ConfigError(
+                f"the run is told each layer's amount and recipe where they varied in its own data set; those of "
+                f"{dataset.folder} must vary likewise."
+            )
+        return found
+
     def save(self, run: Path) -> None:
         save_record(run / CONFIG, self)
 

@@ -13,7 +13,7 @@ import torch
 
 from svbrdfgan.data.config import dataset_config
 from svbrdfgan.data.generate import generate
-from svbrdfgan.errors import AssetError
+from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.evaluated import Evaluated, pictures
 from svbrdfgan.evaluation.oracle import OracleConfig
@@ -180,3 +180,34 @@ def test_a_run_without_a_model_is_told(run: Path, tmp_path: Path) -> None:
     (tmp_path / "copy" / "model.safetensors").unlink()
     with pytest.raises(AssetError, match="train the run until it has saved a model"):
         evaluate(tmp_path / "copy", split="validation", device="cpu")
+
+
+def test_a_run_is_scored_on_another_data_set(
+    run: Path, tmp_path: Path, varied_dataset: Path, dataset_data: Callable[..., dict[str, Any]]
+) -> None:
+    copied = shutil.copytree(run, tmp_path / "run")
+    evaluated = evaluate(copied, split="validation", device="cpu", on=varied_dataset)
+    assert evaluated.config.dataset_folder == str(varied_dataset.resolve())
+    assert evaluated.evaluation.of_distribution, "the layers of that data set are one"
+    assert evaluated.evaluation.oracle is None
+    assert not (copied / "oracle.json").exists()
+    own = evaluate(run, split="validation", device="cpu", oracle=False).evaluation
+    data = dataset_data(seed=5, splits={"train": {"views": 1}, "test": {"meshes": {"procedural": {"count": 1}}}})
+    generate(dataset_config(data, "here"), tmp_path / "other", base=tmp_path)
+    other = evaluate(copied, split="validation", device="cpu", on=tmp_path / "other").evaluation
+    assert not other.of_distribution
+    assert other.generated.recovered != own.generated.recovered, "its pictures show other vehicles"
+
+
+def test_a_data_set_that_cannot_score_a_run_is_told(
+    run: Path,
+    varied_run: Path,
+    tiny_dataset: Path,
+    tmp_path: Path,
+    dataset_data: Callable[..., dict[str, Any]],
+) -> None:
+    with pytest.raises(ConfigError, match="must vary likewise"):
+        evaluate(varied_run, split="validation", device="cpu", on=tiny_dataset)
+    generate(dataset_config(dataset_data(maps={"roughness": 0.4}), "here"), tmp_path / "glossy", base=tmp_path)
+    with pytest.raises(ConfigError, match=r"paints base_color, and the layers of .*glossy have base_color, roughness"):
+        evaluate(run, split="validation", device="cpu", on=tmp_path / "glossy")
