@@ -45,9 +45,8 @@ class DiscriminatorConfig(StrictModel):
     )
     augment: bool = Field(
         default=True,
-        description="mirrors and turns exemplars and their fakes at random, both alike, and where the light is shown "
-        "draws its colour and strength anew: as many of them as it takes that no more than 0.57 of the pairs are told "
-        "apart, so that it does not know few exemplars by heart",
+        description="mirrors and turns exemplars and their fakes at random, both alike: as many of them as it takes "
+        "that no more than 0.57 of the pairs are told apart, so that it does not know few exemplars by heart",
     )
     compares: Literal["auto", "radiance", "reflectance"] = Field(
         default="auto",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -19,8 +19,6 @@ from svbrdfgan.utils.copy_async import copy_async
 Pictures = Float[Tensor, "batch channels height width"]
 
 _CONTRAST = 10.0
-_EXPOSURE, _TINT = 0.35, 0.1
-"""Deviations of the logarithm of light that is drawn anew: of its strength, and of each colour's besides."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,20 +66,6 @@ class ImageBatch:
             buffers.append(torch.cat(known) if known else None)
         return cls(image, coverage, *buffers)
 
-    def lit(self, gain: Float[Tensor, "batch 3"]) -> ImageBatch:
-        """The images as in light of another colour and strength, in which pictures are linear.
-
-        Only where the light is shown, since else nobody could tell light from paint; other images stay as they are.
-        """
-        if self.light_buffer is None and self.clean is None:
-            return self
-
-        def gained(values: Tensor | None) -> Tensor | None:
-            return None if values is None else values.float() * gain.repeat(1, values.shape[-1] // 3)[:, None, None]
-
-        image = self.image.float() * gain[:, None, None]
-        return replace(self, image=image, light_buffer=gained(self.light_buffer), clean=gained(self.clean))
-
     def tone_mapped(self, background: Float[Tensor, "batch 3"]) -> Pictures:
         """The images over a plain background, in about [-1, 1], and six channels of G-buffer and nine of light buffer.
 
@@ -123,18 +107,16 @@ def composite_pair(
     An exemplar and its fake share a background, so that the background does not tell them apart.
 
     Args:
-        augmented: the share of pairs that are mirrored and turned at random, in light of another colour and strength
-            where the light is shown. An exemplar and its fake share all of that, so the generator learns nothing of it.
+        augmented: the share of pairs that are mirrored and turned at random. An exemplar and its fake are turned alike,
+            so the generator learns nothing of it.
     """
     background = _random(rng.random((len(real), 3), dtype=np.float32), real)
-    if augmented is None:
-        return DiscriminatorBatch(real.tone_mapped(background), fake.tone_mapped(background))
-    chosen = _random(rng.random((len(real), 1), dtype=np.float32), real) < augmented
-    light = rng.normal(size=(len(real), 1)) * _EXPOSURE + rng.normal(size=(len(real), 3)) * _TINT
-    gain = torch.where(chosen, _random(np.exp(light).astype(np.float32), real), 1.0)
-    turns = chosen & _random(rng.random((len(real), 3)) < 0.5, real)
-    shown = (each.lit(gain).tone_mapped(background) for each in (real, fake))
-    return DiscriminatorBatch(*(_turned(each, turns) for each in shown))
+    shown = [each.tone_mapped(background) for each in (real, fake)]
+    if augmented is not None:
+        chosen = _random(rng.random((len(real), 1), dtype=np.float32), real) < augmented
+        turns = chosen & _random(rng.random((len(real), 3)) < 0.5, real)
+        shown = [_turned(each, turns) for each in shown]
+    return DiscriminatorBatch(*shown)
 
 
 def _random(values: ndarray, batch: ImageBatch) -> Tensor:

@@ -45,8 +45,7 @@ def way_of(shown: Tensor, plain: Tensor) -> int:
 
 
 def test_a_pair_is_mirrored_and_turned_alike_in_all_ways() -> None:
-    dark = {"light_buffer": None, "clean": None}
-    real, fake = (replace(images(seed=seed), **dark) for seed in (0, 1))
+    real, fake = images(), images(seed=1)
     plain, shown = pair(real, fake, augment=None), pair(real, fake, augment=1.0)
     ways = [[way_of(*each) for each in zip(*sides, strict=True)] for sides in zip(shown, plain, strict=True)]
     assert ways[0] == ways[1]
@@ -66,29 +65,6 @@ def test_pictures_that_are_not_square_keep_their_size() -> None:
     for plain, shown in zip(pair(real, fake, augment=None), pair(real, fake, augment=1.0), strict=True):
         assert shown.shape == plain.shape
         torch.testing.assert_close(shown[:, 3:9].sum(dim=(2, 3)), plain[:, 3:9].sum(dim=(2, 3)))
-
-
-def test_light_that_is_shown_is_drawn_anew_alike_for_both() -> None:
-    real, fake = images(), images(seed=1)
-    gain = torch.rand(COUNT, 3, generator=torch.Generator().manual_seed(2)) + 0.5
-    lit = real.lit(gain)
-    assert lit.light_buffer is not None
-    assert lit.clean is not None
-    assert real.light_buffer is not None
-    torch.testing.assert_close(lit.image[3, 4, 5], real.image[3, 4, 5] * gain[3])
-    for material in range(3):
-        channels = slice(3 * material, 3 * material + 3)
-        torch.testing.assert_close(lit.light_buffer[7, 1, 2, channels], real.light_buffer[7, 1, 2, channels] * gain[7])
-    assert torch.equal(lit.coverage, real.coverage)
-    same = pair(real, real, augment=1.0)
-    assert torch.equal(*same), "both sides share the light and the mirror"
-    means = [shown[:, :3].mean(dim=(1, 2, 3)) for shown in (pair(real, fake, None)[0], same[0])]
-    assert (means[0] - means[1]).abs().max() > 0.1
-
-
-def test_light_that_is_not_shown_stays_since_it_could_be_paint() -> None:
-    dark = replace(images(), light_buffer=None, clean=None)
-    assert dark.lit(torch.full((COUNT, 3), 2.0)) is dark
 
 
 @pytest.mark.parametrize("augment", [None, 0.5, 1.0])
