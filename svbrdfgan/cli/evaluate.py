@@ -35,7 +35,7 @@ from svbrdfgan.utils.processes import cores
     "on",
     type=click.Path(path_type=Path),
     metavar="DATASET",
-    help="Score it on another data set, whose true layers are known; without oracle.",
+    help="Score it on another data set, whose true layers are known, without oracle; replaces the run's own scores.",
 )
 @click.option(
     "--device", default="auto", show_default=True, type=click.Choice(["auto", "cpu", "cuda"]), help="Where to compute."

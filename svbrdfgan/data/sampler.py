@@ -87,7 +87,7 @@ class ConfigSampler:
             learnable=config.learnable,
             materials={} if paint is None else dict.fromkeys(mesh.painted, paint),
             weathering=self._weathering(rng),
-            maps={name: _clamped(value.sample(rng), (0.0, 1.0)) for name, value in config.maps.items()},
+            maps={name: clamped(value.sample(rng), (0.0, 1.0)) for name, value in config.maps.items()},
         )
 
     def draw_environment(
@@ -100,7 +100,7 @@ class ConfigSampler:
         return SceneEnvironment(
             asset=environment.asset,
             rotation_degrees=self.config.environment_rotation_degrees.sample(rng),
-            scale=_clamped(brightness, BRIGHTNESS) * environment.normalisation,
+            scale=clamped(brightness, BRIGHTNESS) * environment.normalisation,
         )
 
     def draw_camera(
@@ -109,14 +109,14 @@ class ConfigSampler:
         """A camera about a point in the mesh's box, from the split's distribution or another."""
         declared, (width, height) = declared or self.config.camera_of(self.split), self.config.image
         lower, upper = np.asarray(mesh.bounds)
-        fov = _clamped(declared.vertical_fov_degrees.sample(rng), FIELD_OF_VIEW)
+        fov = clamped(declared.vertical_fov_degrees.sample(rng), FIELD_OF_VIEW)
         aside = declared.spread * (rng.random(3) - 0.5) if declared.spread else np.zeros(3)
         x, y, z = ((lower + upper) / 2 + aside * (upper - lower)).tolist()
         fit = fit_distance(float(np.linalg.norm(upper - lower)) / 2, math.radians(fov), width / height)
         return OrbitCamera(
             azimuth_degrees=declared.azimuth_degrees.sample(rng) % 360.0,
-            elevation_degrees=_clamped(declared.elevation_degrees.sample(rng), ELEVATION),
-            distance=_clamped(declared.distance.sample(rng), DISTANCE) * fit,
+            elevation_degrees=clamped(declared.elevation_degrees.sample(rng), ELEVATION),
+            distance=clamped(declared.distance.sample(rng), DISTANCE) * fit,
             target=(x, y, z),
             vertical_fov_degrees=fov,
         )
@@ -132,14 +132,15 @@ class ConfigSampler:
             return "unknown"
         return SceneWeathering(
             recipe=declared.recipe.sample(rng),
-            amount=_clamped(declared.amount.sample(rng), (0.0, 1.0)),
+            amount=clamped(declared.amount.sample(rng), (0.0, 1.0)),
             seed=declared.seed.sample(rng),
             options=declared.options,
             model=self.model,
         )
 
 
-def _clamped(value: float, limits: tuple[float, float]) -> float:
+def clamped(value: float, limits: tuple[float, float]) -> float:
+    """The value, or the nearer limit: what `normal` draws has no bounds of its own."""
     return min(max(value, limits[0]), limits[1])
 
 

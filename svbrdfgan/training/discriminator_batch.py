@@ -128,10 +128,11 @@ def _turned(pictures: Pictures, turns: Bool[Tensor, "batch 3"]) -> Pictures:
 
     Pictures that are not square are not mirrored about a diagonal.
     """
-    mirrors = [lambda x: x.flip(-2), lambda x: x.flip(-1), lambda x: x.transpose(-1, -2)]
-    square = pictures.shape[-1] == pictures.shape[-2]
-    for mirrored, where in zip(mirrors[: 3 if square else 2], turns.unbind(dim=1), strict=False):
-        pictures = torch.where(where[:, None, None, None], mirrored(pictures), pictures)
+    vertical, horizontal, diagonal = turns[:, :, None, None, None].unbind(dim=1)
+    pictures = torch.where(vertical, pictures.flip(-2), pictures)
+    pictures = torch.where(horizontal, pictures.flip(-1), pictures)
+    if pictures.shape[-1] == pictures.shape[-2]:
+        pictures = torch.where(diagonal, pictures.transpose(-1, -2), pictures)
     return pictures
 
 

@@ -31,16 +31,17 @@ def training_step(
     fabric: Fabric, config: TrainConfig, state: State, source: BatchSource, batches: Sequence[Sequence[int]]
 ) -> Diagnostics:
     """`adversarial_step` on pictures: exemplars and renderings of the generator's layers."""
+    augmented = state.augmented if config.discriminator.augment else None
 
     def make(critic_step: int, indices: Sequence[int], rng: np.random.Generator) -> DiscriminatorBatch:
         visit = (state.step * len(batches) + critic_step) * config.batch_size // len(source)
-        return _make_batch(fabric, config, state, source, indices, rng, visit)
+        return composite_pair(*_pair(fabric, state, source, indices, rng, visit), rng, augmented)
 
     diagnostics = adversarial_step(fabric, config, state, batches, make)
-    if not config.discriminator.augment:
+    if augmented is None:
         return diagnostics
     state.adapt(torch.as_tensor(fabric.all_reduce(diagnostics["d_accuracy"])), config.batch_size)
-    return diagnostics | {"d_augmented": state.augmented.clone()}
+    return diagnostics | {"d_augmented": augmented.clone()}
 
 
 def adversarial_step(
@@ -109,21 +110,14 @@ def _with_buffers(image: Images, coverage: Coverage, real: ImageBatch, scenes: S
     return ImageBatch(image, coverage, shown("gbuffer"), shown("light_buffer"), shown("clean"), real.labels)
 
 
-def _make_batch(
-    fabric: Fabric,
-    config: TrainConfig,
-    state: State,
-    source: BatchSource,
-    indices: Sequence[int],
-    rng: np.random.Generator,
-    visit: int,
-) -> DiscriminatorBatch:
+def _pair(
+    fabric: Fabric, state: State, source: BatchSource, indices: Sequence[int], rng: np.random.Generator, visit: int
+) -> tuple[ImageBatch, ImageBatch]:
     geometry = source.geometry(indices)
     seeds = draw_seeds(rng, len(indices), geometry.device) if state.generator.random_fields else None
     with fabric.autocast():
         layers = state.generator(geometry, seeds, source.labels(indices))
-    pair = make_pair(source, indices, source.scenes(indices, rng, visit), layers)
-    return composite_pair(*pair, rng, state.augmented if config.discriminator.augment else None)
+    return make_pair(source, indices, source.scenes(indices, rng, visit), layers)
 
 
 def draw_seeds(rng: np.random.Generator, count: int, device: torch.device) -> Int[Tensor, " batch"]:

@@ -8,8 +8,8 @@ from numpy import ndarray
 from pydantic import Field, model_validator
 
 from svbrdfgan.config.models import StrictModel
+from svbrdfgan.types.view import Vector
 
-Vector = tuple[float, float, float]
 Row = tuple[float, float, float, float]
 Matrix = tuple[Row, Row, Row, Row]
 """Rows of a 4 x 4 matrix."""

@@ -15,7 +15,7 @@ from svbrdfgan.errors import AssetError, ConfigError
 
 Item = TypeVar("Item")
 
-_MODELS = {
+LENS_MODELS = {
     "SIMPLE_PINHOLE": (0, "f cx cy"),
     "PINHOLE": (1, "fx fy cx cy"),
     "SIMPLE_RADIAL": (2, "f cx cy k1"),
@@ -24,7 +24,7 @@ _MODELS = {
 }
 """The lens models that `CalibratedCamera` covers: COLMAP's number of each, and its parameters."""
 
-_NAMES = {number: name for name, (number, _) in _MODELS.items()}
+_NAMES = {number: name for name, (number, _) in LENS_MODELS.items()}
 _OPENGL = np.diag([1.0, -1.0, -1.0])
 """From COLMAP's axes of a camera, with y down and z forward, to ours."""
 
@@ -102,12 +102,12 @@ def _lens(number: int, model: str, width: float, height: float, given: tuple[flo
 
 
 def _parameters(number: int, model: str) -> list[str]:
-    if model not in _MODELS:
+    if model not in LENS_MODELS:
         raise ConfigError(
-            f"camera {number} has the lens model {model}; known are {', '.join(_MODELS)}: undistort the pictures by "
-            "`colmap image_undistorter`, or calibrate again with OPENCV."
+            f"camera {number} has the lens model {model}; known are {', '.join(LENS_MODELS)}: undistort the pictures "
+            "by `colmap image_undistorter`, or calibrate again with OPENCV."
         )
-    return _MODELS[model][1].split()
+    return LENS_MODELS[model][1].split()
 
 
 def _text_cameras(data: bytes) -> Iterator[tuple[int, dict[str, Any]]]:

@@ -12,12 +12,11 @@ from pydantic import ConfigDict, Field, model_validator
 
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.data.photos.alignment import Matrix
+from svbrdfgan.data.photos.colmap import LENS_MODELS
 from svbrdfgan.data.photos.frames import Frame
 from svbrdfgan.data.photos.photo import photo_size
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.records import load_json
-
-_MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")
 
 _OTHER_NAMES = {
     "file": "file_path",
@@ -56,7 +55,7 @@ class _Values(StrictModel):
 
     @model_validator(mode="after")
     def _is_known(self) -> _Values:
-        if self.is_fisheye or self.camera_model not in _MODELS or self.k3 or self.k4:
+        if self.is_fisheye or self.camera_model not in LENS_MODELS or self.k3 or self.k4:
             raise ValueError(
                 "the lens model is a fisheye, or has k3 or k4; known are k1, k2, p1 and p2: undistort the pictures"
             )

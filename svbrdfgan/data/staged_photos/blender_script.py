@@ -37,7 +37,6 @@ def take(shot: Shot) -> None:
     render.engine = "CYCLES"
     render.resolution_x, render.resolution_y, render.resolution_percentage = shot["width"], shot["height"], 100
     render.film_transparent = not shot["background"]
-    render.use_persistent_data = False
     scene.cycles.samples, scene.cycles.seed = shot["samples"], shot["seed"]
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
     scene.cycles.pixel_filter_type = "BOX"

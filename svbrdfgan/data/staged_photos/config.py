@@ -12,6 +12,10 @@ from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, ProceduralSk
 
 VIEWS = ("AgX", "Filmic", "Standard")
 """Blender's view transforms that look like a camera's."""
+F_NUMBER = (0.5, 1000.0)
+CAMERA_ERROR = (-0.9, 9.0)
+SHARE = (0.0, 1.0)
+"""Bounds; draws of `normal` beyond are clamped, too."""
 
 
 class Photography(StrictModel):
@@ -27,15 +31,15 @@ class Photography(StrictModel):
         default=Uniform(uniform=(-0.5, 0.5)),
         description="beyond that of a light meter, which makes the mean of log luminance 18 % grey",
     )
-    white_balance: Annotated[Number, within(0, 1)] = Field(
+    white_balance: Annotated[Number, within(*SHARE)] = Field(
         default=Uniform(uniform=(0.5, 1.0)),
         description="how much of the light's colour the camera takes out: 0 nothing, 1 all",
     )
-    f_number: Annotated[Number, within(0.5, 1000)] = Field(
+    f_number: Annotated[Number, within(*F_NUMBER)] = Field(
         default=Uniform(uniform=(2.8, 8.0)),
         description="of a 24 mm high sensor, for depth of field; the camera focuses on its target",
     )
-    noise: Annotated[Number, within(0, 1)] = Field(
+    noise: Annotated[Number, within(*SHARE)] = Field(
         default=Uniform(uniform=(0.005, 0.02)),
         description="of the sensor: its deviation at 18 % grey, before the curve",
     )
@@ -48,7 +52,7 @@ class Photography(StrictModel):
     camera_error_degrees: Number = Field(
         default=Uniform(uniform=(-1.0, 1.0)), description="of azimuth and elevation in the manifest, each"
     )
-    camera_error: Annotated[Number, within(-0.9, 9)] = Field(
+    camera_error: Annotated[Number, within(*CAMERA_ERROR)] = Field(
         default=Uniform(uniform=(-0.01, 0.01)), description="of the distance in the manifest, as a share of it"
     )
     pool: EnvironmentSource = Field(

@@ -17,10 +17,12 @@ import torch
 import yaml
 
 from svbrdfgan.config.models import StrictModel, differences
+from svbrdfgan.data.config import ELEVATION, SharedConfig
 from svbrdfgan.data.gather import gather_environments, match_files
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.make_index import make_index
-from svbrdfgan.data.staged_photos.config import Photography, StagedPhotosConfig
+from svbrdfgan.data.sampler import clamped
+from svbrdfgan.data.staged_photos.config import CAMERA_ERROR, F_NUMBER, SHARE, Photography, StagedPhotosConfig
 from svbrdfgan.data.staged_photos.cycles import Shot, find_blender, take
 from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.errors import ConfigError
@@ -40,7 +42,6 @@ TRUTH = "truth"
 _RECORD = "photography.json"
 _GROUND = ((0.05, 0.05, 0.05), (0.18, 0.17, 0.16), (0.3, 0.27, 0.22), (0.08, 0.12, 0.05))
 """Linear reflectances of asphalt, concrete, sand and grass."""
-_MASK_POINTS = 3  # along a side of a pixel
 
 
 class StagedPhoto(StrictModel):
@@ -75,7 +76,7 @@ def stage_photos(
     """Photographs what is missing of the scenes of `train`, and returns the manifest, which is written last.
 
     `photos`, `masks`, `meshes` and `pool` are what a photographer has; `truth` is the data set of the same scenes, all
-    splits, which `svbrdfgan dataset` can render, with the truth of each photograph beside.
+    splits, which `generate` can render, with the truth of each photograph beside.
 
     Args:
         base: the folder that file patterns of the configuration are relative to.
@@ -123,8 +124,8 @@ class _Stage:
         claimed = scene.camera.model_copy(
             update={
                 "azimuth_degrees": (scene.camera.azimuth_degrees + off[0]) % 360.0,
-                "elevation_degrees": min(max(scene.camera.elevation_degrees + off[1], -89.0), 89.0),
-                "distance": scene.camera.distance * (1.0 + max(said.camera_error.sample(rng), -0.9)),
+                "elevation_degrees": clamped(scene.camera.elevation_degrees + off[1], ELEVATION),
+                "distance": scene.camera.distance * (1.0 + clamped(said.camera_error.sample(rng), CAMERA_ERROR)),
             }
         )
         return StagedPhoto(
@@ -132,9 +133,9 @@ class _Stage:
             claimed=claimed,
             view=said.view.sample(rng),
             exposure_stops=said.exposure_stops.sample(rng),
-            gain=self._gain(scene, min(max(said.white_balance.sample(rng), 0.0), 1.0)),
-            f_number=max(said.f_number.sample(rng), 0.5),
-            noise=max(said.noise.sample(rng), 0.0),
+            gain=self._gain(scene, clamped(said.white_balance.sample(rng), SHARE)),
+            f_number=clamped(said.f_number.sample(rng), F_NUMBER),
+            noise=clamped(said.noise.sample(rng), SHARE),
             jpeg_quality=said.jpeg_quality.sample(rng),
             ground=_GROUND[int(rng.integers(len(_GROUND)))] if said.ground else None,
             masked=bool(rng.random() < said.masks),
@@ -166,10 +167,7 @@ class _Stage:
         gather_environments(pool, files, self.config.environment_rows, self.folder / "pool")
         written: dict[str, Any] = {
             "pictures": [self._entry(number, photo) for number, photo in enumerate(photos)],
-            "image": list(self.config.image),
-            "texture": self.config.texture,
-            "embedding": self.config.embedding.model_dump(),
-            "learnable": self.config.learnable.model_dump(mode="json"),
+            **self.config.model_dump(mode="json", include=set(SharedConfig.model_fields)),
             "environments": {"files": ["pool/assets/environments/*"]},
         }
         with atomic_path(self.folder / MANIFEST) as temporary:
@@ -227,11 +225,9 @@ class _Stage:
     def _save_mask(self, scene: Scene, path: Path) -> None:
         """The silhouette that a pinhole in the true camera's place sees."""
         surface = self.loader.subject(scene).surface
-        hits = camera_hits(surface, scene.camera.camera(), scene.width, scene.height, _MASK_POINTS)
-        points = hits.hit.reshape(scene.height, _MASK_POINTS, scene.width, _MASK_POINTS)
+        hits = camera_hits(surface, scene.camera.camera(), scene.width, scene.height)
         path.parent.mkdir(exist_ok=True)
-        covered = torch.from_numpy(points.mean(axis=(1, 3)) > 0.5).float()
-        save_image(path, covered.unsqueeze(-1))
+        save_image(path, torch.from_numpy(hits.hit).float().unsqueeze(-1))
 
 
 def _by_mesh(photos: Sequence[StagedPhoto]) -> list[list[int]]:
