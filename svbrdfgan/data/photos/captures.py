@@ -89,6 +89,8 @@ def _entry(capture: Capture, images: Path, frame: Frame, base: Path) -> PictureE
         mesh=capture.mesh,
         camera=camera.aligned(capture.alignment),
         mask=_mask(capture, images, frame, base),
+        light_group=capture.light_group,
+        turntable=capture.turntable,
     )
 
 

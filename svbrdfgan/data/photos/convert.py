@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,15 @@ from svbrdfgan.data.gather import environment_asset, mesh_asset
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.photos.check import ImportJob, RectifiedPhoto
 from svbrdfgan.data.photos.exposure import exposure_factor, mean_light
-from svbrdfgan.data.photos.light import GLOSS, environment, estimate_weights, evidence_size, gather_evidence, white
+from svbrdfgan.data.photos.light import (
+    GLOSS,
+    Evidence,
+    environment,
+    estimate_light,
+    evidence_size,
+    gather_evidence,
+    white,
+)
 from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.sampler import EnvironmentAsset, MeshAsset
 from svbrdfgan.io.environment import load_environment
@@ -39,6 +48,10 @@ _SMOOTH_SPP = 1024
 """Samples per pixel of renderings that count as free of noise."""
 _LIGHT_SPP = 16
 """Samples per pixel of each lobe of light: estimates are sums over many pixels."""
+_MOST_EVIDENCE = 40_000
+"""Pixels, about, that the light of a group is estimated from."""
+_LEAST_EVIDENCE = 100
+"""The same, of each of its pictures."""
 _WHOLE = 0.99
 """Coverage from which a pixel counts as filled."""
 _EROSION = 1 / 64
@@ -64,15 +77,38 @@ def convert_photos(
     """Writes the data set, and returns the exposure factor of each picture. Errors are collected in the job."""
     index = _index(job.manifest, meshes, pool, folder)
     converter = _Converter.open(job, index, folder)
-    job.display.begin("exemplars", len(photos))
     exposures = [0.0] * len(photos)
     at = places(job.manifest)
-    for number in sorted(range(len(photos)), key=at.__getitem__):  # a mesh is prepared once
+    order = sorted(range(len(photos)), key=at.__getitem__)  # a mesh is prepared once
+    _estimate_shared_lights(job, converter, photos, order)
+    job.display.begin("exemplars", len(photos))
+    for number in order:
         with job.errors.context(f"{job.labels[number]}: {photos[number].entry.file}"):
             exposures[number] = converter.convert(photos[number], number, exemplar_paths(folder, *at[number]))
         job.display.advance()
     index.save(folder)
     return exposures
+
+
+def _estimate_shared_lights(
+    job: ImportJob, converter: _Converter, photos: Sequence[RectifiedPhoto], order: Sequence[int]
+) -> None:
+    """Gives the converter the light of each group. Pictures that say too little are reported, and left out."""
+    groups: dict[str, list[int]] = {}
+    for number in order:
+        if (name := photos[number].entry.light_group) is not None:
+            groups.setdefault(name, []).append(number)
+    if groups:
+        job.display.begin("light of groups", sum(map(len, groups.values())))
+    for name, members in groups.items():
+        found: dict[int, Evidence] = {}
+        for number in members:
+            with job.errors.context(f"{job.labels[number]}: {photos[number].entry.file}"):
+                evidence = converter.evidence(photos[number], number)
+                found[number] = evidence.thinned(max(_LEAST_EVIDENCE, _MOST_EVIDENCE // len(members)))
+            job.display.advance()
+        if found:
+            converter.share_light(f"light of group {list(groups).index(name)}", found)
 
 
 def _index(
@@ -99,6 +135,7 @@ class _Converter:
         lights: the environments that pictures name, by file; the mean light by None.
         mean: the mean light of the pool, which replaces unknown light.
         prepared: the last picture's mesh and prepared surface: the next picture usually shows the same mesh.
+        shared: the light of a group and the gain in it, by the pictures' numbers.
     """
 
     manifest: Manifest
@@ -109,6 +146,7 @@ class _Converter:
     lights: dict[str | None, SceneEnvironment]
     mean: Float[Tensor, "rows cols 3"]
     prepared: tuple[str, Any] | None = None
+    shared: dict[int, tuple[SceneEnvironment, float]] = field(default_factory=dict)
 
     @classmethod
     def open(cls, job: ImportJob, index: DatasetIndex, folder: Path) -> _Converter:
@@ -130,32 +168,54 @@ class _Converter:
     def convert(self, photo: RectifiedPhoto, number: int, paths: tuple[Path, Path]) -> float:
         """Writes one exemplar and its scene, and returns the exposure factor."""
         scene = self._scene(photo, number)
-        clean = self._render_clean(scene)
-        masked = _masked(photo, clean)
-        factor = exposure_factor(masked, clean)
-        exposed = Rendering(masked.image * factor, masked.coverage)
-        if photo.entry.environment is None and self.manifest.light == "estimated":
-            scene = scene.model_copy(update={"environment": self._light(scene, exposed)})
+        clean, exposed, factor = self._exposed(photo, scene)
+        if number in self.shared:
+            light, gain = self.shared[number]
+            light = light.model_copy(update={"rotation_degrees": math.degrees(_turn(photo))})
+            scene, factor = scene.model_copy(update={"environment": light}), factor * gain
+            exposed = Rendering(exposed.image * gain, exposed.coverage)
+        elif photo.entry.environment is None and self.manifest.light == "estimated":
+            light = self._stored(f"light of picture {number}", [self._evidence(scene, exposed)])[0]
+            scene = scene.model_copy(update={"environment": light})
         matt = _fill_silhouette(exposed, clean.coverage, self._gloss(scene))
         save_exemplar(paths[0], Rendering(matt.image * self._noise(scene), matt.coverage))
         scene.save(paths[1])
         return factor
 
-    def _light(self, scene: Scene, exposed: Rendering) -> SceneEnvironment:
-        """The scene's light, estimated from its picture."""
+    def evidence(self, photo: RectifiedPhoto, number: int) -> Evidence:
+        """What a picture says of its light, before it is turned with the camera."""
+        scene = self._scene(photo, number)
+        return self._evidence(scene, self._exposed(photo, scene)[1], _turn(photo))
+
+    def share_light(self, name: str, pictures: Mapping[int, Evidence]) -> None:
+        """Estimates the light of a group of pictures, by number, which `convert` uses from then on."""
+        light, gains = self._stored(name, list(pictures.values()))
+        self.shared |= {number: (light, gain) for number, gain in zip(pictures, gains, strict=True)}
+
+    def _exposed(self, photo: RectifiedPhoto, scene: Scene) -> tuple[Rendering, Rendering, float]:
+        """The clean rendering, the picture exposed like it, and the factor that does that."""
+        clean = self._render_clean(scene)
+        masked = _masked(photo, clean)
+        factor = exposure_factor(masked, clean)
+        return clean, Rendering(masked.image * factor, masked.coverage), factor
+
+    def _evidence(self, scene: Scene, exposed: Rendering, turn: float = 0.0) -> Evidence:
         subject, (width, height) = self.loader.subject(scene), evidence_size(scene.width, scene.height)
         prepared, seed = self._prepared(scene), scene.seed
 
         def render(materials: Materials, radiance: Float[Tensor, "rows cols 3"]) -> Rendering:
-            view = View(scene.camera.camera(), Environment(radiance), width, height)
+            view = View(scene.camera.camera(), Environment(radiance, turn), width, height)
             return _on_cpu(self.renderer.render(prepared, materials, view, spp=_LIGHT_SPP, seed=seed))
 
-        evidence = gather_evidence(
-            exposed, render, subject.materials(base_colors=scene.materials), subject.learnable, self.mean
-        )
-        radiance = environment(self.mean, estimate_weights(evidence, self.manifest.weathering_color))
-        rows, folder = self.manifest.environment_rows, self.loader.folder
-        return SceneEnvironment(asset=environment_asset(f"light of picture {scene.seed}", radiance, rows, folder).asset)
+        clean = subject.materials(base_colors=scene.materials)
+        return gather_evidence(exposed, render, clean, subject.learnable, self.mean)
+
+    def _stored(self, name: str, pictures: Sequence[Evidence]) -> tuple[SceneEnvironment, list[float]]:
+        """The light of pictures, as an asset of the data set, and their gains."""
+        estimate = estimate_light(pictures, self.manifest.weathering_color)
+        radiance, rows = environment(self.mean, estimate.weights), self.manifest.environment_rows
+        asset = environment_asset(name, radiance, rows, self.loader.folder).asset
+        return SceneEnvironment(asset=asset), estimate.gains.tolist()
 
     def _scene(self, photo: RectifiedPhoto, number: int) -> Scene:
         manifest, entry = self.manifest, photo.entry
@@ -202,6 +262,11 @@ class _Converter:
         if self.prepared is None or self.prepared[0] != scene.mesh.path:
             self.prepared = scene.mesh.path, self.renderer.prepare(self.loader.subject(scene).surface)
         return self.prepared[1]
+
+
+def _turn(photo: RectifiedPhoto) -> float:
+    """How far the light of its group has turned about the object, radians: on a turntable, with the camera."""
+    return photo.entry.heading if photo.entry.turntable else 0.0
 
 
 def _on_cpu(rendering: Rendering) -> Rendering:

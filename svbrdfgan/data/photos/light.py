@@ -1,11 +1,11 @@
-"""Estimates the light of a picture of a mesh whose base material is known.
+"""Estimates the light of pictures of meshes whose base material is known.
 
 Under direct light an image of Lambertian surfaces is linear in the environment. The environment is modelled as the mean
 light of the pool times a weighted sum of smooth lobes, with non-negative weights for each channel, which are fitted to
 the picture. An unknown share of each pixel is weathered: its reflectance is a mixture of its base colour and that of
 dirt. Residuals count by their absolute value, not by their square. Both colours are raised a little, since paint that
 is not matt reflects more. Lobes that the picture does not determine, such as those behind the camera's subject, stay
-near the mean.
+near the mean. Pictures in one light are fitted together, each with an unknown exposure.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.optimize import nnls
 from torch import Tensor
@@ -34,7 +34,7 @@ GLOSS = 0.02
 """The reflectance that gloss adds under smooth light."""
 
 _RIDGE = 0.03
-"""Weight of the penalty on the distance from the prior, against a mean of squares of residuals."""
+"""Weight of the penalties on how far lobes and gains are from 1, against a picture's mean of squares of residuals."""
 _ROUNDS = 8
 """Rounds of reweighted least squares."""
 _SMALL = 0.05
@@ -65,6 +65,11 @@ class Evidence:
     radiance: Float[ndarray, "pixels 3"]
     base: Float[ndarray, "pixels 3"]
     white: Float[ndarray, "pixels 3 lobes"]
+
+    def thinned(self, most: int) -> Evidence:
+        """At most about so many of the pixels, spread evenly."""
+        step = math.ceil(len(self.radiance) / most)
+        return Evidence(self.radiance[::step].copy(), self.base[::step].copy(), self.white[::step].copy())
 
 
 def evidence_size(width: int, height: int) -> tuple[int, int]:
@@ -121,24 +126,75 @@ def environment(mean: Light, weights: Float[ndarray, "3 lobes"]) -> Light:
     return mean * torch.einsum("cl,lrw->rwc", torch.from_numpy(weights).float(), lobes(*mean.shape[:2]))
 
 
-def estimate_weights(evidence: Evidence, dirt: tuple[float, float, float]) -> Float[ndarray, "3 lobes"]:
-    """The weight of each lobe in each channel; 1 is as bright as in the mean light.
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """The light of pictures.
+
+    Attributes:
+        weights: of each lobe in each channel; 1 is as bright as in the mean light.
+        gains: the factor on each picture's radiance that fits the light; their geometric mean is 1.
+    """
+
+    weights: Float[ndarray, "3 lobes"]
+    gains: Float[ndarray, " pictures"]
+
+
+def estimate_light(pictures: Sequence[Evidence], dirt: tuple[float, float, float]) -> Estimate:
+    """The light that all of these pictures show.
 
     Args:
         dirt: approximate linear reflectance of the layer that weathering adds.
     """
-    base, laid = evidence.base + GLOSS, np.asarray(dirt) - evidence.base
-    bright = (evidence.base * evidence.white.sum(axis=-1)).mean(axis=-1, keepdims=True)
-    unit = bright + _DARK * np.median(bright)
-    radiance, white = evidence.radiance / unit, evidence.white / unit[..., None]
-    weights = np.ones((3, white.shape[-1]))
+    which = np.repeat(np.arange(len(pictures)), [len(evidence.radiance) for evidence in pictures])
+    albedo, shown, white = (np.concatenate(parts) for parts in zip(*map(_in_units, pictures), strict=True))
+    base, laid = albedo + GLOSS, np.asarray(dirt) - albedo
+    weights, gains = np.ones((3, white.shape[-1])), np.ones(len(pictures))
+    ridge = _RIDGE / len(pictures) / white.shape[-1]
     for done in range(_ROUNDS):
+        radiance = shown * gains[which, None]
         lit = np.einsum("pcl,cl->pc", white, weights)
         share = _shares(radiance - lit * base, lit * laid) * (0.5 if done == 0 else 1.0)
         color = base + share * laid
-        off = np.abs(radiance - lit * color).mean(axis=-1)
-        weights = _solve(radiance, white * color[..., None], 1 / np.maximum(off, _SMALL))
-    return weights
+        trust = 1 / np.maximum(np.abs(radiance - lit * color).mean(axis=-1), _SMALL)
+        seen, trust = white * color[..., None], trust / trust.sum()
+        if len(pictures) > 1:
+            gains = _gains(which, shown, seen, trust, ridge)
+        weights = _solve(shown * gains[which, None], seen, trust, ridge)
+    return Estimate(weights, gains)
+
+
+def _in_units(
+    evidence: Evidence,
+) -> tuple[Float[ndarray, "pixels 3"], Float[ndarray, "pixels 3"], Float[ndarray, "pixels 3 lobes"]]:
+    """Base reflectance, radiance and white radiance, both relative to the clean image under the mean light."""
+    bright = (evidence.base * evidence.white.sum(axis=-1)).mean(axis=-1, keepdims=True)
+    unit = bright + _DARK * np.median(bright)
+    return evidence.base, evidence.radiance / unit, evidence.white / unit[..., None]
+
+
+def _gains(
+    which: Int[ndarray, " pixels"],
+    shown: Float[ndarray, "pixels 3"],
+    seen: Float[ndarray, "pixels 3 lobes"],
+    trust: Float[ndarray, " pixels"],
+    ridge: float,
+) -> Float[ndarray, " pictures"]:
+    """The gain of each picture by which all fit one grey light best; their geometric mean is 1.
+
+    The best gain of a picture is linear in the light, so that least squares over both are least squares over the light.
+    Gains, too, are held near 1, since lobes that one picture alone shows can take the place of its gain.
+    """
+    count = int(which[-1]) + 1
+    weighted = seen * trust[:, None, None]
+    products = np.zeros((count, seen.shape[-1]))
+    np.add.at(products, which, np.einsum("pcl,pc->pl", weighted, shown))
+    held = _RIDGE / count
+    squares = np.bincount(which, trust * (shown * shown).sum(axis=-1)) + held
+    left = np.tensordot(weighted, seen, axes=([0, 1], [0, 1])) - products.T @ (products / squares[:, None])
+    right = products.T @ (held / squares)
+    light = _positive(left, right, np.ones(seen.shape[-1]), ridge)
+    gains = np.maximum((products @ light + held) / squares, 1e-6)
+    return gains / math.exp(np.log(gains).mean())
 
 
 def _shares(wanted: Float[ndarray, "pixels 3"], change: Float[ndarray, "pixels 3"]) -> Float[ndarray, "pixels 1"]:
@@ -148,25 +204,28 @@ def _shares(wanted: Float[ndarray, "pixels 3"], change: Float[ndarray, "pixels 3
 
 
 def _solve(
-    radiance: Float[ndarray, "pixels 3"], seen: Float[ndarray, "pixels 3 lobes"], trust: Float[ndarray, " pixels"]
+    radiance: Float[ndarray, "pixels 3"],
+    seen: Float[ndarray, "pixels 3 lobes"],
+    trust: Float[ndarray, " pixels"],
+    ridge: float,
 ) -> Float[ndarray, "3 lobes"]:
     """Weights by least squares: of grey light, regularised to one; then of each channel, regularised to the grey."""
-    count = seen.shape[-1]
-    trust = trust / trust.sum()
-    grey = _nearest(radiance.reshape(-1), seen.reshape(-1, count), np.repeat(trust / 3, 3), np.ones(count))
-    return np.stack([_nearest(radiance[:, c], seen[:, c], trust, grey) for c in range(3)])
+    weighted = seen * trust[:, None, None]
+    squares = [weighted[:, c].T @ seen[:, c] for c in range(3)]
+    products = [weighted[:, c].T @ radiance[:, c] for c in range(3)]
+    grey = _positive(sum(squares) / 3, sum(products) / 3, np.ones(seen.shape[-1]), ridge)
+    return np.stack([_positive(squares[c], products[c], grey, ridge) for c in range(3)])
 
 
-def _nearest(
-    radiance: Float[ndarray, " rows"],
-    seen: Float[ndarray, "rows lobes"],
-    trust: Float[ndarray, " rows"],
+def _positive(
+    squares: Float[ndarray, "lobes lobes"],
+    products: Float[ndarray, " lobes"],
     prior: Float[ndarray, " lobes"],
+    ridge: float,
 ) -> Float[ndarray, " lobes"]:
-    """Non-negative least squares, weighted by trust, with a ridge penalty on the distance from the prior."""
-    weighted, ridge = seen * trust[:, None], _RIDGE / len(prior)
-    factor = np.linalg.cholesky(weighted.T @ seen + ridge * np.eye(len(prior)))
-    return nnls(factor.T, np.linalg.solve(factor, weighted.T @ radiance + ridge * prior))[0]
+    """Non-negative least squares from its normal equations, with a ridge penalty on the distance from the prior."""
+    factor = np.linalg.cholesky(squares + ridge * np.eye(len(prior)))
+    return nnls(factor.T, np.linalg.solve(factor, products + ridge * prior))[0]
 
 
 def white(parts: Iterable[int], count: int) -> Materials:

@@ -14,6 +14,9 @@ from svbrdfgan.data.photos.calibrated_camera import CalibratedCamera
 from svbrdfgan.scene.description import OrbitCamera
 from svbrdfgan.types import Camera
 
+_LEVEL = 0.1
+"""Horizontal part of a direction below which it counts as vertical."""
+
 Share = Annotated[float, Field(ge=0, le=1)]
 Reflectance = tuple[Share, Share, Share]
 """Linear RGB."""
@@ -48,7 +51,27 @@ PictureCamera = Annotated[
 ]
 
 
-class PictureEntry(StrictModel):
+class SharedLight(StrictModel):
+    """Which pictures show the same light."""
+
+    light_group: str | None = Field(
+        default=None,
+        description="a name of your choice: pictures with the same one were taken in one light, which is estimated "
+        "from all of them together",
+    )
+    turntable: bool = Field(
+        default=False,
+        description="whether the object was turned between the group's pictures, while camera and light stood still",
+    )
+
+    @model_validator(mode="after")
+    def _turns_in_a_light(self) -> SharedLight:
+        if self.turntable and self.light_group is None:
+            raise ValueError("turntable says how a 'light_group' was taken, and none is named")
+        return self
+
+
+class PictureEntry(SharedLight):
     """A picture. Files are relative to the manifest."""
 
     file: str = Field(description="the picture: PNG, JPEG or EXR")
@@ -68,10 +91,22 @@ class PictureEntry(StrictModel):
     def _turns_something(self) -> PictureEntry:
         if self.environment is None and self.environment_rotation_degrees:
             raise ValueError("environment_rotation_degrees turns the light that 'environment' names, and none is named")
+        if self.environment is not None and self.light_group is not None:
+            raise ValueError("light_group is for light that is estimated, and 'environment' names a known one")
         return self
 
+    @property
+    def heading(self) -> float:
+        """The direction from which the camera looks, about the vertical, radians: 0 is +Z, 90 degrees +X."""
+        camera = self.camera
+        basis = camera.basis() if isinstance(camera, CalibratedCamera) else camera.camera().basis()
+        _, top, backward = basis
+        # the top of a picture from straight above or below points away from the camera, or towards it
+        x, _, z = backward if math.hypot(backward[0], backward[2]) > _LEVEL else -math.copysign(1, backward[1]) * top
+        return math.atan2(x, z)
 
-class Capture(StrictModel):
+
+class Capture(SharedLight):
     """Pictures of one object whose cameras another program has found. Paths are relative to the manifest."""
 
     cameras: str = Field(description="a folder with a COLMAP model, such as `sparse/0`, or NeRF's `transforms.json`")
@@ -128,6 +163,15 @@ class Manifest(SharedConfig):
             raise ValueError(
                 "there is no picture to train on: name some in 'pictures' or 'captures', and not every mesh in 'test'"
             )
+        groups: dict[str, set[bool]] = {}
+        for one in (*self.pictures, *self.captures):
+            if one.light_group is not None:
+                groups.setdefault(one.light_group, set()).add(one.turntable)
+        if groups and self.light == "mean":
+            raise ValueError("light_group is for light that is estimated, and 'light' is mean")
+        mixed = [name for name, turned in groups.items() if len(turned) > 1]
+        if mixed:
+            raise ValueError(f"turntable is true in some pictures of light_group {mixed[0]!r} and false in others")
         for mesh in shown:
             if len({(c.alignment if c.align_mesh else None) for c in self.captures if c.mesh == mesh}) > 1:
                 raise ValueError(f"captures align {mesh!r} in different ways; make a copy of the file for each")

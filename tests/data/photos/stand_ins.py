@@ -53,6 +53,7 @@ class StandIn:
         claimed: the camera in the manifest, with errors.
         sky, turn: the light, by its index among the photographer's skies, and its rotation in radians.
         amount: of the recipe.
+        turntable: whether the vehicle turned before one camera, in one light.
     """
 
     file: str
@@ -65,6 +66,7 @@ class StandIn:
     sky: int
     turn: float
     amount: float
+    turntable: bool
 
 
 @dataclass(frozen=True)
@@ -77,21 +79,30 @@ class Photographer:
     spp: int = 32
     camera_error: float = 1.0
     recipe: str = "road-dirt"
+    turntable: bool = False
 
     def photograph(
         self, folder: Path, subject: Subject, mesh: str, views: int, rng: np.random.Generator
     ) -> list[StandIn]:
-        """Photographs of a vehicle, weathered once, with masks beside them."""
+        """Photographs of a vehicle, weathered once, with masks beside them.
+
+        On a turntable, camera and light stay where they are relative to each other.
+        """
         amount = float(rng.uniform(0.8, 1.0))
         recipe = recipe_from_options(self.recipe, {"amount": amount})
         layer = weather(subject.surface, subject.buffer, recipe, GLOSS)
         prepared, paint = self.renderer.prepare(subject.surface), PAINTS[rng.integers(len(PAINTS))]
         painted = dict.fromkeys((subject.surface.parts[part].name for part in subject.learnable), paint)
         materials = subject.materials(layer, GLOSS, base_colors=painted)
-        taken = []
+        taken: list[StandIn] = []
         for number in range(views):
-            camera, sky = _camera(rng), int(rng.integers(len(self.skies)))
-            light = Environment(self.skies[sky] / self.skies[sky].mean(), rng.uniform(0, 2 * math.pi))
+            camera, sky, turn = _camera(rng), int(rng.integers(len(self.skies))), rng.uniform(0, 2 * math.pi)
+            if self.turntable and taken:
+                first = taken[0]
+                camera = first.camera.model_copy(update={"azimuth_degrees": camera.azimuth_degrees})
+                turned = math.radians(camera.azimuth_degrees - first.camera.azimuth_degrees)
+                sky, turn = first.sky, first.turn + turned
+            light = Environment(self.skies[sky] / self.skies[sky].mean(), turn)
             seed = int(rng.integers(2**31))
             render = partial(self._picture, prepared, materials, light, seed)
             made = render(camera.camera(), self.size, self.spp)
@@ -103,7 +114,8 @@ class Photographer:
             )
             save_image((folder / file).with_suffix(".mask.png"), (coverage > 0.5).float().unsqueeze(-1))
             claimed = _mistaken(camera, self.camera_error, rng)
-            taken.append(StandIn(file, mesh, render, gain, camera, claimed, paint, sky, light.rotation, amount))
+            truth = (gain, camera, claimed, paint, sky, turn, amount, self.turntable)
+            taken.append(StandIn(file, mesh, render, *truth))
         return taken
 
     def _picture(
@@ -156,7 +168,8 @@ def _entry(one: StandIn, number: int) -> dict[str, Any]:
         camera = {"position": list(seen.origin), "look_at": list(seen.target)}
         camera["vertical_fov_degrees"] = one.claimed.vertical_fov_degrees
     mask = {"mask": str(Path(one.file).with_suffix(".mask.png"))} if number % 2 == 0 else {}
-    return {"file": one.file, "mesh": one.mesh, "camera": camera, **mask}
+    group = {"light_group": one.mesh, "turntable": True} if one.turntable else {}
+    return {"file": one.file, "mesh": one.mesh, "camera": camera, **mask, **group}
 
 
 def _camera(rng: np.random.Generator) -> OrbitCamera:
@@ -219,12 +232,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--bounces", type=int, default=4)
     parser.add_argument("--error", type=float, default=1.0, help="of cameras, in degrees")
     parser.add_argument("--renderer", default="mitsuba")
+    parser.add_argument("--turntable", action="store_true", help="one light for each vehicle, which turns before it")
     parser.add_argument("--meshes", type=Path, nargs="*", default=(), help="instead of procedural vehicles")
     parser.add_argument("--skies", type=Path, nargs="*", default=())
     given = parser.parse_args(arguments)
     skies = [load_environment(path) for path in given.skies] or [build_sky(sample_sky(seed)) for seed in range(50, 56)]
     renderer = load_renderer(given.renderer, {"max_bounces": given.bounces})
-    photographer = Photographer(renderer, tuple(skies), tuple(given.size), given.spp, given.error)
+    photographer = Photographer(
+        renderer, tuple(skies), tuple(given.size), given.spp, given.error, turntable=given.turntable
+    )
     make_stand_ins(given.out, photographer, given.vehicles, given.views, meshes=given.meshes)
 
 

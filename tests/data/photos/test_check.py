@@ -110,6 +110,16 @@ def test_an_error_in_a_file_is_one_line(data: Data, said: str, base: Path, tmp_p
             "paint names 'van.glb', which no picture shows; known are car.glb",
         ),
         (pictures({}) | {"test": ["car.glb"]}, "there is no picture to train on"),
+        (pictures({"turntable": True}), r"pictures\[0\]: turntable says how a 'light_group' was taken, and none"),
+        (
+            pictures({"light_group": "yard", "environment": "sun.hdr"}),
+            r"pictures\[0\]: light_group is for light that is estimated, and 'environment' names a known one",
+        ),
+        (pictures({"light_group": "yard"}) | {"light": "mean"}, "light_group is for light that is estimated"),
+        (
+            pictures({"light_group": "yard"}, {"light_group": "yard", "turntable": True}),
+            "turntable is true in some pictures of light_group 'yard' and false in others",
+        ),
     ],
 )
 def test_a_mistake_in_the_manifest_is_one_line(data: Data, said: str) -> None:

@@ -16,7 +16,7 @@ from svbrdfgan.data.photos.light import (
     LOBES,
     Evidence,
     environment,
-    estimate_weights,
+    estimate_light,
     evidence_size,
     gather_evidence,
     lobes,
@@ -94,7 +94,7 @@ def test_lobes_share_the_sphere_among_them() -> None:
 
 def test_light_of_the_lobes_is_recovered(white: ndarray, weights: ndarray) -> None:
     evidence = Evidence(shown(white, weights, PAINT), np.broadcast_to(PAINT, white.shape[:2]), white)
-    found = estimate_weights(evidence, GREY)
+    found = estimate_light([evidence], GREY).weights
     assert error(white, found, weights) < 0.02
     assert error(white, np.ones_like(weights), weights) > 0.2  # the error of the mean light
 
@@ -108,24 +108,24 @@ def test_weathering_of_a_third_is_not_taken_for_light(white: ndarray, weights: n
     evidence = Evidence(shown(white, weights, color), np.broadcast_to(paint, white.shape[:2]), white)
     plain = np.stack([nnls(white[:, c] * (paint[c] + 0.02), evidence.radiance[:, c])[0] for c in range(3)])
     assert error(white[third], plain, weights) > 0.5
-    assert error(white[third], estimate_weights(evidence, GREY), weights) < 0.2
-    assert error(white, estimate_weights(evidence, GREY), weights) < 0.15
+    assert error(white[third], estimate_light([evidence], GREY).weights, weights) < 0.2
+    assert error(white, estimate_light([evidence], GREY).weights, weights) < 0.15
 
 
 def test_light_is_never_negative_and_the_same_every_time(white: ndarray) -> None:
     """For any picture; here, noise."""
     noise = np.random.default_rng(2).exponential(size=white.shape[:2])
     evidence = Evidence(noise, np.broadcast_to(PAINT, white.shape[:2]), white)
-    found = estimate_weights(evidence, GREY)
+    found = estimate_light([evidence], GREY).weights
     assert np.isfinite(found).all()
     assert found.min() >= 0
-    assert np.array_equal(found, estimate_weights(evidence, GREY))
+    assert np.array_equal(found, estimate_light([evidence], GREY).weights)
     assert float(environment(gradient(), found).min()) >= 0
 
 
 def test_light_that_a_picture_does_not_show_stays_the_mean(white: ndarray) -> None:
     evidence = Evidence(shown(white, 2 * np.ones((3, LOBES)), PAINT), np.broadcast_to(PAINT, white.shape[:2]), white)
-    found = environment(gradient(), estimate_weights(evidence, GREY)) / gradient()
+    found = environment(gradient(), estimate_light([evidence], GREY).weights) / gradient()
     assert float(found[ROWS // 2, 0].mean()) == pytest.approx(2, abs=0.1)  # +Z, at the seam
     assert float(found[ROWS // 2, ROWS].mean()) < 1.6  # -Z, behind
 
@@ -157,7 +157,7 @@ def test_the_light_of_a_picture_of_a_mesh_is_estimated(scene: Scene) -> None:
     evidence = gather_evidence(render(matt, sun), render, clean, learnable, gradient())
     assert len(evidence.radiance) > 100
     assert np.abs(evidence.base / PAINT - 1).mean() < 0.05
-    found = environment(gradient(), estimate_weights(evidence, GREY))
+    found = environment(gradient(), estimate_light([evidence], GREY).weights)
     made, true, mean = (render(clean, one).image for one in (found, sun, gradient()))
     seen = true.sum(dim=-1) > 0.05
     assert float((made[seen] / true[seen] - 1).abs().median()) < 0.1
