@@ -43,6 +43,8 @@ def command(manifest: Path, overrides: tuple[str, ...], out: Path, preview: bool
 
 def _print(picture: ImportedPicture) -> None:
     agreement = "no mask" if picture.iou is None else f"IoU {picture.iou:.2f}"
+    if (moved := picture.refinement) is not None:
+        agreement += f" (was {moved.before:.2f}; camera changed by {moved.degrees:.1f} degrees, {moved.percent:.1f} %)"
     exposure = "" if picture.exposure is None else f", exposure x {picture.exposure:.3g}"
     click.echo(f"{picture.overlay}: {picture.file}: {agreement}{exposure}")
     for doubt in picture.doubts:

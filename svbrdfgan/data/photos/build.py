@@ -25,6 +25,7 @@ from svbrdfgan.data.photos.check import (
 from svbrdfgan.data.photos.convert import convert_photos, places
 from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.photos.overlay import contact_sheet
+from svbrdfgan.data.photos.refine import Refinement
 from svbrdfgan.data.sampler import EnvironmentAsset
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.plugins.registry import load_embedding
@@ -44,6 +45,7 @@ class ImportedPicture:
         overlay: path of its overlay in the data set's folder.
         exemplar: its place there, such as "train/000003".
         iou: intersection over union of mask and silhouette; None without a mask.
+        refinement: how its camera was changed; None if it was not to be.
         exposure: the factor on its linear values; None where only overlays were made.
         doubts: what the user should check.
     """
@@ -52,6 +54,7 @@ class ImportedPicture:
     overlay: str
     exemplar: str
     iou: float | None
+    refinement: Refinement | None
     exposure: float | None
     doubts: tuple[str, ...]
 
@@ -114,6 +117,7 @@ def _records(
             overlay=f"{OVERLAYS}/{number:04d}.png",
             exemplar=f"{split}/{index:06d}",
             iou=photo.iou,
+            refinement=photo.refinement,
             exposure=exposures[number],
             doubts=photo.doubts,
         )

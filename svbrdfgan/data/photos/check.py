@@ -25,6 +25,7 @@ from svbrdfgan.data.photos.overlay import (
 )
 from svbrdfgan.data.photos.photo import Photo, load_photo
 from svbrdfgan.data.photos.rectify import minification, rectified_camera, rectify, shows_whole
+from svbrdfgan.data.photos.refine import Refinement, refine_camera
 from svbrdfgan.errors import AssetError, ConfigError, SvbrdfganError
 from svbrdfgan.io.environment import load_environment
 from svbrdfgan.io.mesh import load_mesh
@@ -40,6 +41,8 @@ LEAST_IOU = 0.8
 
 _LEAST_OVERLAP = 0.05
 """The same, below which the picture is refused."""
+_FAR_DEGREES, _FAR_PERCENT = 15.0, 15.0
+"""Changes of a refined camera above which the user should look at it."""
 _MOST_ERRORS = 30
 """Errors that are listed: a capture may have hundreds of pictures with the same."""
 _MOST_ENLARGED = 10.0
@@ -98,6 +101,7 @@ class RectifiedPhoto:
         masked: whether there is a mask.
         overlay: the picture with the outlines of mesh and mask.
         iou: intersection over union of mask and silhouette.
+        refinement: how the camera was changed, if it was to be.
         doubts: what the user should check.
     """
 
@@ -107,6 +111,7 @@ class RectifiedPhoto:
     masked: bool
     overlay: Image
     iou: float | None
+    refinement: Refinement | None
     doubts: tuple[str, ...]
 
 
@@ -144,13 +149,17 @@ def check_pictures(job: ImportJob, meshes: Mapping[str, Mesh]) -> tuple[Rectifie
             photo = load_photo(job.base / entry.file, None if entry.mask is None else job.base / entry.mask)
             if entry.mesh in meshes:
                 with errors.context(f"{label}: {entry.file}"):
-                    photos.append(_rectified(entry, photo, meshes[entry.mesh], film))
+                    photos.append(_rectified(entry, photo, meshes[entry.mesh], film, job.manifest.refine_cameras))
         job.display.advance()
     return tuple(photos)
 
 
-def _rectified(entry: PictureEntry, photo: Photo, mesh: Mesh, film: tuple[int, int]) -> RectifiedPhoto:
-    camera, size = _calibrated(entry, photo), drawing_size(*photo.size)
+def _rectified(entry: PictureEntry, photo: Photo, mesh: Mesh, film: tuple[int, int], refine: bool) -> RectifiedPhoto:
+    camera, size, refinement = _calibrated(entry, photo), drawing_size(*photo.size), None
+    if refine and photo.mask is not None and not isinstance(entry.camera, CalibratedCamera):
+        pinhole, refinement = refine_camera(entry.camera.camera(), mesh, photo.mask)
+        camera = CalibratedCamera.of(pinhole, photo.size)
+        entry = entry.model_copy(update={"camera": camera})
     target = rectified_camera(camera, mesh, film)
     color, masked = photo.image.permute(2, 0, 1), photo.mask is not None
     inside = torch.ones(1, *color.shape[1:])
@@ -178,7 +187,8 @@ def _rectified(entry: PictureEntry, photo: Photo, mesh: Mesh, film: tuple[int, i
         masked=masked,
         overlay=overlay(seen[:3], parts, mask if masked else None),
         iou=iou,
-        doubts=tuple(_doubts(iou, shows_whole(camera, mesh.positions), reduced)),
+        refinement=refinement,
+        doubts=tuple(_doubts(iou, refinement, shows_whole(camera, mesh.positions), reduced)),
     )
 
 
@@ -199,7 +209,12 @@ def _calibrated(entry: PictureEntry, photo: Photo) -> CalibratedCamera:
     return camera
 
 
-def _doubts(iou: float | None, whole: bool, reduced: float) -> Iterator[str]:
+def _doubts(iou: float | None, refinement: Refinement | None, whole: bool, reduced: float) -> Iterator[str]:
+    if refinement is not None and (refinement.degrees > _FAR_DEGREES or refinement.percent > _FAR_PERCENT):
+        yield (
+            f"its camera had to be changed by {refinement.degrees:.1f} degrees and {refinement.percent:.0f} % to fit "
+            "the mask: see whether the picture shows the mesh from there"
+        )
     if iou is not None and iou < LEAST_IOU:
         yield f"mask and mesh agree by {iou:.2f} only (IoU, wanted {LEAST_IOU}): correct the camera or the mask"
     if not whole:

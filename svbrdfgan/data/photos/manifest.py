@@ -147,6 +147,11 @@ class Manifest(SharedConfig):
         description="the light of pictures that name no `environment`: `estimated` for each, or `mean`, that of the "
         "pool `environments`",
     )
+    refine_cameras: bool = Field(
+        default=False,
+        description="whether cameras are changed until the mesh's outline lies on the mask's, in pictures with a mask "
+        "whose camera is not a calibrated one",
+    )
     weathering_color: Reflectance = Field(
         default=(0.18, 0.18, 0.18),
         description="rough linear colour of the weathering; it helps to separate light from weathering",

@@ -14,7 +14,7 @@ from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.data.photos.calibrated_camera import CalibratedCamera
-from svbrdfgan.geometry.rasterize import rasterize
+from svbrdfgan.geometry.rasterize import Raster, rasterize
 from svbrdfgan.io.image import picture
 from svbrdfgan.types import Camera, Mesh, Surface
 
@@ -41,6 +41,22 @@ def visible_parts(mesh: Mesh, camera: Camera, width: int, height: int) -> Int[nd
     Raises:
         ConfigError: a part of the mesh is not in front of the camera.
     """
+    raster = _raster(mesh, camera, width, height)
+    return np.where(raster.mask, mesh.face_part[raster.face], NO_PART)[::-1]
+
+
+def visible_depth(mesh: Mesh, camera: Camera, width: int, height: int) -> Float[ndarray, "height width"]:
+    """How far along the camera's axis the surface at the centre of each pixel is; infinite outside the mesh.
+
+    Raises:
+        ConfigError: a part of the mesh is not in front of the camera.
+    """
+    raster = _raster(mesh, camera, width, height)
+    return np.where(raster.mask, 1 / np.where(raster.mask, raster.elevation, 1.0), np.inf)[::-1]
+
+
+def _raster(mesh: Mesh, camera: Camera, width: int, height: int) -> Raster:
+    """The nearest face at the centre of each pixel, whose elevation is one over its depth; row 0 at the bottom."""
     at, depth = CalibratedCamera.of(camera, (width, height)).film_coordinates(mesh.positions)
     count = len(mesh.faces)
     seen = Surface(
@@ -54,8 +70,7 @@ def visible_parts(mesh: Mesh, camera: Camera, width: int, height: int) -> Int[nd
         source_face=np.arange(count),
         source_barycentric=np.broadcast_to(np.eye(3), (count, 3, 3)),
     )
-    raster = rasterize(seen, height, width)
-    return np.where(raster.mask, mesh.face_part[raster.face], NO_PART)[::-1]
+    return rasterize(seen, height, width)
 
 
 def drawing_size(width: int, height: int) -> tuple[int, int]:

@@ -152,6 +152,22 @@ def test_masks_agree_with_good_cameras_and_not_with_bad_ones(photographs: Photog
     assert "correct the camera or the mask" in records[0].doubts[0]
 
 
+def test_cameras_of_masked_pictures_are_refined(photographs: Photographs, tmp_path: Path) -> None:
+    pictures = load_yaml(photographs[0] / "manifest.yaml")["pictures"]
+    for entry in pictures:
+        if "azimuth_degrees" in entry["camera"]:
+            entry["camera"] = {**entry["camera"], "azimuth_degrees": entry["camera"]["azimuth_degrees"] + 6}
+    changed = declared(photographs, pictures=pictures, refine_cameras=True)
+    records = import_pictures(changed, tmp_path / "own", base=photographs[0], preview=True)
+    assert [one.refinement is None for one in records] == [one.iou is None for one in records]
+    first = records[0].refinement
+    assert first is not None
+    assert 4 < first.degrees < 9
+    assert first.before < 0.93
+    assert first.after > 0.96
+    assert records[0].iou == pytest.approx(first.after, abs=0.02)
+
+
 @pytest.mark.full
 def test_exposure_of_the_photograph_does_not_matter(photographs: Photographs, tmp_path: Path) -> None:
     """Under the mean light, a picture of half the linear brightness gives the same exemplar."""
