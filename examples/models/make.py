@@ -40,7 +40,7 @@ from svbrdfgan.weathering.recipes import RECIPES
 
 HERE = Path(__file__).resolve().parent
 LEARNED = ("road-dirt", "rust", "dust", "grime", "chipped-paint")
-"""The recipes that have a model each."""
+"""The recipes that a model each is made of."""
 SHIPS, AIM = 0.75, 0.85
 """The resemblance that a model needs on validation to ship, and the one below which its card says so."""
 LIMITS = (
@@ -86,8 +86,9 @@ class Work:
         """
         validated = {seed: scores_of(self.folder(recipe, seed), "validation") for seed in seeds}
         best = max(seeds, key=lambda seed: validated[seed].resemblance or 0.0)
-        if (validated[best].resemblance or 0.0) < SHIPS:
-            return f"{recipe}: seed {best} has {validated[best].resemblance} on validation, below {SHIPS}: not shipped"
+        reached = validated[best].resemblance or 0.0
+        if reached < SHIPS:
+            return f"{recipe}: seed {best} has {reached} on validation, below {SHIPS}: not shipped"
         run, picture = self.folder(recipe, best), self.out / f"{recipe}.jpg"
         if not (run / "evaluation.json").is_file():
             self.run(f"test-{recipe}", "evaluate", str(run), "--no-oracle")
@@ -111,7 +112,7 @@ class Work:
             limits=(*LIMITS, *below_aim(test)),
         )
         ship(run, self.out / "shipped" / recipe, card, picture)
-        return f"{recipe}: seed {best}, {card.validation.resemblance} on validation, {test.resemblance} on test"
+        return f"{recipe}: seed {best}, {reached} on validation, {test.resemblance} on test"
 
     def folder(self, recipe: str, seed: int) -> Path:
         return self.out / "runs" / f"{recipe}-{seed}"

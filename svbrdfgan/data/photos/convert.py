@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +58,14 @@ _EROSION = 1 / 64
 """How far a silhouette is eroded where it replaces a mask, as a share of the image's height."""
 
 
+@dataclass(frozen=True)
+class EstimatedLight:
+    """The light of a picture, before it is turned with the camera of a turntable, and the gain that fits it."""
+
+    environment: SceneEnvironment
+    gain: float
+
+
 def places(manifest: Manifest) -> list[Place]:
     """The place of each picture in the data set. Views of one mesh follow each other, as training requires."""
     found: dict[int, Place] = {}
@@ -80,27 +88,29 @@ def convert_photos(
     exposures = [0.0] * len(photos)
     at = places(job.manifest)
     order = sorted(range(len(photos)), key=at.__getitem__)  # a mesh is prepared once
-    _estimate_shared_lights(job, converter, photos, order)
+    shared = _shared_lights(job, converter, photos, order)
     job.display.begin("exemplars", len(photos))
     for number in order:
         with job.errors.context(f"{job.labels[number]}: {photos[number].entry.file}"):
-            exposures[number] = converter.convert(photos[number], number, exemplar_paths(folder, *at[number]))
+            paths = exemplar_paths(folder, *at[number])
+            exposures[number] = converter.convert(photos[number], number, paths, shared.get(number))
         job.display.advance()
     index.save(folder)
     return exposures
 
 
-def _estimate_shared_lights(
+def _shared_lights(
     job: ImportJob, converter: _Converter, photos: Sequence[RectifiedPhoto], order: Sequence[int]
-) -> None:
-    """Gives the converter the light of each group. Pictures that say too little are reported, and left out."""
+) -> dict[int, EstimatedLight]:
+    """The light of each picture of a group, by number. Pictures that say too little are reported, and left out."""
     groups: dict[str, list[int]] = {}
     for number in order:
         if (name := photos[number].entry.light_group) is not None:
             groups.setdefault(name, []).append(number)
     if groups:
         job.display.begin("light of groups", sum(map(len, groups.values())))
-    for name, members in groups.items():
+    lights: dict[int, EstimatedLight] = {}
+    for group, members in enumerate(groups.values()):
         found: dict[int, Evidence] = {}
         for number in members:
             with job.errors.context(f"{job.labels[number]}: {photos[number].entry.file}"):
@@ -108,7 +118,9 @@ def _estimate_shared_lights(
                 found[number] = evidence.thinned(max(_LEAST_EVIDENCE, _MOST_EVIDENCE // len(members)))
             job.display.advance()
         if found:
-            converter.share_light(f"light of group {list(groups).index(name)}", found)
+            estimated = converter.light(f"light of group {group}", list(found.values()))
+            lights |= dict(zip(found, estimated, strict=True))
+    return lights
 
 
 def _index(
@@ -135,7 +147,6 @@ class _Converter:
         lights: the environments that pictures name, by file; the mean light by None.
         mean: the mean light of the pool, which replaces unknown light.
         prepared: the last picture's mesh and prepared surface: the next picture usually shows the same mesh.
-        shared: the light of a group and the gain in it, by the pictures' numbers.
     """
 
     manifest: Manifest
@@ -146,7 +157,6 @@ class _Converter:
     lights: dict[str | None, SceneEnvironment]
     mean: Float[Tensor, "rows cols 3"]
     prepared: tuple[str, Any] | None = None
-    shared: dict[int, tuple[SceneEnvironment, float]] = field(default_factory=dict)
 
     @classmethod
     def open(cls, job: ImportJob, index: DatasetIndex, folder: Path) -> _Converter:
@@ -165,18 +175,22 @@ class _Converter:
         stored = dict(zip(files, assets, strict=True))
         return cls(manifest, SceneLoader(folder), renderer, chosen, stored, lights, unknown)
 
-    def convert(self, photo: RectifiedPhoto, number: int, paths: tuple[Path, Path]) -> float:
-        """Writes one exemplar and its scene, and returns the exposure factor."""
+    def convert(
+        self, photo: RectifiedPhoto, number: int, paths: tuple[Path, Path], shared: EstimatedLight | None
+    ) -> float:
+        """Writes one exemplar and its scene, and returns the exposure factor.
+
+        Args:
+            shared: the light of the picture's group, if it has one.
+        """
         scene = self._scene(photo, number)
         clean, exposed, factor = self._exposed(photo, scene)
-        if number in self.shared:
-            light, gain = self.shared[number]
-            light = light.model_copy(update={"rotation_degrees": math.degrees(_turn(photo))})
-            scene, factor = scene.model_copy(update={"environment": light}), factor * gain
-            exposed = Rendering(exposed.image * gain, exposed.coverage)
-        elif photo.entry.environment is None and self.manifest.light == "estimated":
-            light = self._stored(f"light of picture {number}", [self._evidence(scene, exposed)])[0]
-            scene = scene.model_copy(update={"environment": light})
+        if shared is None and photo.entry.environment is None and self.manifest.light == "estimated":
+            (shared,) = self.light(f"light of picture {number}", [self._evidence(scene, exposed)])
+        if shared is not None:
+            turned = shared.environment.model_copy(update={"rotation_degrees": math.degrees(_turn(photo))})
+            scene, factor = scene.model_copy(update={"environment": turned}), factor * shared.gain
+            exposed = Rendering(exposed.image * shared.gain, exposed.coverage)
         matt = _fill_silhouette(exposed, clean.coverage, self._gloss(scene))
         save_exemplar(paths[0], Rendering(matt.image * self._noise(scene), matt.coverage))
         scene.save(paths[1])
@@ -187,10 +201,12 @@ class _Converter:
         scene = self._scene(photo, number)
         return self._evidence(scene, self._exposed(photo, scene)[1], _turn(photo))
 
-    def share_light(self, name: str, pictures: Mapping[int, Evidence]) -> None:
-        """Estimates the light of a group of pictures, by number, which `convert` uses from then on."""
-        light, gains = self._stored(name, list(pictures.values()))
-        self.shared |= {number: (light, gain) for number, gain in zip(pictures, gains, strict=True)}
+    def light(self, name: str, pictures: Sequence[Evidence]) -> list[EstimatedLight]:
+        """The light that all of these pictures show, stored under this name; one for each picture, with its gain."""
+        estimate = estimate_light(pictures, self.manifest.weathering_color)
+        radiance, rows = environment(self.mean, estimate.weights), self.manifest.environment_rows
+        stored = SceneEnvironment(asset=environment_asset(name, radiance, rows, self.loader.folder).asset)
+        return [EstimatedLight(stored, gain) for gain in estimate.gains.tolist()]
 
     def _exposed(self, photo: RectifiedPhoto, scene: Scene) -> tuple[Rendering, Rendering, float]:
         """The clean rendering, the picture exposed like it, and the factor that does that."""
@@ -209,13 +225,6 @@ class _Converter:
 
         clean = subject.materials(base_colors=scene.materials)
         return gather_evidence(exposed, render, clean, subject.learnable, self.mean)
-
-    def _stored(self, name: str, pictures: Sequence[Evidence]) -> tuple[SceneEnvironment, list[float]]:
-        """The light of pictures, as an asset of the data set, and their gains."""
-        estimate = estimate_light(pictures, self.manifest.weathering_color)
-        radiance, rows = environment(self.mean, estimate.weights), self.manifest.environment_rows
-        asset = environment_asset(name, radiance, rows, self.loader.folder).asset
-        return SceneEnvironment(asset=asset), estimate.gains.tolist()
 
     def _scene(self, photo: RectifiedPhoto, number: int) -> Scene:
         manifest, entry = self.manifest, photo.entry

@@ -181,6 +181,7 @@ def _moved(camera: Camera, mesh: Mesh, step: Float[ndarray, " 7"]) -> Camera:
 
 
 def _refinement(old: Camera, new: Camera, mesh: Mesh, before: float, after: float) -> Refinement:
+    """How the new camera differs from the old one."""
     sights = [mesh.bounds.mean(axis=0) - np.asarray(one.origin) for one in (old, new)]
     lengths = [float(np.linalg.norm(sight)) for sight in sights]
     about = math.acos(float(np.clip(sights[0] @ sights[1] / lengths[0] / lengths[1], -1, 1)))

@@ -38,6 +38,15 @@ from svbrdfgan.types import Camera, Environment, Materials, Rendering, View
 from svbrdfgan.weathering.layer import recipe_from_options, weather
 
 GLOSS = {"roughness": 0.35}
+SMALL: dict[str, Any] = {
+    "image": [48, 48],
+    "texture": 32,
+    "renderer": {"name": "mitsuba", "device": "cpu"},
+    "embedding": {"name": "hemispherical", "resolution": 32},
+    "environments": {"procedural": {"count": 3, "seed": 1}},
+    "environment_rows": 16,
+}
+"""Keys of manifests of stand-ins that are imported fast."""
 SHOULDER = 0.7
 """Where the tone curve leaves the straight line."""
 

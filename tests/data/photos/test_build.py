@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 import torch.nn.functional as F
-from stand_ins import SHOULDER, StandIn
+from stand_ins import SHOULDER, SMALL, StandIn
 
 from svbrdfgan.config.yaml_files import load_yaml
 from svbrdfgan.data.config import DatasetConfig
@@ -30,19 +30,12 @@ from svbrdfgan.training.trainer import train
 from svbrdfgan.types import Materials, Rendering
 
 Photographs = tuple[Path, list[StandIn]]
-SMALL: dict[str, Any] = {
-    "image": [48, 48],
-    "texture": 32,
-    "renderer": {"name": "mitsuba", "device": "cpu"},
-    "embedding": {"name": "hemispherical", "resolution": 32},
-    "environments": {"procedural": {"count": 3, "seed": 1}},
-    "environment_rows": 16,
-    "light": "mean",
-}
 
 
 def declared(photographs: Photographs, **changes: Any) -> Manifest:
-    return read_manifest({**load_yaml(photographs[0] / "manifest.yaml"), **SMALL, **changes}, "manifest.yaml")
+    return read_manifest(
+        {**load_yaml(photographs[0] / "manifest.yaml"), **SMALL, "light": "mean", **changes}, "manifest.yaml"
+    )
 
 
 def with_true_cameras(photographs: Photographs, **changes: Any) -> Manifest:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from stand_ins import Photographer, StandIn, make_stand_ins
+from stand_ins import SMALL, Photographer, StandIn, make_stand_ins
 
 from svbrdfgan.config.yaml_files import load_yaml
 from svbrdfgan.data.exemplars import load_exemplars
@@ -63,16 +62,6 @@ def test_pictures_determine_together_what_each_leaves_open() -> None:
     assert error(found.weights) < 0.85 * min(error(one.weights) for one in alone)
 
 
-SHOWN: dict[str, Any] = {
-    "image": [48, 48],
-    "texture": 32,
-    "renderer": {"name": "mitsuba", "device": "cpu"},
-    "embedding": {"name": "hemispherical", "resolution": 32},
-    "environments": {"procedural": {"count": 12, "seed": 1}},
-    "environment_rows": 16,
-}
-
-
 def room(column: int, window: float) -> torch.Tensor:
     """Light of a room with a window."""
     found = torch.full((16, 32, 3), 0.3) * torch.tensor([1.0, 0.9, 0.8])
@@ -94,9 +83,9 @@ def test_a_turntable_s_light_is_known_better_from_all_its_pictures(tmp_path: Pat
             {k: v for k, v in one.items() if k not in ("light_group", "turntable")} for one in given["pictures"]
         ]
     }
-    errors = {}
+    errors, pool = {}, {"environments": {"procedural": {"count": 12, "seed": 1}}}
     for name, data in (("alone", apart), ("together", given)):
-        records = import_pictures(read_manifest(data | SHOWN, name), tmp_path / name, base=tmp_path)
+        records = import_pictures(read_manifest(data | SMALL | pool, name), tmp_path / name, base=tmp_path)
         errors[name] = light_errors(tmp_path / name, taken, skies)
         print(name, {key: round(value, 3) for key, value in errors[name].items()})
         exposures = np.array([one.exposure for one in records]) * [one.gain for one in taken]
