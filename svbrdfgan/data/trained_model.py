@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from svbrdfgan.config.distributions import Fixed, UniformInteger, limits, mean, values_of
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.conditions import conditions_of
@@ -24,7 +26,7 @@ from svbrdfgan.models.shipped import CONFIG, MODEL, model_folder, require_model
 from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.networks.random_fields import MOST_SEEDS
 from svbrdfgan.networks.saved import GeneratorConfig, load_generator
-from svbrdfgan.scene.description import SceneModel
+from svbrdfgan.scene.description import SceneModel, SceneWeathering
 
 _COPY = Path("assets", "model")
 _UNKNOWN = "unknown"
@@ -80,6 +82,31 @@ class TrainedModel:
         config = validate(GeneratorConfig, generator, str(path))
         load_generator(folder / MODEL)  # its faults are found before anything is written
         return cls(folder, trained_on, conditions_of(config, trained_on), config)
+
+    def store(self, folder: Path) -> SceneModel:
+        """Stores a copy of the model among the folder's assets.
+
+        Raises:
+            AssetError: it cannot be read or written.
+        """
+        for name in (CONFIG, MODEL):
+            with atomic_path(folder / _COPY / name) as temporary:
+                temporary.write_bytes((self.folder / name).read_bytes())
+        known = self.conditions
+        return SceneModel(asset=reference(folder / _COPY / MODEL, folder), amounts=known.amount, recipes=known.recipes)
+
+    def weatherings(self, stored: SceneModel, count: int) -> list[SceneWeathering]:
+        """Some that the model was trained on, by its copy in a folder; one if it paints one layer on a mesh."""
+        drawn = WeatheringDistribution(**self._weathering())
+        return [
+            SceneWeathering(
+                recipe=drawn.recipe.sample(rng),
+                amount=min(max(drawn.amount.sample(rng), 0.0), 1.0),
+                seed=drawn.seed.sample(rng),
+                model=stored,
+            )
+            for rng in map(np.random.default_rng, range(count if self.stochastic else 1))
+        ]
 
     def fill(self, config: DatasetConfig) -> DatasetConfig:
         """The configuration with what it leaves out: what the generator was trained with.
@@ -177,12 +204,7 @@ def gather_model(config: DatasetConfig, folder: Path, base: Path) -> SceneModel 
     """
     if config.weathering is None or config.weathering.model is None:
         return None
-    model = TrainedModel.open(_run_of(config, base))
-    for name in (CONFIG, MODEL):
-        with atomic_path(folder / _COPY / name) as temporary:
-            temporary.write_bytes((model.folder / name).read_bytes())
-    known = model.conditions
-    return SceneModel(asset=reference(folder / _COPY / MODEL, folder), amounts=known.amount, recipes=known.recipes)
+    return TrainedModel.open(_run_of(config, base)).store(folder)
 
 
 def warn_of_new_model(stored: SceneModel | None, config: DatasetConfig, base: Path) -> None:

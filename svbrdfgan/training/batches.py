@@ -14,6 +14,7 @@ from svbrdfgan.data.conditions import labels_of_scenes
 from svbrdfgan.data.config import EnvironmentSource, Split
 from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.gather import gather_environments, match_files
+from svbrdfgan.data.reflectance_errors import ReflectanceErrors, load_errors
 from svbrdfgan.metrics.recovered import SeenTexels
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.render_layer import RenderLayer
@@ -42,6 +43,7 @@ class BatchSource:
         real: the exemplars on the device, with the buffers of their own scenes that the discriminator is shown, and
             with the labels of their layers.
         demodulated: whether the discriminator sees reflectance instead of radiance.
+        errors: what imported exemplars may have, which fakes get, too; None for others.
     """
 
     exemplars: Exemplars
@@ -50,6 +52,7 @@ class BatchSource:
     buffers: Float[Tensor, "subjects inputs rows cols"]
     real: ImageBatch
     demodulated: bool = False
+    errors: ReflectanceErrors | None = None
 
     def __len__(self) -> int:
         return len(self.exemplars)
@@ -70,6 +73,12 @@ class BatchSource:
     def scenes(self, indices: Sequence[int], rng: np.random.Generator, visit: int = 0) -> SceneBatch:
         """Scenes for the fakes of these exemplars, which training has seen `visit` times before."""
         return self.fake_scenes.scenes(indices, rng, visit)
+
+    def drawn_errors(
+        self, indices: Sequence[int], rng: np.random.Generator
+    ) -> Float[Tensor, "batch height width 8"] | None:
+        """Errors for the fakes of these exemplars; None where exemplars have none."""
+        return None if self.errors is None else self.errors.drawn(indices, rng, self.real.image.device)
 
     def prefetch(self, indices: Sequence[int], rng: np.random.Generator) -> None:
         """Starts to read what `scenes`, given an equal `rng`, and demodulation will need for these exemplars."""
@@ -104,7 +113,11 @@ def make_batch_source(
     known = (*buffers, labels_of_scenes(run.conditions, exemplars.scenes))
     on_device = (None if values is None else values.to(device) for values in known)
     real = ImageBatch(exemplars.images.to(device), exemplars.coverage.to(device), *on_device)
-    return BatchSource(exemplars, fake_scenes, own_scenes, stack_inputs(exemplars, device), real, demodulated)
+    errors = None
+    if split == "train" and demodulated and run.config.scenes.same_camera and run.config.scenes.import_errors:
+        errors = load_errors(run.dataset.folder, split, len(exemplars))
+    inputs = stack_inputs(exemplars, device)
+    return BatchSource(exemplars, fake_scenes, own_scenes, inputs, real, demodulated, errors)
 
 
 def load_seen_texels(

@@ -52,7 +52,7 @@ class DiscriminatorConfig(StrictModel):
         default="auto",
         description="`radiance`: the plain pictures; `reflectance`: pictures divided by their light and reprojected "
         "into the exemplar's camera, without noise; `auto`: `radiance` if every fake has its exemplar's own scene and "
-        "`spp`, with `rendering: online`, or if the data set has `maps`; else `reflectance`",
+        "`spp` and was not imported, with `rendering: online`, or if the data set has `maps`; else `reflectance`",
     )
 
     @property
@@ -106,6 +106,11 @@ class ScenesConfig(StrictModel):
     )
     pool: int = Field(
         default=1, ge=0, description="perturbed scenes stored for each exemplar; 0: a new one at every visit"
+    )
+    import_errors: bool = Field(
+        default=True,
+        description="whether fakes get errors like those that importing pictures made (`bootstrap` of the manifest); "
+        "only where pictures are compared by their reflectance, in the exemplars' cameras",
     )
 
     @property
@@ -228,21 +233,22 @@ def train_config(data: dict[str, Any], source: str) -> TrainConfig:
     return validate(TrainConfig, data, source)
 
 
-def resolved(config: TrainConfig, spp: int, maps: Collection[str] = ()) -> TrainConfig:
+def resolved(config: TrainConfig, spp: int, maps: Collection[str] = (), *, imported: bool = False) -> TrainConfig:
     """The configuration with `discriminator.compares` decided.
 
     `auto` means radiance where fakes have their exemplars' scenes and samples per pixel, since then only texture
     tells them apart, and where pictures cannot be divided by their light: with `rendering: online`, or if layers paint
-    further maps. Elsewhere it means reflectance.
+    further maps. Elsewhere, and for imported pictures, whose scenes are estimates, it means reflectance.
 
     Args:
         spp: samples per pixel of the exemplars.
         maps: maps that layers paint besides base_color.
+        imported: whether the exemplars are.
     """
     discriminator = config.discriminator
     if discriminator.compares != "auto":
         return config
     indivisible = bool(maps) or config.rendering != "stored"
-    plain = indivisible or (config.scenes.matched and config.spp == spp)
+    plain = indivisible or (config.scenes.matched and config.spp == spp and not imported)
     compares = "radiance" if plain else "reflectance"
     return config.model_copy(update={"discriminator": discriminator.model_copy(update={"compares": compares})})

@@ -25,7 +25,7 @@ _DARKEST = 0.02
 """Shading below this share of the picture's mean is not divided by: the quotient would be noise."""
 _LEAST_SHARE = 0.5
 """Least learnable share of a pixel, and least known share of its texels, for which its reflectance is given."""
-_MAX_REFLECTANCE = 1.5
+MAX_REFLECTANCE = 1.5
 """Above 1, so that noise is not cut off on one side; bounded, since the discriminator sees the result."""
 _LEAST_WEIGHT = 1e-4
 """Texels with less weight in all pixels together count as not seen."""
@@ -56,7 +56,7 @@ class Demodulator:
 
     def reflectance(self, image: Image) -> Image:
         """Mean reflectance per pixel of these views' pictures, in [0, 1.5]; 0 where not `clear`. Differentiable."""
-        return ((image.float() - self.batch.background) / self.shading).clamp(0.0, _MAX_REFLECTANCE)
+        return ((image.float() - self.batch.background) / self.shading).clamp(0.0, MAX_REFLECTANCE)
 
     def scatter_to_texture(self, reflectance: Image, clear: Pixels) -> tuple[Texture, Texels]:
         """The texture that clear pixels show, each texel the mean of its pixels; and which texels are seen."""

@@ -75,7 +75,9 @@ def resolve_run(config: TrainConfig, base: Path = Path()) -> ResolvedRun:
         config = _from_model(config, config.init, base, dataset.config)
     _require_divisible(config, dataset.config)
     _require_halvable(config, dataset.config.texture)
-    return ResolvedRun(resolved(config, dataset.config.spp, dataset.config.maps), dataset, base)
+    imported = dataset.config.weathering is None
+    config = resolved(config, dataset.config.spp, dataset.config.maps, imported=imported)
+    return ResolvedRun(config, dataset, base)
 
 
 def seeds_vary(dataset: DatasetConfig) -> bool:

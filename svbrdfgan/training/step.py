@@ -11,11 +11,12 @@ from jaxtyping import Int
 from lightning_fabric import Fabric
 from torch import Tensor, nn
 
+from svbrdfgan.data.reflectance_errors import with_errors
 from svbrdfgan.networks.losses import LOSSES, gradient_penalty, gradient_square
 from svbrdfgan.networks.random_fields import MOST_SEEDS
 from svbrdfgan.training.batches import BatchSource
 from svbrdfgan.training.config import LossConfig, TrainConfig
-from svbrdfgan.training.demodulation import reproject
+from svbrdfgan.training.demodulation import MAX_REFLECTANCE, reproject
 from svbrdfgan.training.discriminator_batch import DiscriminatorBatch, ImageBatch, Pictures, composite_pair
 from svbrdfgan.training.scene_batch import Coverage, Images, Layers, SceneBatch
 from svbrdfgan.training.state import State
@@ -77,12 +78,19 @@ def batch_indices(seed: int, count: int, batch_size: int, number: int) -> list[i
 
 
 def make_pair(
-    source: BatchSource, indices: Sequence[int], scenes: SceneBatch, layers: Layers
+    source: BatchSource,
+    indices: Sequence[int],
+    scenes: SceneBatch,
+    layers: Layers,
+    errors: Float[Tensor, "batch height width 8"] | None = None,
 ) -> tuple[ImageBatch, ImageBatch]:
     """Pairs the exemplars with fakes of these layers, as the discriminator compares them.
 
     Where it sees reflectance, fakes are reprojected into the exemplars' cameras. Exemplars are reprojected into the
     fakes' cameras and back, so that both sides are blurred alike, and both keep only the pixels that this leaves.
+
+    Args:
+        errors: what reflectance of imported pictures may have, for fakes in the exemplars' cameras to have likewise.
     """
     real = source.real.pick(indices)
     image, coverage = scenes.render(layers)
@@ -92,7 +100,10 @@ def make_pair(
     if own is None or others is None:
         raise TypeError(f"{type(scenes).__name__} has no light to divide by; `TrainConfig` refuses this earlier")
     real_image, real_clear = reproject(own.reflectance(real.image), own.clear, own, others, own)
-    fake_image, fake_clear = reproject(others.reflectance(image), others.clear, others, own, own)
+    shown = others.reflectance(image)
+    if errors is not None:
+        shown = with_errors(shown, errors).clamp(0.0, MAX_REFLECTANCE)
+    fake_image, fake_clear = reproject(shown, others.clear, others, own, own)
     clear = real_clear & fake_clear
     both = [torch.where(clear.unsqueeze(-1), shown, 0.0) for shown in (real_image, fake_image)]
     sides = [replace(real, image=image, coverage=clear.float()) for image in both]
@@ -117,7 +128,8 @@ def _pair(
     seeds = draw_seeds(rng, len(indices), geometry.device) if state.generator.random_fields else None
     with fabric.autocast():
         layers = state.generator(geometry, seeds, source.labels(indices))
-    return make_pair(source, indices, source.scenes(indices, rng, visit), layers)
+    scenes = source.scenes(indices, rng, visit)
+    return make_pair(source, indices, scenes, layers, source.drawn_errors(indices, rng))
 
 
 def draw_seeds(rng: np.random.Generator, count: int, device: torch.device) -> Int[Tensor, " batch"]:

@@ -23,12 +23,17 @@ from svbrdfgan.data.photos.check import (
     check_pictures,
 )
 from svbrdfgan.data.photos.convert import convert_photos, places
+from svbrdfgan.data.photos.light_balls import beside
 from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.photos.overlay import contact_sheet
 from svbrdfgan.data.photos.refine import Refinement
 from svbrdfgan.data.sampler import EnvironmentAsset
+from svbrdfgan.data.trained_model import TrainedModel
 from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.models.shipped import model_folder
 from svbrdfgan.plugins.registry import load_embedding
+from svbrdfgan.scene.description import Scene
+from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.utils.display import Display, SilentDisplay
 
 OVERLAYS = "overlay"
@@ -77,11 +82,12 @@ def import_pictures(
 
     Raises:
         ConfigError: the manifest or files that it names have errors, one line each; or the folder is in use.
-        AssetError: the folder cannot be written.
+        AssetError: the folder cannot be written, or the manifest's model cannot be read.
     """
     _require_free(folder)
     errors = ErrorCollector(source)
     manifest, labels = expand_captures(manifest, base, errors)
+    model = _expected(manifest, base)
     job = ImportJob(manifest, base, errors, display or SilentDisplay(), labels)
     with _stage(folder) as stage:
         meshes = check_meshes(job)
@@ -96,7 +102,7 @@ def import_pictures(
         errors.raise_if_any()
         exposures: Sequence[float | None] = [None] * len(photos)
         if not preview:
-            exposures = convert_photos(job, meshes, pool, photos, stage)
+            exposures = convert_photos(job, meshes, pool, photos, stage, model)
             errors.raise_if_any()
         records = _records(manifest, photos, exposures)
         _draw(stage, photos, records)
@@ -106,6 +112,17 @@ def import_pictures(
         )
         _publish(stage, folder, kept)
     return records
+
+
+def _expected(manifest: Manifest, base: Path) -> TrainedModel | None:
+    """The model that says which weathering to expect, if one does."""
+    if manifest.model is None:
+        return None
+    model = TrainedModel.open(model_folder(manifest.model, base), "model")
+    wanted, known = manifest.embedding.model_dump(), model.trained_on.embedding.model_dump()
+    if wanted != known:
+        raise ConfigError(f"model: it was trained with the embedding {known}, not {wanted}: give both the same.")
+    return model
 
 
 def _records(
@@ -126,14 +143,20 @@ def _records(
 
 
 def _draw(folder: Path, photos: Sequence[RectifiedPhoto], records: Sequence[ImportedPicture]) -> None:
-    """Writes the overlays and a contact sheet of all of them."""
+    """Writes the overlays and a contact sheet of all of them; with its light beside each, once that is known."""
     (folder / OVERLAYS).mkdir()
+    loader, shown = SceneLoader(folder), []
     for photo, record in zip(photos, records, strict=True):
-        photo.overlay.save(folder / record.overlay)
+        overlay = photo.overlay
+        if record.exposure is not None:
+            view = loader.view(Scene.load(folder / f"{record.exemplar}.json"))
+            overlay = beside(overlay, view.environment, view.camera)
+        overlay.save(folder / record.overlay)
+        shown.append(overlay)
     captions = [
         f"{Path(record.file).name}{'' if record.iou is None else f'  IoU {record.iou:.2f}'}" for record in records
     ]
-    contact_sheet([photo.overlay for photo in photos], captions).save(folder / OVERLAYS / SHEET)
+    contact_sheet(shown, captions).save(folder / OVERLAYS / SHEET)
 
 
 def _require_free(folder: Path) -> None:

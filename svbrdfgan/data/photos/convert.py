@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from scipy.ndimage import distance_transform_edt, grey_erosion
@@ -15,14 +16,17 @@ from torch import Tensor
 
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.config.distributions import mean
-from svbrdfgan.data.config import Split
+from svbrdfgan.data.config import ELEVATION, Split
 from svbrdfgan.data.exemplar_files import exemplar_paths, save_exemplar
 from svbrdfgan.data.gather import environment_asset, mesh_asset
 from svbrdfgan.data.index import DatasetIndex
+from svbrdfgan.data.photos.bootstrap import Picture, simulated_errors
+from svbrdfgan.data.photos.calibrated_camera import CalibratedCamera
 from svbrdfgan.data.photos.check import ImportJob, RectifiedPhoto
 from svbrdfgan.data.photos.exposure import exposure_factor, mean_light
 from svbrdfgan.data.photos.light import (
     GLOSS,
+    Estimate,
     Evidence,
     environment,
     estimate_light,
@@ -31,21 +35,25 @@ from svbrdfgan.data.photos.light import (
     white,
 )
 from svbrdfgan.data.photos.manifest import Manifest
-from svbrdfgan.data.sampler import EnvironmentAsset, MeshAsset
+from svbrdfgan.data.reflectance_errors import errors_path, save_errors
+from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset, MeshAsset, clamped
+from svbrdfgan.data.trained_model import TrainedModel
 from svbrdfgan.io.environment import load_environment
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
-from svbrdfgan.scene.description import Scene, SceneEnvironment
+from svbrdfgan.scene.description import OrbitCamera, Scene, SceneEnvironment, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader
-from svbrdfgan.types import Environment, Materials, Mesh, Rendering, View
+from svbrdfgan.types import RGBA, Environment, Layer, Materials, Mesh, Rendering, View
 
 Place = tuple[Split, int]
 """Where an exemplar lies in its data set."""
 
 _SPP = 64
-"""Samples per pixel of the clean rendering; the noise of as many is measured."""
+"""Samples per pixel of the clean rendering and of simulated pictures; the noise of as many is measured."""
 _SMOOTH_SPP = 1024
 """Samples per pixel of renderings that count as free of noise."""
+_EXPECTED = 12
+"""Draws of a model whose mean says what pictures are expected to show."""
 _LIGHT_SPP = 16
 """Samples per pixel of each lobe of light: estimates are sums over many pixels."""
 _MOST_EVIDENCE = 40_000
@@ -54,6 +62,9 @@ _LEAST_EVIDENCE = 100
 """The same, of each of its pictures."""
 _WHOLE = 0.99
 """Coverage from which a pixel counts as filled."""
+_CALIBRATED_DEGREES = 0.1
+_REFINED_DEGREES = 0.5
+"""How far calibrated and refined cameras may be off (`docs/lab/own-pictures.md` has the numbers)."""
 _EROSION = 1 / 64
 """How far a silhouette is eroded where it replaces a mask, as a share of the image's height."""
 
@@ -81,10 +92,15 @@ def convert_photos(
     pool: tuple[EnvironmentAsset, ...],
     photos: Sequence[RectifiedPhoto],
     folder: Path,
+    model: TrainedModel | None = None,
 ) -> list[float]:
-    """Writes the data set, and returns the exposure factor of each picture. Errors are collected in the job."""
+    """Writes the data set, and returns the exposure factor of each picture. Errors are collected in the job.
+
+    Args:
+        model: says which weathering the pictures are expected to show.
+    """
     index = _index(job.manifest, meshes, pool, folder)
-    converter = _Converter.open(job, index, folder)
+    converter = _Converter.open(job, index, folder, model)
     exposures = [0.0] * len(photos)
     at = places(job.manifest)
     order = sorted(range(len(photos)), key=at.__getitem__)  # a mesh is prepared once
@@ -92,8 +108,7 @@ def convert_photos(
     job.display.begin("exemplars", len(photos))
     for number in order:
         with job.errors.context(f"{job.labels[number]}: {photos[number].entry.file}"):
-            paths = exemplar_paths(folder, *at[number])
-            exposures[number] = converter.convert(photos[number], number, paths, shared.get(number))
+            exposures[number] = converter.convert(photos[number], number, at[number], shared.get(number))
         job.display.advance()
     index.save(folder)
     return exposures
@@ -146,7 +161,11 @@ class _Converter:
         meshes: the data set's meshes, by their file in the manifest.
         lights: the environments that pictures name, by file; the mean light by None.
         mean: the mean light of the pool, which replaces unknown light.
+        sampler: draws lights of the pool.
+        weatherings: that the pictures are expected to show; none if nobody knows.
+        painted: what scenes have in which the model of these weatherings paints.
         prepared: the last picture's mesh and prepared surface: the next picture usually shows the same mesh.
+        expected: the last picture's mesh and layers of these weatherings.
     """
 
     manifest: Manifest
@@ -156,15 +175,20 @@ class _Converter:
     meshes: dict[str, MeshAsset]
     lights: dict[str | None, SceneEnvironment]
     mean: Float[Tensor, "rows cols 3"]
+    sampler: ConfigSampler
+    weatherings: Sequence[SceneWeathering]
+    painted: Mapping[str, Any]
     prepared: tuple[str, Any] | None = None
+    expected: tuple[str, list[Layer]] | None = None
 
     @classmethod
-    def open(cls, job: ImportJob, index: DatasetIndex, folder: Path) -> _Converter:
+    def open(cls, job: ImportJob, index: DatasetIndex, folder: Path, model: TrainedModel | None) -> _Converter:
         manifest, base = job.manifest, job.base
         config, rows = index.config, index.config.environment_rows
         files = [file for split in config.splits for file in manifest.meshes(split)]
         assets = [mesh for split in config.splits for mesh in index.meshes[split]]
-        unknown = mean_light(index.sampler("train"), folder)
+        sampler = index.sampler("train")
+        unknown = mean_light(sampler, folder)
         asset = environment_asset("mean of the pool", unknown, rows, folder).asset
         lights: dict[str | None, SceneEnvironment] = {None: SceneEnvironment(asset=asset)}
         for file in {entry.environment for entry in manifest.pictures if entry.environment}:
@@ -173,27 +197,38 @@ class _Converter:
             lights[file] = SceneEnvironment(asset=known.asset, scale=scale)
         renderer, chosen = resolve_renderer(manifest.renderer)
         stored = dict(zip(files, assets, strict=True))
-        return cls(manifest, SceneLoader(folder), renderer, chosen, stored, lights, unknown)
+        weatherings: Sequence[SceneWeathering] = ()
+        painted: dict[str, Any] = {}
+        if model is not None:
+            weatherings = model.weatherings(model.store(folder), _EXPECTED)
+            painted = {"texture": model.trained_on.texture, "maps": dict.fromkeys(model.trained_on.maps)}
+        loader = SceneLoader(folder)
+        return cls(manifest, loader, renderer, chosen, stored, lights, unknown, sampler, weatherings, painted)
 
-    def convert(
-        self, photo: RectifiedPhoto, number: int, paths: tuple[Path, Path], shared: EstimatedLight | None
-    ) -> float:
+    def convert(self, photo: RectifiedPhoto, number: int, place: Place, shared: EstimatedLight | None) -> float:
         """Writes one exemplar and its scene, and returns the exposure factor.
 
         Args:
             shared: the light of the picture's group, if it has one.
         """
+        picture, record = exemplar_paths(self.loader.folder, *place)
         scene = self._scene(photo, number)
         clean, exposed, factor = self._exposed(photo, scene)
-        if shared is None and photo.entry.environment is None and self.manifest.light == "estimated":
-            (shared,) = self.light(f"light of picture {number}", [self._evidence(scene, exposed)])
+        if self.manifest.bootstrap or (shared is None and self._estimates(photo)):
+            evidence = self._evidence(scene, exposed, _turn(photo))
+            estimate = estimate_light([evidence], self.manifest.weathering_color)
+            if shared is None and self._estimates(photo):
+                shared = EstimatedLight(self._stored(f"light of picture {number}", estimate), 1.0)
+            if self.manifest.bootstrap:
+                drawn = [self._errors(photo, scene, evidence, estimate, n) for n in range(self.manifest.bootstrap)]
+                save_errors(errors_path(self.loader.folder, *place), torch.stack(drawn))
         if shared is not None:
             turned = shared.environment.model_copy(update={"rotation_degrees": math.degrees(_turn(photo))})
             scene, factor = scene.model_copy(update={"environment": turned}), factor * shared.gain
             exposed = Rendering(exposed.image * shared.gain, exposed.coverage)
         matt = _fill_silhouette(exposed, clean.coverage, self._gloss(scene))
-        save_exemplar(paths[0], Rendering(matt.image * self._noise(scene), matt.coverage))
-        scene.save(paths[1])
+        save_exemplar(picture, Rendering(matt.image * self._noise(scene), matt.coverage))
+        scene.save(record)
         return factor
 
     def evidence(self, photo: RectifiedPhoto, number: int) -> Evidence:
@@ -204,9 +239,47 @@ class _Converter:
     def light(self, name: str, pictures: Sequence[Evidence]) -> list[EstimatedLight]:
         """The light that all of these pictures show, stored under this name; one for each picture, with its gain."""
         estimate = estimate_light(pictures, self.manifest.weathering_color)
-        radiance, rows = environment(self.mean, estimate.weights), self.manifest.environment_rows
-        stored = SceneEnvironment(asset=environment_asset(name, radiance, rows, self.loader.folder).asset)
+        stored = self._stored(name, estimate)
         return [EstimatedLight(stored, gain) for gain in estimate.gains.tolist()]
+
+    def _stored(self, name: str, estimate: Estimate) -> SceneEnvironment:
+        radiance, rows = environment(self.mean, estimate.weights), self.manifest.environment_rows
+        return SceneEnvironment(asset=environment_asset(name, radiance, rows, self.loader.folder).asset)
+
+    def _errors(
+        self, photo: RectifiedPhoto, scene: Scene, evidence: Evidence, estimate: Estimate, draw: int
+    ) -> Float[Tensor, "height width 8"]:
+        """The errors of importing a picture that is simulated after this one, with its light estimated alone."""
+        rng = np.random.default_rng([scene.seed, draw])
+        manifest, own, prepared = self.manifest, self.loader.view(scene), self._prepared(scene)
+        camera = _elsewhere(scene.camera, self._camera_error(photo), rng)
+        light = own.environment
+        if photo.entry.environment is None:
+            drawn = scene.model_copy(update={"environment": self.sampler.draw_environment(rng)})
+            light = self.loader.view(drawn).environment
+
+        def believe(seen: Evidence) -> Environment:
+            if not self._estimates(photo):
+                return own.environment
+            weights = estimate_light([seen], manifest.weathering_color).weights
+            return Environment(environment(self.mean, weights), _turn(photo))
+
+        def render(materials: Materials, view: View) -> Float[Tensor, "height width 3"]:
+            return self.renderer.render(prepared, materials, view, spp=_SPP, seed=scene.seed).image.cpu()
+
+        subject, size = self.loader.subject(scene), (scene.width, scene.height)
+        picture = Picture(subject, own.camera, size, evidence, estimate.shares, manifest.weathering_color)
+        return simulated_errors(picture, light, camera.camera(), believe, render, rng)
+
+    def _estimates(self, photo: RectifiedPhoto) -> bool:
+        """Whether the picture's light is estimated."""
+        return photo.entry.environment is None and self.manifest.light == "estimated"
+
+    def _camera_error(self, photo: RectifiedPhoto) -> float:
+        """How far the picture's camera may be off, degrees."""
+        if isinstance(photo.entry.camera, CalibratedCamera):
+            return _CALIBRATED_DEGREES
+        return self.manifest.camera_error_degrees if photo.refinement is None else _REFINED_DEGREES
 
     def _exposed(self, photo: RectifiedPhoto, scene: Scene) -> tuple[Rendering, Rendering, float]:
         """The clean rendering, the picture exposed like it, and the factor that does that."""
@@ -224,7 +297,16 @@ class _Converter:
             return _on_cpu(self.renderer.render(prepared, materials, view, spp=_LIGHT_SPP, seed=seed))
 
         clean = subject.materials(base_colors=scene.materials)
-        return gather_evidence(exposed, render, clean, subject.learnable, self.mean)
+        weathered = [subject.materials(layer, base_colors=scene.materials) for layer in self._expected(scene)]
+        return gather_evidence(exposed, render, clean, subject.learnable, self.mean, weathered)
+
+    def _expected(self, scene: Scene) -> list[Layer]:
+        """Base colour of the layers that the picture is expected to show."""
+        if self.expected is None or self.expected[0] != scene.mesh.path:
+            there = scene.model_copy(update=self.painted)
+            layers = [self.loader.paint(there, weathering) for weathering in self.weatherings]
+            self.expected = scene.mesh.path, [Layer(layer.values[..., :RGBA]) for layer in layers]
+        return self.expected[1]
 
     def _scene(self, photo: RectifiedPhoto, number: int) -> Scene:
         manifest, entry = self.manifest, photo.entry
@@ -276,6 +358,18 @@ class _Converter:
 def _turn(photo: RectifiedPhoto) -> float:
     """How far the light of its group has turned about the object, radians: on a turntable, with the camera."""
     return photo.entry.heading if photo.entry.turntable else 0.0
+
+
+def _elsewhere(camera: OrbitCamera, degrees: float, rng: np.random.Generator) -> OrbitCamera:
+    """A camera off by as much at most, and by as many percent of the distance."""
+    azimuth, elevation, distance = rng.uniform(-degrees, degrees, size=3).tolist()
+    return camera.model_copy(
+        update={
+            "azimuth_degrees": (camera.azimuth_degrees + azimuth) % 360.0,
+            "elevation_degrees": clamped(camera.elevation_degrees + elevation, ELEVATION),
+            "distance": camera.distance * (1.0 + distance / 100),
+        }
+    )
 
 
 def _on_cpu(rendering: Rendering) -> Rendering:

@@ -3,9 +3,10 @@
 Under direct light an image of Lambertian surfaces is linear in the environment. The environment is modelled as the mean
 light of the pool times a weighted sum of smooth lobes, with non-negative weights for each channel, which are fitted to
 the picture. An unknown share of each pixel is weathered: its reflectance is a mixture of its base colour and that of
-dirt. Residuals count by their absolute value, not by their square. Both colours are raised a little, since paint that
-is not matt reflects more. Lobes that the picture does not determine, such as those behind the camera's subject, stay
-near the mean. Pictures in one light are fitted together, each with an unknown exposure.
+dirt. Once a model has learned the weathering, it is the mean of what the model paints there. Residuals count by their
+absolute value, not by their square. Reflectances are raised a little, since paint that is not matt reflects more. Lobes
+that the picture does not determine, such as those behind the camera's subject, stay near the mean. Pictures in one
+light are fitted together, each with an unknown exposure.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.optimize import nnls
 from torch import Tensor
@@ -60,16 +61,23 @@ class Evidence:
         radiance: of the picture.
         base: reflectance of the unweathered mesh.
         white: radiance of a white mesh under each lobe of the mean light.
+        usable: where they are in the picture.
+        draws: reflectance of the mesh in weatherings that are likely; there may be none.
     """
 
     radiance: Float[ndarray, "pixels 3"]
     base: Float[ndarray, "pixels 3"]
     white: Float[ndarray, "pixels 3 lobes"]
+    usable: Bool[ndarray, "rows cols"]
+    draws: Float[ndarray, "draws pixels 3"]
 
     def thinned(self, most: int) -> Evidence:
         """At most about so many of the pixels, spread evenly."""
         step = math.ceil(len(self.radiance) / most)
-        return Evidence(self.radiance[::step].copy(), self.base[::step].copy(), self.white[::step].copy())
+        usable = np.zeros_like(self.usable)
+        usable.flat[np.flatnonzero(self.usable)[::step]] = True
+        radiance, base, white = (part[::step].copy() for part in (self.radiance, self.base, self.white))
+        return Evidence(radiance, base, white, usable, self.draws[:, ::step].copy())
 
 
 def evidence_size(width: int, height: int) -> tuple[int, int]:
@@ -79,7 +87,12 @@ def evidence_size(width: int, height: int) -> tuple[int, int]:
 
 
 def gather_evidence(
-    photo: Rendering, render: Render, clean: Materials, learnable: Sequence[int], mean: Light
+    photo: Rendering,
+    render: Render,
+    clean: Materials,
+    learnable: Sequence[int],
+    mean: Light,
+    weathered: Sequence[Materials] = (),
 ) -> Evidence:
     """The evidence of a picture.
 
@@ -89,6 +102,7 @@ def gather_evidence(
         clean: the unweathered mesh's materials.
         learnable: its parts that may be weathered.
         mean: the mean light of the pool.
+        weathered: the mesh's materials in weatherings that are likely.
 
     Raises:
         AssetError: the picture shows too little of learnable parts.
@@ -107,8 +121,12 @@ def gather_evidence(
             "it shows too little of its learnable parts to estimate its light: name its 'environment', or set "
             "'light: mean'."
         )
-    base = rendered.image[usable] / full[usable]
-    return Evidence(*(part.double().numpy() for part in (image[usable], base, lit[usable])))
+    light = full[usable]
+    radiance, base, shown = (
+        part.double().numpy() for part in (image[usable], rendered.image[usable] / light, lit[usable])
+    )
+    draws = [(render(materials, mean).image[usable] / light).double().numpy() for materials in weathered]
+    return Evidence(radiance, base, shown, usable.numpy(), np.array(draws).reshape(-1, *base.shape))
 
 
 def lobes(rows: int, cols: int) -> Float[Tensor, "lobes rows cols"]:
@@ -133,10 +151,12 @@ class Estimate:
     Attributes:
         weights: of each lobe in each channel; 1 is as bright as in the mean light.
         gains: the factor on each picture's radiance that fits the light; their geometric mean is 1.
+        shares: how much of each pixel is weathered, in [0, 1]; the pixels of all pictures.
     """
 
     weights: Float[ndarray, "3 lobes"]
     gains: Float[ndarray, " pictures"]
+    shares: Float[ndarray, "pixels 1"]
 
 
 def estimate_light(pictures: Sequence[Evidence], dirt: tuple[float, float, float]) -> Estimate:
@@ -146,8 +166,10 @@ def estimate_light(pictures: Sequence[Evidence], dirt: tuple[float, float, float
         dirt: approximate linear reflectance of the layer that weathering adds.
     """
     which = np.repeat(np.arange(len(pictures)), [len(evidence.radiance) for evidence in pictures])
-    albedo, shown, white = (np.concatenate(parts) for parts in zip(*map(_in_units, pictures), strict=True))
-    base, laid = albedo + GLOSS, np.asarray(dirt) - albedo
+    shown, white = (np.concatenate(parts) for parts in zip(*map(_in_units, pictures), strict=True))
+    parts = [_mixture(evidence, np.asarray(dirt)) for evidence in pictures]
+    albedo, laid = (np.concatenate(each) for each in zip(*parts, strict=True))
+    base = albedo + GLOSS
     weights, gains = np.ones((3, white.shape[-1])), np.ones(len(pictures))
     ridge = _RIDGE / len(pictures) / white.shape[-1]
     for done in range(_ROUNDS):
@@ -160,16 +182,27 @@ def estimate_light(pictures: Sequence[Evidence], dirt: tuple[float, float, float
         if len(pictures) > 1:
             gains = _gains(which, shown, seen, trust, ridge)
         weights = _solve(shown * gains[which, None], seen, trust, ridge)
-    return Estimate(weights, gains)
+    return Estimate(weights, gains, share)
 
 
-def _in_units(
-    evidence: Evidence,
-) -> tuple[Float[ndarray, "pixels 3"], Float[ndarray, "pixels 3"], Float[ndarray, "pixels 3 lobes"]]:
-    """Base reflectance, radiance and white radiance, both relative to the clean image under the mean light."""
+def _mixture(
+    evidence: Evidence, dirt: Float[ndarray, " 3"]
+) -> tuple[Float[ndarray, "pixels 3"], Float[ndarray, "pixels 3"]]:
+    """Two reflectances that each pixel's is between: the first, and the other less the first.
+
+    Where draws of a model say what to expect, both are their mean: the share of each pixel is no longer free, since it
+    would take up the picture's exposure.
+    """
+    if len(evidence.draws):
+        return evidence.draws.mean(axis=0), np.zeros_like(evidence.base)
+    return evidence.base, dirt - evidence.base
+
+
+def _in_units(evidence: Evidence) -> tuple[Float[ndarray, "pixels 3"], Float[ndarray, "pixels 3 lobes"]]:
+    """Radiance and white radiance, both relative to the clean image under the mean light."""
     bright = (evidence.base * evidence.white.sum(axis=-1)).mean(axis=-1, keepdims=True)
     unit = bright + _DARK * np.median(bright)
-    return evidence.base, evidence.radiance / unit, evidence.white / unit[..., None]
+    return evidence.radiance / unit, evidence.white / unit[..., None]
 
 
 def _gains(

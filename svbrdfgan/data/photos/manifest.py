@@ -152,6 +152,25 @@ class Manifest(SharedConfig):
         description="whether cameras are changed until the mesh's outline lies on the mask's, in pictures with a mask "
         "whose camera is not a calibrated one",
     )
+    camera_error_degrees: float = Field(
+        default=1.0,
+        ge=0,
+        le=30,
+        description="how far cameras given by angles or by `position` and `look_at` may be off in azimuth and "
+        "elevation, and in distance by as many percent",
+    )
+    model: str | None = Field(
+        default=None,
+        description="the folder of a run that learned from these pictures, relative to this file, or the name of a "
+        "shipped model: light is estimated as if the pictures showed what it paints on average, instead of by "
+        "`weathering_color`",
+    )
+    bootstrap: int = Field(
+        default=4,
+        ge=0,
+        description="pictures simulated after each one and imported likewise; fakes get the errors that these imports "
+        "make, so that they do not tell fakes apart; 0: none",
+    )
     weathering_color: Reflectance = Field(
         default=(0.18, 0.18, 0.18),
         description="rough linear colour of the weathering; it helps to separate light from weathering",

@@ -92,7 +92,8 @@ def stage_photos(
     _require_same(config.photography, truth / _RECORD)
     index = make_index(with_model(config.dataset, truth, base), truth, base)
     save_record(truth / _RECORD, config.photography)
-    stage = _Stage(config, folder, index, SceneLoader(truth))
+    # nothing is cached in files, since that would take ten times the space of all pictures
+    stage = _Stage(config, folder, index, SceneLoader(truth, keep=False))
     photos = [stage.draw(number) for number in range(len(index.sampler("train")))]
     shown.begin("photographs", len(photos))
     shown.advance(sum(stage.photo(number).is_file() for number in range(len(photos))))

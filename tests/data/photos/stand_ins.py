@@ -45,6 +45,7 @@ SMALL: dict[str, Any] = {
     "embedding": {"name": "hemispherical", "resolution": 32},
     "environments": {"procedural": {"count": 3, "seed": 1}},
     "environment_rows": 16,
+    "bootstrap": 0,
 }
 """Keys of manifests of stand-ins that are imported fast."""
 SHOULDER = 0.7

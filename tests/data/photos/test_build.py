@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 import torch.nn.functional as F
@@ -20,12 +21,16 @@ from svbrdfgan.data.index import Dataset, DatasetIndex
 from svbrdfgan.data.photos.build import ImportedPicture, import_pictures
 from svbrdfgan.data.photos.light import GLOSS, white
 from svbrdfgan.data.photos.manifest import Manifest, read_manifest
+from svbrdfgan.data.reflectance_errors import load_errors
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.plugins.registry import load_renderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.subject import Subject
+from svbrdfgan.training.batches import make_batch_source
 from svbrdfgan.training.config import train_config
+from svbrdfgan.training.resolve import resolve_run
+from svbrdfgan.training.step import make_pair
 from svbrdfgan.training.trainer import train
 from svbrdfgan.types import Materials, Rendering
 
@@ -51,7 +56,7 @@ def imported(
 ) -> tuple[Path, tuple[ImportedPicture, ...]]:
     """The stand-ins as a data set, with the manifest's cameras and estimated light. Not to be changed."""
     folder = tmp_path_factory.mktemp("imported") / "own"
-    return folder, import_pictures(declared(photographs, light="estimated"), folder, base=photographs[0])
+    return folder, import_pictures(declared(photographs, light="estimated", bootstrap=2), folder, base=photographs[0])
 
 
 @pytest.fixture(scope="module")
@@ -204,6 +209,31 @@ def test_a_light_that_is_known_is_the_scene_s_own(photographs: Photographs, tmp_
     assert scene.environment.scale * 3 == pytest.approx(1.0, rel=1e-3)
 
 
+def test_fakes_get_errors_like_those_of_the_import(imported: Any, training_data: Any) -> None:
+    """A fake of no layer: the errors are those of a bootstrap, and are put on its reflectance, not on its outline."""
+    errors = load_errors(imported[0], "train", 4)
+    assert errors is not None
+    assert errors.values.shape == (4, 2, 48, 48, 8)
+    assert errors.values.isfinite().all()
+    assert 0.3 < float(errors.values[..., :3].median()) < 3.0
+    assert not torch.equal(errors.values[:, 0], errors.values[:, 1])
+
+    renderer, clean, pairs = load_renderer("mitsuba", {"device": "cpu"}), torch.zeros(1, 32, 32, 4), []
+    for wanted in (True, False):
+        scenes = {"import_errors": wanted}
+        config = train_config(training_data(dataset=str(imported[0]), scenes=scenes, renderer="mitsuba"), "here")
+        run = resolve_run(config)
+        assert run.config.discriminator.compares == "reflectance"
+        source = make_batch_source(run, "train", renderer, torch.device("cpu"))
+        rng = np.random.default_rng(0)
+        pairs.append(make_pair(source, [1], source.scenes([1], rng), clean, source.drawn_errors([1], rng)))
+    (real, erring), (same, plain) = pairs
+    assert torch.equal(real.image, same.image)
+    assert torch.equal(erring.coverage, plain.coverage)
+    changed = (erring.image - plain.image)[plain.coverage > 0.5].abs()
+    assert float(changed.median()) > 0.01
+
+
 @pytest.mark.parametrize("scenes", [{}, {"environment": "redrawn", "pool": 2}])
 def test_it_trains_and_cannot_be_scored(
     imported: Any, training_data: Any, tmp_path: Path, exemplars: Exemplars, scenes: dict[str, Any]
@@ -215,6 +245,30 @@ def test_it_trains_and_cannot_be_scored(
     assert (tmp_path / "run" / "model.safetensors").is_file()
     with pytest.raises(AssetError, match="nothing can be scored"):
         evaluate(tmp_path / "run", split="train", oracle=False, device="cpu")
+
+
+def test_a_run_says_what_the_next_import_expects(
+    photographs: Photographs, imported: Any, training_data: Any, tmp_path: Path
+) -> None:
+    """In turns: a run learns, pictures are imported once more by what it paints, and the next run goes on from it."""
+    changes = {"renderer": "mitsuba", "steps": 1}
+    train(train_config(training_data(dataset=str(imported[0]), **changes), "here"), tmp_path / "run")
+    again = declared(photographs, light="estimated", bootstrap=1, model=str(tmp_path / "run"))
+    import_pictures(again, tmp_path / "own", base=photographs[0])
+    light = "assets/environments/light of picture 0.exr"
+    assert (tmp_path / "own" / light).read_bytes() != (imported[0] / light).read_bytes()
+    errors = load_errors(tmp_path / "own", "train", 4)
+    assert errors is not None
+    assert errors.values.isfinite().all()
+    following = training_data(dataset=str(tmp_path / "own"), init=str(tmp_path / "run"), **changes)
+    assert train(train_config(following, "here"), tmp_path / "next").step == 1
+
+    embedding = {"name": "hemispherical", "resolution": 16}
+    other = declared(photographs, model=str(tmp_path / "run"), embedding=embedding)
+    with pytest.raises(ConfigError, match="model: it was trained with the embedding"):
+        import_pictures(other, tmp_path / "other", base=photographs[0])
+    with pytest.raises(AssetError, match=r"^model: .*is not a run"):
+        import_pictures(declared(photographs, model="nothing"), tmp_path / "other", base=photographs[0])
 
 
 @pytest.mark.full

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -70,6 +71,10 @@ def shown(white: ndarray, weights: ndarray, color: ndarray) -> ndarray:
     return np.einsum("pcl,cl->pc", white, weights) * (color + 0.02)
 
 
+def evidence_of(radiance: ndarray, base: ndarray, white: ndarray) -> Evidence:
+    return Evidence(radiance, base, white, np.ones((1, len(white)), dtype=bool), np.empty((0, *base.shape)))
+
+
 def error(white: ndarray, found: ndarray, weights: ndarray) -> float:
     """The median relative error of radiance that a white surface returns."""
     made, true = (np.einsum("pcl,cl->pc", white, one) for one in (found, weights))
@@ -93,7 +98,7 @@ def test_lobes_share_the_sphere_among_them() -> None:
 
 
 def test_light_of_the_lobes_is_recovered(white: ndarray, weights: ndarray) -> None:
-    evidence = Evidence(shown(white, weights, PAINT), np.broadcast_to(PAINT, white.shape[:2]), white)
+    evidence = evidence_of(shown(white, weights, PAINT), np.broadcast_to(PAINT, white.shape[:2]), white)
     found = estimate_light([evidence], GREY).weights
     assert error(white, found, weights) < 0.02
     assert error(white, np.ones_like(weights), weights) > 0.2  # the error of the mean light
@@ -105,17 +110,34 @@ def test_weathering_of_a_third_is_not_taken_for_light(white: ndarray, weights: n
     third = normals[:, 1] < np.quantile(normals[:, 1], 1 / 3)
     share = third * np.random.default_rng(1).uniform(0.3, 1.0, len(normals))
     color = paint + share[:, None] * (np.array([0.26, 0.17, 0.10]) - paint)
-    evidence = Evidence(shown(white, weights, color), np.broadcast_to(paint, white.shape[:2]), white)
+    evidence = evidence_of(shown(white, weights, color), np.broadcast_to(paint, white.shape[:2]), white)
     plain = np.stack([nnls(white[:, c] * (paint[c] + 0.02), evidence.radiance[:, c])[0] for c in range(3)])
     assert error(white[third], plain, weights) > 0.5
     assert error(white[third], estimate_light([evidence], GREY).weights, weights) < 0.2
     assert error(white, estimate_light([evidence], GREY).weights, weights) < 0.15
 
 
+def test_weathering_everywhere_is_not_taken_for_light_once_a_model_knows_it(white: ndarray, weights: ndarray) -> None:
+    """Dust on all of dark paint, as no single picture tells from light: draws of about the right layer do."""
+    paint, rng = np.array([0.04, 0.04, 0.05]), np.random.default_rng(4)
+
+    def dusty() -> ndarray:
+        return paint + rng.uniform(0.15, 0.45, (len(white), 1)) * (0.3 - paint)
+
+    alone = evidence_of(shown(white, weights, dusty()), np.broadcast_to(paint, white.shape[:2]), white)
+    told = replace(alone, draws=np.stack([dusty() for _ in range(8)]))
+    assert error(white, estimate_light([alone], GREY).weights, weights) > 0.3
+    assert error(white, estimate_light([told], GREY).weights, weights) < 0.1
+    assert not estimate_light([told], GREY).shares.any()
+    third = told.thinned(len(white) // 3)
+    assert third.draws.shape == (8, len(third.radiance), 3)
+    assert third.usable.sum() == len(third.radiance)
+
+
 def test_light_is_never_negative_and_the_same_every_time(white: ndarray) -> None:
     """For any picture; here, noise."""
     noise = np.random.default_rng(2).exponential(size=white.shape[:2])
-    evidence = Evidence(noise, np.broadcast_to(PAINT, white.shape[:2]), white)
+    evidence = evidence_of(noise, np.broadcast_to(PAINT, white.shape[:2]), white)
     found = estimate_light([evidence], GREY).weights
     assert np.isfinite(found).all()
     assert found.min() >= 0
@@ -124,7 +146,11 @@ def test_light_is_never_negative_and_the_same_every_time(white: ndarray) -> None
 
 
 def test_light_that_a_picture_does_not_show_stays_the_mean(white: ndarray) -> None:
-    evidence = Evidence(shown(white, 2 * np.ones((3, LOBES)), PAINT), np.broadcast_to(PAINT, white.shape[:2]), white)
+    evidence = evidence_of(
+        shown(white, 2 * np.ones((3, LOBES)), PAINT),
+        np.broadcast_to(PAINT, white.shape[:2]),
+        white,
+    )
     found = environment(gradient(), estimate_light([evidence], GREY).weights) / gradient()
     assert float(found[ROWS // 2, 0].mean()) == pytest.approx(2, abs=0.1)  # +Z, at the seam
     assert float(found[ROWS // 2, ROWS].mean()) < 1.6  # -Z, behind

@@ -42,7 +42,7 @@ def evidence(rng: np.random.Generator, lit: np.ndarray, sees: slice, gain: float
     shown = rng.uniform(0.1, 1, size=(300, 1, len(lit))) * strength / len(lit) * np.ones((3, 1))
     base = rng.uniform(0.2, 0.6, size=(300, 1)) * np.ones(3)
     radiance = np.einsum("pcl,l->pc", shown, lit) * (base + 0.02) * rng.normal(1, 0.02, size=(300, 1))
-    return Evidence(radiance / gain, base, shown)
+    return Evidence(radiance / gain, base, shown, np.ones((1, len(base)), bool), np.empty((0, *base.shape)))
 
 
 def test_pictures_determine_together_what_each_leaves_open() -> None:

@@ -80,6 +80,7 @@ def test_a_photographer_gets_pictures_and_a_manifest_and_the_truth_lies_apart(bl
     masks = [entry.mask is not None for entry in contents.pictures]
     assert 0 < sum(masks) < 4
     dataset = Dataset.open(tmp_path / "out" / "truth")
+    assert not (tmp_path / "out" / "truth" / "cache").exists()
     for number, entry in enumerate(contents.pictures):
         photo = load_record(StagedPhoto, tmp_path / "out" / "truth" / "photos" / f"{number:06d}.json")
         assert photo.scene == dataset.index.sampler("train").scene(number)

@@ -1,0 +1,136 @@
+"""How far off an import is, found by importing simulated pictures whose truth is known: a parametric bootstrap.
+
+A simulated picture is like the imported one: the same mesh from nearly the same camera, with the weathering that was
+estimated, but glossy, in a light of the pool. Its light is estimated as that of the picture was. Efron & Tibshirani, An
+Introduction to the Bootstrap (1993), chapter 6.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.ndimage import distance_transform_edt
+from torch import Tensor
+
+from svbrdfgan.data.photos.exposure import exposure_factor
+from svbrdfgan.data.photos.light import GLOSS, Evidence, white
+from svbrdfgan.data.photos.overlay import downsample
+from svbrdfgan.data.reflectance_errors import no_errors
+from svbrdfgan.geometry.camera_hits import camera_hits
+from svbrdfgan.scene.subject import Subject
+from svbrdfgan.types import Camera, Environment, Material, Materials, Rendering, View
+
+_ROUGHNESS = (0.1, 0.6)
+"""Of simulated paint."""
+_STRANGE = 0.3
+"""Standard deviation of the logarithm of the simulated weathering's colour, about that which was assumed."""
+_DARKEST = 0.02
+"""Shading below this share of its mean is not divided by."""
+_GAIN = (0.1, 10.0)
+
+Render = Callable[[Materials, View], Float[Tensor, "height width 3"]]
+"""Makes pictures of the subject's surface, as noisy as those that the import makes."""
+Believe = Callable[[Evidence], Environment]
+"""The light that an import takes a picture's to be."""
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """An imported picture.
+
+    Attributes:
+        subject, camera, size: of its exemplar's scene; width and height.
+        evidence: of its light.
+        shares: how much of each pixel of the evidence is weathered.
+        dirt: the colour that the import takes weathering to have.
+    """
+
+    subject: Subject
+    camera: Camera
+    size: tuple[int, int]
+    evidence: Evidence
+    shares: Float[ndarray, "pixels 1"]
+    dirt: tuple[float, float, float]
+
+
+def simulated_errors(
+    picture: Picture, light: Environment, camera: Camera, believe: Believe, render: Render, rng: np.random.Generator
+) -> Float[Tensor, "height width 8"]:
+    """The errors of the import of one simulated picture (`svbrdfgan.data.reflectance_errors`).
+
+    Args:
+        light: of the simulated picture.
+        camera: that takes it, instead of the one that the import believes in.
+        rng: draws the paint's roughness, and a colour of weathering that the import did not expect.
+    """
+    subject, evidence, size = picture.subject, picture.evidence, picture.size
+    count, view = len(subject.surface.parts), View(camera, light, *size)
+    matt = white(subject.learnable, count)
+    diffuse, gloss = render(matt, view), render(_gloss(subject.learnable, count, rng.uniform(*_ROUGHNESS)), view)
+    radiance = _reduced(diffuse, evidence) * _weathered(picture, rng) + _reduced(gloss, evidence)
+    factor = _exposure(radiance, evidence)
+    believed = believe(replace(evidence, radiance=radiance * factor))
+
+    shading = render(matt, View(picture.camera, believed, *size))
+    hits = camera_hits(subject.surface, camera, *size)
+    lit = torch.minimum(shading, diffuse) > _DARKEST * shading.mean()
+    clear = lit.all(dim=-1).numpy() & np.isin(hits.part, subject.learnable)
+    if not clear.any():
+        return no_errors(*shading.shape[:2])
+    scale = factor / torch.where(torch.from_numpy(clear).unsqueeze(-1), shading, torch.inf)
+    gain, offset = (diffuse * scale).clamp(*_GAIN), (gloss * scale).clamp(max=_GAIN[1]) - GLOSS
+    points = hits.interpolate(subject.surface.positions)
+    shift = torch.from_numpy(_shift(points, picture.camera, size)).float()
+    # where the simulated picture shows nothing, import takes the nearest pixel, too
+    _, (row, col) = distance_transform_edt(~clear, return_indices=True)
+    return torch.cat([gain, offset, shift], dim=-1)[row, col]
+
+
+def _weathered(picture: Picture, rng: np.random.Generator) -> Float[ndarray, "pixels 3"]:
+    """The reflectance that the simulated picture shows: a draw of the model, or the weathering that was estimated."""
+    base, draws = picture.evidence.base, picture.evidence.draws
+    if len(draws):
+        return draws[rng.integers(len(draws))]
+    strange = np.exp(_STRANGE * (rng.normal() + rng.normal(size=3) / 3))
+    return base + picture.shares * (np.asarray(picture.dirt) * strange - base)
+
+
+def _gloss(parts: tuple[int, ...], count: int, roughness: float) -> Materials:
+    """Black gloss on these parts, whose pictures are what gloss adds."""
+    black = Material.lambertian((0.0, 0.0, 0.0))
+    shiny = Material({"base_color": torch.zeros(3), "roughness": torch.tensor([roughness])})
+    return Materials(tuple(shiny if part in parts else black for part in range(count)))
+
+
+def _reduced(picture: Float[Tensor, "height width 3"], evidence: Evidence) -> Float[ndarray, "pixels 3"]:
+    rows, cols = evidence.usable.shape
+    reduced: Float[ndarray, "rows cols 3"] = downsample(picture.permute(2, 0, 1), (cols, rows)).double().numpy()
+    return reduced.transpose(1, 2, 0)[evidence.usable]
+
+
+def _exposure(radiance: Float[ndarray, "pixels 3"], evidence: Evidence) -> float:
+    """The factor by which the picture is exposed like the unweathered mesh."""
+    seen = torch.ones(len(radiance))
+    clean = evidence.base * evidence.white.sum(axis=-1)
+    return exposure_factor(*(Rendering(torch.from_numpy(each), seen) for each in (radiance, clean)))
+
+
+def _shift(
+    points: Float[ndarray, "rows cols 3"], camera: Camera, size: tuple[int, int]
+) -> Float[ndarray, "rows cols 2"]:
+    """From each pixel to where this camera sees the point that another one sees there, pixels to the right and down."""
+    right, up, backward = camera.basis()
+    seen = points - np.asarray(camera.origin)
+    depth = np.maximum(seen @ -backward, 1e-6)
+    scale = size[1] / (2.0 * math.tan(camera.vertical_fov / 2.0))
+    place = np.stack(
+        [scale * (seen @ right) / depth + size[0] / 2, -scale * (seen @ up) / depth + size[1] / 2], axis=-1
+    )
+    row, col = np.mgrid[: size[1], : size[0]]
+    return place - np.stack([col, row], axis=-1) - 0.5
