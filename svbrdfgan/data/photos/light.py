@@ -36,6 +36,9 @@ GLOSS = 0.02
 
 _RIDGE = 0.03
 """Weight of the penalties on how far lobes and gains are from 1, against a picture's mean of squares of residuals."""
+_TINT = 0.3
+"""Weight, in the same units, of the penalty on how far the mean of each channel is from that in grey light: else paint
+that dust makes grey would be taken for light of the complementary colour."""
 _ROUNDS = 8
 """Rounds of reweighted least squares."""
 _SMALL = 0.05
@@ -242,12 +245,19 @@ def _solve(
     trust: Float[ndarray, " pixels"],
     ridge: float,
 ) -> Float[ndarray, "3 lobes"]:
-    """Weights by least squares: of grey light, regularised to one; then of each channel, regularised to the grey."""
+    """Weights by least squares: of grey light, regularised to one; then of each channel, regularised to the grey.
+
+    The mean of each channel is held to that in grey light more than its lobes are.
+    """
     weighted = seen * trust[:, None, None]
     squares = [weighted[:, c].T @ seen[:, c] for c in range(3)]
     products = [weighted[:, c].T @ radiance[:, c] for c in range(3)]
     grey = _positive(sum(squares) / 3, sum(products) / 3, np.ones(seen.shape[-1]), ridge)
-    return np.stack([_positive(squares[c], products[c], grey, ridge) for c in range(3)])
+    weights = []
+    for square, product, mean in zip(squares, products, weighted.sum(axis=0), strict=True):
+        held = square + _TINT / max(float(mean @ grey), 1e-9) * np.outer(mean, mean)
+        weights.append(_positive(held, product + _TINT * mean, grey, ridge))
+    return np.stack(weights)
 
 
 def _positive(
