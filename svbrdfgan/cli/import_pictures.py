@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 def command(manifest: Path, overrides: tuple[str, ...], out: Path, preview: bool) -> None:
     """Make a data set of the pictures that MANIFEST names, each with its mesh and an approximate camera.
 
-    If anything is wrong, all errors are listed and nothing is written. KEY=VALUE replaces a value of MANIFEST.
+    Pictures that cannot be used are left out, each with a warning. Of other errors all are listed, and nothing is
+    written. KEY=VALUE replaces a value of MANIFEST.
     """
     with progress(f"reading {manifest}") as display:
         from svbrdfgan.data.photos.build import OVERLAYS, SHEET, import_pictures

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from svbrdfgan.data.gather import gather_environments, match_files
@@ -39,6 +40,8 @@ from svbrdfgan.utils.display import Display, SilentDisplay
 OVERLAYS = "overlay"
 SHEET = "contact-sheet.png"
 RECORD = "imported.json"
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -98,13 +101,19 @@ def import_pictures(
         with errors.context("environments"):
             files = match_files(manifest.environments.files, base)
             pool = gather_environments(manifest.environments, files, manifest.environment_rows, stage)
-        photos = check_pictures(job, meshes)
-        errors.raise_if_any()
-        exposures: Sequence[float | None] = [None] * len(photos)
+        usable = check_pictures(job, meshes)
+        job.require_some(usable)
+        photos = list(usable.values())
+        _warn(job)
+        job = replace(
+            job, manifest=manifest.keeping(usable), labels=tuple(labels[number] for number in usable), unusable={}
+        )
+        exposures: Mapping[int, float | None] = dict.fromkeys(range(len(photos)))
         if not preview:
             exposures = convert_photos(job, meshes, pool, photos, stage, model)
-            errors.raise_if_any()
-        records = _records(manifest, photos, exposures)
+            _warn(job)
+        manifest, photos = job.manifest.keeping(exposures), [photos[number] for number in sorted(exposures)]
+        records = _records(manifest, photos, [exposures[number] for number in sorted(exposures)])
         _draw(stage, photos, records)
         kept = [OVERLAYS] if preview else [OVERLAYS, RECORD, "assets", "cache", *manifest.config().splits, INDEX]
         (stage / RECORD).write_text(
@@ -112,6 +121,15 @@ def import_pictures(
         )
         _publish(stage, folder, kept)
     return records
+
+
+def _warn(job: ImportJob) -> None:
+    """A warning for each picture that is left out."""
+    for lines in job.unusable.values():
+        for line in lines:
+            log.warning("%s", line)
+    if job.unusable:
+        log.warning("%d of %d pictures are left out", len(job.unusable), len(job.manifest.pictures))
 
 
 def _expected(manifest: Manifest, base: Path) -> TrainedModel | None:

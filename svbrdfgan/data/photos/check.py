@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -82,6 +82,7 @@ class ImportJob:
         manifest: with the pictures of its captures among `pictures`.
         base: the folder that the manifest's files are relative to.
         labels: where the manifest has each picture, such as "pictures[3]".
+        unusable: why pictures cannot be used, by their numbers; they spoil no others.
     """
 
     manifest: Manifest
@@ -89,6 +90,24 @@ class ImportJob:
     errors: ErrorCollector
     display: Display
     labels: tuple[str, ...]
+    unusable: dict[int, list[str]] = field(default_factory=dict)
+
+    @contextmanager
+    def picture(self, number: int) -> Iterator[None]:
+        """Notes an error of the block, which makes the picture unusable, and goes on after the block."""
+        try:
+            yield
+        except SvbrdfganError as error:
+            start = f"{self.errors.source}: {self.labels[number]}: "
+            file = self.manifest.pictures[number].file
+            lines = [line if file in line else f"{file}: {line}" for line in str(error).splitlines()]
+            self.unusable.setdefault(number, []).extend(start + line for line in lines)
+
+    def require_some(self, usable: Collection[int]) -> None:
+        """Raises ConfigError, with a line for each error, if there were other errors or no picture to train on."""
+        if self.errors.messages or not self.manifest.keeping(usable).meshes("train"):
+            self.errors.messages += [line for lines in self.unusable.values() for line in lines]
+            self.errors.raise_if_any()
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,19 +158,18 @@ def check_environments(job: ImportJob) -> None:
     _require_names(files, "environments", job.errors)
 
 
-def check_pictures(job: ImportJob, meshes: Mapping[str, Mesh]) -> tuple[RectifiedPhoto, ...]:
-    """The rectified pictures: all of them in order, unless errors were collected."""
-    pictures, film, errors = job.manifest.pictures, job.manifest.image, job.errors
+def check_pictures(job: ImportJob, meshes: Mapping[str, Mesh]) -> dict[int, RectifiedPhoto]:
+    """The rectified pictures by their numbers, in order; the job notes why others are missing."""
+    pictures, film = job.manifest.pictures, job.manifest.image
     job.display.begin("pictures checked", len(pictures))
-    photos = []
-    for entry, label in zip(pictures, job.labels, strict=True):
-        with errors.context(label):
+    photos = {}
+    for number, entry in enumerate(pictures):
+        with job.picture(number):
             photo = load_photo(job.base / entry.file, None if entry.mask is None else job.base / entry.mask)
             if entry.mesh in meshes:
-                with errors.context(f"{label}: {entry.file}"):
-                    photos.append(_rectified(entry, photo, meshes[entry.mesh], film, job.manifest.refine_cameras))
+                photos[number] = _rectified(entry, photo, meshes[entry.mesh], film, job.manifest.refine_cameras)
         job.display.advance()
-    return tuple(photos)
+    return photos
 
 
 def _rectified(entry: PictureEntry, photo: Photo, mesh: Mesh, film: tuple[int, int], refine: bool) -> RectifiedPhoto:

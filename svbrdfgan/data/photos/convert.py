@@ -93,25 +93,43 @@ def convert_photos(
     photos: Sequence[RectifiedPhoto],
     folder: Path,
     model: TrainedModel | None = None,
-) -> list[float]:
-    """Writes the data set, and returns the exposure factor of each picture. Errors are collected in the job.
+) -> dict[int, float]:
+    """Writes the data set, and returns the exposure factor of each picture in it; the job notes why others are missing.
 
     Args:
         model: says which weathering the pictures are expected to show.
     """
     index = _index(job.manifest, meshes, pool, folder)
     converter = _Converter.open(job, index, folder, model)
-    exposures = [0.0] * len(photos)
+    exposures: dict[int, float] = {}
     at = places(job.manifest)
     order = sorted(range(len(photos)), key=at.__getitem__)  # a mesh is prepared once
     shared = _shared_lights(job, converter, photos, order)
     job.display.begin("exemplars", len(photos))
     for number in order:
-        with job.errors.context(f"{job.labels[number]}: {photos[number].entry.file}"):
-            exposures[number] = converter.convert(photos[number], number, at[number], shared.get(number))
+        with job.picture(number):
+            if number not in job.unusable:
+                exposures[number] = converter.convert(photos[number], number, at[number], shared.get(number))
         job.display.advance()
+    job.require_some(exposures)
+    kept = job.manifest.keeping(exposures)
+    if len(exposures) < len(photos):
+        _close_ranks([at[number] for number in sorted(exposures)], places(kept), folder)
+        index = _index(kept, meshes, pool, folder)
     index.save(folder)
     return exposures
+
+
+def _close_ranks(before: Sequence[Place], after: Sequence[Place], folder: Path) -> None:
+    """Renames the files of exemplars where others before them are missing, in order, so that no name is taken."""
+    for old, new in sorted(zip(before, after, strict=True)):
+        for path, wanted in zip(_files(folder, old), _files(folder, new), strict=True):
+            if path.is_file():
+                path.rename(wanted)
+
+
+def _files(folder: Path, place: Place) -> tuple[Path, ...]:
+    return (*exemplar_paths(folder, *place), errors_path(folder, *place))
 
 
 def _shared_lights(
@@ -128,7 +146,7 @@ def _shared_lights(
     for group, members in enumerate(groups.values()):
         found: dict[int, Evidence] = {}
         for number in members:
-            with job.errors.context(f"{job.labels[number]}: {photos[number].entry.file}"):
+            with job.picture(number):
                 evidence = converter.evidence(photos[number], number)
                 found[number] = evidence.thinned(max(_LEAST_EVIDENCE, _MOST_EVIDENCE // len(members)))
             job.display.advance()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -206,6 +207,11 @@ class Manifest(SharedConfig):
         """The files of all meshes, in the order in which pictures and captures first name them."""
         named = [entry.mesh for entry in self.pictures] + [capture.mesh for capture in self.captures]
         return tuple(dict.fromkeys(named))
+
+    def keeping(self, numbers: Collection[int]) -> Manifest:
+        """The manifest with these of its `pictures` alone; captures must be among them."""
+        kept = tuple(entry for number, entry in enumerate(self.pictures) if number in numbers)
+        return self.model_copy(update={"pictures": kept, "captures": ()})
 
     def mesh_alignment(self, mesh: str) -> Alignment:
         """What moves a mesh from the axes of its file to the data set's."""

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 import torch.nn.functional as F
+from PIL import Image
 from stand_ins import SHOULDER, SMALL, StandIn
 
 from svbrdfgan.config.yaml_files import load_yaml
@@ -120,6 +121,42 @@ def test_every_picture_is_an_exemplar(photographs: Photographs, imported: Any, e
         *(f"{n:04d}.png" for n in range(4)),
         "contact-sheet.png",
     ]
+
+
+def test_bad_pictures_are_left_out_and_spoil_no_others(
+    photographs: Photographs, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """One fails when it is read, and one when it is exposed: then the exemplars after it move up."""
+    Image.new("RGB", (240, 160)).save(tmp_path / "black.png")
+    (tmp_path / "torn.jpg").write_bytes(b"\xff\xd8 torn")
+    entries = [dict(entry) for entry in load_yaml(photographs[0] / "manifest.yaml")["pictures"]]
+    for entry in entries:
+        entry.pop("mask", None)
+    entries[0]["file"], entries[3]["file"] = str(tmp_path / "black.png"), str(tmp_path / "torn.jpg")
+    manifest = declared(photographs, pictures=entries, bootstrap=1)
+    records = import_pictures(manifest, tmp_path / "own", base=photographs[0])
+    assert [one.file for one in records] == [entries[1]["file"], entries[2]["file"]]
+    assert [one.exemplar for one in records] == ["train/000000", "train/000001"]
+    said = caplog.messages
+    assert "pictures[3]: " in said[0]
+    assert "torn.jpg" in said[0]
+    assert said[1] == "1 of 4 pictures are left out"
+    assert "pictures[0]: " in said[2]
+    assert "the picture is black" in said[2]
+    assert said[3] == "1 of 3 pictures are left out"
+
+    dataset = Dataset.open(tmp_path / "own")
+    assert sorted(path.name for path in (tmp_path / "own" / "train").iterdir()) == [
+        f"{n:06d}.{suffix}" for n in range(2) for suffix in ("errors.safetensors", "exr", "json")
+    ]
+    found = load_exemplars(dataset, "train")
+    assert [Path(scene.mesh.path).stem for scene in found.scenes] == ["car_0", "car_1"]
+    assert [mesh.views for mesh in dataset.index.meshes["train"]] == [1, 1]
+    assert load_errors(tmp_path / "own", "train", 2) is not None
+
+    with pytest.raises(ConfigError, match="the picture is black"):
+        import_pictures(declared(photographs, pictures=entries[:1], paint={}), tmp_path / "none", base=photographs[0])
+    assert not (tmp_path / "none").exists()
 
 
 def test_scenes_keep_paint_camera_and_that_the_truth_is_unknown(photographs: Photographs, exemplars: Exemplars) -> None:

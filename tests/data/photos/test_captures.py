@@ -225,6 +225,7 @@ def test_pictures_without_a_camera_are_left_out_with_a_warning(base: Path, caplo
 
 
 Change = Callable[[dict[str, Any]], object]
+TINY: dict[str, Any] = {"image": [16, 16], "texture": 16}
 
 
 @pytest.mark.parametrize(
@@ -261,12 +262,21 @@ Change = Callable[[dict[str, Any]], object]
         (lambda d: d.update(k1=-9.0), r".*the distortion \(-9.0, 0.05, 0.004, -0.003\) folds the picture"),
     ],
 )
-def test_what_is_wrong_in_transforms_is_one_line(change: Change, said: str, base: Path) -> None:
+def test_what_is_wrong_in_transforms_is_one_line(
+    change: Change, said: str, base: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """An error, or a warning where the other picture can be used."""
     Image.new("RGB", SIZE).save(base / "images" / "unmasked.png")
     data = nerf(PICTURES)
     change(data)
     (base / "transforms.json").write_text(json.dumps(data))
-    line = errors(base, capture("transforms.json"))[0]
+    contents = read_manifest({"captures": [capture("transforms.json")], **TINY}, "m.yaml")
+    try:
+        import_pictures(contents, base / "own", base=base, source="m.yaml", preview=True)
+        line = next(said for said in caplog.messages if said.startswith("m.yaml"))
+        assert re.match(r"\d of \d pictures are left out", caplog.messages[-1])
+    except ConfigError as error:
+        line = str(error).splitlines()[0]
     assert re.match(rf"m.yaml: captures\[0\]: (images/|\./)?{said}", line), line
 
 
@@ -278,9 +288,14 @@ def test_of_many_errors_the_first_are_listed() -> None:
 
 
 def errors(base: Path, *captures: dict[str, Any]) -> list[str]:
-    data = {"captures": captures, "image": [16, 16], "texture": 16}
     with pytest.raises(ConfigError) as caught:
-        import_pictures(read_manifest(data, "m.yaml"), base / "own", base=base, source="m.yaml", preview=True)
+        import_pictures(
+            read_manifest({"captures": captures, **TINY}, "m.yaml"),
+            base / "own",
+            base=base,
+            source="m.yaml",
+            preview=True,
+        )
     assert not (base / "own").exists()
     return str(caught.value).splitlines()
 
