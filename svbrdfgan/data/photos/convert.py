@@ -35,9 +35,10 @@ from svbrdfgan.data.photos.light import (
     white,
 )
 from svbrdfgan.data.photos.manifest import Manifest
-from svbrdfgan.data.reflectance_errors import errors_path, save_errors
+from svbrdfgan.data.reflectance_errors import errors_path, no_errors, save_errors
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset, MeshAsset, clamped
 from svbrdfgan.data.trained_model import TrainedModel
+from svbrdfgan.errors import AssetError
 from svbrdfgan.io.environment import load_environment
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
@@ -233,13 +234,7 @@ class _Converter:
         scene = self._scene(photo, number)
         clean, exposed, factor = self._exposed(photo, scene)
         if self.manifest.bootstrap or (shared is None and self._estimates(photo)):
-            evidence = self._evidence(scene, exposed, _turn(photo))
-            estimate = estimate_light([evidence], self.manifest.weathering_color)
-            if shared is None and self._estimates(photo):
-                shared = EstimatedLight(self._stored(f"light of picture {number}", estimate), 1.0)
-            if self.manifest.bootstrap:
-                drawn = [self._errors(photo, scene, evidence, estimate, n) for n in range(self.manifest.bootstrap)]
-                save_errors(errors_path(self.loader.folder, *place), torch.stack(drawn))
+            shared = self._studied(photo, scene, exposed, shared, number, place)
         if shared is not None:
             turned = shared.environment.model_copy(update={"rotation_degrees": math.degrees(_turn(photo))})
             scene, factor = scene.model_copy(update={"environment": turned}), factor * shared.gain
@@ -248,6 +243,33 @@ class _Converter:
         save_exemplar(picture, Rendering(matt.image * self._noise(scene), matt.coverage))
         scene.save(record)
         return factor
+
+    def _studied(
+        self,
+        photo: RectifiedPhoto,
+        scene: Scene,
+        exposed: Rendering,
+        shared: EstimatedLight | None,
+        number: int,
+        place: Place,
+    ) -> EstimatedLight | None:
+        """The light of the picture if it is estimated; and writes how far imports of pictures like it are off."""
+        count, path = self.manifest.bootstrap, errors_path(self.loader.folder, *place)
+        try:
+            evidence = self._evidence(scene, exposed, _turn(photo))
+        except AssetError:
+            if self._estimates(photo):
+                raise
+            save_errors(path, no_errors(scene.height, scene.width).expand(count, -1, -1, -1))
+            return None
+        estimate = estimate_light([evidence], self.manifest.weathering_color)
+        if count:
+            save_errors(
+                path, torch.stack([self._errors(photo, scene, evidence, estimate, draw) for draw in range(count)])
+            )
+        if shared is None and self._estimates(photo):
+            return EstimatedLight(self._stored(f"light of picture {number}", estimate), 1.0)
+        return shared
 
     def evidence(self, photo: RectifiedPhoto, number: int) -> Evidence:
         """What a picture says of its light, before it is turned with the camera."""
@@ -295,9 +317,10 @@ class _Converter:
 
     def _camera_error(self, photo: RectifiedPhoto) -> float:
         """How far the picture's camera may be off, degrees."""
-        if isinstance(photo.entry.camera, CalibratedCamera):
-            return _CALIBRATED_DEGREES
-        return self.manifest.camera_error_degrees if photo.refinement is None else _REFINED_DEGREES
+        if photo.refinement is not None:
+            return _REFINED_DEGREES
+        calibrated = isinstance(photo.entry.camera, CalibratedCamera)
+        return _CALIBRATED_DEGREES if calibrated else self.manifest.camera_error_degrees
 
     def _exposed(self, photo: RectifiedPhoto, scene: Scene) -> tuple[Rendering, Rendering, float]:
         """The clean rendering, the picture exposed like it, and the factor that does that."""

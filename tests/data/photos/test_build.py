@@ -22,7 +22,7 @@ from svbrdfgan.data.index import Dataset, DatasetIndex
 from svbrdfgan.data.photos.build import ImportedPicture, import_pictures
 from svbrdfgan.data.photos.light import GLOSS, white
 from svbrdfgan.data.photos.manifest import Manifest, read_manifest
-from svbrdfgan.data.reflectance_errors import load_errors
+from svbrdfgan.data.reflectance_errors import load_errors, no_errors
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.plugins.registry import load_renderer
@@ -187,6 +187,20 @@ def test_masks_agree_with_good_cameras_and_not_with_bad_ones(photographs: Photog
     assert "correct the camera or the mask" in records[0].doubts[0]
 
 
+def test_a_picture_in_known_light_may_show_little(photographs: Photographs, tmp_path: Path) -> None:
+    """Nothing is estimated from it, and its fakes get no errors."""
+    from svbrdfgan.io.environment import save_environment
+
+    save_environment(tmp_path / "street.exr", torch.full((8, 16, 3), 3.0))
+    entry = load_yaml(photographs[0] / "manifest.yaml")["pictures"][0]
+    far = {**entry, "environment": str(tmp_path / "street.exr")}
+    manifest = declared(photographs, pictures=[far], paint={}, image=[8, 8], bootstrap=2)
+    import_pictures(manifest, tmp_path / "own", base=photographs[0])
+    errors = load_errors(tmp_path / "own", "train", 1)
+    assert errors is not None
+    assert torch.equal(errors.values[0, 0].float(), no_errors(8, 8))
+
+
 def test_cameras_of_masked_pictures_are_refined(photographs: Photographs, tmp_path: Path) -> None:
     pictures = load_yaml(photographs[0] / "manifest.yaml")["pictures"]
     for entry in pictures:
@@ -238,8 +252,12 @@ def test_a_light_that_is_known_is_the_scene_s_own(photographs: Photographs, tmp_
     save_environment(tmp_path / "street.exr", torch.full((8, 16, 3), 3.0))
     entry = load_yaml(photographs[0] / "manifest.yaml")["pictures"][0]
     known = {"environment": str(tmp_path / "street.exr"), "environment_rotation_degrees": 40.0}
-    changed = declared(photographs, pictures=[{**entry, **known}], paint={}, light="estimated")
+    changed = declared(photographs, pictures=[{**entry, **known}], paint={}, light="estimated", bootstrap=2)
     import_pictures(changed, tmp_path / "own", base=photographs[0])
+    errors = load_errors(tmp_path / "own", "train", 1)
+    assert errors is not None
+    tint = errors.values[..., :3].float().flatten(0, -2).median(dim=0).values
+    assert torch.allclose(tint / tint[1], torch.ones(3), atol=0.05)  # the light has no error; gloss and exposure do
     (scene,) = load_exemplars(Dataset.open(tmp_path / "own"), "train").scenes
     assert scene.environment.asset.path == "assets/environments/own street.exr"
     assert scene.environment.rotation_degrees == 40
