@@ -43,7 +43,7 @@ class BatchSource:
         real: the exemplars on the device, with the buffers of their own scenes that the discriminator is shown, and
             with the labels of their layers.
         demodulated: whether the discriminator sees reflectance instead of radiance.
-        errors: what imported exemplars may have, which fakes get, too; None for others.
+        errors: those that the exemplars' import may have made, for fakes to have, too; None if they were rendered.
     """
 
     exemplars: Exemplars

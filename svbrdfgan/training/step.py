@@ -90,7 +90,8 @@ def make_pair(
     fakes' cameras and back, so that both sides are blurred alike, and both keep only the pixels that this leaves.
 
     Args:
-        errors: what reflectance of imported pictures may have, for fakes in the exemplars' cameras to have likewise.
+        errors: those that the exemplars' import may have made (`svbrdfgan.data.reflectance_errors`); fakes in the
+            exemplars' cameras get them, too.
     """
     real = source.real.pick(indices)
     image, coverage = scenes.render(layers)
@@ -100,10 +101,10 @@ def make_pair(
     if own is None or others is None:
         raise TypeError(f"{type(scenes).__name__} has no light to divide by; `TrainConfig` refuses this earlier")
     real_image, real_clear = reproject(own.reflectance(real.image), own.clear, own, others, own)
-    shown = others.reflectance(image)
+    fake = others.reflectance(image)
     if errors is not None:
-        shown = with_errors(shown, errors).clamp(0.0, MAX_REFLECTANCE)
-    fake_image, fake_clear = reproject(shown, others.clear, others, own, own)
+        fake = with_errors(fake, errors).clamp(0.0, MAX_REFLECTANCE)
+    fake_image, fake_clear = reproject(fake, others.clear, others, own, own)
     clear = real_clear & fake_clear
     both = [torch.where(clear.unsqueeze(-1), shown, 0.0) for shown in (real_image, fake_image)]
     sides = [replace(real, image=image, coverage=clear.float()) for image in both]

@@ -7,7 +7,6 @@ Introduction to the Bootstrap (1993), chapter 6.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -18,6 +17,7 @@ from numpy import ndarray
 from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
+from svbrdfgan.data.photos.calibrated_camera import CalibratedCamera
 from svbrdfgan.data.photos.exposure import exposure_factor
 from svbrdfgan.data.photos.light import GLOSS, Evidence, white
 from svbrdfgan.data.photos.overlay import downsample
@@ -125,12 +125,7 @@ def _shift(
     points: Float[ndarray, "rows cols 3"], camera: Camera, size: tuple[int, int]
 ) -> Float[ndarray, "rows cols 2"]:
     """From each pixel to where this camera sees the point that another one sees there, pixels to the right and down."""
-    right, up, backward = camera.basis()
-    seen = points - np.asarray(camera.origin)
-    depth = np.maximum(seen @ -backward, 1e-6)
-    scale = size[1] / (2.0 * math.tan(camera.vertical_fov / 2.0))
-    place = np.stack(
-        [scale * (seen @ right) / depth + size[0] / 2, -scale * (seen @ up) / depth + size[1] / 2], axis=-1
-    )
+    seen = (points - np.asarray(camera.origin)) @ camera.basis().T
+    film = CalibratedCamera.of(camera, size).project(seen) * (1, -1)
     row, col = np.mgrid[: size[1], : size[0]]
-    return place - np.stack([col, row], axis=-1) - 0.5
+    return np.nan_to_num((film + 1) / 2 * size - np.stack([col, row], axis=-1) - 0.5)

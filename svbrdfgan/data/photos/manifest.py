@@ -169,8 +169,8 @@ class Manifest(SharedConfig):
     bootstrap: int = Field(
         default=4,
         ge=0,
-        description="pictures simulated after each one and imported likewise; fakes get the errors that these imports "
-        "make, so that they do not tell fakes apart; 0: none",
+        description="pictures that are simulated after each one and imported likewise; fakes get the errors of these "
+        "imports, else the discriminator would know fakes by having none; 0: none",
     )
     weathering_color: Reflectance = Field(
         default=(0.18, 0.18, 0.18),
