@@ -22,6 +22,8 @@ from svbrdfgan.data.exemplar_files import exemplar_paths
 from svbrdfgan.errors import AssetError
 from svbrdfgan.utils.copy_async import copy_async
 
+MAX_REFLECTANCE = 1.5
+"""Above 1, so that noise is not cut off on one side; bounded, since the discriminator sees the result."""
 _CHANNELS = 8
 """Gain and offset of three channels each, and two of shift."""
 

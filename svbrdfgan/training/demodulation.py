@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from svbrdfgan.data.reflectance_errors import MAX_REFLECTANCE
 from svbrdfgan.rendering.transport.product import TransportBatch
 
 Image = Float[Tensor, "batch height width 3"]
@@ -25,8 +26,6 @@ _DARKEST = 0.02
 """Shading below this share of the picture's mean is not divided by: the quotient would be noise."""
 _LEAST_SHARE = 0.5
 """Least learnable share of a pixel, and least known share of its texels, for which its reflectance is given."""
-MAX_REFLECTANCE = 1.5
-"""Above 1, so that noise is not cut off on one side; bounded, since the discriminator sees the result."""
 _LEAST_WEIGHT = 1e-4
 """Texels with less weight in all pixels together count as not seen."""
 

@@ -11,12 +11,12 @@ from jaxtyping import Int
 from lightning_fabric import Fabric
 from torch import Tensor, nn
 
-from svbrdfgan.data.reflectance_errors import with_errors
+from svbrdfgan.data.reflectance_errors import MAX_REFLECTANCE, with_errors
 from svbrdfgan.networks.losses import LOSSES, gradient_penalty, gradient_square
 from svbrdfgan.networks.random_fields import MOST_SEEDS
 from svbrdfgan.training.batches import BatchSource
 from svbrdfgan.training.config import LossConfig, TrainConfig
-from svbrdfgan.training.demodulation import MAX_REFLECTANCE, reproject
+from svbrdfgan.training.demodulation import reproject
 from svbrdfgan.training.discriminator_batch import DiscriminatorBatch, ImageBatch, Pictures, composite_pair
 from svbrdfgan.training.scene_batch import Coverage, Images, Layers, SceneBatch
 from svbrdfgan.training.state import State

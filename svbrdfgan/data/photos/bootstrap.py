@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.ndimage import distance_transform_edt
 from torch import Tensor
@@ -21,8 +21,9 @@ from svbrdfgan.data.photos.calibrated_camera import CalibratedCamera
 from svbrdfgan.data.photos.exposure import exposure_factor
 from svbrdfgan.data.photos.light import GLOSS, Evidence, white
 from svbrdfgan.data.photos.overlay import downsample
+from svbrdfgan.data.photos.pairs import USUAL_ROUGHNESS, FlashShading, shading_of_pair
 from svbrdfgan.data.reflectance_errors import no_errors
-from svbrdfgan.geometry.camera_hits import camera_hits
+from svbrdfgan.geometry.camera_hits import CameraHits, camera_hits
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Camera, Environment, Material, Materials, Rendering, View
 
@@ -60,7 +61,13 @@ class Picture:
 
 
 def simulated_errors(
-    picture: Picture, light: Environment, camera: Camera, believe: Believe, render: Render, rng: np.random.Generator
+    picture: Picture,
+    light: Environment,
+    camera: Camera,
+    believe: Believe,
+    render: Render,
+    rng: np.random.Generator,
+    clean: Materials | None = None,
 ) -> Float[Tensor, "height width 8"]:
     """The errors of the import of one simulated picture (`svbrdfgan.data.reflectance_errors`).
 
@@ -68,28 +75,93 @@ def simulated_errors(
         light: of the simulated picture.
         camera: that takes it, instead of the one that the import believes in.
         rng: draws the paint's roughness, and a colour of weathering that the import did not expect.
+        clean: the unweathered mesh, if a picture of it is simulated, too.
     """
     subject, evidence, size = picture.subject, picture.evidence, picture.size
     count, view = len(subject.surface.parts), View(camera, light, *size)
     matt = white(subject.learnable, count)
     diffuse, gloss = render(matt, view), render(_gloss(subject.learnable, count, rng.uniform(*_ROUGHNESS)), view)
-    radiance = _reduced(diffuse, evidence) * _weathered(picture, rng) + _reduced(gloss, evidence)
+    there = None if clean is None else _base(render(clean, view), diffuse)
+    shown = _weathered(picture, rng) if there is None else evidence.base
+    radiance = _reduced(diffuse, evidence) * shown + _reduced(gloss, evidence)
     factor = _exposure(radiance, evidence)
     believed = believe(replace(evidence, radiance=radiance * factor))
 
-    shading = render(matt, View(picture.camera, believed, *size))
-    hits = camera_hits(subject.surface, camera, *size)
-    lit = torch.minimum(shading, diffuse) > _DARKEST * shading.mean()
-    clear = lit.all(dim=-1).numpy() & np.isin(hits.part, subject.learnable)
+    own = View(picture.camera, believed, *size)
+    shading, hits = render(matt, own), camera_hits(subject.surface, camera, *size)
+    clear = (torch.minimum(shading, diffuse) > _DARKEST * shading.mean()).all(dim=-1)
+    clear &= torch.from_numpy(np.isin(hits.part, subject.learnable))
+    if clean is not None and there is not None:
+        base = _base(render(clean, own), shading)
+        lit, known = shading_of_pair((diffuse * there + gloss) * factor, base, shading)
+        clear &= known
+        gain = _gain(diffuse * factor, lit, clear)
+        return _placed(gain, base - gain * there, hits, picture, clear, filled=True)
+    offset = (gloss * factor / torch.where(clear.unsqueeze(-1), shading, torch.inf)).clamp(max=_GAIN[1]) - GLOSS
+    return _placed(_gain(diffuse * factor, shading, clear), offset, hits, picture, clear)
+
+
+def flash_errors(
+    picture: Picture,
+    flash: FlashShading,
+    hits: CameraHits,
+    gain: Callable[[Evidence, np.random.Generator], Float[ndarray, " 3"]],
+    rng: np.random.Generator,
+) -> Float[Tensor, "height width 8"]:
+    """The errors of the import of one simulated picture in the light of a flash.
+
+    Args:
+        flash: the shading that the import believes in.
+        hits: what the camera that takes the simulated picture sees.
+        gain: by how much an import of a picture is too bright, of the evidence of its light.
+        rng: draws a colour of weathering that the import did not expect, and is handed to `gain`.
+    """
+    true, evidence = FlashShading.of(hits), picture.evidence
+    clear = flash.clear & true.clear & torch.from_numpy(np.isin(hits.part, picture.subject.learnable))
+    seen = replace(evidence, radiance=_weathered(picture, rng) * evidence.white[..., 0])
+    scaled = (
+        _gain(true.values.unsqueeze(-1), flash.values.unsqueeze(-1), clear) * torch.from_numpy(gain(seen, rng)).float()
+    )
+    gloss = true.gloss(rng.uniform(*_ROUGHNESS)) * scaled - flash.gloss(USUAL_ROUGHNESS)
+    return _placed(scaled, gloss, hits, picture, clear, filled=True)
+
+
+def _gain(
+    true: Float[Tensor, "height width *c"],
+    believed: Float[Tensor, "height width *c"],
+    clear: Bool[Tensor, "height width"],
+) -> Float[Tensor, "height width *c"]:
+    """True shading over the believed one, where that is clear."""
+    return (true / torch.where(clear.unsqueeze(-1), believed, torch.inf)).clamp(*_GAIN)
+
+
+def _base(seen: Float[Tensor, "height width 3"], shading: Float[Tensor, "height width 3"]) -> Float[Tensor, ...]:
+    """The reflectance of what is seen."""
+    return (seen / torch.where(shading > 0, shading, torch.inf)).clamp(0, 1)
+
+
+def _placed(
+    gain: Float[Tensor, "height width 3"],
+    offset: Float[Tensor, "height width 3"],
+    hits: CameraHits,
+    picture: Picture,
+    clear: Bool[Tensor, "height width"],
+    filled: bool = False,
+) -> Float[Tensor, "height width 8"]:
+    """The errors, with the shift to where the camera of these hits shows what belongs there.
+
+    Args:
+        filled: whether the import shows the nearest clear pixel where one is not clear.
+    """
     if not clear.any():
-        return no_errors(*shading.shape[:2])
-    scale = factor / torch.where(torch.from_numpy(clear).unsqueeze(-1), shading, torch.inf)
-    gain, offset = (diffuse * scale).clamp(*_GAIN), (gloss * scale).clamp(max=_GAIN[1]) - GLOSS
-    points = hits.interpolate(subject.surface.positions)
-    shift = torch.from_numpy(_shift(points, picture.camera, size)).float()
-    # where the simulated picture shows nothing, import takes the nearest pixel, too
-    _, (row, col) = distance_transform_edt(~clear, return_indices=True)
-    return torch.cat([gain, offset, shift], dim=-1)[row, col]
+        return no_errors(*clear.shape)
+    points = hits.interpolate(picture.subject.surface.positions)
+    shift = torch.from_numpy(_shift(points, picture.camera, picture.size)).float()
+    _, (row, col) = distance_transform_edt(~clear.numpy(), return_indices=True)
+    errors = torch.cat([gain, offset, shift], dim=-1)[row, col]
+    if filled:
+        errors[..., 6:] += torch.from_numpy(np.stack([col, row], axis=-1) - _places(picture.size))
+    return errors
 
 
 def _weathered(picture: Picture, rng: np.random.Generator) -> Float[ndarray, "pixels 3"]:
@@ -127,5 +199,10 @@ def _shift(
     """From each pixel to where this camera sees the point that another one sees there, pixels to the right and down."""
     seen = (points - np.asarray(camera.origin)) @ camera.basis().T
     film = CalibratedCamera.of(camera, size).project(seen) * (1, -1)
+    return np.nan_to_num((film + 1) / 2 * size - _places(size) - 0.5)
+
+
+def _places(size: tuple[int, int]) -> Int[ndarray, "rows cols 2"]:
+    """Column and row of each pixel."""
     row, col = np.mgrid[: size[1], : size[0]]
-    return np.nan_to_num((film + 1) / 2 * size - np.stack([col, row], axis=-1) - 0.5)
+    return np.stack([col, row], axis=-1)

@@ -116,7 +116,9 @@ class RectifiedPhoto:
 
     Attributes:
         camera: the data set's camera.
-        film: linear RGB and coverage, both multiplied by the mask; without one, coverage is 1 inside the picture.
+        film: linear RGB and coverage, both multiplied by the mask; without one, coverage is 1 inside the picture. Of a
+            picture with flash, what the flash adds.
+        before: the same of the clean object, if there is such a picture.
         masked: whether there is a mask.
         overlay: the picture with the outlines of mesh and mask.
         iou: intersection over union of mask and silhouette.
@@ -127,6 +129,7 @@ class RectifiedPhoto:
     entry: PictureEntry
     camera: OrbitCamera
     film: Float[Tensor, "4 height width"]
+    before: Float[Tensor, "4 height width"] | None
     masked: bool
     overlay: Image
     iou: float | None
@@ -166,13 +169,31 @@ def check_pictures(job: ImportJob, meshes: Mapping[str, Mesh]) -> dict[int, Rect
     for number, entry in enumerate(pictures):
         with job.picture(number):
             photo = load_photo(job.base / entry.file, None if entry.mask is None else job.base / entry.mask)
+            second = None if entry.second is None else _second(job.base / entry.second, photo)
             if entry.mesh in meshes:
-                photos[number] = _rectified(entry, photo, meshes[entry.mesh], film, job.manifest.refine_cameras)
+                photos[number] = _rectified(entry, photo, second, meshes[entry.mesh], film, job.manifest.refine_cameras)
         job.display.advance()
     return photos
 
 
-def _rectified(entry: PictureEntry, photo: Photo, mesh: Mesh, film: tuple[int, int], refine: bool) -> RectifiedPhoto:
+def _second(path: Path, first: Photo) -> Float[Tensor, "height width 3"]:
+    photo = load_photo(path, None)
+    if photo.size != first.size:
+        raise AssetError(
+            f"{path} is {photo.size[0]} x {photo.size[1]} pixels and the other picture of its pair {first.size[0]} x "
+            f"{first.size[1]}: both must be taken alike, from one tripod."
+        )
+    return photo.image
+
+
+def _rectified(
+    entry: PictureEntry,
+    photo: Photo,
+    second: Float[Tensor, "height width 3"] | None,
+    mesh: Mesh,
+    film: tuple[int, int],
+    refine: bool,
+) -> RectifiedPhoto:
     camera, size, refinement = _calibrated(entry, photo), drawing_size(*photo.size), None
     if refine and photo.mask is not None and not isinstance(entry.camera, CalibratedCamera):
         pinhole, refinement = refine_camera(entry.camera.camera(), mesh, photo.mask)
@@ -198,10 +219,20 @@ def _rectified(entry: PictureEntry, photo: Photo, mesh: Mesh, film: tuple[int, i
     iou = intersection_over_union(mask, silhouette) if masked else None
     if iou is not None and iou < _LEAST_OVERLAP:
         raise AssetError(f"the mask is not where the camera sees the mesh (IoU {iou:.2f}): correct one of them.")
+    own, before = photo.image, None
+    if second is not None and entry.without_flash is not None:
+        own = (own - second).clamp(min=0)
+
+    def warped(image: Float[Tensor, "height width 3"]) -> Float[Tensor, "4 rows cols"]:
+        return rectify(torch.cat([image.permute(2, 0, 1) * weight, weight]), camera, target.camera(), film)
+
+    if second is not None and entry.before is not None:
+        before = warped(second)
     return RectifiedPhoto(
         entry=entry,
         camera=target,
-        film=rectify(torch.cat([color * weight, weight]), camera, target.camera(), film),
+        film=warped(own),
+        before=before,
         masked=masked,
         overlay=overlay(seen[:3], parts, mask if masked else None),
         iou=iou,

@@ -19,6 +19,7 @@ _LEVEL = 0.1
 """Horizontal part of a direction below which it counts as vertical."""
 
 Share = Annotated[float, Field(ge=0, le=1)]
+Positive = Annotated[float, Field(gt=0)]
 Reflectance = tuple[Share, Share, Share]
 """Linear RGB."""
 
@@ -85,6 +86,21 @@ class PictureEntry(SharedLight):
         default=None,
         description="linear base colour of the learnable parts in this picture; `null`: that of the manifest's `paint`",
     )
+    before: str | None = Field(
+        default=None,
+        description="the same picture of the clean object: same tripod, light, exposure and white balance; its shading "
+        "is then known",
+    )
+    without_flash: str | None = Field(
+        default=None,
+        description="the same picture without the flash that lights `file` from beside the lens; their difference is "
+        "used, so that both must be linear EXR files to be exact",
+    )
+    flash: tuple[Positive, Positive, Positive] | None = Field(
+        default=None,
+        description="how bright the flash makes white paper at a metre in `file`, each channel, linear; `null`: "
+        "estimated for each picture",
+    )
     environment: str | None = Field(default=None, description="the light, where it is known")
     environment_rotation_degrees: float = Field(default=0.0, description="its turn about the vertical")
 
@@ -95,6 +111,22 @@ class PictureEntry(SharedLight):
         if self.environment is not None and self.light_group is not None:
             raise ValueError("light_group is for light that is estimated, and 'environment' names a known one")
         return self
+
+    @model_validator(mode="after")
+    def _is_one_pair(self) -> PictureEntry:
+        if self.flash is not None and self.without_flash is None:
+            raise ValueError("flash says how bright the flash of 'without_flash' is, and none is named")
+        if self.without_flash is None:
+            return self
+        others = {"before": self.before, "environment": self.environment, "light_group": self.light_group}
+        if more := [name for name, value in others.items() if value is not None]:
+            raise ValueError(f"without_flash leaves the light of the flash alone: leave out {more[0]!r}")
+        return self
+
+    @property
+    def second(self) -> str | None:
+        """The other picture of the same place, if there is one."""
+        return self.before or self.without_flash
 
     @property
     def heading(self) -> float:

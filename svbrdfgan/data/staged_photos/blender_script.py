@@ -17,6 +17,8 @@ from mathutils import Matrix, Vector
 
 Shot = dict[str, Any]
 GREY = 0.18
+MOST = 6e4
+"""Half precision holds no more than 65,504."""
 SAMPLED = 256  # columns of the map by which Cycles chooses directions: its own choice takes seconds to make
 SENSOR = 24.0
 """Height in millimetres."""
@@ -25,14 +27,32 @@ Y_UP = Matrix(((1, 0, 0), (0, 0, -1), (0, 1, 0)))
 
 
 def take(shot: Shot) -> None:
-    """Renders, exposes and develops one picture."""
+    """Takes one picture, and another from the same tripod with the same exposure if it is wanted."""
+    seen = radiance(shot, shot["mesh"])
+    exposure = meter(shot, seen)
+    develop(shot, seen, exposure, shot["photo"], 0)
+    second = shot["second"]
+    if second is None:
+        return
+    other = seen if second["mesh"] is None else radiance(shot, second["mesh"])
+    if second["flash"] is not None:
+        lit = radiance(shot, second["mesh"] or shot["mesh"], flash=True)
+        other[..., :3] += lit[..., :3] * second["flash"] / exposure
+    develop(shot, other, exposure, second["photo"], 1)
+
+
+def radiance(shot: Shot, mesh: str, flash: bool = False) -> np.ndarray:
+    """Renders the mesh; in the light of the flash alone, a white matt surface at the target's distance is 1."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    bpy.ops.import_scene.gltf(filepath=shot["mesh"])
+    bpy.ops.import_scene.gltf(filepath=mesh)
     scene = bpy.context.scene
-    light(scene, shot)
     if shot["ground"] is not None:
         stand(shot["ground"])
     aim(scene, shot)
+    if flash:
+        shine(scene, shot)
+    else:
+        light(scene, shot)
     render = scene.render
     render.engine = "CYCLES"
     render.resolution_x, render.resolution_y, render.resolution_percentage = shot["width"], shot["height"], 100
@@ -51,7 +71,7 @@ def take(shot: Shot) -> None:
         image = bpy.data.images.load(str(linear))
         pixels = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(pixels)
-    develop(scene, shot, pixels.reshape(shot["height"], shot["width"], 4))
+    return pixels.reshape(shot["height"], shot["width"], 4)
 
 
 def light(scene: Any, shot: Shot) -> None:
@@ -103,29 +123,47 @@ def aim(scene: Any, shot: Shot) -> None:
     scene.camera = camera
 
 
-def develop(scene: Any, shot: Shot, pixels: np.ndarray) -> None:
-    """Meters, balances the white, adds the sensor's noise, applies the tone curve and compresses."""
-    rng = np.random.default_rng(shot["seed"])
+def shine(scene: Any, shot: Shot) -> None:
+    """A flash beside the lens."""
+    scene.world = bpy.data.worlds.new("night")
+    scene.world.use_nodes = True
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
+    origin, target = (Y_UP @ Vector(shot[name]) for name in ("origin", "target"))
+    flash = bpy.data.lights.new("flash", "POINT")
+    flash.energy, flash.shadow_soft_size = 4 * math.pi**2 * (target - origin).length_squared, 0.0
+    thing = bpy.data.objects.new("flash", flash)
+    thing.location = origin
+    scene.collection.objects.link(thing)
+
+
+def meter(shot: Shot, pixels: np.ndarray) -> float:
+    """The exposure, a factor on radiance."""
+    if shot["exposure_stops"] is None:
+        return 1.0
     linear = pixels[..., :3] * np.array(shot["gain"], np.float32)
-    if shot["exposure_stops"] is not None:
-        seen = linear[pixels[..., 3] > 0.5] if not shot["background"] else linear.reshape(-1, 3)
-        luminance = np.maximum(seen @ np.array([0.2126, 0.7152, 0.0722], np.float32), 1e-6)
-        linear = linear * (GREY / np.exp(np.log(luminance).mean()) * 2.0 ** shot["exposure_stops"])
-    shown = np.maximum(linear, 0.0)
+    seen = linear[pixels[..., 3] > 0.5] if not shot["background"] else linear.reshape(-1, 3)
+    luminance = np.maximum(seen @ np.array([0.2126, 0.7152, 0.0722], np.float32), 1e-6)
+    return float(GREY / np.exp(np.log(luminance).mean()) * 2.0 ** shot["exposure_stops"])
+
+
+def develop(shot: Shot, pixels: np.ndarray, exposure: float, photo: str, number: int) -> None:
+    """Exposes, balances the white, adds the sensor's noise, applies the tone curve and compresses."""
+    rng, scene = np.random.default_rng([shot["seed"], number]), bpy.context.scene
+    shown = np.maximum(pixels[..., :3] * np.array(shot["gain"], np.float32) * exposure, 0.0)
     noise = shot["noise"] * GREY * np.sqrt(0.5 + 0.5 * shown / GREY)  # half of it read noise, half of it photons
-    pixels[..., :3] = np.maximum(shown + noise * rng.normal(size=shown.shape), 0.0)
-    pixels[..., 3] = 1.0
+    taken = np.ones_like(pixels)
+    taken[..., :3] = np.clip(shown + noise * rng.normal(size=shown.shape), 0.0, MOST)
     image = bpy.data.images.new("photograph", shot["width"], shot["height"], float_buffer=True)
-    image.pixels.foreach_set(pixels.astype(np.float32).ravel())
+    image.pixels.foreach_set(taken.ravel())
     settings = scene.render.image_settings
     if shot["view"] is None:
-        settings.file_format, settings.color_depth = "OPEN_EXR", "32"
+        settings.file_format, settings.color_depth = "OPEN_EXR", "16"
         image.file_format = "OPEN_EXR"
-        image.save_render(shot["photo"], scene=scene)
+        image.save_render(photo, scene=scene)
         return
     settings.file_format, settings.color_mode, settings.quality = "JPEG", "RGB", shot["jpeg_quality"]
     scene.view_settings.view_transform = shot["view"]
-    image.save_render(shot["photo"], scene=scene, quality=shot["jpeg_quality"])
+    image.save_render(photo, scene=scene, quality=shot["jpeg_quality"])
 
 
 for number, each in enumerate(json.loads(Path(sys.argv[-1]).read_text(encoding="utf-8"))):

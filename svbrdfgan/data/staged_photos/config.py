@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -10,11 +10,13 @@ from svbrdfgan.config.distributions import Choice, Integer, Name, Number, Unifor
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, ProceduralSkies
 
-VIEWS = ("AgX", "Filmic", "Standard")
-"""Blender's view transforms that look like a camera's."""
+RAW = "Raw"
+VIEWS = ("AgX", "Filmic", "Standard", RAW)
+"""Blender's view transforms that look like a camera's, and no curve at all."""
 F_NUMBER = (0.5, 1000.0)
 CAMERA_ERROR = (-0.9, 9.0)
 SHARE = (0.0, 1.0)
+FLASH = (0.01, 100.0)
 """Bounds; draws of `normal` beyond are clamped, too."""
 
 
@@ -25,7 +27,8 @@ class Photography(StrictModel):
     bounces: int = Field(default=8, ge=0, description="of light; 0 is light from the environment alone")
     view: Name = Field(
         default=Choice[str](choice=("AgX", "Filmic")),
-        description="Blender's view transform, the camera's tone curve: `AgX`, `Filmic` or `Standard` (plain sRGB)",
+        description="Blender's view transform, the camera's tone curve: `AgX`, `Filmic` or `Standard` (plain sRGB); "
+        "`Raw` writes linear EXR files instead of JPEG",
     )
     exposure_stops: Number = Field(
         default=Uniform(uniform=(-0.5, 0.5)),
@@ -48,6 +51,15 @@ class Photography(StrictModel):
     )
     ground: bool = Field(default=True, description="stands the mesh on a rough floor")
     background: bool = Field(default=True, description="shows the environment behind it; `false`: black")
+    pairs: Literal["before", "flash"] | None = Field(
+        default=None,
+        description="takes two pictures from each place with one exposure: `before`, also of the clean mesh; `flash`, "
+        "also with a flash beside the lens",
+    )
+    flash: Annotated[Number, within(*FLASH)] = Field(
+        default=Uniform(uniform=(0.5, 1.0)),
+        description="how bright it makes white paper at the target's distance, before the curve",
+    )
     masks: Annotated[float, Field(ge=0, le=1)] = Field(default=1.0, description="share of the pictures with a mask")
     camera_error_degrees: Number = Field(
         default=Uniform(uniform=(-1.0, 1.0)), description="of azimuth and elevation in the manifest, each"

@@ -23,8 +23,24 @@ _SAID = 500  # characters of what Blender said last
 
 
 @dataclass(frozen=True)
+class Second:
+    """Another photograph from the same tripod, with the same exposure.
+
+    Attributes:
+        photo: the file to write.
+        mesh: that stands there then; None for the same.
+        flash: the value, before the tone curve and the balance of white, of a white matt surface that faces the flash,
+            which is beside the lens, at the target's distance; None without a flash.
+    """
+
+    photo: str
+    mesh: str | None = None
+    flash: float | None = None
+
+
+@dataclass(frozen=True)
 class Shot:
-    """All that one photograph depends on.
+    """All that one photograph depends on, and another from the same tripod.
 
     Attributes:
         photo: the file to write: JPEG, or EXR without `view`.
@@ -60,6 +76,7 @@ class Shot:
     view: str | None = None
     noise: float = 0.0
     jpeg_quality: int = 90
+    second: Second | None = None
 
 
 def find_blender(program: str | None = None) -> list[str]:

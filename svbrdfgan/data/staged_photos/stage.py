@@ -8,7 +8,7 @@ import shutil
 import tempfile
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +22,16 @@ from svbrdfgan.data.gather import gather_environments, match_files
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.make_index import make_index
 from svbrdfgan.data.sampler import clamped
-from svbrdfgan.data.staged_photos.config import CAMERA_ERROR, F_NUMBER, SHARE, Photography, StagedPhotosConfig
-from svbrdfgan.data.staged_photos.cycles import Shot, find_blender, take
+from svbrdfgan.data.staged_photos.config import (
+    CAMERA_ERROR,
+    F_NUMBER,
+    FLASH,
+    RAW,
+    SHARE,
+    Photography,
+    StagedPhotosConfig,
+)
+from svbrdfgan.data.staged_photos.cycles import Second, Shot, find_blender, take
 from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.geometry.camera_hits import camera_hits
@@ -51,6 +59,7 @@ class StagedPhoto(StrictModel):
         claimed: the camera in the manifest.
         gain: the camera's factor on each channel of radiance, besides its exposure.
         masked: whether the manifest has a mask.
+        flash: that is beside the camera for the second picture; None without one.
     """
 
     scene: Scene
@@ -63,6 +72,12 @@ class StagedPhoto(StrictModel):
     jpeg_quality: int
     ground: tuple[float, float, float] | None
     masked: bool
+    flash: float | None = None
+
+    @property
+    def suffix(self) -> str:
+        """Of its file."""
+        return ".exr" if self.view == RAW else ".jpg"
 
 
 def stage_photos(
@@ -96,9 +111,9 @@ def stage_photos(
     stage = _Stage(config, folder, index, SceneLoader(truth, keep=False))
     photos = [stage.draw(number) for number in range(len(index.sampler("train")))]
     shown.begin("photographs", len(photos))
-    shown.advance(sum(stage.photo(number).is_file() for number in range(len(photos))))
+    shown.advance(sum(stage.photo(number, photo).is_file() for number, photo in enumerate(photos)))
     for numbers in _by_mesh(photos):
-        missing = [number for number in numbers if not stage.photo(number).is_file()]
+        missing = [number for number in numbers if not stage.photo(number, photos[number]).is_file()]
         if missing:
             stage.take(missing, [photos[number] for number in missing], program, shown)
     return stage.write_manifest(photos, base)
@@ -111,8 +126,12 @@ class _Stage:
     index: DatasetIndex
     loader: SceneLoader
 
-    def photo(self, number: int) -> Path:
-        return self.folder / "photos" / f"{number:06d}.jpg"
+    def photo(self, number: int, photo: StagedPhoto) -> Path:
+        return self.folder / "photos" / f"{number:06d}{photo.suffix}"
+
+    def second(self, number: int, photo: StagedPhoto) -> Path:
+        """The other picture of a pair."""
+        return self.folder / "photos" / f"{number:06d}-{self.config.photography.pairs}{photo.suffix}"
 
     def mask(self, number: int) -> Path:
         return self.folder / "masks" / f"{number:06d}.png"
@@ -140,13 +159,14 @@ class _Stage:
             jpeg_quality=said.jpeg_quality.sample(rng),
             ground=_GROUND[int(rng.integers(len(_GROUND)))] if said.ground else None,
             masked=bool(rng.random() < said.masks),
+            flash=clamped(said.flash.sample(rng), FLASH) if said.pairs == "flash" else None,
         )
 
     def take(
         self, numbers: Sequence[int], photos: Sequence[StagedPhoto], program: Sequence[str], shown: Display
     ) -> None:
         """Photographs of one mesh. Each appears whole, after its mask and its truth."""
-        self.photo(0).parent.mkdir(parents=True, exist_ok=True)
+        (self.folder / "photos").mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=self.folder, prefix=".taking-") as place:
             shots = [self._shot(photo, Path(place), number) for number, photo in zip(numbers, photos, strict=True)]
             for done in take(shots, program):
@@ -154,7 +174,9 @@ class _Stage:
                 save_record(self.folder / TRUTH / "photos" / f"{number:06d}.json", photo)
                 if photo.masked:
                     self._save_mask(photo.scene, self.mask(number))
-                os.replace(shots[done].photo, self.photo(number))
+                if (second := shots[done].second) is not None:
+                    os.replace(second.photo, self.second(number, photo))
+                os.replace(shots[done].photo, self.photo(number, photo))
                 shown.advance(1)
         self.loader.forget()
 
@@ -176,11 +198,18 @@ class _Stage:
         return self.folder / MANIFEST
 
     def _entry(self, number: int, photo: StagedPhoto) -> dict[str, Any]:
+        file, pairs = self.photo(number, photo), self.config.photography.pairs
         entry: dict[str, Any] = {
-            "file": str(self.photo(number).relative_to(self.folder)),
+            "file": str((self.second(number, photo) if pairs == "flash" else file).relative_to(self.folder)),
             "mesh": f"meshes/{Path(photo.scene.mesh.path).name}",
             "camera": photo.claimed.model_dump(mode="json"),
         }
+        if pairs == "before":
+            entry["before"] = str(self.second(number, photo).relative_to(self.folder))
+        if photo.flash is not None:
+            entry["without_flash"] = str(file.relative_to(self.folder))
+            if photo.view == RAW:  # what white paper at a metre would have been measured to be
+                entry["flash"] = [photo.flash * gain * photo.scene.camera.distance**2 for gain in photo.gain]
         if photo.masked:
             entry["mask"] = str(self.mask(number).relative_to(self.folder))
         if photo.scene.materials:
@@ -191,10 +220,15 @@ class _Stage:
         scene, said = photo.scene, self.config.photography
         subject, camera = self.loader.subject(scene), scene.camera.camera()
         mesh = place / f"{number}.glb"
-        weathered = subject.materials(self.loader.layer(scene), scene.maps, base_colors=scene.materials)
-        save_materials(mesh, subject, weathered)
+        layer = self.loader.layer(scene)
+        save_materials(mesh, subject, subject.materials(layer, scene.maps, base_colors=scene.materials))
+        clean, second = place / f"{number}-clean.glb", str(place / f"{number}-second{photo.suffix}")
+        if said.pairs == "before":
+            assert layer is not None  # staged photographs show weathering
+            transparent = replace(layer, values=torch.zeros_like(layer.values))
+            save_materials(clean, subject, subject.materials(transparent, scene.maps, base_colors=scene.materials))
         return Shot(
-            photo=str(place / f"{number}.jpg"),
+            photo=str(place / f"{number}{photo.suffix}"),
             mesh=str(mesh),
             environment=str(self.loader.file(scene.environment.asset).resolve()),
             rotation=math.radians(scene.environment.rotation_degrees),
@@ -212,9 +246,12 @@ class _Stage:
             ground=photo.ground,
             gain=photo.gain,
             exposure_stops=photo.exposure_stops,
-            view=photo.view,
+            view=None if photo.view == RAW else photo.view,
             noise=photo.noise,
             jpeg_quality=photo.jpeg_quality,
+            second=None
+            if said.pairs is None
+            else Second(second, mesh=str(clean) if said.pairs == "before" else None, flash=photo.flash),
         )
 
     def _gain(self, scene: Scene, share: float) -> tuple[float, float, float]:
