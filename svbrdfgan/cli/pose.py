@@ -37,5 +37,7 @@ def command(images: Path, out: Path, masks: Path | None) -> None:
 
 def _sentence(posed: PosedPictures) -> str:
     count = len(posed.placed) + len(posed.others)
-    placed = f"{len(posed.placed)} of {count} pictures placed, with a mean reprojection error of {posed.error:.2f} pixels"
+    placed = (
+        f"{len(posed.placed)} of {count} pictures placed, with a mean reprojection error of {posed.error:.2f} pixels"
+    )
     return f"{placed}; not placed: {', '.join(posed.others)}" if posed.others else placed

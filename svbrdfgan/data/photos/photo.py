@@ -66,7 +66,7 @@ def find_photo(path: Path) -> Path:
 
 
 def find_mask(folder: Path, name: str) -> Path:
-    """The mask of the picture of this name: there or in a subfolder, its suffix replaced or followed by `.png`, or kept.
+    """The mask of the picture of this name, with or without its folders, the suffix replaced or followed by `.png`.
 
     Raises:
         AssetError: there is none.

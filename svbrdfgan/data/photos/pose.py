@@ -9,6 +9,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
 from svbrdfgan.data.photos.check import ErrorCollector
 from svbrdfgan.data.photos.photo import find_mask, load_photo
 from svbrdfgan.errors import AssetError, ConfigError
@@ -25,7 +29,10 @@ _MOST_EXHAUSTIVE = 200
 """Pictures above which each is matched with those near it in the order of names, instead of with all."""
 _LONGEST_SIDE = 1600
 """Pixels of a picture's longer side; features are found in a smaller copy of larger pictures."""
+_MOST_FEATURES = 4096
+"""Of each picture, the largest; the time of matching grows with their square."""
 _ORIENTATION = 0x0112
+"""The EXIF tag; 1 is upright."""
 
 
 @dataclass(frozen=True)
@@ -43,13 +50,11 @@ class PosedPictures:
     error: float
 
 
-def pose_pictures(
-    images: Path, out: Path, masks: Path | None = None, display: Display | None = None
-) -> PosedPictures:
+def pose_pictures(images: Path, out: Path, masks: Path | None = None, display: Display | None = None) -> PosedPictures:
     """Writes the COLMAP model of a folder of pictures, which `read_colmap` reads: of several, the largest.
 
     Pictures are PNG and JPEG files, also in subfolders. Those of one size share a camera, which has the lens model
-    SIMPLE_RADIAL. The same pictures give the same model on the same machine.
+    SIMPLE_RADIAL. The model's Y is up if the camera was not rolled; its unit and its turn about Y are arbitrary.
 
     Args:
         out: a folder that is new or empty.
@@ -68,13 +73,14 @@ def pose_pictures(
     with folder_beside(out) as stage:
         sizes = _prepare(images, masks, names, stage, display)
         model = _largest(_models(pycolmap, stage, sizes, display), images)
+        placed = tuple(sorted(model.image(number).name for number in model.reg_image_ids()))
+        model.transform(pycolmap.Sim3d(1.0, pycolmap.Rotation3d(_upright(model)), np.zeros(3)))
         written = stage / "model"
         written.mkdir()
         model.write(written)
         out.mkdir(exist_ok=True)
         for file in sorted(written.iterdir()):
             shutil.move(file, out / file.name)
-    placed = tuple(sorted(model.image(number).name for number in model.reg_image_ids()))
     return PosedPictures(placed, tuple(sorted({*names} - {*placed})), model.compute_mean_reprojection_error())
 
 
@@ -113,8 +119,8 @@ def _prepare(
         with errors.context(name):
             photo = load_photo(images / name, None if masks is None else find_mask(masks, name))
             sizes.setdefault(photo.size, []).append(name)
-            shown = photo.image[..., 0] >= 0 if photo.mask is None else photo.mask > 0.5
-            save_codes(stage / "masks" / f"{name}.png", 255 * shown, 8)
+            mask = photo.image.new_ones(photo.image.shape[:2]) if photo.mask is None else photo.mask
+            save_codes(stage / "masks" / f"{name}.png", 255 * (mask > 0.5), 8)
             _copy_upright(images / name, stage / "images" / name)
         display.advance()
     errors.raise_if_any()
@@ -157,15 +163,18 @@ def _models(
     return list(models.values())
 
 
-def _extract(
-    pycolmap: ModuleType, stage: Path, database: Path, sizes: Mapping[tuple[int, int], Sequence[str]]
-) -> None:
+def _extract(pycolmap: ModuleType, stage: Path, database: Path, sizes: Mapping[tuple[int, int], Sequence[str]]) -> None:
     reader, options = pycolmap.ImageReaderOptions(), pycolmap.FeatureExtractionOptions()
     reader.camera_model, reader.mask_path = LENS_MODEL, stage / "masks"
     options.max_image_size, options.num_threads = _LONGEST_SIDE, cores()
-    single, cpu = pycolmap.CameraMode.SINGLE, pycolmap.Device.cpu
-    for names in sizes.values():
-        pycolmap.extract_features(database, stage / "images", names, single, reader, options, device=cpu)
+    options.sift.max_num_features = _MOST_FEATURES
+    pycolmap.Database.open(database).close()
+    for names in sizes.values():  # numbers them in this order; the threads below would in that in which they finish
+        pycolmap.import_images(database, stage / "images", pycolmap.CameraMode.SINGLE, names, reader)
+    every = [name for names in sizes.values() for name in names]
+    pycolmap.extract_features(
+        database, stage / "images", every, reader_options=reader, extraction_options=options, device=pycolmap.Device.cpu
+    )
 
 
 def _match(pycolmap: ModuleType, database: Path, *, exhaustive: bool) -> None:
@@ -182,3 +191,14 @@ def _largest(models: Sequence[Any], images: Path) -> Any:
             "and give --masks if the background stands still while the object turns."
         )
     return max(models, key=lambda model: model.num_reg_images())
+
+
+def _upright(model: Any) -> Float[ndarray, "3 3"]:
+    """The rotation that takes up to +Y: the direction most nearly perpendicular to the rows of all pictures."""
+    turns = np.stack([model.image(number).cam_from_world().rotation.matrix() for number in model.reg_image_ids()])
+    rows, down = turns[:, 0], turns[:, 1].sum(axis=0)
+    up = np.linalg.eigh(rows.T @ rows).eigenvectors[:, 0]
+    up = -up if up @ down > 0 else up
+    side = np.cross(up, np.eye(3)[np.abs(up).argmin()])
+    side /= np.linalg.norm(side)
+    return np.stack([side, up, np.cross(side, up)])
