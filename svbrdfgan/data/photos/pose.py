@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -31,6 +32,7 @@ _LONGEST_SIDE = 1600
 """Pixels of a picture's longer side; features are found in a smaller copy of larger pictures."""
 _MOST_FEATURES = 4096
 """Of each picture, the largest; the time of matching grows with their square."""
+_NEAR = math.cos(math.radians(20))
 _ORIENTATION = 0x0112
 """The EXIF tag; 1 is upright."""
 
@@ -54,7 +56,7 @@ def pose_pictures(images: Path, out: Path, masks: Path | None = None, display: D
     """Writes the COLMAP model of a folder of pictures, which `read_colmap` reads: of several, the largest.
 
     Pictures are PNG and JPEG files, also in subfolders. Those of one size share a camera, which has the lens model
-    SIMPLE_RADIAL. The model's Y is up if the camera was not rolled; its unit and its turn about Y are arbitrary.
+    SIMPLE_RADIAL. The model's Y is about up if the camera was held upright; its unit and turn about Y are arbitrary.
 
     Args:
         out: a folder that is new or empty.
@@ -194,11 +196,17 @@ def _largest(models: Sequence[Any], images: Path) -> Any:
 
 
 def _upright(model: Any) -> Float[ndarray, "3 3"]:
-    """The rotation that takes up to +Y: the direction most nearly perpendicular to the rows of all pictures."""
+    """The rotation that takes up to +Y.
+
+    Up is perpendicular to the rows of all pictures, if that is near the mean of their columns: it is of a camera that
+    was never rolled, also where it looked down from one side alone. Else up is that mean.
+    """
     turns = np.stack([model.image(number).cam_from_world().rotation.matrix() for number in model.reg_image_ids()])
-    rows, down = turns[:, 0], turns[:, 1].sum(axis=0)
-    up = np.linalg.eigh(rows.T @ rows).eigenvectors[:, 0]
-    up = -up if up @ down > 0 else up
+    rows, mean = turns[:, 0], -turns[:, 1].sum(axis=0)
+    mean /= np.linalg.norm(mean)
+    axis = np.linalg.eigh(rows.T @ rows).eigenvectors[:, 0]
+    axis *= np.sign(axis @ mean)
+    up = axis if axis @ mean > _NEAR else mean
     side = np.cross(up, np.eye(3)[np.abs(up).argmin()])
     side /= np.linalg.norm(side)
     return np.stack([side, up, np.cross(side, up)])
