@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class _Dataset(click.Command):
-    """The command `dataset`, or `dataset import` or `dataset photograph` if that is the first word.
+    """The command `dataset`, or `dataset import`, `dataset pose` or `dataset photograph` if that is the first word.
 
     A group would take CONFIG for the name of a command. A CONFIG of such a name is given as `./import`.
     """
@@ -27,6 +27,10 @@ class _Dataset(click.Command):
             from svbrdfgan.cli import import_pictures
 
             return import_pictures.command.make_context(f"{info_name} import", args[1:], parent, **extra)
+        if args[:1] == ["pose"]:
+            from svbrdfgan.cli import pose
+
+            return pose.command.make_context(f"{info_name} pose", args[1:], parent, **extra)
         if args[:1] == ["photograph"]:
             from svbrdfgan.cli import photograph
 
@@ -37,8 +41,8 @@ class _Dataset(click.Command):
 @click.command(
     "dataset",
     cls=_Dataset,
-    epilog="`svbrdfgan dataset import MANIFEST` makes a data set of your own pictures. `svbrdfgan dataset photograph "
-    "CONFIG` lets Blender photograph the scenes of one.",
+    epilog="`svbrdfgan dataset import MANIFEST` makes a data set of your own pictures. `svbrdfgan dataset pose IMAGES` "
+    "finds their cameras by COLMAP. `svbrdfgan dataset photograph CONFIG` lets Blender photograph the scenes of one.",
 )
 @click.argument("config", type=click.Path(path_type=Path, dir_okay=False))
 @click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")

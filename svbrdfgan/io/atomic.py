@@ -1,9 +1,10 @@
-"""Atomic file writes: a file is either complete or absent."""
+"""Atomic writes: a file or folder is either complete or absent."""
 
 from __future__ import annotations
 
 import os
 import secrets
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -33,3 +34,18 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             temporary.unlink()
+
+
+@contextmanager
+def folder_beside(folder: Path) -> Iterator[Path]:
+    """A temporary folder next to the final one, deleted when the block ends. Missing parent folders are created.
+
+    Raises:
+        AssetError: files cannot be written there.
+    """
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as stage:
+            yield Path(stage)
+    except OSError as error:
+        raise AssetError(f"{folder} cannot be written ({error.strerror or error}); choose another place.") from error

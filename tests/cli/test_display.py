@@ -246,6 +246,7 @@ LONG_WORK = [
     ("dataset {dataset} -o {out} --dry-run", "svbrdfgan.data.estimate.estimate", "making a few exemplars"),
     ("dataset {dataset} -o {out} --preview", "svbrdfgan.data.estimate.preview", "rendering the preview"),
     ("dataset import {manifest} -o {out}", "svbrdfgan.data.photos.manifest.read_manifest", "reading"),
+    ("dataset pose {folder} -o {out}", "svbrdfgan.data.photos.pose.pose_pictures", "looking into"),
     ("probe {train}", "svbrdfgan.evaluation.leakage.probe.probe_shortcuts", "opening the data set"),
     ("train {train} -o {out}", "svbrdfgan.training.trainer.train", "opening the data set"),
     ("evaluate {out}", "svbrdfgan.evaluation.evaluate.evaluate", "opening"),

@@ -91,8 +91,10 @@ def test_the_command_for_distributions_is_as_it_was() -> None:
         command.make_context("dataset", ["import", "m.yaml", "-o", "out", "--dry-run"])
 
 
-def test_both_commands_are_in_the_help() -> None:
-    assert "dataset import MANIFEST" in invoke("dataset", "--help").stdout
+def test_all_commands_are_in_the_help() -> None:
+    text = invoke("dataset", "--help").stdout
+    assert "dataset import MANIFEST" in text
+    assert "dataset pose IMAGES" in text
     text = invoke("dataset", "import", "--help").stdout
     assert "Usage: svbrdfgan dataset import" in text.replace("main", "svbrdfgan")
     assert "--preview" in text

@@ -6,9 +6,7 @@ import json
 import logging
 import os
 import shutil
-import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -30,7 +28,8 @@ from svbrdfgan.data.photos.overlay import contact_sheet
 from svbrdfgan.data.photos.refine import Refinement
 from svbrdfgan.data.sampler import EnvironmentAsset
 from svbrdfgan.data.trained_model import TrainedModel
-from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.io.atomic import folder_beside
 from svbrdfgan.models.shipped import model_folder
 from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.scene.description import Scene
@@ -92,7 +91,7 @@ def import_pictures(
     manifest, labels = expand_captures(manifest, base, errors)
     model = _expected(manifest, base)
     job = ImportJob(manifest, base, errors, display or SilentDisplay(), labels)
-    with _stage(folder) as stage:
+    with folder_beside(folder) as stage:
         meshes = check_meshes(job)
         check_environments(job)
         with errors.context("embedding"):
@@ -181,17 +180,6 @@ def _require_free(folder: Path) -> None:
     # so that no file of the user's is overwritten; a preview leaves its overlays there
     if folder.is_file() or (folder.is_dir() and {path.name for path in folder.iterdir()} - {OVERLAYS}):
         raise ConfigError(f"{folder} already exists and holds more than overlays; choose another folder or delete it.")
-
-
-@contextmanager
-def _stage(folder: Path) -> Iterator[Path]:
-    """A temporary folder next to the final one, deleted when the block ends."""
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as stage:
-            yield Path(stage)
-    except OSError as error:
-        raise AssetError(f"{folder} cannot be written ({error.strerror or error}); choose another place.") from error
 
 
 def _publish(stage: Path, folder: Path, names: Sequence[str]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from svbrdfgan.config.models import validate
@@ -13,7 +13,7 @@ from svbrdfgan.data.photos.check import ErrorCollector
 from svbrdfgan.data.photos.colmap import read_colmap
 from svbrdfgan.data.photos.frames import Frame
 from svbrdfgan.data.photos.manifest import Capture, Manifest, PictureEntry
-from svbrdfgan.data.photos.photo import SUFFIXES, find_photo
+from svbrdfgan.data.photos.photo import SUFFIXES, find_mask, find_photo
 from svbrdfgan.data.photos.transforms import read_transforms
 from svbrdfgan.errors import AssetError, ConfigError
 
@@ -97,18 +97,7 @@ def _entry(capture: Capture, images: Path, frame: Frame, base: Path) -> PictureE
 def _mask(capture: Capture, images: Path, frame: Frame, base: Path) -> str | None:
     if capture.masks is None:
         return None if frame.mask is None else str(images / frame.mask)
-    folder, name = base / capture.masks, Path(frame.name)
-    choices = [*_mask_names(folder / name), *_mask_names(folder / name.name)]
-    for path in choices:
-        if path.is_file():
-            return _relative(path, base)
-    raise AssetError(f"{choices[0]} does not exist; wanted a mask of each picture, or no 'masks'.")
-
-
-def _mask_names(path: Path) -> Iterator[Path]:
-    yield path.with_suffix(".png")
-    yield path.with_name(f"{path.name}.png")
-    yield path
+    return _relative(find_mask(base / capture.masks, frame.name), base)
 
 
 def _relative(path: Path, base: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,6 +65,19 @@ def find_photo(path: Path) -> Path:
     return next((file for file in found if file.is_file()), path)
 
 
+def find_mask(folder: Path, name: str) -> Path:
+    """The mask of the picture of this name, with or without its folders, the suffix replaced or followed by `.png`.
+
+    Raises:
+        AssetError: there is none.
+    """
+    choices = [*_mask_names(folder / name), *_mask_names(folder / Path(name).name)]
+    for path in choices:
+        if path.is_file():
+            return path
+    raise AssetError(f"{choices[0]} does not exist; wanted a mask of each picture, or no 'masks'.")
+
+
 def photo_size(path: Path) -> tuple[int, int]:
     """Width and height of a picture as `load_photo` gives it.
 
@@ -72,6 +86,12 @@ def photo_size(path: Path) -> tuple[int, int]:
     """
     height, width = _load(path).shape[:2]
     return width, height
+
+
+def _mask_names(path: Path) -> Iterator[Path]:
+    yield path.with_suffix(".png")
+    yield path.with_name(f"{path.name}.png")
+    yield path
 
 
 def _load_mask(path: Path, picture: Path, size: tuple[int, int]) -> Float[Tensor, "height width"]:
