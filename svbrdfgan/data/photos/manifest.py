@@ -199,7 +199,7 @@ class Manifest(SharedConfig):
         "`weathering_color`",
     )
     bootstrap: int = Field(
-        default=4,
+        default=8,
         ge=0,
         description="pictures that are simulated after each one and imported likewise; fakes get the errors of these "
         "imports, else the discriminator would know fakes by having none; 0: none",

@@ -13,9 +13,12 @@ import torch
 from PIL import Image
 
 from svbrdfgan.config.choices import PartSelection
-from svbrdfgan.data.staged_photos.cycles import Shot, find_blender, take
+from svbrdfgan.data.photos.pairs import FlashShading
+from svbrdfgan.data.staged_photos.cycles import Second, Shot, find_blender, take
+from svbrdfgan.geometry.camera_hits import camera_hits
 from svbrdfgan.io.environment import load_environment, save_environment
 from svbrdfgan.io.exr import load_exr
+from svbrdfgan.io.image import load_image
 from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.sky import build_sky, sample_sky
@@ -92,6 +95,33 @@ def test_cycles_and_our_renderer_see_the_same(
     assert 0.9 < float(other.mean() / own.mean()) < 1.25, "Blender's material reflects some light off its surface"
     apart = (theirs.sum(dim=-1) > 1e-4) != (ours.coverage > 0.5)
     assert apart.float().mean() < 0.02, "the silhouettes agree"
+
+
+def test_a_flash_lights_as_an_import_believes(shot: Shot, subject: Subject, blender: list[str], tmp_path: Path) -> None:
+    """Brightness, cosine and distance; of the red half, where gloss hardly matters."""
+    flash = replace(shot, photo=str(tmp_path / "a.exr"), second=Second(str(tmp_path / "b.exr"), flash=0.8))
+    assert list(take([flash], blender)) == [0]
+    without, lit = (load_image(tmp_path / name)[..., 0] for name in ("a.exr", "b.exr"))
+    camera = Camera(shot.origin, shot.target, vertical_fov=shot.vertical_fov)
+    hits = camera_hits(subject.surface, camera, *SIZE, per_pixel=3)
+    distance = float(np.linalg.norm(np.subtract(shot.origin, shot.target)))
+    shading = FlashShading.of(hits.centres(3))
+    red = (hits.hit & (hits.interpolate(subject.surface.positions)[..., 0] > 0.01)).reshape(SIZE[1], 3, SIZE[0], 3)
+    whole = torch.from_numpy(red.all(axis=(1, 3))) & shading.clear
+    found = (lit - without)[whole] / (0.8 * distance**2 * shading.values[whole])
+    assert whole.sum() > 500
+    assert float(found.median()) == pytest.approx(0.6, rel=0.04)
+    assert float((found - found.median()).abs().median()) < 0.03
+
+
+def test_a_second_picture_has_the_first_one_s_exposure(shot: Shot, blender: list[str], tmp_path: Path) -> None:
+    dark = replace(
+        shot, photo=str(tmp_path / "a.exr"), exposure_stops=-3.0, second=Second(str(tmp_path / "b.exr"), shot.mesh)
+    )
+    assert list(take([dark], blender)) == [0]
+    first, second = (load_image(tmp_path / name) for name in ("a.exr", "b.exr"))
+    torch.testing.assert_close(first, second, rtol=2e-3, atol=2e-3)
+    assert float(first[..., :3].mean()) < 0.05
 
 
 def test_a_photograph_is_metered_developed_and_compressed(shot: Shot, blender: list[str], tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from svbrdfgan.data.staged_photos.config import StagedPhotosConfig, staged_photo
 from svbrdfgan.data.staged_photos.cycles import find_blender
 from svbrdfgan.data.staged_photos.stage import StagedPhoto, stage_photos
 from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.io.image import save_image
 from svbrdfgan.io.records import load_record
 from svbrdfgan.scene.loader import SceneLoader
 
@@ -39,7 +41,7 @@ DATA: dict[str, Any] = {
     "photography": {"masks": 0.5, "pool": {"procedural": {"count": 1, "seed": 9}}},
 }
 CAMERA = """
-import json, os, sys
+import json, os, shutil, sys
 from pathlib import Path
 from PIL import Image
 for number, shot in enumerate(json.loads(Path(sys.argv[1]).read_text())):
@@ -48,7 +50,14 @@ for number, shot in enumerate(json.loads(Path(sys.argv[1]).read_text())):
     with Path(os.environ["ALBUM"]).open("a") as album:
         album.write(json.dumps(shot) + "\\n")
     assert Path(shot["mesh"]).is_file() and Path(shot["environment"]).is_file()
-    Image.new("RGB", (shot["width"], shot["height"]), (90, 80, 70)).save(shot["photo"])
+    second = shot["second"]
+    if second and second["mesh"]:
+        assert Path(second["mesh"]).read_bytes() != Path(shot["mesh"]).read_bytes()
+    for photo in [shot["photo"]] + ([second["photo"]] if second else []):
+        if photo.endswith(".exr"):
+            shutil.copy(os.environ["FRAME"], photo)
+        else:
+            Image.new("RGB", (shot["width"], shot["height"]), (90, 80, 70)).save(photo)
     print(f"photograph {number} done", flush=True)
 """
 
@@ -113,6 +122,31 @@ def test_what_is_missing_is_taken_and_nothing_twice(
     assert shots(tmp_path) == 4
     with pytest.raises(ConfigError, match=r"taken otherwise \(photography: masks"):
         stage_photos(config(photography={"masks": 1.0}), tmp_path / "out", base=tmp_path, blender=blender)
+
+
+def test_a_pair_is_two_pictures_from_one_place(blender: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    save_image(tmp_path / "frame.exr", torch.full((32, 48, 3), 0.2))
+    monkeypatch.setenv("FRAME", str(tmp_path / "frame.exr"))
+    entries = {}
+    for pairs, view in (("before", "AgX"), ("flash", "Raw"), ("flash", "AgX")):
+        data = {**DATA["photography"], "pairs": pairs, "view": view}
+        folder = tmp_path / f"{pairs}-{view}"
+        manifest = stage_photos(config(photography=data), folder, base=tmp_path, blender=blender)
+        contents = read_manifest(yaml.safe_load(manifest.read_text()), "manifest")
+        assert len(list((folder / "photos").iterdir())) == 8
+        import_pictures(contents, tmp_path / f"own-{pairs}-{view}", base=folder, preview=True)
+        entries[pairs, view] = contents.pictures[0]
+    before, raw, developed = entries.values()
+    assert (before.file, before.before) == ("photos/000000.jpg", "photos/000000-before.jpg")
+    assert (raw.file, raw.without_flash) == ("photos/000000-flash.exr", "photos/000000.exr")
+    photo = load_record(StagedPhoto, tmp_path / "flash-Raw" / "truth" / "photos" / "000000.json")
+    assert photo.flash is not None
+    wanted = [photo.flash * gain * photo.scene.camera.distance**2 for gain in photo.gain]
+    assert raw.flash == pytest.approx(wanted)
+    assert developed.flash is None, "a tone curve changes what white paper is"
+    shot = json.loads((tmp_path / "album").read_text().splitlines()[0])
+    assert shot["second"]["mesh"] is not None
+    assert shot["second"]["flash"] is None
 
 
 def test_the_balance_of_white_takes_out_the_light_s_colour(blender: str, tmp_path: Path) -> None:
