@@ -18,8 +18,11 @@ if TYPE_CHECKING:
 @click.argument("manifest", type=click.Path(path_type=Path, dir_okay=False))
 @click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder to write.")
+@click.option(
+    "--workers", type=click.IntRange(1), help="Processes that share the pictures.  [default: one for each core]"
+)
 @click.option("--preview", is_flag=True, help="Check everything, draw each mesh over its picture, and stop.")
-def command(manifest: Path, overrides: tuple[str, ...], out: Path, preview: bool) -> None:
+def command(manifest: Path, overrides: tuple[str, ...], out: Path, workers: int | None, preview: bool) -> None:
     """Make a data set of the pictures that MANIFEST names, each with its mesh and an approximate camera.
 
     Pictures that cannot be used are left out, each with a warning. Of other errors all are listed, and nothing is
@@ -28,10 +31,17 @@ def command(manifest: Path, overrides: tuple[str, ...], out: Path, preview: bool
     with progress(f"reading {manifest}") as display:
         from svbrdfgan.data.photos.build import OVERLAYS, SHEET, import_pictures
         from svbrdfgan.data.photos.manifest import read_manifest
+        from svbrdfgan.utils.processes import cores
 
         contents = read_manifest(read_config(manifest, overrides), str(manifest))
         imported = import_pictures(
-            contents, out, base=manifest.parent, source=str(manifest), preview=preview, display=display
+            contents,
+            out,
+            base=manifest.parent,
+            source=str(manifest),
+            preview=preview,
+            workers=workers or cores(),
+            display=display,
         )
     for picture in imported:
         _print(picture)

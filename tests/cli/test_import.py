@@ -101,10 +101,11 @@ def test_all_commands_are_in_the_help() -> None:
 
 
 def test_the_page_s_files_are_right() -> None:
-    own, captured, training = (
+    own, pairs, captured, training = (
         yaml.safe_load(block) for block in re.findall(r"^```yaml\n(.*?)^```", PAGE.read_text(), re.M | re.S)
     )
     assert len(read_manifest(own, "page").pictures) > 1
+    assert all(picture.second for picture in read_manifest(pairs, "page").pictures)
     assert len(read_manifest(captured, "page").captures) > 1
     assert train_config(training, "page").scenes.matched
 

@@ -73,6 +73,7 @@ def import_pictures(
     base: Path,
     source: str = "manifest",
     preview: bool = False,
+    workers: int = 1,
     display: Display | None = None,
 ) -> tuple[ImportedPicture, ...]:
     """Makes a data set of pictures, with an overlay of mesh and picture for each.
@@ -81,6 +82,8 @@ def import_pictures(
         base: the folder that the manifest's files are relative to.
         source: the name of the manifest, which opens every message.
         preview: makes only the overlays.
+        workers: processes that share the pictures. More than one are spawned, so a script that asks for them needs its
+            `if __name__ == "__main__"`.
 
     Raises:
         ConfigError: the manifest or files that it names have errors, one line each; or the folder is in use.
@@ -109,7 +112,7 @@ def import_pictures(
         )
         exposures: Mapping[int, float | None] = dict.fromkeys(range(len(photos)))
         if not preview:
-            exposures = convert_photos(job, meshes, pool, photos, stage, model)
+            exposures = convert_photos(job, meshes, pool, photos, stage, model, workers)
             _warn(job)
         manifest, photos = job.manifest.keeping(exposures), [photos[number] for number in sorted(exposures)]
         records = _records(manifest, photos, [exposures[number] for number in sorted(exposures)])

@@ -10,7 +10,8 @@ from svbrdfgan.data.exemplar_files import exemplar_paths, save_exemplar
 from svbrdfgan.data.gather import mesh_asset
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.photos.check import ImportJob, RectifiedPhoto
-from svbrdfgan.data.photos.converter import Converted, Converter, EstimatedLight
+from svbrdfgan.data.photos.converter import Converter, EstimatedLight
+from svbrdfgan.data.photos.crew import Crew, crew, unwrap
 from svbrdfgan.data.photos.light import Evidence
 from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.reflectance_errors import errors_path, save_errors
@@ -43,26 +44,31 @@ def convert_photos(
     photos: Sequence[RectifiedPhoto],
     folder: Path,
     model: TrainedModel | None = None,
+    workers: int = 1,
 ) -> dict[int, float]:
     """Writes the data set, and returns the exposure factor of each picture in it; the job notes why others are missing.
 
     Args:
         model: says which weathering the pictures are expected to show.
+        workers: processes that share the pictures.
+
+    Raises:
+        ConfigError: no picture can be used.
+        AssetError: an asset cannot be read, or a process was killed.
     """
     index = _index(job.manifest, meshes, pool, folder)
-    converter = Converter.open(job, index, folder, model)
     exposures: dict[int, float] = {}
     at = places(job.manifest)
     order = sorted(range(len(photos)), key=at.__getitem__)  # a mesh is prepared once
-    shared = _shared_lights(job, converter, photos, order)
-    job.display.begin("exemplars", len(photos))
-    for number in order:
-        with job.picture(number):
-            if number not in job.unusable:
-                converted = converter.convert(photos[number], number, shared.get(number))
-                _write(converted, folder, at[number])
-                exposures[number] = converted.exposure
-        job.display.advance()
+    with crew(min(workers, len(photos)), job.manifest, job.base, index, folder, model) as converters:
+        shared = _shared_lights(job, converters, photos, order)
+        usable = [number for number in order if number not in job.unusable]
+        job.display.begin("exemplars", len(usable))
+        wanted = [(photos[number], number, shared.get(number), at[number]) for number in usable]
+        for number, exposure in zip(usable, converters.map(_convert, wanted), strict=True):
+            with job.picture(number):
+                exposures[number] = unwrap(exposure)
+            job.display.advance()
     job.require_some(exposures)
     kept = job.manifest.keeping(exposures)
     if len(exposures) < len(photos):
@@ -72,12 +78,22 @@ def convert_photos(
     return exposures
 
 
-def _write(converted: Converted, folder: Path, place: Place) -> None:
+def _convert(converter: Converter, wanted: tuple[RectifiedPhoto, int, EstimatedLight | None, Place]) -> float:
+    """Writes an exemplar, and returns the exposure factor of its picture."""
+    photo, number, shared, place = wanted
+    converted, folder = converter.convert(photo, number, shared), converter.loader.folder
     picture, record = exemplar_paths(folder, *place)
     save_exemplar(picture, converted.picture)
     converted.scene.save(record)
     if converted.errors is not None:
         save_errors(errors_path(folder, *place), converted.errors)
+    return converted.exposure
+
+
+def _thinned(converter: Converter, wanted: tuple[RectifiedPhoto, int, int]) -> Evidence:
+    """What a picture says of its light, in at most so many pixels."""
+    photo, number, most = wanted
+    return converter.evidence(photo, number).thinned(most)
 
 
 def _close_ranks(before: Sequence[Place], after: Sequence[Place], folder: Path) -> None:
@@ -93,7 +109,7 @@ def _files(folder: Path, place: Place) -> tuple[Path, ...]:
 
 
 def _shared_lights(
-    job: ImportJob, converter: Converter, photos: Sequence[RectifiedPhoto], order: Sequence[int]
+    job: ImportJob, converters: Crew, photos: Sequence[RectifiedPhoto], order: Sequence[int]
 ) -> dict[int, EstimatedLight]:
     """The light of each picture of a group, by number. Pictures that say too little are reported, and left out."""
     groups: dict[str, list[int]] = {}
@@ -105,13 +121,14 @@ def _shared_lights(
     lights: dict[int, EstimatedLight] = {}
     for group, members in enumerate(groups.values()):
         found: dict[int, Evidence] = {}
-        for number in members:
+        most = max(_LEAST_EVIDENCE, _MOST_EVIDENCE // len(members))
+        wanted = [(photos[number], number, most) for number in members]
+        for number, evidence in zip(members, converters.map(_thinned, wanted), strict=True):
             with job.picture(number):
-                evidence = converter.evidence(photos[number], number)
-                found[number] = evidence.thinned(max(_LEAST_EVIDENCE, _MOST_EVIDENCE // len(members)))
+                found[number] = unwrap(evidence)
             job.display.advance()
         if found:
-            estimated = converter.light(f"light of group {group}", list(found.values()))
+            estimated = converters.first.light(f"light of group {group}", list(found.values()))
             lights |= dict(zip(found, estimated, strict=True))
     return lights
 

@@ -22,7 +22,7 @@ from svbrdfgan.data.gather import environment_asset
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.photos.bootstrap import Picture, flash_errors, simulated_errors
 from svbrdfgan.data.photos.calibrated_camera import CalibratedCamera
-from svbrdfgan.data.photos.check import ImportJob, RectifiedPhoto
+from svbrdfgan.data.photos.check import RectifiedPhoto
 from svbrdfgan.data.photos.exposure import exposure_factor, mean_light
 from svbrdfgan.data.photos.light import Estimate, Evidence, environment, estimate_light, gather_evidence
 from svbrdfgan.data.photos.manifest import Manifest
@@ -108,13 +108,15 @@ class Converter:
     expected: tuple[str, list[Layer]] | None = None
 
     @classmethod
-    def open(cls, job: ImportJob, index: DatasetIndex, folder: Path, model: TrainedModel | None) -> Converter:
-        """The converter of a job's pictures.
+    def open(
+        cls, manifest: Manifest, base: Path, index: DatasetIndex, folder: Path, model: TrainedModel | None
+    ) -> Converter:
+        """The converter of a manifest's pictures, which stores what their scenes need.
 
         Args:
+            base: the folder that the manifest's files are relative to.
             model: says which weathering the pictures are expected to show.
         """
-        manifest, base = job.manifest, job.base
         config, rows = index.config, index.config.environment_rows
         files = [file for split in config.splits for file in manifest.meshes(split)]
         assets = [mesh for split in config.splits for mesh in index.meshes[split]]

@@ -1,0 +1,110 @@
+"""Worker processes that convert pictures, each with a converter of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, TypeVar
+
+import torch
+
+from svbrdfgan.data.index import DatasetIndex
+from svbrdfgan.data.photos.converter import Converter
+from svbrdfgan.data.photos.manifest import Manifest
+from svbrdfgan.data.trained_model import TrainedModel
+from svbrdfgan.errors import AssetError, SvbrdfganError
+
+Wanted = TypeVar("Wanted")
+Made = TypeVar("Made")
+
+_CHUNKS = 4
+"""Parts, for each process, that work is cut into: neighbouring pictures show one mesh, which is then prepared once."""
+_own: list[Converter] = []
+"""The converter of this process, if it is a worker."""
+
+
+@dataclass(frozen=True, eq=False)
+class Crew:
+    """Converters.
+
+    Attributes:
+        first: of this process.
+        pool: of the others; None if there are none.
+        workers: processes in the pool.
+    """
+
+    first: Converter
+    pool: ProcessPoolExecutor | None
+    workers: int
+
+    def map(
+        self, work: Callable[[Converter, Wanted], Made], wanted: Sequence[Wanted]
+    ) -> Iterator[Made | SvbrdfganError]:
+        """Yields what the work makes of each, in order; an error about one spoils no others.
+
+        Raises:
+            AssetError: a process was killed.
+        """
+        if self.pool is None:
+            yield from (_attempt(work, self.first, one) for one in wanted)
+            return
+        size = max(1, len(wanted) // (_CHUNKS * self.workers))
+        try:
+            yield from self.pool.map(partial(_here, work), wanted, chunksize=size)
+        except BrokenProcessPool as error:
+            raise AssetError(
+                "a process that imports pictures was killed, probably for memory; try fewer --workers."
+            ) from error
+
+
+@contextmanager
+def crew(
+    workers: int, manifest: Manifest, base: Path, index: DatasetIndex, folder: Path, model: TrainedModel | None
+) -> Iterator[Crew]:
+    """Converters as `Converter.open` makes them: with one worker that of this process alone, else also of a pool.
+
+    The pool's processes are spawned, so they import the caller's main module.
+    """
+    given = (manifest, base, index, folder, model)
+    first = Converter.open(*given)  # stores all assets, which the others find
+    if workers < 2:
+        yield Crew(first, None, 1)
+        return
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), _start, given)
+    try:
+        yield Crew(first, pool, workers)
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def unwrap(made: Made | SvbrdfganError) -> Made:
+    """What was made.
+
+    Raises:
+        SvbrdfganError: the error that was met instead.
+    """
+    if isinstance(made, SvbrdfganError):
+        raise made
+    return made
+
+
+def _start(*given: Any) -> None:
+    torch.set_num_threads(1)
+    _own.append(Converter.open(*given))
+
+
+def _here(work: Callable[[Converter, Wanted], Made], one: Wanted) -> Made | SvbrdfganError:
+    return _attempt(work, _own[0], one)
+
+
+def _attempt(work: Callable[[Converter, Wanted], Made], converter: Converter, one: Wanted) -> Made | SvbrdfganError:
+    try:
+        return work(converter, one)
+    except SvbrdfganError as error:
+        return error
