@@ -138,7 +138,7 @@ def _require_free(out: Path, lessons: Lessons) -> None:
         if out.is_file() or (out.is_dir() and any(out.iterdir())):
             raise ConfigError(f"{out} already exists and holds no turns; choose another folder or delete it.")
         return
-    if not (_exemplars(out, 1) / INDEX).is_file():
+    if not any(out.glob(f"turn-*/exemplars/{INDEX}")):
         return  # nothing was made by those settings
     changed = differences(_numbered(load_json(out / RECORD)), _numbered(lessons.record))
     if changed:
