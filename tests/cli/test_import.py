@@ -70,10 +70,13 @@ def test_all_commands_are_in_the_help() -> None:
 
 
 def test_the_page_s_files_are_right() -> None:
-    own, captured, training = (
+    own, pairs, captured, training = (
         yaml.safe_load(block) for block in re.findall(r"^```yaml\n(.*?)^```", PAGE.read_text(), re.M | re.S)
     )
     assert len(read_manifest(own, "page").pictures) > 1
+    camera = own["pictures"][0]["camera"]  # the page leaves out those of the pairs
+    paired = read_manifest({"pictures": [{**each, "camera": camera} for each in pairs["pictures"]]}, "page").pictures
+    assert all(each.second for each in paired)
     assert len(read_manifest(captured, "page").captures) > 1
     assert train_config({"dataset": "exemplars", **training}, "page").scenes.matched
 
