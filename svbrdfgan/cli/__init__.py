@@ -36,6 +36,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
             "Find what besides texture would tell real from fake.",
         ),
         "train": ("svbrdfgan.cli.train:command", "Train a generator on a data set; resume with --resume."),
+        "learn": ("svbrdfgan.cli.learn:command", "Learn from photographs, in turns of import and training."),
         "evaluate": ("svbrdfgan.cli.evaluate:command", "Score a trained generator on vehicles it never saw."),
         "experiment": (
             "svbrdfgan.cli.experiment:command",

@@ -71,13 +71,24 @@ def resolve_run(config: TrainConfig, base: Path = Path()) -> ResolvedRun:
         ConfigError: this data set cannot do what the configuration asks.
     """
     dataset = Dataset.open((base / config.dataset).resolve())
+    return ResolvedRun(resolve_config(config, dataset.config, base), dataset, base)
+
+
+def resolve_config(config: TrainConfig, dataset: DatasetConfig, base: Path = Path()) -> TrainConfig:
+    """The configuration with what it leaves open decided, for a data set that need not be there yet.
+
+    Args:
+        base: the folder that paths of the configuration are relative to.
+
+    Raises:
+        AssetError: the model that `init` names cannot be read.
+        ConfigError: such a data set cannot do what the configuration asks.
+    """
     if config.init is not None:
-        config = _from_model(config, config.init, base, dataset.config)
-    _require_divisible(config, dataset.config)
-    _require_halvable(config, dataset.config.texture)
-    imported = dataset.config.weathering is None
-    config = resolved(config, dataset.config.spp, dataset.config.maps, imported=imported)
-    return ResolvedRun(config, dataset, base)
+        config = _from_model(config, config.init, base, dataset)
+    _require_divisible(config, dataset)
+    _require_halvable(config, dataset.texture)
+    return resolved(config, dataset.spp, dataset.maps, imported=dataset.weathering is None)
 
 
 def seeds_vary(dataset: DatasetConfig) -> bool:

@@ -30,7 +30,7 @@ ORACLE = "oracle.safetensors"
 ORACLE_NOTES = "oracle.json"
 _LENGTH = ("steps", "minutes", "score_every", "save_every", "device", "devices", "dataset", "init")
 _STABILITY = {"optimizer": {"generator_rate", "discriminator_rate"}, "loss": {"r1"}}
-_FREE: dict[str, Any] = {
+FREE: dict[str, Any] = {
     "train": dict.fromkeys(_LENGTH, True) | _STABILITY,
     "versions": True,
     "dataset_folder": True,
@@ -116,7 +116,7 @@ class RunConfig(StrictModel):
             ConfigError: something else differs than length, logging, machine, folders, and what a user may change
                 after a loss that was not finite (the rates and loss.r1).
         """
-        mine, its = (config.model_dump(exclude=_FREE) for config in (self, other))
+        mine, its = (config.model_dump(exclude=FREE) for config in (self, other))
         if changed := differences(mine, its):
             raise ConfigError(f"the run was started with other settings ({'; '.join(changed)}); start a new one.")
 

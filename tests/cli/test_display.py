@@ -249,6 +249,7 @@ LONG_WORK = [
     ("dataset pose {folder} -o {out}", "svbrdfgan.data.photos.pose.pose_pictures", "looking into"),
     ("probe {train}", "svbrdfgan.evaluation.leakage.probe.probe_shortcuts", "opening the data set"),
     ("train {train} -o {out}", "svbrdfgan.training.trainer.train", "opening the data set"),
+    ("learn {manifest} {train} -o {out}", "svbrdfgan.data.photos.manifest.read_manifest", "reading"),
     ("evaluate {out}", "svbrdfgan.evaluation.evaluate.evaluate", "opening"),
     ("experiment training -o {out}", "svbrdfgan.experiments.runner.run_experiments", "reading the experiments"),
     ("experiment --list", "svbrdfgan.experiments.definition.experiment_names", "reading the experiments"),

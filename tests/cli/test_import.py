@@ -4,50 +4,19 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
 import click
-import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner, Result
-from PIL import Image
 
 from svbrdfgan.cli import main
 from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.data.photos.manifest import read_manifest
-from svbrdfgan.io.gltf.surface_files import save_mesh_glb
-from svbrdfgan.procedural.kinds import sample_vehicle
-from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.training.config import train_config
 
 PAGE = Path(__file__).parents[2] / "docs" / "own-pictures.md"
-CAMERA: dict[str, Any] = {"azimuth_degrees": 90, "elevation_degrees": 10, "distance": 1.8}
-
-
-@pytest.fixture(scope="module")
-def manifest(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One grey picture of a van, with a mask over nearly all of it."""
-    folder = tmp_path_factory.mktemp("own")
-    save_mesh_glb(folder / "van.glb", build_vehicle(sample_vehicle("van", 5)))
-    Image.new("RGB", (48, 48), (120, 120, 120)).save(folder / "van.jpg")
-    mask = np.zeros((48, 48), dtype=np.uint8)
-    mask[4:44, 2:46] = 255
-    Image.fromarray(mask).save(folder / "mask.png")
-    data = {
-        "pictures": [
-            {"file": "van.jpg", "mesh": "van.glb", "mask": "mask.png", "camera": {**CAMERA, "target": [0, 0.2, 0]}}
-        ],
-        "image": [24, 24],
-        "texture": 16,
-        "renderer": {"name": "mitsuba", "device": "cpu"},
-        "embedding": {"name": "hemispherical", "resolution": 16},
-        "environments": {"procedural": {"count": 1}},
-        "environment_rows": 8,
-    }
-    (folder / "manifest.yaml").write_text(yaml.safe_dump(data))
-    return folder / "manifest.yaml"
 
 
 def invoke(*words: object) -> Result:
@@ -107,7 +76,7 @@ def test_the_page_s_files_are_right() -> None:
     assert len(read_manifest(own, "page").pictures) > 1
     assert all(picture.second for picture in read_manifest(pairs, "page").pictures)
     assert len(read_manifest(captured, "page").captures) > 1
-    assert train_config(training, "page").scenes.matched
+    assert train_config({"dataset": "exemplars", **training}, "page").scenes.matched
 
 
 def test_the_page_s_commands_parse() -> None:

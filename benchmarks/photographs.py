@@ -1,0 +1,202 @@
+"""What can be learned from photographs, beside what the same scenes teach when we render them.
+
+    python benchmarks/photographs.py photos.yaml -o out --blender blender --jobs 4
+
+photos.yaml is `benchmarks/photographs.yaml`, beside the vehicles and lights that it names. Blender photographs its
+training scenes, which are imported and learned from as each of `ROWS` says, and the same scenes are rendered. The last
+generator of each run is scored on the test vehicles, whose layers it never saw. `out/table.md` holds the resemblance of
+each row: the mean over the seeds, each seed, and the mean relative to that of the row `matched`.
+
+Run again, it goes on where it was. Runs are spread over all GPUs. What they say is in `out/logs`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
+
+import click
+import torch
+
+from svbrdfgan.config.yaml_files import load_yaml
+from svbrdfgan.data.generate import generate
+from svbrdfgan.data.index import INDEX
+from svbrdfgan.data.staged_photos.config import staged_photos_config
+from svbrdfgan.data.staged_photos.stage import MANIFEST, stage_photos
+from svbrdfgan.evaluation.record import EVALUATION, Evaluation
+from svbrdfgan.io.records import load_record
+from svbrdfgan.training.run import CONFIG
+from svbrdfgan.training.turns import run_folder
+from svbrdfgan.utils.processes import cores
+
+IMAGE = (128, 128)
+"""Of exemplars."""
+TRAIN = """
+spp: 64
+batch_size: 16
+score_every: 1000000  # the last generator counts in every row, since photographs have no truth to choose by
+discriminator: {weights: he, compares: reflectance}
+generator: {width: 32, kernel: 3, blocks: 4, downsamplings: 3, random_fields: 7, skips: true, conditions: false}
+"""
+"""The training configuration of all rows."""
+PROGRAM = "from svbrdfgan.cli import main; main()"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table.
+
+    Attributes:
+        photography: what differs in the section of photos.yaml; None: exemplars are rendered by us instead.
+        manifest: keys of the manifest.
+        steps: of the first turn; later ones have three fifths of them.
+    """
+
+    photography: Mapping[str, Any] | None
+    steps: int
+    r1: float
+    manifest: Mapping[str, Any] = field(default_factory=dict)
+    turns: int = 1
+
+    @property
+    def shots(self) -> str:
+        """The folder of its photographs, which rows may share."""
+        assert self.photography is not None
+        return "-".join(map(str, self.photography.values())) or "plain"
+
+
+ROWS: Mapping[str, Row] = {
+    "matched": Row(None, 2700, 0.03),
+    "before": Row({"pairs": "before"}, 2400, 0.1),
+    "flash": Row({"pairs": "flash", "view": "Raw"}, 2400, 0.1),
+    "turns": Row({}, 1500, 0.1, {"bootstrap": 8, "refine_cameras": True}, turns=3),
+    "given": Row({}, 1500, 0.1, {"bootstrap": 8}, turns=3),
+}
+"""`matched`: rendered, in known light. `before`: with pictures of clean vehicles. `flash`: with and without a flash.
+`turns`: unknown light, and cameras off by a degree, which are corrected. `given`: which are not."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """Where everything is, and a GPU for each program that may run; "" where there is none."""
+
+    out: Path
+    jobs: int
+    free: SimpleQueue[str]
+
+    def exemplars(self, name: str) -> None:
+        """Imports the photographs of a row that takes no turns."""
+        row, data = ROWS[name], self.out / "data" / name
+        if row.photography is not None and row.turns == 1 and not (data / INDEX).is_file():
+            manifest = str(self.out / row.shots / MANIFEST)
+            self.run(f"import-{name}", "dataset", "import", manifest, *words(importing(row)), "-o", str(data))
+
+    def score(self, name: str, seed: int) -> None:
+        """Trains a run of a row, and scores it on the test vehicles."""
+        row, run, title = ROWS[name], self.last_run(name, seed), f"{name}-{seed}"
+        if (run / EVALUATION).is_file():
+            return
+        config = str(self.out / "train.yaml")
+        settings: dict[str, Any] = {"seed": seed, "steps": row.steps, "loss.r1": row.r1}
+        if row.turns > 1:
+            changes = words(settings | {f"manifest.{key}": value for key, value in importing(row).items()})
+            options = ("--turns", str(row.turns), "-o", str(self.out / "runs" / title))
+            self.run(f"learn-{title}", "learn", str(self.out / row.shots / MANIFEST), config, *changes, *options)
+        else:
+            data = self.out / ("matched" if row.photography is None else f"data/{name}")
+            resume = ["--resume"] if (run / CONFIG).is_file() else []
+            changes = words(settings | {"dataset": str(data.resolve())})
+            self.run(f"learn-{title}", "train", config, *changes, "-o", str(run), *resume)
+        workers = ("--workers", str(max(1, cores() // self.jobs)))
+        self.run(f"score-{title}", "evaluate", str(run), "--on", str(self.out / "matched"), *workers)
+
+    def last_run(self, name: str, seed: int) -> Path:
+        """The folder of the run that is scored."""
+        folder, turns = self.out / "runs" / f"{name}-{seed}", ROWS[name].turns
+        return run_folder(folder, turns) if turns > 1 else folder
+
+    def run(self, title: str, *arguments: str) -> None:
+        """Runs a command of svbrdfgan on a free GPU."""
+        gpu, log = self.free.get(), self.out / "logs" / f"{title}.txt"
+        try:
+            with log.open("a") as file:
+                environment = os.environ | ({"CUDA_VISIBLE_DEVICES": gpu} if gpu else {})
+                command = [sys.executable, "-c", PROGRAM, *arguments]
+                done = subprocess.run(command, env=environment, stdout=file, stderr=subprocess.STDOUT)
+        finally:
+            self.free.put(gpu)
+        if done.returncode:
+            raise click.ClickException(f"{title} failed; {log} says why. Run again, the benchmark goes on.")
+
+
+def importing(row: Row) -> dict[str, Any]:
+    """The keys of the manifest that the row's import changes."""
+    return {"image": list(IMAGE), **row.manifest}
+
+
+def words(changes: Mapping[str, Any]) -> list[str]:
+    """The changes as KEY=VALUE."""
+    return [f"{key}={json.dumps(value)}" for key, value in changes.items()]
+
+
+def photograph(names: Sequence[str], photos: Path, out: Path, blender: str | None) -> None:
+    """Renders the exemplars of the row `matched`, whose test split all rows are scored on, and takes the others'."""
+    declared, base = load_yaml(photos), photos.parent
+    whole = staged_photos_config(declared, str(photos)).dataset
+    # pictures of gloss are imported as if there were none, so what is learned is base colour alone
+    generate(whole.model_copy(update={"image": IMAGE, "maps": {}}), out / "matched", base=base)
+    for row in {row.shots: row for name in names if (row := ROWS[name]).photography is not None}.values():
+        if not (out / row.shots / MANIFEST).is_file():
+            photography = {**declared.get("photography", {}), **(row.photography or {})}
+            config = staged_photos_config({**declared, "photography": photography}, str(photos))
+            stage_photos(config, out / row.shots, base=base, blender=blender)
+
+
+def table(scores: Mapping[str, Sequence[float]]) -> Iterable[str]:
+    """The lines of the table."""
+    mean = {name: sum(values) / len(values) for name, values in scores.items()}
+    yield from ("| exemplars | resemblance | each seed | of matched |", "|---|---:|---|---:|")
+    for name, values in scores.items():
+        of = f"{mean[name] / mean['matched']:.2f}" if mean.get("matched") else ""
+        yield f"| {name} | {mean[name]:.2f} | {', '.join(f'{value:.2f}' for value in values)} | {of} |"
+
+
+@click.command()
+@click.argument("photos", type=click.Path(path_type=Path, dir_okay=False))
+@click.option("-o", "--out", type=click.Path(path_type=Path, file_okay=False), required=True)
+@click.option("--rows", default=",".join(ROWS), show_default=True)
+@click.option("--seeds", default="0,1,2", show_default=True)
+@click.option("--blender", metavar="PROGRAM", help="As for `svbrdfgan dataset photograph`.")
+@click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Programs at a time.")
+def main(photos: Path, out: Path, rows: str, seeds: str, blender: str | None, jobs: int) -> None:
+    names, numbers = rows.split(","), [int(seed) for seed in seeds.split(",")]
+    if strange := set(names) - ROWS.keys():
+        raise click.ClickException(f"there is no row {', '.join(strange)}; known are {', '.join(ROWS)}.")
+    photograph(names, photos, out, blender)
+    (out / "logs").mkdir(exist_ok=True)
+    (out / "train.yaml").write_text(TRAIN)
+    work, gpus = Work(out, jobs, SimpleQueue()), torch.cuda.device_count()
+    for job in range(jobs):
+        work.free.put(str(job % gpus) if gpus else "")
+    with ThreadPoolExecutor(jobs) as pool:
+        list(pool.map(work.exemplars, names))
+        list(pool.map(work.score, *zip(*((name, seed) for name in names for seed in numbers), strict=True)))
+
+    def score(name: str, seed: int) -> float:
+        return load_record(Evaluation, work.last_run(name, seed) / EVALUATION).generated.resemblance or 0.0
+
+    lines = "\n".join(table({name: [score(name, seed) for seed in numbers] for name in names})) + "\n"
+    (out / "table.md").write_text(lines)
+    click.echo(lines, nl=False)
+
+
+if __name__ == "__main__":
+    main()
