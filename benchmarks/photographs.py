@@ -97,7 +97,9 @@ class Work:
         row, data = ROWS[name], self.out / "data" / name
         if row.photography is not None and row.turns == 1 and not (data / INDEX).is_file():
             manifest = str(self.out / row.shots / MANIFEST)
-            self.run(f"import-{name}", "dataset", "import", manifest, *words(importing(row)), "-o", str(data))
+            self.run(
+                f"import-{name}", "dataset", "import", manifest, *words(importing(row)), *self.workers, "-o", str(data)
+            )
 
     def score(self, name: str, seed: int) -> None:
         """Trains a run of a row, and scores it on the test vehicles."""
@@ -108,15 +110,19 @@ class Work:
         settings: dict[str, Any] = {"seed": seed, "steps": row.steps, "loss.r1": row.r1}
         if row.turns > 1:
             changes = words(settings | {f"manifest.{key}": value for key, value in importing(row).items()})
-            options = ("--turns", str(row.turns), "-o", str(self.out / "runs" / title))
+            options = ("--turns", str(row.turns), *self.workers, "-o", str(self.out / "runs" / title))
             self.run(f"learn-{title}", "learn", str(self.out / row.shots / MANIFEST), config, *changes, *options)
         else:
             data = self.out / ("matched" if row.photography is None else f"data/{name}")
             resume = ["--resume"] if (run / CONFIG).is_file() else []
             changes = words(settings | {"dataset": str(data.resolve())})
             self.run(f"learn-{title}", "train", config, *changes, "-o", str(run), *resume)
-        workers = ("--workers", str(max(1, cores() // self.jobs)))
-        self.run(f"score-{title}", "evaluate", str(run), "--on", str(self.out / "matched"), *workers)
+        self.run(f"score-{title}", "evaluate", str(run), "--on", str(self.out / "matched"), *self.workers)
+
+    @property
+    def workers(self) -> tuple[str, str]:
+        """The share of the cores for each program."""
+        return "--workers", str(max(1, cores() // self.jobs))
 
     def last_run(self, name: str, seed: int) -> Path:
         """The folder of the run that is scored."""
@@ -157,7 +163,7 @@ def photograph(names: Sequence[str], photos: Path, out: Path, blender: str | Non
         if not (out / row.shots / MANIFEST).is_file():
             photography = {**declared.get("photography", {}), **(row.photography or {})}
             config = staged_photos_config({**declared, "photography": photography}, str(photos))
-            stage_photos(config, out / row.shots, base=base, blender=blender)
+            stage_photos(config, out / row.shots, base=base, blender=blender, jobs=max(1, cores() // 2))
 
 
 def table(scores: Mapping[str, Sequence[float]]) -> Iterable[str]:

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 @click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder to write.")
 @click.option(
-    "--workers", type=click.IntRange(1), help="Processes that share the pictures.  [default: one for each core]"
+    "--workers",
+    type=click.IntRange(1),
+    help="Processes that share the pictures.  [default: one for each core, at most 8]",
 )
 @click.option("--preview", is_flag=True, help="Check everything, draw each mesh over its picture, and stop.")
 def command(manifest: Path, overrides: tuple[str, ...], out: Path, workers: int | None, preview: bool) -> None:
@@ -31,7 +33,6 @@ def command(manifest: Path, overrides: tuple[str, ...], out: Path, workers: int 
     with progress(f"reading {manifest}") as display:
         from svbrdfgan.data.photos.build import OVERLAYS, SHEET, import_pictures
         from svbrdfgan.data.photos.manifest import read_manifest
-        from svbrdfgan.utils.processes import cores
 
         contents = read_manifest(read_config(manifest, overrides), str(manifest))
         imported = import_pictures(
@@ -40,7 +41,7 @@ def command(manifest: Path, overrides: tuple[str, ...], out: Path, workers: int 
             base=manifest.parent,
             source=str(manifest),
             preview=preview,
-            workers=workers or cores(),
+            workers=workers,
             display=display,
         )
     for picture in imported:

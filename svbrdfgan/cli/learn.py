@@ -25,8 +25,19 @@ _OF_MANIFEST = "manifest."
     metavar="STEPS",
     help="Steps of the second turn and those after it.  [default: three fifths of those in CONFIG]",
 )
+@click.option(
+    "--workers",
+    type=click.IntRange(1),
+    help="Processes that import the pictures.  [default: one for each core, at most 8]",
+)
 def command(
-    manifest: Path, config: Path, overrides: tuple[str, ...], out: Path, turns: int, later_steps: int | None
+    manifest: Path,
+    config: Path,
+    overrides: tuple[str, ...],
+    out: Path,
+    turns: int,
+    later_steps: int | None,
+    workers: int | None,
 ) -> None:
     """Learn from the pictures that MANIFEST names: in each turn, import them and train as CONFIG says.
 
@@ -53,7 +64,7 @@ def command(
                 config_base=config.parent,
                 later_steps=later_steps,
             )
-            run = take_turns(lessons, out, turns, display)
+            run = take_turns(lessons, out, turns, workers=workers, display=display)
     except KeyboardInterrupt:
         click.echo(f"{out}: stopped; the same command continues.", err=True)
         raise

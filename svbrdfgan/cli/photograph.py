@@ -17,8 +17,9 @@ from svbrdfgan.cli.options import read_config
 @click.option(
     "--blender", metavar="PROGRAM", help="A Blender, or a Python with the package bpy.  [default: the one that is here]"
 )
+@click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Blenders at a time.")
 @click.option("--truth", is_flag=True, help="Render the exemplars of OUT/truth, too.")
-def command(config: Path, overrides: tuple[str, ...], out: Path, blender: str | None, truth: bool) -> None:
+def command(config: Path, overrides: tuple[str, ...], out: Path, blender: str | None, jobs: int, truth: bool) -> None:
     """Photograph the training scenes of the data set that the YAML file CONFIG describes, in Blender's Cycles.
 
     OUT gets JPEG files and masks, the clean meshes, and a manifest for `svbrdfgan dataset import`, whose cameras are
@@ -31,7 +32,7 @@ def command(config: Path, overrides: tuple[str, ...], out: Path, blender: str | 
         from svbrdfgan.data.staged_photos.stage import TRUTH, stage_photos
 
         staged = staged_photos_config(read_config(config, overrides), str(config))
-        manifest = stage_photos(staged, out, base=config.parent, blender=blender, display=display)
+        manifest = stage_photos(staged, out, base=config.parent, blender=blender, jobs=jobs, display=display)
         if truth:
             generate(staged.dataset, out / TRUTH, base=config.parent, display=display)
     click.echo(f"next: svbrdfgan dataset import {manifest} -o DATASET")

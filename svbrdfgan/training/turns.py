@@ -83,8 +83,13 @@ class Lessons:
         return self.later_steps or max(1, round(_SHARE * self.config.steps))
 
 
-def take_turns(lessons: Lessons, out: Path, turns: int, display: Display | None = None) -> Path:
+def take_turns(
+    lessons: Lessons, out: Path, turns: int, *, workers: int | None = 1, display: Display | None = None
+) -> Path:
     """Takes those turns that the folder does not hold yet, and goes on with one that was stopped.
+
+    Args:
+        workers: processes that share the pictures of an import, as for `import_pictures`.
 
     Returns:
         The folder of the last turn's run.
@@ -108,7 +113,7 @@ def take_turns(lessons: Lessons, out: Path, turns: int, display: Display | None 
             exemplars = _exemplars(out, number)
             if not (exemplars / INDEX).is_file():
                 with _begun(out, exemplars, lessons):
-                    _import(lessons, before, exemplars, display)
+                    _import(lessons, before, exemplars, workers, display)
             config = lessons.config_of(before, exemplars)
             train(config, run, base=lessons.config_base, resume=bool(checkpoints(run)), display=display)
         before = run
@@ -124,9 +129,11 @@ def _exemplars(out: Path, number: int) -> Path:
     return out / f"turn-{number}" / "exemplars"
 
 
-def _import(lessons: Lessons, before: Path | None, exemplars: Path, display: Display) -> None:
+def _import(lessons: Lessons, before: Path | None, exemplars: Path, workers: int | None, display: Display) -> None:
     manifest, file = lessons.manifest_of(before), lessons.manifest_file
-    imported = import_pictures(manifest, exemplars, base=file.parent, source=str(file), display=display)
+    imported = import_pictures(
+        manifest, exemplars, base=file.parent, source=str(file), workers=workers, display=display
+    )
     for picture in imported if before is None else ():
         for doubt in picture.doubts:
             log.warning("%s: %s (see %s)", picture.file, doubt, exemplars / picture.overlay)

@@ -73,7 +73,7 @@ def import_pictures(
     base: Path,
     source: str = "manifest",
     preview: bool = False,
-    workers: int = 1,
+    workers: int | None = 1,
     display: Display | None = None,
 ) -> tuple[ImportedPicture, ...]:
     """Makes a data set of pictures, with an overlay of mesh and picture for each.
@@ -82,8 +82,8 @@ def import_pictures(
         base: the folder that the manifest's files are relative to.
         source: the name of the manifest, which opens every message.
         preview: makes only the overlays.
-        workers: processes that share the pictures. More than one are spawned, so a script that asks for them needs its
-            `if __name__ == "__main__"`.
+        workers: processes that share the pictures; None for one on each core, but at most 8. More than one are
+            spawned, so a script that asks for them needs its `if __name__ == "__main__"`.
 
     Raises:
         ConfigError: the manifest or files that it names have errors, one line each; or the folder is in use.

@@ -44,13 +44,13 @@ def convert_photos(
     photos: Sequence[RectifiedPhoto],
     folder: Path,
     model: TrainedModel | None = None,
-    workers: int = 1,
+    workers: int | None = 1,
 ) -> dict[int, float]:
     """Writes the data set, and returns the exposure factor of each picture in it; the job notes why others are missing.
 
     Args:
         model: says which weathering the pictures are expected to show.
-        workers: processes that share the pictures.
+        workers: processes that share the pictures, as for `crew`.
 
     Raises:
         ConfigError: no picture can be used.
@@ -60,7 +60,7 @@ def convert_photos(
     exposures: dict[int, float] = {}
     at = places(job.manifest)
     order = sorted(range(len(photos)), key=at.__getitem__)  # a mesh is prepared once
-    with crew(min(workers, len(photos)), job.manifest, job.base, index, folder, model) as converters:
+    with crew(workers, job.manifest, job.base, index, folder, model) as converters:
         shared = _shared_lights(job, converters, photos, order)
         usable = [number for number in order if number not in job.unusable]
         job.display.begin("exemplars", len(usable))

@@ -19,12 +19,15 @@ from svbrdfgan.data.photos.converter import Converter
 from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.trained_model import TrainedModel
 from svbrdfgan.errors import AssetError, SvbrdfganError
+from svbrdfgan.utils.processes import cores
 
 Wanted = TypeVar("Wanted")
 Made = TypeVar("Made")
 
 _CHUNKS = 4
 """Parts, for each process, that work is cut into: neighbouring pictures show one mesh, which is then prepared once."""
+_USUAL = 8
+"""Processes, at most, if nobody says how many."""
 _own: list[Converter] = []
 """The converter of this process, if it is a worker."""
 
@@ -65,14 +68,24 @@ class Crew:
 
 @contextmanager
 def crew(
-    workers: int, manifest: Manifest, base: Path, index: DatasetIndex, folder: Path, model: TrainedModel | None
+    workers: int | None,
+    manifest: Manifest,
+    base: Path,
+    index: DatasetIndex,
+    folder: Path,
+    model: TrainedModel | None,
 ) -> Iterator[Crew]:
     """Converters as `Converter.open` makes them: with one worker that of this process alone, else also of a pool.
 
-    The pool's processes are spawned, so they import the caller's main module.
+    Args:
+        workers: processes in the pool, which are spawned, so that they import the caller's main module; None for one
+            on each core, but at most 8, since each takes memory, of a GPU, too.
     """
     given = (manifest, base, index, folder, model)
     first = Converter.open(*given)  # stores all assets, which the others find
+    if workers is None:
+        workers = min(cores(), _USUAL)
+    workers = min(workers, len(manifest.pictures))
     if workers < 2:
         yield Crew(first, None, 1)
         return

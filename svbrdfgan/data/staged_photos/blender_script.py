@@ -57,6 +57,8 @@ def radiance(shot: Shot, mesh: str, flash: bool = False) -> np.ndarray:
     render.engine = "CYCLES"
     render.resolution_x, render.resolution_y, render.resolution_percentage = shot["width"], shot["height"], 100
     render.film_transparent = not shot["background"]
+    if shot["threads"] is not None:
+        render.threads_mode, render.threads = "FIXED", shot["threads"]
     scene.cycles.samples, scene.cycles.seed = shot["samples"], shot["seed"]
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
     scene.cycles.pixel_filter_type = "BOX"

@@ -53,6 +53,7 @@ class Shot:
         exposure_stops: beyond a light meter's; None for radiance as it is.
         view: Blender's view transform; None for linear values.
         noise: deviation at 18 % grey, as a share of it.
+        threads: that Cycles may use; None for one on each core.
     """
 
     photo: str
@@ -77,6 +78,7 @@ class Shot:
     noise: float = 0.0
     jpeg_quality: int = 90
     second: Second | None = None
+    threads: int | None = None
 
 
 def find_blender(program: str | None = None) -> list[str]:

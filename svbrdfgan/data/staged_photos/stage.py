@@ -7,9 +7,11 @@ import os
 import shutil
 import tempfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -43,6 +45,7 @@ from svbrdfgan.scene.description import OrbitCamera, Scene
 from svbrdfgan.scene.embedded_files import save_materials
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.utils.display import Display, SilentDisplay
+from svbrdfgan.utils.processes import cores
 
 MANIFEST = "manifest.yaml"
 TRUTH = "truth"
@@ -86,6 +89,7 @@ def stage_photos(
     *,
     base: Path,
     blender: str | None = None,
+    jobs: int = 1,
     display: Display | None = None,
 ) -> Path:
     """Photographs what is missing of the scenes of `train`, and returns the manifest, which is written last.
@@ -96,6 +100,7 @@ def stage_photos(
     Args:
         base: the folder that file patterns of the configuration are relative to.
         blender: as for `find_blender`.
+        jobs: Blenders at a time, which share the cores.
 
     Raises:
         ConfigError: the folder holds other photographs, a pattern matches nothing, or there is no Blender.
@@ -108,14 +113,29 @@ def stage_photos(
     index = make_index(with_model(config.dataset, truth, base), truth, base)
     save_record(truth / _RECORD, config.photography)
     # nothing is cached in files, since that would take ten times the space of all pictures
-    stage = _Stage(config, folder, index, SceneLoader(truth, keep=False))
+    stage = _Stage(config, folder, index, SceneLoader(truth, keep=False), max(1, cores() // jobs) if jobs > 1 else None)
     photos = [stage.draw(number) for number in range(len(index.sampler("train")))]
     shown.begin("photographs", len(photos))
     shown.advance(sum(stage.photo(number, photo).is_file() for number, photo in enumerate(photos)))
-    for numbers in _by_mesh(photos):
-        missing = [number for number in numbers if not stage.photo(number, photos[number]).is_file()]
-        if missing:
-            stage.take(missing, [photos[number] for number in missing], program, shown)
+    groups = [
+        missing
+        for numbers in _by_mesh(photos)
+        if (missing := [number for number in numbers if not stage.photo(number, photos[number]).is_file()])
+    ]
+    lock = Lock()
+
+    def take_group(numbers: Sequence[int]) -> None:
+        alone = replace(stage, loader=SceneLoader(truth, keep=False))  # threads share no cache
+        for _ in alone.take(numbers, [photos[number] for number in numbers], program):
+            with lock:
+                shown.advance(1)
+
+    with ThreadPoolExecutor(jobs) as pool:
+        try:
+            list(pool.map(take_group, groups))
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
     return stage.write_manifest(photos, base)
 
 
@@ -125,6 +145,7 @@ class _Stage:
     folder: Path
     index: DatasetIndex
     loader: SceneLoader
+    threads: int | None
 
     def photo(self, number: int, photo: StagedPhoto) -> Path:
         return self.folder / "photos" / f"{number:06d}{photo.suffix}"
@@ -162,10 +183,8 @@ class _Stage:
             flash=clamped(said.flash.sample(rng), FLASH) if said.pairs == "flash" else None,
         )
 
-    def take(
-        self, numbers: Sequence[int], photos: Sequence[StagedPhoto], program: Sequence[str], shown: Display
-    ) -> None:
-        """Photographs of one mesh. Each appears whole, after its mask and its truth."""
+    def take(self, numbers: Sequence[int], photos: Sequence[StagedPhoto], program: Sequence[str]) -> Iterator[int]:
+        """Photographs of one mesh, each of which appears whole, after its mask and its truth; yields their numbers."""
         (self.folder / "photos").mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=self.folder, prefix=".taking-") as place:
             shots = [self._shot(photo, Path(place), number) for number, photo in zip(numbers, photos, strict=True)]
@@ -177,8 +196,7 @@ class _Stage:
                 if (second := shots[done].second) is not None:
                     os.replace(second.photo, self.second(number, photo))
                 os.replace(shots[done].photo, self.photo(number, photo))
-                shown.advance(1)
-        self.loader.forget()
+                yield number
 
     def write_manifest(self, photos: Sequence[StagedPhoto], base: Path) -> Path:
         """What a photographer writes down, and the files that it names."""
@@ -249,6 +267,7 @@ class _Stage:
             view=None if photo.view == RAW else photo.view,
             noise=photo.noise,
             jpeg_quality=photo.jpeg_quality,
+            threads=self.threads,
             second=None
             if said.pairs is None
             else Second(second, mesh=str(clean) if said.pairs == "before" else None, flash=photo.flash),

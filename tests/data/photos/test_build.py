@@ -159,6 +159,24 @@ def test_bad_pictures_are_left_out_and_spoil_no_others(
     assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.full
+def test_processes_that_share_the_pictures_make_the_same(photographs: Photographs, tmp_path: Path) -> None:
+    """So do those of a picture that cannot be used, which is told in one sentence."""
+    folder, made = photographs
+    Image.new("RGB", (240, 160)).save(tmp_path / "black.png")
+    pictures = [dict(entry) for entry in load_yaml(folder / "manifest.yaml")["pictures"]]
+    pictures.insert(1, {**pictures[1], "file": str(tmp_path / "black.png")})
+    pictures[0]["light_group"] = pictures[2]["light_group"] = "yard"
+    manifest = declared(photographs, pictures=pictures, light="estimated", bootstrap=1)
+    for workers in (1, 2):
+        records = import_pictures(manifest, tmp_path / str(workers), base=folder, workers=workers)
+        assert [record.file for record in records] == [one.file for one in made]
+    files = [path.relative_to(tmp_path / "1") for path in (tmp_path / "1" / "train").iterdir()]
+    assert len(files) == 12
+    for file in files:
+        assert (tmp_path / "1" / file).read_bytes() == (tmp_path / "2" / file).read_bytes(), file
+
+
 def test_scenes_keep_paint_camera_and_that_the_truth_is_unknown(photographs: Photographs, exemplars: Exemplars) -> None:
     for one, scene in zip(photographs[1], exemplars.scenes, strict=True):
         assert scene.weathering == "unknown"

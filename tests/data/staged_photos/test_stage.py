@@ -99,7 +99,7 @@ def test_a_pair_is_two_pictures_from_one_place(blender: str, tmp_path: Path, mon
     for pairs, view in (("before", "AgX"), ("flash", "Raw"), ("flash", "AgX")):
         data = {**DATA["photography"], "pairs": pairs, "view": view}
         folder = tmp_path / f"{pairs}-{view}"
-        manifest = stage_photos(config(photography=data), folder, base=tmp_path, blender=blender)
+        manifest = stage_photos(config(photography=data), folder, base=tmp_path, blender=blender, jobs=2)
         contents = read_manifest(yaml.safe_load(manifest.read_text()), "manifest")
         assert len(list((folder / "photos").iterdir())) == 8
         import_pictures(contents, tmp_path / f"own-{pairs}-{view}", base=folder, preview=True)
