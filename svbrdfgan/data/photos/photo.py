@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Float
@@ -14,7 +17,15 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.io.files import check_file
 from svbrdfgan.io.image import EIGHT_BIT, linear_from_picture, load_image, srgb_from_linear
 
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
 SUFFIXES = (*EIGHT_BIT, ".exr")
+MOST_PIXELS = 300_000_000
+"""Of a file that is read; phones take 200 million."""
+_KEPT_PIXELS = 25_000_000
+ORIENTATION, _FIRST_TURNED = 0x0112, 5
+"""EXIF's tag, and its first value of a picture that lies on its side."""
 _LEAST = 16
 
 
@@ -79,13 +90,18 @@ def find_mask(folder: Path, name: str) -> Path:
 
 
 def photo_size(path: Path) -> tuple[int, int]:
-    """Width and height of a picture as `load_photo` gives it.
+    """Width and height of the upright picture in a file, which `load_photo` may reduce.
 
     Raises:
         AssetError: the file cannot be read.
     """
-    height, width = _load(path).shape[:2]
-    return width, height
+    check_file(path, SUFFIXES, "picture")
+    if path.suffix.lower() == ".exr":
+        height, width = load_image(path).shape[:2]
+        return width, height
+    with opened(path) as image:
+        turned = image.getexif().get(ORIENTATION, 1) >= _FIRST_TURNED
+        return (image.height, image.width) if turned else image.size
 
 
 def _mask_names(path: Path) -> Iterator[Path]:
@@ -121,12 +137,45 @@ def _load(path: Path) -> Float[Tensor, "height width channels"]:
     check_file(path, SUFFIXES, "picture")
     if path.suffix.lower() == ".exr":
         return load_image(path)
-    from PIL import Image, ImageOps
+    from PIL import ImageOps
 
+    with opened(path) as image:
+        return linear_from_picture(ImageOps.exif_transpose(reduced(image)))
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Image]:
+    """A picture that Pillow reads.
+
+    Raises:
+        AssetError: it has too many pixels, or an error of Pillow in the block, which means that it is broken.
+    """
+    from PIL import Image
+
+    usual = Image.MAX_IMAGE_PIXELS
+    Image.MAX_IMAGE_PIXELS = None  # Pillow's own limit is below what phones take
     try:
         with Image.open(path) as image:
-            return linear_from_picture(ImageOps.exif_transpose(image))
-    except Image.DecompressionBombError as error:
-        raise AssetError(f"{path} has more pixels than can be read safely: make it smaller.") from error
-    except Exception as error:  # Pillow's decoders raise many types, and each means that the file is broken
+            if image.width * image.height > MOST_PIXELS:
+                raise AssetError(
+                    f"{path} has {image.width * image.height / 1e6:.0f} megapixels; at most {MOST_PIXELS / 1e6:.0f} "
+                    "are read: make it smaller."
+                )
+            yield image
+    except AssetError:
+        raise
+    except Exception as error:  # Pillow's decoders raise many types
         raise AssetError(f"{path} cannot be read as a picture: {error}.") from error
+    finally:
+        Image.MAX_IMAGE_PIXELS = usual
+
+
+def reduced(image: Image) -> Image:
+    """The picture, or means over squares of its pixels if they are too many to be kept as linear values."""
+    factor = math.ceil(math.sqrt(image.width * image.height / _KEPT_PIXELS))
+    if factor < 2 or image.mode.startswith("I"):
+        return image
+    alpha = "A" in image.getbands() or "transparency" in image.info
+    smaller = image.convert("RGBA" if alpha else "RGB").reduce(factor)
+    smaller.getexif().update(image.getexif())  # which says how the camera was held
+    return smaller

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.data.photos.check import ErrorCollector
-from svbrdfgan.data.photos.photo import find_mask, load_photo
+from svbrdfgan.data.photos.photo import ORIENTATION, find_mask, load_photo, opened, reduced
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.atomic import folder_beside
 from svbrdfgan.io.image import EIGHT_BIT, save_codes
@@ -33,8 +33,6 @@ _LONGEST_SIDE = 1600
 _MOST_FEATURES = 4096
 """Of each picture, the largest; the time of matching grows with their square."""
 _NEAR = math.cos(math.radians(20))
-_ORIENTATION = 0x0112
-"""The EXIF tag; 1 is upright."""
 
 
 @dataclass(frozen=True)
@@ -130,15 +128,19 @@ def _prepare(
 
 
 def _copy_upright(picture: Path, copy: Path) -> None:
-    """A copy without EXIF orientation, which COLMAP ignores; other tags stay, since they give the focal length."""
-    from PIL import Image, ImageOps
+    """A copy of at most as many pixels as `load_photo` keeps, and without EXIF orientation, which COLMAP ignores.
+
+    Other tags stay, since they give the focal length.
+    """
+    from PIL import ImageOps
 
     copy.parent.mkdir(parents=True, exist_ok=True)
-    with Image.open(picture) as image:
-        if image.getexif().get(_ORIENTATION, 1) == 1:
+    with opened(picture) as image:
+        smaller = reduced(image)
+        if smaller is image and image.getexif().get(ORIENTATION, 1) == 1:
             shutil.copyfile(picture, copy)
         else:
-            upright = ImageOps.exif_transpose(image)
+            upright = ImageOps.exif_transpose(smaller)
             upright.save(copy, quality=95, exif=upright.getexif())
 
 

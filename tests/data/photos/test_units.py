@@ -18,7 +18,7 @@ from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.photos.calibrated_camera import CalibratedCamera
 from svbrdfgan.data.photos.exposure import exposure_factor, mean_light
 from svbrdfgan.data.photos.overlay import NO_PART, intersection_over_union, visible_parts
-from svbrdfgan.data.photos.photo import load_photo
+from svbrdfgan.data.photos.photo import load_photo, photo_size
 from svbrdfgan.data.photos.rectify import minification, rectified_camera, rectify
 from svbrdfgan.data.sampler import ConfigSampler
 from svbrdfgan.errors import AssetError, ConfigError
@@ -216,6 +216,41 @@ def test_exif_turns_a_picture_upright(tmp_path: Path) -> None:
     photo = load_photo(tmp_path / "turned.jpg", None)
     assert photo.size == (16, 32)
     assert photo.image[:6].mean() > 0.9 > 0.1 > photo.image[-6:].mean()
+
+
+def test_pictures_of_many_pixels_are_reduced(saved: SaveImage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They keep their colours, and are turned upright; their size in the file is told as it is."""
+    pixels = np.zeros((60, 120, 3), dtype=np.uint8)
+    pixels[:, :60] = 255
+    image = Image.fromarray(pixels)
+    exif = image.getexif()
+    exif[0x0112] = 6
+    image.save(tmp_path / "large.jpg", exif=exif, quality=95)
+    monkeypatch.setattr("svbrdfgan.data.photos.photo._KEPT_PIXELS", 1000)
+    photo = load_photo(tmp_path / "large.jpg", saved("mask.png", np.full((120, 60), 255)))
+    assert photo.size == (20, 40)
+    assert photo.mask is not None
+    assert photo.image[:18].mean() > 0.9 > 0.1 > photo.image[22:].mean()
+    assert photo_size(tmp_path / "large.jpg") == (60, 120)
+    cut = np.full((60, 120, 4), 128)
+    cut[:, :60, 3] = 0
+    own = load_photo(saved("cut.png", cut), None)
+    assert own.mask is not None
+    assert own.mask.shape == (20, 40)
+    monkeypatch.setattr("svbrdfgan.data.photos.photo.MOST_PIXELS", 7000)
+    with pytest.raises(AssetError, match="has 0 megapixels; at most 0 are read: make it smaller"):
+        load_photo(tmp_path / "large.jpg", None)
+
+
+@pytest.mark.full
+def test_a_phone_s_200_megapixels_are_read(tmp_path: Path) -> None:
+    Image.new("RGB", (16_384, 12_288), (90, 80, 70)).save(tmp_path / "phone.jpg")
+    photo = load_photo(tmp_path / "phone.jpg", None)
+    assert photo.size == (5462, 4096)
+    assert photo_size(tmp_path / "phone.jpg") == (16_384, 12_288)
+    Image.new("1", (20_000, 20_000)).save(tmp_path / "bomb.png")
+    with pytest.raises(AssetError, match="has 400 megapixels; at most 300 are read"):
+        load_photo(tmp_path / "bomb.png", None)
 
 
 def test_masks_are_plain_numbers_and_transparency_is_one(saved: SaveImage, tmp_path: Path) -> None:
