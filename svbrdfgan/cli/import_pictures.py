@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,6 +59,7 @@ def _print(picture: ImportedPicture) -> None:
     if (moved := picture.refinement) is not None:
         agreement += f" (was {moved.before:.2f}; camera changed by {moved.degrees:.1f} degrees, {moved.percent:.1f} %)"
     exposure = "" if picture.exposure is None else f", exposure x {picture.exposure:.3g}"
-    click.echo(f"{picture.overlay}: {picture.file}: {agreement}{exposure}")
+    within = "" if picture.uncertainty is None else f", reflectance within {math.expm1(picture.uncertainty):.0%}"
+    click.echo(f"{picture.overlay}: {picture.file}: {agreement}{exposure}{within}")
     for doubt in picture.doubts:
         click.echo(f"warning: {picture.file}: {doubt} (see {picture.overlay})", err=True)

@@ -73,6 +73,11 @@ def no_errors(height: int, width: int) -> Float[Tensor, "height width 8"]:
     return torch.tensor([1.0] * 3 + [0.0] * 5).expand(height, width, _CHANNELS).clone()
 
 
+def mean_error(errors: Float[Tensor, "*shape 8"]) -> float:
+    """The mean absolute logarithm of the gains."""
+    return float(errors[..., :3].log().abs().mean())
+
+
 def errors_path(folder: Path, split: Split, index: int) -> Path:
     """The file of an exemplar's errors."""
     return exemplar_paths(folder, split, index)[0].with_suffix(".errors.safetensors")

@@ -26,7 +26,8 @@ def invoke(*words: object) -> Result:
 def test_it_makes_a_data_set_and_says_what_to_look_at(manifest: Path, tmp_path: Path) -> None:
     result = invoke("dataset", "import", manifest, "-o", tmp_path / "own", "image=[32, 24]")
     assert result.exit_code == 0, result.output
-    assert re.search(r"^overlay/0000.png: van.jpg: IoU 0\.\d\d, exposure x [\d.]+$", result.stdout, re.MULTILINE)
+    said = r"^overlay/0000.png: van.jpg: IoU 0\.\d\d, exposure x [\d.]+, reflectance within \d+%$"
+    assert re.search(said, result.stdout, re.MULTILINE)
     assert "contact-sheet.png" in result.stdout
     assert "train: 1 exemplars of 1 meshes" in result.stdout
     assert "warning: van.jpg: mask and mesh agree by 0." in result.stderr

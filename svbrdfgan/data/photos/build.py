@@ -21,7 +21,7 @@ from svbrdfgan.data.photos.check import (
     check_meshes,
     check_pictures,
 )
-from svbrdfgan.data.photos.convert import convert_photos, places
+from svbrdfgan.data.photos.convert import Imported, convert_photos, places
 from svbrdfgan.data.photos.light_balls import beside
 from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.photos.overlay import contact_sheet
@@ -54,6 +54,8 @@ class ImportedPicture:
         iou: intersection over union of mask and silhouette; None without a mask.
         refinement: how its camera was changed; None if it was not to be.
         exposure: the factor on its linear values; None where only overlays were made.
+        uncertainty: by how much its reflectance is off, to judge by imports of simulated pictures, as a mean absolute
+            logarithm; None where none were simulated.
         doubts: what the user should check.
     """
 
@@ -63,6 +65,7 @@ class ImportedPicture:
     iou: float | None
     refinement: Refinement | None
     exposure: float | None
+    uncertainty: float | None
     doubts: tuple[str, ...]
 
 
@@ -110,12 +113,12 @@ def import_pictures(
         job = replace(
             job, manifest=manifest.keeping(usable), labels=tuple(labels[number] for number in usable), unusable={}
         )
-        exposures: Mapping[int, float | None] = dict.fromkeys(range(len(photos)))
+        found: Mapping[int, Imported | None] = dict.fromkeys(range(len(photos)))
         if not preview:
-            exposures = convert_photos(job, meshes, pool, photos, stage, model, workers)
+            found = convert_photos(job, meshes, pool, photos, stage, model, workers)
             _warn(job)
-        manifest, photos = job.manifest.keeping(exposures), [photos[number] for number in sorted(exposures)]
-        records = _records(manifest, photos, [exposures[number] for number in sorted(exposures)])
+        manifest, photos = job.manifest.keeping(found), [photos[number] for number in sorted(found)]
+        records = _records(manifest, photos, [found[number] for number in sorted(found)])
         _draw(stage, photos, records)
         kept = [OVERLAYS] if preview else [OVERLAYS, RECORD, "assets", "cache", *manifest.config().splits, INDEX]
         (stage / RECORD).write_text(
@@ -146,7 +149,7 @@ def _expected(manifest: Manifest, base: Path) -> TrainedModel | None:
 
 
 def _records(
-    manifest: Manifest, photos: Sequence[RectifiedPhoto], exposures: Sequence[float | None]
+    manifest: Manifest, photos: Sequence[RectifiedPhoto], found: Sequence[Imported | None]
 ) -> tuple[ImportedPicture, ...]:
     return tuple(
         ImportedPicture(
@@ -155,10 +158,11 @@ def _records(
             exemplar=f"{split}/{index:06d}",
             iou=photo.iou,
             refinement=photo.refinement,
-            exposure=exposures[number],
+            exposure=None if made is None else made.exposure,
+            uncertainty=None if made is None else made.uncertainty,
             doubts=photo.doubts,
         )
-        for number, (photo, (split, index)) in enumerate(zip(photos, places(manifest), strict=True))
+        for number, (photo, made, (split, index)) in enumerate(zip(photos, found, places(manifest), strict=True))
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from svbrdfgan.data.config import Split
@@ -14,13 +15,28 @@ from svbrdfgan.data.photos.converter import Converter, EstimatedLight
 from svbrdfgan.data.photos.crew import Crew, crew, unwrap
 from svbrdfgan.data.photos.light import Evidence
 from svbrdfgan.data.photos.manifest import Manifest
-from svbrdfgan.data.reflectance_errors import errors_path, save_errors
+from svbrdfgan.data.reflectance_errors import errors_path, mean_error, save_errors
 from svbrdfgan.data.sampler import EnvironmentAsset, MeshAsset
 from svbrdfgan.data.trained_model import TrainedModel
 from svbrdfgan.types import Mesh
 
 Place = tuple[Split, int]
 """Where an exemplar lies in its data set."""
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What the import of a picture found.
+
+    Attributes:
+        exposure: the factor on the picture's linear values.
+        uncertainty: by how much its reflectance is off, to judge by imports of simulated pictures: the mean absolute
+            logarithm of found over true; None if none were simulated.
+    """
+
+    exposure: float
+    uncertainty: float | None
+
 
 _MOST_EVIDENCE = 40_000
 """Pixels, about, that the light of a group is estimated from."""
@@ -45,8 +61,8 @@ def convert_photos(
     folder: Path,
     model: TrainedModel | None = None,
     workers: int | None = 1,
-) -> dict[int, float]:
-    """Writes the data set, and returns the exposure factor of each picture in it; the job notes why others are missing.
+) -> dict[int, Imported]:
+    """Writes the data set, and returns what was found of each picture in it; the job notes why others are missing.
 
     Args:
         model: says which weathering the pictures are expected to show.
@@ -57,7 +73,7 @@ def convert_photos(
         AssetError: an asset cannot be read, or a process was killed.
     """
     index = _index(job.manifest, meshes, pool, folder)
-    exposures: dict[int, float] = {}
+    imported: dict[int, Imported] = {}
     at = places(job.manifest)
     order = sorted(range(len(photos)), key=at.__getitem__)  # a mesh is prepared once
     with crew(workers, job.manifest, job.base, index, folder, model) as converters:
@@ -65,21 +81,21 @@ def convert_photos(
         usable = [number for number in order if number not in job.unusable]
         job.display.begin("exemplars", len(usable))
         wanted = [(photos[number], number, shared.get(number), at[number]) for number in usable]
-        for number, exposure in zip(usable, converters.map(_convert, wanted), strict=True):
+        for number, made in zip(usable, converters.map(_convert, wanted), strict=True):
             with job.picture(number):
-                exposures[number] = unwrap(exposure)
+                imported[number] = unwrap(made)
             job.display.advance()
-    job.require_some(exposures)
-    kept = job.manifest.keeping(exposures)
-    if len(exposures) < len(photos):
-        _close_ranks([at[number] for number in sorted(exposures)], places(kept), folder)
+    job.require_some(imported)
+    kept = job.manifest.keeping(imported)
+    if len(imported) < len(photos):
+        _close_ranks([at[number] for number in sorted(imported)], places(kept), folder)
         index = _index(kept, meshes, pool, folder)
     index.save(folder)
-    return exposures
+    return imported
 
 
-def _convert(converter: Converter, wanted: tuple[RectifiedPhoto, int, EstimatedLight | None, Place]) -> float:
-    """Writes an exemplar, and returns the exposure factor of its picture."""
+def _convert(converter: Converter, wanted: tuple[RectifiedPhoto, int, EstimatedLight | None, Place]) -> Imported:
+    """Writes an exemplar, and returns what was found of its picture."""
     photo, number, shared, place = wanted
     converted, folder = converter.convert(photo, number, shared), converter.loader.folder
     picture, record = exemplar_paths(folder, *place)
@@ -87,7 +103,7 @@ def _convert(converter: Converter, wanted: tuple[RectifiedPhoto, int, EstimatedL
     converted.scene.save(record)
     if converted.errors is not None:
         save_errors(errors_path(folder, *place), converted.errors)
-    return converted.exposure
+    return Imported(converted.exposure, None if converted.errors is None else mean_error(converted.errors))
 
 
 def _thinned(converter: Converter, wanted: tuple[RectifiedPhoto, int, int]) -> Evidence:

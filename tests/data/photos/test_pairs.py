@@ -124,7 +124,11 @@ def test_the_picture_of_a_flash_alone_needs_no_estimate(base: Path, tmp_path: Pa
 @pytest.mark.parametrize("entry", [{"before": "clean.exr"}, {"file": "flash.exr", "without_flash": "dirty.exr"}])
 def test_imports_of_simulated_pairs_err_little(entry: dict[str, str], base: Path, tmp_path: Path) -> None:
     """By the camera's error of a degree, and by highlights; gains of single pictures are off by far more."""
-    import_pictures(read_manifest(manifest(**entry) | {"bootstrap": 3}, "m.yaml"), tmp_path / "own", base=base)
+    (record,) = import_pictures(
+        read_manifest(manifest(**entry) | {"bootstrap": 3}, "m.yaml"), tmp_path / "own", base=base
+    )
+    assert record.uncertainty is not None
+    assert 0 < record.uncertainty < 0.3
     errors = load_errors(Dataset.open(tmp_path / "own").folder, "train", 1)
     assert errors is not None
     gain, offset, _ = errors.values.float().split((3, 3, 2), dim=-1)
