@@ -8,10 +8,12 @@ import shutil
 import tempfile
 import zlib
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
+from functools import cached_property
+from multiprocessing import get_context
 from pathlib import Path
-from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -35,7 +37,7 @@ from svbrdfgan.data.staged_photos.config import (
 )
 from svbrdfgan.data.staged_photos.cycles import Second, Shot, find_blender, take
 from svbrdfgan.data.trained_model import with_model
-from svbrdfgan.errors import ConfigError
+from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.geometry.camera_hits import camera_hits
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.image import save_image
@@ -51,6 +53,8 @@ MANIFEST = "manifest.yaml"
 TRUTH = "truth"
 """The folder of what whoever imports the photographs must not know: a data set of the same scenes."""
 _RECORD = "photography.json"
+_PARTS = 4
+"""Parts, for each of several processes, that the work is cut into at least."""
 _GROUND = ((0.05, 0.05, 0.05), (0.18, 0.17, 0.16), (0.3, 0.27, 0.22), (0.08, 0.12, 0.05))
 """Linear reflectances of asphalt, concrete, sand and grass."""
 
@@ -100,7 +104,8 @@ def stage_photos(
     Args:
         base: the folder that file patterns of the configuration are relative to.
         blender: as for `find_blender`.
-        jobs: Blenders at a time, which share the cores.
+        jobs: Blenders at a time, which share the cores. More than one are started by spawned processes, so a script
+            that asks for them needs its `if __name__ == "__main__"`.
 
     Raises:
         ConfigError: the folder holds other photographs, a pattern matches nothing, or there is no Blender.
@@ -112,40 +117,68 @@ def stage_photos(
     _require_same(config.photography, truth / _RECORD)
     index = make_index(with_model(config.dataset, truth, base), truth, base)
     save_record(truth / _RECORD, config.photography)
-    # nothing is cached in files, since that would take ten times the space of all pictures
-    stage = _Stage(config, folder, index, SceneLoader(truth, keep=False), max(1, cores() // jobs) if jobs > 1 else None)
-    photos = [stage.draw(number) for number in range(len(index.sampler("train")))]
+    stage = _Stage(config, folder, index, max(1, cores() // jobs) if jobs > 1 else None)
+    photos = stage.photos()
     shown.begin("photographs", len(photos))
     shown.advance(sum(stage.photo(number, photo).is_file() for number, photo in enumerate(photos)))
-    groups = [
-        missing
-        for numbers in _by_mesh(photos)
-        if (missing := [number for number in numbers if not stage.photo(number, photos[number]).is_file()])
-    ]
-    lock = Lock()
-
-    def take_group(numbers: Sequence[int]) -> None:
-        alone = replace(stage, loader=SceneLoader(truth, keep=False))  # threads share no cache
-        for _ in alone.take(numbers, [photos[number] for number in numbers], program):
-            with lock:
-                shown.advance(1)
-
-    with ThreadPoolExecutor(jobs) as pool:
-        try:
-            list(pool.map(take_group, groups))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    for taken in stage.take_missing(photos, program, jobs):
+        shown.advance(taken)
     return stage.write_manifest(photos, base)
 
 
 @dataclass(frozen=True, eq=False)
 class _Stage:
+    """What decides of all photographs.
+
+    Attributes:
+        threads: for each Blender; None for one on each core.
+    """
+
     config: StagedPhotosConfig
     folder: Path
     index: DatasetIndex
-    loader: SceneLoader
     threads: int | None
+
+    @cached_property
+    def loader(self) -> SceneLoader:
+        """Of the truth; caches nothing in files, since that would take ten times the space of all pictures."""
+        return SceneLoader(self.folder / TRUTH, keep=False)
+
+    def photos(self) -> list[StagedPhoto]:
+        """All photographs."""
+        return [self.draw(number) for number in range(len(self.index.sampler("train")))]
+
+    def take_missing(self, photos: Sequence[StagedPhoto], program: Sequence[str], jobs: int) -> Iterator[int]:
+        """Takes the photographs that are not there; yields how many more are.
+
+        Raises:
+            AssetError: an asset cannot be read, Blender failed, or a process was killed.
+        """
+        missing = [
+            [number for number in numbers if not self.photo(number, photos[number]).is_file()]
+            for numbers in _by_mesh(photos)
+        ]
+        total = sum(map(len, missing))
+        size = max(1, total // (_PARTS * jobs) if jobs > 1 else total)
+        groups = [group[n : n + size] for group in missing for n in range(0, len(group), size)]
+        if jobs == 1 or len(groups) < 2:
+            for group in groups:
+                for _ in self.take(group, [photos[number] for number in group], program):
+                    yield 1
+                self.loader.forget()
+            return
+        pool = ProcessPoolExecutor(min(jobs, len(groups)), get_context("spawn"), torch.set_num_threads, (1,))
+        try:
+            tasks = [
+                pool.submit(_take_all, replace(self), group, [photos[number] for number in group], program)
+                for group in groups
+            ]
+            for task in as_completed(tasks):
+                yield task.result()
+        except BrokenProcessPool as error:
+            raise AssetError("a process that photographs was killed, probably for memory; try fewer --jobs.") from error
+        finally:
+            pool.shutdown(cancel_futures=True)
 
     def photo(self, number: int, photo: StagedPhoto) -> Path:
         return self.folder / "photos" / f"{number:06d}{photo.suffix}"
@@ -285,6 +318,11 @@ class _Stage:
         hits = camera_hits(surface, scene.camera.camera(), scene.width, scene.height)
         path.parent.mkdir(exist_ok=True)
         save_image(path, torch.from_numpy(hits.hit).float().unsqueeze(-1))
+
+
+def _take_all(stage: _Stage, numbers: Sequence[int], photos: Sequence[StagedPhoto], program: Sequence[str]) -> int:
+    """Takes photographs in a worker process; returns how many."""
+    return len(list(stage.take(numbers, photos, program)))
 
 
 def _by_mesh(photos: Sequence[StagedPhoto]) -> list[list[int]]:
