@@ -60,18 +60,19 @@ def test_its_rows_are_valid(benchmark: ModuleType) -> None:
         assert train_config(apply_overrides(settings, [f"loss.r1={row.r1}"]), "row").score_every > row.steps
         if row.photography is not None:
             staged_photos_config({**photos, "photography": {**photos["photography"], **row.photography}}, "row")
-            shared.add(row.shots)
+            shared.add(row.pictures)
         changes = benchmark.words(benchmark.importing(row))
         assert read_manifest(apply_overrides({"pictures": [PICTURE]}, changes), "row").image == benchmark.IMAGE
-    assert shared == {"plain", "before", "flash-Raw"}
+    assert shared == {"plain-6", "before-6", "flash-Raw-6", "plain-58"}
     splits = [set(split["meshes"]["files"]) for split in photos["splits"].values()]
     assert [len(files) for files in splits] == [35, 4, 12]
     assert len(set.union(*splits)) == 51
 
 
 def test_the_table_compares_with_what_is_rendered(benchmark: ModuleType) -> None:
-    lines = list(benchmark.table({"matched": [0.5, 0.7], "turns": [0.3, 0.3]}))
-    assert lines[2:] == ["| matched | 0.60 | 0.50, 0.70 | 1.00 |", "| turns | 0.30 | 0.30, 0.30 | 0.50 |"]
+    lines = list(benchmark.table({"matched": [0.5, 0.7], "turns": [0.3, 0.3], "turns-2030": [0.5, 0.5]}))
+    assert lines[2:4] == ["| matched | 0.60 | 0.50, 0.70 | 1.00 |", "| turns | 0.30 | 0.30, 0.30 | 0.50 |"]
+    assert lines[4] == "| turns-2030 | 0.50 | 0.50, 0.50 |  |"
     assert list(benchmark.table({"turns": [0.3]}))[2:] == ["| turns | 0.30 | 0.30 |  |"]
 
 
@@ -98,9 +99,9 @@ def test_it_makes_a_table_and_goes_on(
     tiny["discriminator"] = {"width": 4, "layers": 1}
     monkeypatch.setattr(benchmark, "TRAIN", json.dumps(yaml.safe_load(benchmark.TRAIN) | tiny))
     rows = {
-        "matched": benchmark.Row(None, 2, 0.03),
-        "before": benchmark.Row({"pairs": "before"}, 2, 0.1, {"bootstrap": 1}),
-        "turns": benchmark.Row({"noise": 0}, 2, 0.1, {"bootstrap": 1, "light": "mean"}, turns=2),
+        "matched": benchmark.Row(None, 2, 0.03, views=1),
+        "before": benchmark.Row({"pairs": "before"}, 2, 0.1, {"bootstrap": 1}, views=1),
+        "turns": benchmark.Row({"noise": 0}, 2, 0.1, {"bootstrap": 1, "light": "mean"}, turns=2, views=1),
     }
     monkeypatch.setattr(benchmark, "ROWS", rows)
     (tmp_path / "photos.yaml").write_text(json.dumps({**DATA, "image": [32, 32]}))
