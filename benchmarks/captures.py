@@ -47,7 +47,7 @@ from svbrdfgan.utils.display import SilentDisplay
 
 EVERY, FIRST = 6, 3
 DRAWS = 4
-SPP = 256
+SPP = 64
 TEXTURE = 512
 
 
@@ -78,7 +78,8 @@ def split(cameras: Path, out: Path) -> None:
 def score(manifest: Path, exemplars: Path, run: Path, kept: Path, out: Path) -> None:
     """Scores RUN, which learned from EXEMPLARS, the import of MANIFEST's one capture."""
     scenes = Scenes(exemplars)
-    photos = rectified(read_manifest(load_yaml(manifest), str(manifest)), manifest.parent, kept)
+    declared = read_manifest(load_yaml(manifest), str(manifest)).model_copy(update={"image": scenes.image})
+    photos = rectified(declared, manifest.parent, kept)
     projected, constant = scenes.shown()
     size = projected.shape[:2]
     layers = {
@@ -117,7 +118,9 @@ class Scenes:
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.loader = folder, SceneLoader(folder)
-        self.renders = PictureRenderer(self.loader, resolve_renderer(Dataset.open(folder).config.renderer)[0])
+        config = Dataset.open(folder).config
+        self.image = config.image
+        self.renders = PictureRenderer(self.loader, resolve_renderer(config.renderer)[0])
         records = json.loads((folder / "imported.json").read_text(encoding="utf-8"))
         self.exposure = float(np.median([record["exposure"] for record in records]))
         self.scenes = [Scene.load(folder / f"{record['exemplar']}.json") for record in records]
@@ -141,7 +144,7 @@ class Scenes:
         total, weight = torch.zeros(TEXTURE * TEXTURE, 3), torch.zeros(TEXTURE * TEXTURE, 1)
         samples = []
         for scene, picture in zip(self.scenes, self.pictures, strict=True):
-            subject, made = self.loader.subject(scene), self.renders.shaded(scene)
+            subject, made = self.loader.subject(scene), self.renders.shaded(scene, SPP)
             hits = camera_hits(subject.surface, scene.camera.camera(), scene.width, scene.height)
             clear = torch.from_numpy(hits.hit) & (made.shading > 0.1 * made.shading.mean()).all(dim=-1)
             color = (picture - made.others.image)[clear] / made.shading[clear]

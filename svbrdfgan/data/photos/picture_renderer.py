@@ -65,13 +65,13 @@ class PictureRenderer:
         """The radiance that gloss of the learnable parts adds to the picture, approximately."""
         return GLOSS * self.render(scene, self._white(scene), _SMOOTH_SPP).image
 
-    def shaded(self, scene: Scene) -> Shaded:
+    def shaded(self, scene: Scene, spp: int = _SMOOTH_SPP) -> Shaded:
         """What the scene's picture is made of."""
         clean, learnable = self.clean(scene), self.loader.subject(scene).learnable
         black = Material.lambertian((0.0, 0.0, 0.0))
         dark = Materials(tuple(black if part in learnable else one for part, one in enumerate(clean.parts)))
-        shading = self.render(scene, self._white(scene), _SMOOTH_SPP).image
-        others, whole = (self.render(scene, materials, _SMOOTH_SPP) for materials in (dark, clean))
+        shading = self.render(scene, self._white(scene), spp).image
+        others, whole = (self.render(scene, materials, spp) for materials in (dark, clean))
         base = ((whole.image - others.image) / torch.where(shading > 0, shading, torch.inf)).clamp(0, 1)
         return Shaded(shading, base, others)
 
