@@ -21,6 +21,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import SimpleQueue
+from threading import Lock
 from typing import Any
 
 import click
@@ -92,20 +93,29 @@ pictures instead of 210; Blender takes three hours for them on two cores."""
 
 @dataclass(frozen=True)
 class Work:
-    """Where everything is, and a GPU for each program that may run; "" where there is none."""
+    """Where everything is, and a GPU for each program that may run; "" where there is none.
+
+    Attributes:
+        threads: of each program, if nobody says how many.
+        workers: the option that says how many processes import pictures.
+    """
 
     out: Path
-    jobs: int
+    threads: int
+    workers: tuple[str, str]
     free: SimpleQueue[str]
+    importing: dict[str, Lock] = field(default_factory=lambda: {name: Lock() for name in ROWS})
 
-    def exemplars(self, name: str) -> None:
-        """Imports the photographs of a row that takes no turns."""
+    def exemplars(self, name: str) -> Path:
+        """The data set of a row that takes no turns; imports its photographs if no other run has."""
         row, data = ROWS[name], self.out / "data" / name
-        if row.photography is not None and row.turns == 1 and not (data / INDEX).is_file():
-            manifest = str(self.out / row.pictures / MANIFEST)
-            self.run(
-                f"import-{name}", "dataset", "import", manifest, *words(importing(row)), *self.workers, "-o", str(data)
-            )
+        if row.photography is None:
+            return self.out / row.pictures
+        with self.importing[name]:
+            if not (data / INDEX).is_file():
+                options = (*words(importing(row)), *self.workers, "-o", str(data))
+                self.run(f"import-{name}", "dataset", "import", str(self.out / row.pictures / MANIFEST), *options)
+        return data
 
     def score(self, name: str, seed: int) -> None:
         """Trains a run of a row, and scores it on the test vehicles."""
@@ -119,18 +129,13 @@ class Work:
             options = ("--turns", str(row.turns), *self.workers, "-o", str(self.out / "runs" / title))
             self.run(f"learn-{title}", "learn", str(self.out / row.pictures / MANIFEST), config, *changes, *options)
         else:
-            data = self.out / (row.pictures if row.photography is None else f"data/{name}")
+            data = self.exemplars(name)
             resume = ["--resume"] if (run / CONFIG).is_file() else []
             changes = words(settings | {"dataset": str(data.resolve())})
             self.run(f"learn-{title}", "train", config, *changes, "-o", str(run), *resume)
         self.run(
             f"score-{title}", "evaluate", str(run), "--on", str(self.out / ROWS["matched"].pictures), *self.workers
         )
-
-    @property
-    def workers(self) -> tuple[str, str]:
-        """The share of the cores for each program."""
-        return "--workers", str(max(1, cores() // self.jobs))
 
     def last_run(self, name: str, seed: int) -> Path:
         """The folder of the run that is scored."""
@@ -142,7 +147,8 @@ class Work:
         gpu, log = self.free.get(), self.out / "logs" / f"{title}.txt"
         try:
             with log.open("a") as file:
-                environment = os.environ | ({"CUDA_VISIBLE_DEVICES": gpu} if gpu else {})
+                environment = {"OMP_NUM_THREADS": str(self.threads), **os.environ}
+                environment |= {"CUDA_VISIBLE_DEVICES": gpu} if gpu else {}
                 command = [sys.executable, "-c", PROGRAM, *arguments]
                 done = subprocess.run(command, env=environment, stdout=file, stderr=subprocess.STDOUT)
         finally:
@@ -196,18 +202,19 @@ def table(scores: Mapping[str, Sequence[float]]) -> Iterable[str]:
 @click.option("--seeds", default="0,1,2", show_default=True)
 @click.option("--blender", metavar="PROGRAM", help="As for `svbrdfgan dataset photograph`.")
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Programs at a time.")
-def main(photos: Path, out: Path, rows: str, seeds: str, blender: str | None, jobs: int) -> None:
+@click.option("--workers", type=click.IntRange(1), help="Processes of each import.  [default: the cores over JOBS]")
+def main(photos: Path, out: Path, rows: str, seeds: str, blender: str | None, jobs: int, workers: int | None) -> None:
     names, numbers = rows.split(","), [int(seed) for seed in seeds.split(",")]
     if strange := set(names) - ROWS.keys():
         raise click.ClickException(f"there is no row {', '.join(strange)}; known are {', '.join(ROWS)}.")
     photograph(names, photos, out, blender)
     (out / "logs").mkdir(exist_ok=True)
     (out / "train.yaml").write_text(TRAIN)
-    work, gpus = Work(out, jobs, SimpleQueue()), torch.cuda.device_count()
+    share, gpus = max(1, cores() // jobs), torch.cuda.device_count()
+    work = Work(out, share, ("--workers", str(workers or share)), SimpleQueue())
     for job in range(jobs):
         work.free.put(str(job % gpus) if gpus else "")
     with ThreadPoolExecutor(jobs) as pool:
-        list(pool.map(work.exemplars, names))
         list(pool.map(work.score, *zip(*((name, seed) for name in names for seed in numbers), strict=True)))
 
     def score(name: str, seed: int) -> float:
