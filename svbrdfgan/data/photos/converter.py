@@ -51,6 +51,8 @@ _REFINED_DEGREES = 0.5
 """How far calibrated and refined cameras may be off (`docs/lab/own-pictures.md` has the numbers)."""
 _EROSION = 1 / 64
 """How far a silhouette is eroded where it replaces a mask, as a share of the image's height."""
+_FAINTEST = 1e-3
+"""Of a flash relative to one that fits the clean mesh, so that it can be divided by."""
 _MEASURED = 0.03
 """Standard deviation of the logarithm of how bright a flash was measured to be."""
 
@@ -250,7 +252,7 @@ class Converter:
         power, count, dirt = photo.entry.flash, self.manifest.bootstrap, self.manifest.weathering_color
         evidence, factor = self._flash_evidence(scene, made, flash, picture, known)
         estimate = estimate_light([evidence], dirt)
-        used = estimate.weights[:, 0] / factor if power is None else np.asarray(power)
+        used = _brightness(estimate) / factor if power is None else np.asarray(power)
         errors = None
         if count:
             seen = self._picture(scene, scene.camera.camera(), evidence, estimate)
@@ -258,7 +260,7 @@ class Converter:
             def gain(simulated: Evidence, rng: np.random.Generator) -> Float[ndarray, " 3"]:
                 if power is not None:
                     return np.exp(rng.normal(scale=_MEASURED, size=3))
-                return 1.0 / estimate_light([simulated], dirt).weights[:, 0]
+                return 1.0 / _brightness(estimate_light([simulated], dirt))
 
             errors = torch.stack([self._flash_errors(photo, scene, flash, seen, gain, draw) for draw in range(count)])
         reflectance = flash.reflectance(picture.image, torch.from_numpy(used).float())
@@ -358,6 +360,11 @@ class Converter:
 def _turn(photo: RectifiedPhoto) -> float:
     """How far the light of its group has turned about the object, radians: on a turntable, with the camera."""
     return photo.entry.heading if photo.entry.turntable else 0.0
+
+
+def _brightness(flash: Estimate) -> Float[ndarray, " 3"]:
+    """How bright a flash is in each channel, which is its only lobe of light."""
+    return np.maximum(flash.weights[:, 0], _FAINTEST)
 
 
 def _elsewhere(camera: OrbitCamera, degrees: float, rng: np.random.Generator) -> OrbitCamera:

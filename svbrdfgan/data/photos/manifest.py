@@ -98,7 +98,7 @@ class PictureEntry(SharedLight):
     )
     flash: tuple[Positive, Positive, Positive] | None = Field(
         default=None,
-        description="how bright the flash makes white paper at a metre in `file`, each channel, linear; `null`: "
+        description="how bright the flash makes white paper at 1 in the mesh's unit, linear, each channel; `null`: "
         "estimated for each picture",
     )
     environment: str | None = Field(default=None, description="the light, where it is known")
