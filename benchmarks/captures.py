@@ -19,14 +19,11 @@ the object's pixels, at an exposure that makes the brightest twentieth of the ph
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 
 import click
 import numpy as np
 import torch
-from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from svbrdfgan.config.yaml_files import load_yaml
@@ -37,6 +34,7 @@ from svbrdfgan.data.photos.manifest import Manifest, read_manifest
 from svbrdfgan.data.photos.picture_renderer import PictureRenderer
 from svbrdfgan.data.trained_model import TrainedModel
 from svbrdfgan.geometry.camera_hits import camera_hits
+from svbrdfgan.geometry.texels import nearest_texels
 from svbrdfgan.io.image import load_image, save_image
 from svbrdfgan.metrics.flip import flip
 from svbrdfgan.plugins.select import resolve_renderer
@@ -156,8 +154,7 @@ class Scenes:
             weight.index_add_(0, place, trust)
             samples.append(color)
         seen = (weight > 0).reshape(TEXTURE, TEXTURE).numpy()
-        _, (row, col) = distance_transform_edt(~seen, return_indices=True)
-        texture = (total / weight.clamp(min=1e-6)).reshape(TEXTURE, TEXTURE, 3)[row, col].clamp(0, 1)
+        texture = (total / weight.clamp(min=1e-6)).reshape(TEXTURE, TEXTURE, 3)[nearest_texels(seen)].clamp(0, 1)
         return texture, torch.cat(samples).median(dim=0).values.clamp(0, 1)
 
 
@@ -172,9 +169,11 @@ def rectified(manifest: Manifest, base: Path, cameras: Path) -> list[RectifiedPh
     errors = ErrorCollector("kept")
     expanded, labels = expand_captures(manifest.model_copy(update={"captures": (moved,)}), base, errors)
     job = ImportJob(expanded, base, errors, SilentDisplay(), labels)
-    photos: Iterable[RectifiedPhoto] = check_pictures(job, check_meshes(job)).values()
+    photos = check_pictures(job, check_meshes(job))
     errors.raise_if_any()
-    return [replace(photo) for photo in photos]
+    if job.unusable:
+        raise click.ClickException("\n".join(line for lines in job.unusable.values() for line in lines))
+    return list(photos.values())
 
 
 if __name__ == "__main__":

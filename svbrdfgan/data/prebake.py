@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
+from concurrent.futures import as_completed
 from pathlib import Path
 
-import torch
-
-from svbrdfgan.errors import AssetError
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader
+from svbrdfgan.utils.processes import worker_pool
 
 
 def prebake(folder: Path, groups: Sequence[Sequence[Scene]], workers: int) -> Iterator[int]:
@@ -30,16 +26,11 @@ def prebake(folder: Path, groups: Sequence[Sequence[Scene]], workers: int) -> It
     if workers == 1 or len(groups) < 2:
         yield from range(len(groups))
         return
-    pool = ProcessPoolExecutor(min(workers, len(groups)), get_context("spawn"), torch.set_num_threads, (1,))
-    try:
+    with worker_pool(min(workers, len(groups)), "bakes meshes", "--workers") as pool:
         number = {pool.submit(_bake, folder, group): n for n, group in enumerate(groups)}
         for future in as_completed(number):
             future.result()
             yield number[future]
-    except BrokenProcessPool as error:
-        raise AssetError("a process that bakes meshes was killed, probably for memory; try fewer --workers.") from error
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _bake(folder: Path, scenes: Sequence[Scene]) -> None:

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +12,6 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.data.config import WeatheringDistribution
-from svbrdfgan.errors import AssetError
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader, recipe_of
 from svbrdfgan.types import Layer
@@ -79,15 +75,8 @@ def paint_all(vehicles: Sequence[Vehicle], workers: int) -> Iterator[TrueDraws]:
         shared = {vehicle.folder: SceneLoader(vehicle.folder) for vehicle in vehicles}
         yield from (paint(vehicle, shared[vehicle.folder]) for vehicle in vehicles)
         return
-    pool = ProcessPoolExecutor(min(workers, len(vehicles)), get_context("spawn"), torch.set_num_threads, (1,))
-    try:
+    with worker_pool(min(workers, len(vehicles)), "paints layers", "--workers") as pool:
         yield from pool.map(paint, vehicles)
-    except BrokenProcessPool as error:
-        raise AssetError(
-            "a process that paints layers was killed, probably for memory; try fewer --workers."
-        ) from error
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def paint(vehicle: Vehicle, loader: SceneLoader | None = None) -> TrueDraws:

@@ -17,7 +17,7 @@ Bytes = UInt8[ndarray, "rows cols channels"]
 
 def flipped_bytes(picture: Image) -> Bytes:
     """The bytes of the picture, RGBA if it has any kind of transparency, else RGB."""
-    return np.asarray(_eight_bit(picture))[::-1]
+    return np.asarray(eight_bit(picture))[::-1]
 
 
 def resized_bytes(picture: Image, rows: int, cols: int) -> Bytes:
@@ -27,7 +27,7 @@ def resized_bytes(picture: Image, rows: int, cols: int) -> Bytes:
     """
     from PIL import Image as PillowImage
 
-    whole = _eight_bit(picture)
+    whole = eight_bit(picture)
     if whole.size != (cols, rows):
         smaller = whole.size[0] > cols or whole.size[1] > rows
         filter_ = PillowImage.Resampling.BOX if smaller else PillowImage.Resampling.BILINEAR
@@ -45,7 +45,8 @@ def png_bytes(texture: Bytes) -> bytes:
     return stream.getvalue()
 
 
-def _eight_bit(picture: Image) -> Image:
+def eight_bit(picture: Image) -> Image:
+    """The picture in RGB, or RGBA if it has transparency."""
     from PIL import Image as PillowImage
 
     if picture.mode.startswith("I"):  # 16-bit grey, which Pillow's convert would clip

@@ -14,16 +14,16 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
-from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from svbrdfgan.data.photos.calibrated_camera import CalibratedCamera
 from svbrdfgan.data.photos.exposure import exposure_factor
 from svbrdfgan.data.photos.light import GLOSS, Evidence, white
 from svbrdfgan.data.photos.overlay import downsample
-from svbrdfgan.data.photos.pairs import USUAL_ROUGHNESS, FlashShading, shading_of_pair
+from svbrdfgan.data.photos.pairs import USUAL_ROUGHNESS, FlashShading, divided, shading_of_pair
 from svbrdfgan.data.reflectance_errors import no_errors
 from svbrdfgan.geometry.camera_hits import CameraHits, camera_hits
+from svbrdfgan.geometry.texels import nearest_texels
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Camera, Environment, Material, Materials, Rendering, View
 
@@ -81,7 +81,7 @@ def simulated_errors(
     count, view = len(subject.surface.parts), View(camera, light, *size)
     matt = white(subject.learnable, count)
     diffuse, gloss = render(matt, view), render(_gloss(subject.learnable, count, rng.uniform(*_ROUGHNESS)), view)
-    there = None if clean is None else _base(render(clean, view), diffuse)
+    there = None if clean is None else divided(render(clean, view), diffuse)
     shown = _weathered(picture, rng) if there is None else evidence.base
     radiance = _reduced(diffuse, evidence) * shown + _reduced(gloss, evidence)
     factor = _exposure(radiance, evidence)
@@ -92,7 +92,7 @@ def simulated_errors(
     clear = (torch.minimum(shading, diffuse) > _DARKEST * shading.mean()).all(dim=-1)
     clear &= torch.from_numpy(np.isin(hits.part, subject.learnable))
     if clean is not None and there is not None:
-        base = _base(render(clean, own), shading)
+        base = divided(render(clean, own), shading)
         lit, known = shading_of_pair((diffuse * there + gloss) * factor, base, shading)
         clear &= known
         gain = _gain(diffuse * factor, lit, clear)
@@ -135,11 +135,6 @@ def _gain(
     return (true / torch.where(clear.unsqueeze(-1), believed, torch.inf)).clamp(*_GAIN)
 
 
-def _base(seen: Float[Tensor, "height width 3"], shading: Float[Tensor, "height width 3"]) -> Float[Tensor, ...]:
-    """The reflectance of what is seen."""
-    return (seen / torch.where(shading > 0, shading, torch.inf)).clamp(0, 1)
-
-
 def _placed(
     gain: Float[Tensor, "height width 3"],
     offset: Float[Tensor, "height width 3"],
@@ -157,7 +152,7 @@ def _placed(
         return no_errors(*clear.shape)
     points = hits.interpolate(picture.subject.surface.positions)
     shift = torch.from_numpy(_shift(points, picture.camera, picture.size)).float()
-    _, (row, col) = distance_transform_edt(~clear.numpy(), return_indices=True)
+    row, col = nearest_texels(clear.numpy())
     errors = torch.cat([gain, offset, shift], dim=-1)[row, col]
     if filled:
         errors[..., 6:] += torch.from_numpy(np.stack([col, row], axis=-1) - _places(picture.size))

@@ -221,7 +221,7 @@ def _rectified(
         raise AssetError(f"the mask is not where the camera sees the mesh (IoU {iou:.2f}): correct one of them.")
     own, before = photo.image, None
     if second is not None and entry.without_flash is not None:
-        own = (own - second).clamp(min=0)
+        own = own - second
 
     def warped(image: Float[Tensor, "height width 3"]) -> Float[Tensor, "4 rows cols"]:
         return rectify(torch.cat([image.permute(2, 0, 1) * weight, weight]), camera, target.camera(), film)

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from numpy import ndarray
-from scipy.ndimage import distance_transform_edt, grey_erosion
+from scipy.ndimage import grey_erosion
 from torch import Tensor
 
 from svbrdfgan.config.choices import PluginChoice
@@ -26,13 +26,14 @@ from svbrdfgan.data.photos.check import RectifiedPhoto
 from svbrdfgan.data.photos.exposure import exposure_factor, mean_light
 from svbrdfgan.data.photos.light import Estimate, Evidence, environment, estimate_light, gather_evidence
 from svbrdfgan.data.photos.manifest import Manifest
-from svbrdfgan.data.photos.pairs import FlashShading, reflectance_of_pair, relit, shading_of_pair
+from svbrdfgan.data.photos.pairs import FlashShading, divided, reflectance_of_pair, relit, shading_of_pair
 from svbrdfgan.data.photos.picture_renderer import SPP, PictureRenderer, Shaded
 from svbrdfgan.data.reflectance_errors import no_errors
 from svbrdfgan.data.sampler import ConfigSampler, MeshAsset, clamped
 from svbrdfgan.data.trained_model import TrainedModel
 from svbrdfgan.errors import AssetError
 from svbrdfgan.geometry.camera_hits import CameraHits, camera_hits
+from svbrdfgan.geometry.texels import nearest_texels
 from svbrdfgan.io.environment import load_environment
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.scene.description import OrbitCamera, Scene, SceneEnvironment, SceneWeathering
@@ -158,7 +159,7 @@ class Converter:
     def evidence(self, photo: RectifiedPhoto, number: int) -> Evidence:
         """What a picture says of its light, before it is turned with the camera."""
         scene = self._scene(photo, number)
-        return self._evidence(photo, scene, self._exposed(photo, scene)[0])
+        return self._evidence(photo, scene, self._exposed(photo, scene)[1])
 
     def light(self, name: str, pictures: Sequence[Evidence]) -> list[EstimatedLight]:
         """The light that all of these pictures show, stored under this name; one for each picture, with its gain."""
@@ -168,14 +169,13 @@ class Converter:
 
     def _lit(self, photo: RectifiedPhoto, scene: Scene, number: int, shared: EstimatedLight | None) -> Converted:
         """A picture in the light of its surroundings."""
-        exposed, factor = self._exposed(photo, scene)
+        clean, exposed, factor = self._exposed(photo, scene)
         errors, light = None, shared
         if self.manifest.bootstrap or (shared is None and self._estimates(photo)):
             errors, light = self._studied(photo, scene, exposed, shared, number)
         if light is not None:
             turned = light.environment.model_copy(update={"rotation_degrees": math.degrees(_turn(photo))})
             scene, factor = scene.model_copy(update={"environment": turned}), factor * light.gain
-        clean = self.renders.render(scene, self.renders.clean(scene))
         after = _masked(photo.film, photo.masked, clean, factor)
         if photo.before is None:
             return Converted(scene, _filled(after, clean.coverage, self.renders.gloss(scene)), factor, errors)
@@ -278,7 +278,7 @@ class Converter:
         lit = flash.values[..., None].expand(-1, -1, 3)
         factor = exposure_factor(Rendering(picture.image, known.float()), Rendering(made.base * lit, known.float()))
         drawn = [
-            self.renders.render(scene, materials).image / torch.where(made.shading > 0, made.shading, torch.inf)
+            divided(self.renders.render(scene, materials).image, made.shading)
             for materials in self.renders.weathered(scene, self._expected(scene))
         ]
         radiance, base, shown, *draws = (
@@ -314,12 +314,12 @@ class Converter:
         calibrated = isinstance(photo.entry.camera, CalibratedCamera)
         return _CALIBRATED_DEGREES if calibrated else self.manifest.camera_error_degrees
 
-    def _exposed(self, photo: RectifiedPhoto, scene: Scene) -> tuple[Rendering, float]:
-        """The picture that says most of its light, exposed like the clean mesh; and the factor that does that."""
+    def _exposed(self, photo: RectifiedPhoto, scene: Scene) -> tuple[Rendering, Rendering, float]:
+        """The clean mesh, the picture that says most of its light, exposed likewise, and the factor that does that."""
         clean = self.renders.render(scene, self.renders.clean(scene))
         masked = _masked(photo.film if photo.before is None else photo.before, photo.masked, clean)
         factor = exposure_factor(masked, clean)
-        return Rendering(masked.image * factor, masked.coverage), factor
+        return clean, Rendering(masked.image * factor, masked.coverage), factor
 
     def _evidence(self, photo: RectifiedPhoto, scene: Scene, exposed: Rendering) -> Evidence:
         clean, learnable = self.renders.clean(scene), self.loader.subject(scene).learnable
@@ -399,6 +399,6 @@ def _filled(
     """
     # the silhouette and not the mask, since the discriminator could tell exemplars by their outlines
     known = torch.minimum(photo.coverage, coverage) > _WHOLE
-    _, (row, col) = distance_transform_edt(~known.numpy(), return_indices=True)
+    row, col = nearest_texels(known.numpy())
     matt = (photo.image - gloss).clamp(min=0) / photo.coverage.clamp(min=_WHOLE).unsqueeze(-1)
     return Rendering(matt[row, col] * coverage.unsqueeze(-1), coverage)

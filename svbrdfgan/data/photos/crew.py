@@ -4,22 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeVar
-
-import torch
 
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.photos.converter import Converter
 from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.trained_model import TrainedModel
-from svbrdfgan.errors import AssetError, SvbrdfganError
-from svbrdfgan.utils.processes import cores
+from svbrdfgan.errors import SvbrdfganError
+from svbrdfgan.utils.processes import cores, worker_pool
 
 Wanted = TypeVar("Wanted")
 Made = TypeVar("Made")
@@ -49,21 +45,12 @@ class Crew:
     def map(
         self, work: Callable[[Converter, Wanted], Made], wanted: Sequence[Wanted]
     ) -> Iterator[Made | SvbrdfganError]:
-        """Yields what the work makes of each, in order; an error about one spoils no others.
-
-        Raises:
-            AssetError: a process was killed.
-        """
+        """Yields what the work makes of each, in order; an error about one spoils no others."""
         if self.pool is None:
             yield from (_attempt(work, self.first, one) for one in wanted)
             return
         size = max(1, len(wanted) // (_CHUNKS * self.workers))
-        try:
-            yield from self.pool.map(partial(_here, work), wanted, chunksize=size)
-        except BrokenProcessPool as error:
-            raise AssetError(
-                "a process that imports pictures was killed, probably for memory; try fewer --workers."
-            ) from error
+        yield from self.pool.map(partial(_here, work), wanted, chunksize=size)
 
 
 @contextmanager
@@ -80,6 +67,9 @@ def crew(
     Args:
         workers: processes in the pool, which are spawned, so that they import the caller's main module; None for one
             on each core, but at most 8, since each takes memory, of a GPU, too.
+
+    Raises:
+        AssetError: a process was killed.
     """
     given = (manifest, base, index, folder, model)
     first = Converter.open(*given)  # stores all assets, which the others find
@@ -89,11 +79,8 @@ def crew(
     if workers < 2:
         yield Crew(first, None, 1)
         return
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), _start, given)
-    try:
+    with worker_pool(workers, "imports pictures", "--workers", _start, given) as pool:
         yield Crew(first, pool, workers)
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def unwrap(made: Made | SvbrdfganError) -> Made:
@@ -108,7 +95,6 @@ def unwrap(made: Made | SvbrdfganError) -> Made:
 
 
 def _start(*given: Any) -> None:
-    torch.set_num_threads(1)
     _own.append(Converter.open(*given))
 
 

@@ -1,9 +1,9 @@
 """What a second picture from the same tripod says: of the clean object, or without the flash that lights the first.
 
-Both leave little to estimate. A clean object shows the shading of each pixel, as far as its paint is not too dark, and
-what both pictures have in common, such as highlights, is not in their difference. Of a flash beside the lens, the
-difference of both pictures knows the shading but for one factor: Lambert's cosine over the square of the distance.
-Petschnigg et al., Digital Photography with Flash and No-Flash Image Pairs (2004); Eisemann & Durand (2004).
+Both leave little to estimate. The paint of the clean object is known, so that its picture shows the shading of each
+pixel. With a flash beside the lens, the difference of both pictures has the flash's light alone, whose shading is
+known but for one factor: Lambert's cosine over the square of the distance. Petschnigg et al., Digital Photography with
+Flash and No-Flash Image Pairs (2004); Eisemann & Durand, Flash Photography Enhancement (2004).
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from svbrdfgan.data.photos.light import GLOSS
 from svbrdfgan.data.reflectance_errors import MAX_REFLECTANCE
 from svbrdfgan.geometry.camera_hits import CameraHits
+from svbrdfgan.geometry.texels import nearest_texels
 from svbrdfgan.types import Rendering
 
 Image = Float[Tensor, "height width 3"]
@@ -40,6 +40,11 @@ _FACING = 0.04
 """Reflectance of a smooth surface of paint that faces the light."""
 _STRAIGHT, _GRAZING = 0.98, 0.15
 """Cosines between which a flash neither makes highlights nor leaves too little light."""
+
+
+def divided(picture: Image, shading: Image) -> Image:
+    """The reflectance that a picture shows under this shading, in [0, 1]; 0 where nothing is lit."""
+    return (picture / torch.where(shading > 0, shading, torch.inf)).clamp(0, 1)
 
 
 def shading_of_pair(before: Image, base: Image, estimated: Image) -> tuple[Image, Pixels]:
@@ -78,7 +83,7 @@ class FlashShading:
     """What a flash beside the lens adds to a picture of a white matt object.
 
     Attributes:
-        values: for a flash in whose light it would be 1 at a metre, facing the flash.
+        values: for a flash in whose light it would be 1 at a distance of 1, facing the flash.
         cosine: of the angle between normal and line of sight.
         clear: pixels without highlights and with enough light.
     """
@@ -107,7 +112,8 @@ class FlashShading:
         """The reflectance that a picture shows in the light of this flash alone; 0 where not `clear`.
 
         Args:
-            power: the value of each channel in a picture of a white matt object at a metre, which faces the flash.
+            power: the value of each channel in a picture of a white matt object at a distance of 1, which faces
+                the flash.
         """
         lit = torch.where(self.clear, self.values, torch.inf).unsqueeze(-1) * power
         return (picture / lit - self.gloss(USUAL_ROUGHNESS)).clamp(0, MAX_REFLECTANCE)
@@ -121,5 +127,5 @@ def relit(reflectance: Image, known: Pixels, shading: Image, others: Rendering) 
         shading: of the learnable parts, painted white.
         others: the picture of all other parts.
     """
-    _, (row, col) = distance_transform_edt(~known.numpy(), return_indices=True)
+    row, col = nearest_texels(known.numpy())
     return Rendering(others.image + reflectance[row, col] * shading, others.coverage)

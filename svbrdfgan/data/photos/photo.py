@@ -14,6 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError
+from svbrdfgan.io.eight_bit import eight_bit
 from svbrdfgan.io.files import check_file
 from svbrdfgan.io.image import EIGHT_BIT, linear_from_picture, load_image, srgb_from_linear
 
@@ -173,9 +174,8 @@ def opened(path: Path) -> Iterator[Image]:
 def reduced(image: Image) -> Image:
     """The picture, or means over squares of its pixels if they are too many to be kept as linear values."""
     factor = math.ceil(math.sqrt(image.width * image.height / _KEPT_PIXELS))
-    if factor < 2 or image.mode.startswith("I"):
+    if factor < 2:
         return image
-    alpha = "A" in image.getbands() or "transparency" in image.info
-    smaller = image.convert("RGBA" if alpha else "RGB").reduce(factor)
+    smaller = eight_bit(image).reduce(factor)
     smaller.getexif().update(image.getexif())  # which says how the camera was held
     return smaller

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.data.photos.light import GLOSS, Render, evidence_size, white
+from svbrdfgan.data.photos.pairs import divided
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
@@ -72,8 +73,7 @@ class PictureRenderer:
         dark = Materials(tuple(black if part in learnable else one for part, one in enumerate(clean.parts)))
         shading = self.render(scene, self._white(scene), spp).image
         others, whole = (self.render(scene, materials, spp) for materials in (dark, clean))
-        base = ((whole.image - others.image) / torch.where(shading > 0, shading, torch.inf)).clamp(0, 1)
-        return Shaded(shading, base, others)
+        return Shaded(shading, divided(whole.image - others.image, shading), others)
 
     def noise(self, scene: Scene) -> Image:
         """The relative noise of `SPP` samples per pixel, of mean one, measured on a white mesh."""

@@ -8,11 +8,9 @@ import shutil
 import tempfile
 import zlib
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
 from functools import cached_property
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +35,7 @@ from svbrdfgan.data.staged_photos.config import (
 )
 from svbrdfgan.data.staged_photos.cycles import Second, Shot, find_blender, take
 from svbrdfgan.data.trained_model import with_model
-from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.errors import ConfigError
 from svbrdfgan.geometry.camera_hits import camera_hits
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.io.image import save_image
@@ -47,7 +45,7 @@ from svbrdfgan.scene.description import OrbitCamera, Scene
 from svbrdfgan.scene.embedded_files import save_materials
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.utils.display import Display, SilentDisplay
-from svbrdfgan.utils.processes import cores
+from svbrdfgan.utils.processes import cores, worker_pool
 
 MANIFEST = "manifest.yaml"
 TRUTH = "truth"
@@ -167,18 +165,13 @@ class _Stage:
                     yield 1
                 self.loader.forget()
             return
-        pool = ProcessPoolExecutor(min(jobs, len(groups)), get_context("spawn"), torch.set_num_threads, (1,))
-        try:
+        bare = replace(self)  # without the loader, which processes do not share
+        with worker_pool(min(jobs, len(groups)), "photographs", "--jobs") as pool:
             tasks = [
-                pool.submit(_take_all, replace(self), group, [photos[number] for number in group], program)
-                for group in groups
+                pool.submit(_take_all, bare, group, [photos[number] for number in group], program) for group in groups
             ]
             for task in as_completed(tasks):
                 yield task.result()
-        except BrokenProcessPool as error:
-            raise AssetError("a process that photographs was killed, probably for memory; try fewer --jobs.") from error
-        finally:
-            pool.shutdown(cancel_futures=True)
 
     def photo(self, number: int, photo: StagedPhoto) -> Path:
         return self.folder / "photos" / f"{number:06d}{photo.suffix}"
@@ -273,8 +266,11 @@ class _Stage:
         mesh = place / f"{number}.glb"
         layer = self.loader.layer(scene)
         save_materials(mesh, subject, subject.materials(layer, scene.maps, base_colors=scene.materials))
-        clean, second = place / f"{number}-clean.glb", str(place / f"{number}-second{photo.suffix}")
-        if said.pairs == "before":
+        clean, second = place / f"{number}-clean.glb", None
+        if said.pairs is not None:
+            second = Second(str(place / f"{number}-second{photo.suffix}"), flash=photo.flash)
+        if said.pairs == "before" and second is not None:
+            second = replace(second, mesh=str(clean))
             assert layer is not None  # staged photographs show weathering
             transparent = replace(layer, values=torch.zeros_like(layer.values))
             save_materials(clean, subject, subject.materials(transparent, scene.maps, base_colors=scene.materials))
@@ -301,9 +297,7 @@ class _Stage:
             noise=photo.noise,
             jpeg_quality=photo.jpeg_quality,
             threads=self.threads,
-            second=None
-            if said.pairs is None
-            else Second(second, mesh=str(clean) if said.pairs == "before" else None, flash=photo.flash),
+            second=second,
         )
 
     def _gain(self, scene: Scene, share: float) -> tuple[float, float, float]:
