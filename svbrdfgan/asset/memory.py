@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
+
+import torch
 
 from svbrdfgan.asset.asset import BYTES_PER_TRIANGLE, Asset
 from svbrdfgan.asset.weather_document import DEFAULT_SIZE, Textures
@@ -16,12 +19,13 @@ from svbrdfgan.utils.memory import allowed_bytes, gigabytes
 _LEAST = 256
 """Texels along a side: no smaller textures are suggested."""
 
-_PROGRAM = 420 << 20  # the interpreter, NumPy and torch, and the tiles that are being painted
+_PROGRAM = 460 << 20  # the interpreter, NumPy and torch, and the tiles that are being painted
 _PAINTED = 19  # a layer's texel: nine channels of 16 bits, and whether it is known
 _FILLING = 20  # more while the texels around the faces are filled
 _OLD = 32  # a texel of an old texture: its bytes, as part of the looks, and as float32 when it is looked up
 _NEW = 3  # a texel of a new texture
-_BLENDING = 256 * 440  # more to a column, while maps are blended by bands of rows, on threads
+_BAND = 256  # rows of new textures that one thread blends at a time
+_BLENDING = 440  # a texel of such a band
 _ENCODING = 16  # a texel, while textures are filled and become PNG files
 _STORED = 2.5  # a texel of a new texture as PNG, which noise hardly lets shrink
 
@@ -39,8 +43,11 @@ def peak_bytes(
         triangles: of the whole model.
     """
     texels, painted = rows * cols, layer[0] * layer[1]
+    bands = min(torch.get_num_threads(), math.ceil(rows / _BAND))
     painting = (_PAINTED + _FILLING) * painted
-    blending = _PAINTED * painted + _OLD * sum(old) + (_NEW * maps + _ENCODING) * texels + _BLENDING * cols
+    blending = (
+        _PAINTED * painted + _OLD * sum(old) + (_NEW * maps + _ENCODING) * texels + _BLENDING * bands * _BAND * cols
+    )
     return _PROGRAM + BYTES_PER_TRIANGLE * triangles + max(painting, blending)
 
 

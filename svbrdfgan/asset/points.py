@@ -26,7 +26,7 @@ class SurfacePoints:
     def __len__(self) -> int:
         return len(self.face)
 
-    def interpolate(self, corners: Float[ndarray, "faces 3 *k"]) -> Float[ndarray, points * k]:
+    def interpolate(self, corners: Float[ndarray, "faces 3 *k"]) -> Float[ndarray, " points *k"]:
         """Values that are given at the corners of all faces of the mesh."""
         return np.einsum("pj,pj...->p...", self.barycentric, corners[self.face])
 

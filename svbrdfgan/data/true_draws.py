@@ -15,6 +15,7 @@ from svbrdfgan.data.config import WeatheringDistribution
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader, recipe_of
 from svbrdfgan.types import Layer
+from svbrdfgan.utils.processes import worker_pool
 
 Sweeps = tuple[tuple[str, tuple[float, ...]], ...]
 """Recipes, each with amounts for which mean alpha is wanted."""

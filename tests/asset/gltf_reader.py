@@ -33,7 +33,7 @@ MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 DRACO = "KHR_draco_mesh_compression"
 
 DecodeDraco = Callable[
-    [bytes, Mapping[str, int]], tuple[Num[ndarray, "corners"], Mapping[str, Num[ndarray, "vertices width"]]]
+    [bytes, Mapping[str, int]], tuple[Num[ndarray, " corners"], Mapping[str, Num[ndarray, "vertices width"]]]
 ]
 """Indices and attributes of one compressed mesh, from its bytes and the attributes' Draco ids by name."""
 DecodeMeshopt = Callable[..., bytes]
@@ -119,7 +119,7 @@ class Document:
         stride = self.items("bufferViews")[accessor["bufferView"]].get("byteStride", 0)
         return _elements(data, accessor, accessor.get("byteOffset", 0), stride)
 
-    def _sparse_rows(self, sparse: Mapping[str, Any]) -> Num[ndarray, "changed"]:
+    def _sparse_rows(self, sparse: Mapping[str, Any]) -> Num[ndarray, " changed"]:
         indices = sparse["indices"]
         kind = COMPONENTS[indices["componentType"]]
         return np.frombuffer(self.view(indices["bufferView"]), kind, sparse["count"], indices.get("byteOffset", 0))

@@ -118,11 +118,11 @@ def by_corner(primitive: Mapping[str, Any], kept: Mapping[str, Any]) -> dict[str
     return {**rest, "mode": kind, "attributes": _at(named, order), "targets": targets}
 
 
-def _at(attributes: Mapping[str, Item], order: Int[ndarray, "corners"]) -> dict[str, Shaped[ndarray, "corners width"]]:
+def _at(attributes: Mapping[str, Item], order: Int[ndarray, " corners"]) -> dict[str, Shaped[ndarray, "corners width"]]:
     return {name: item.content["values"][order] for name, item in attributes.items()}
 
 
-def _corners(indices: Num[ndarray, "indices"], mode: int) -> Int[ndarray, "corners"]:
+def _corners(indices: Num[ndarray, " indices"], mode: int) -> Int[ndarray, " corners"]:
     """The vertex of each corner, triangle by triangle, wound as the specification says."""
     order = indices.astype(np.int64)
     if mode == FAN:
