@@ -1,4 +1,4 @@
-"""Makes the reference of every public name for the site: Markdown whose `:::` lines mkdocstrings replaces by docstrings."""
+"""Makes the reference of every public name for the site: Markdown in which mkdocstrings replaces each line of `:::`."""
 
 from __future__ import annotations
 

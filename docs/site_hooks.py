@@ -1,4 +1,4 @@
-"""What the site adds to the pages of `docs`: links to files of the repository, and the reference of the public names."""
+"""What the site adds to the pages of `docs`: links to files of the repository, and the reference of public names."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ REPOSITORY = Path(__file__).parents[1]
 LOG = logging.getLogger("mkdocs.hooks.site")
 
 FENCED = re.compile(r"(^```.*?^```)", re.MULTILINE | re.DOTALL)
+CELL = re.compile(r"<td\b.*?</td>", re.DOTALL)
+CODE = re.compile(r"(?<=<code>)[^<]+(?=</code>)")
+JOINT = re.compile(r"(?<=[/_.])(?=[a-zA-Z])")
 RELATIVE = re.compile(r"(?<=\]\()(?![a-z]+:|#)([^)\s#]+)")
 
 
@@ -43,7 +46,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Lets links to files outside `docs` lead to the repository; those within `docs` stay."""
+    """Lets links to files outside `docs` lead to the repository, and hides the menu of the home page."""
 
     def replaced(link: re.Match[str]) -> str:
         target = posixpath.normpath(posixpath.join("docs", posixpath.dirname(page.file.src_uri), link[1]))
@@ -52,9 +55,16 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     def warn(target: str) -> None:
         LOG.warning("%s links to %s, which does not exist; name a file of the repository", page.file.src_uri, target)
 
+    if page.is_homepage:
+        page.meta["hide"] = ["navigation"]
     parts = FENCED.split(markdown)
     parts[::2] = [RELATIVE.sub(replaced, part) for part in parts[::2]]
     return "".join(parts)
+
+
+def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
+    """Lets paths and names in cells of tables break where they are joined, and nowhere else."""
+    return CELL.sub(lambda cell: CODE.sub(lambda code: JOINT.sub("<wbr>", code[0]), cell[0]), output)
 
 
 def in_repository(target: str, warn: Callable[[str], None]) -> str:
