@@ -52,7 +52,7 @@ bench: $(VENV)/.demo
 		$(if $(REDNER),--peer "$(REDNER) benchmarks/peer_redner.py {scene} --spp {spp}") $(BENCH)
 
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) site .mypy_cache .ruff_cache .pytest_cache
 
 $(VENV)/bin/python:
 	@test -n "$(PYTHON)" || { echo "no Python of at least 3.11 with venv was found; install one, or say make PYTHON=/path/to/python3" >&2; exit 1; }

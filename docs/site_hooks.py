@@ -18,6 +18,8 @@ from mkdocs.structure.pages import Page
 REPOSITORY = Path(__file__).parents[1]
 LOG = logging.getLogger("mkdocs.hooks.site")
 
+OVERVIEW = "api.md"
+
 FENCED = re.compile(r"(^```.*?^```)", re.MULTILINE | re.DOTALL)
 CELL = re.compile(r"<td\b.*?</td>", re.DOTALL)
 CODE = re.compile(r"(?<=<code>)[^<]+(?=</code>)")
@@ -34,7 +36,7 @@ def address() -> str:
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Links to the repository at the foot of each page, and lists the reference after `api.md`."""
     config.extra["social"] = [{"icon": "fontawesome/brands/github", "link": address(), "name": "Repository"}]
-    _extend(config.nav, "api.md", list(reference_pages()))
+    _extend(config.nav, OVERVIEW, list(reference_pages()))
     return config
 
 
@@ -46,7 +48,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Lets links to files outside `docs` lead to the repository, and hides the menu of the home page."""
+    """Lets links to files outside `docs` lead to the repository, and names of the API to their reference."""
 
     def replaced(link: re.Match[str]) -> str:
         target = posixpath.normpath(posixpath.join("docs", posixpath.dirname(page.file.src_uri), link[1]))
@@ -56,15 +58,21 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         LOG.warning("%s links to %s, which does not exist; name a file of the repository", page.file.src_uri, target)
 
     if page.is_homepage:
-        page.meta["hide"] = ["navigation"]
+        page.meta["hide"] = ["navigation"]  # a menu of one page
+    if page.file.src_uri == OVERVIEW:
+        markdown = re.sub(r"^\| `(\w+)` \|", r"| [`\1`][svbrdfgan.\1] |", markdown, flags=re.MULTILINE)
     parts = FENCED.split(markdown)
     parts[::2] = [RELATIVE.sub(replaced, part) for part in parts[::2]]
     return "".join(parts)
 
 
 def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
-    """Lets paths and names in cells of tables break where they are joined, and nowhere else."""
-    return CELL.sub(lambda cell: CODE.sub(lambda code: JOINT.sub("<wbr>", code[0]), cell[0]), output)
+    """Lets paths and names in cells of tables break where they are joined, and nowhere else; a figure keeps its error."""
+
+    def whole(cell: re.Match[str]) -> str:
+        return CODE.sub(lambda code: JOINT.sub("<wbr>", code[0]), cell[0]).replace(" ± ", "&nbsp;±&nbsp;")
+
+    return CELL.sub(whole, output)
 
 
 def in_repository(target: str, warn: Callable[[str], None]) -> str:

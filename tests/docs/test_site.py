@@ -70,9 +70,14 @@ def test_links_lead_out_of_the_docs_to_the_repository(hooks: Any, caplog: pytest
     assert "gone.md, which does not exist" in caplog.text
 
 
+def test_names_of_the_overview_lead_to_their_reference(hooks: Any) -> None:
+    page = SimpleNamespace(file=SimpleNamespace(src_uri="api.md"), is_homepage=False)
+    assert hooks.on_page_markdown("| `Mesh` | x |", page, None, None) == "| [`Mesh`][svbrdfgan.Mesh] | x |"
+
+
 def test_names_in_tables_break_where_they_are_joined(hooks: Any) -> None:
-    page = "<code>a/b</code><td><code>docs/a_b.py</code> and/or <code>0.5</code></td>"
-    broken = "<code>a/b</code><td><code>docs/<wbr>a_<wbr>b.<wbr>py</code> and/or <code>0.5</code></td>"
+    page = "<code>a/b</code><td><code>docs/a_b.py</code> and/or <code>0.5</code> ± 1</td>"
+    broken = "<code>a/b</code><td><code>docs/<wbr>a_<wbr>b.<wbr>py</code> and/or <code>0.5</code>&nbsp;±&nbsp;1</td>"
     assert hooks.on_post_page(page, None, None) == broken
 
 
