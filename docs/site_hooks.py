@@ -67,7 +67,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
-    """Lets paths and names in cells of tables break where they are joined, and nowhere else; a figure keeps its error."""
+    """Lets paths and names in cells of tables break only where they are joined, and keeps errors beside figures."""
 
     def whole(cell: re.Match[str]) -> str:
         return CODE.sub(lambda code: JOINT.sub("<wbr>", code[0]), cell[0]).replace(" ± ", "&nbsp;±&nbsp;")
