@@ -3,6 +3,7 @@
 #   make test                  the fast tier: five minutes on two cores
 #   make test-full             the rest of what CI runs
 #   make test PYTEST="-m slow" other arguments for pytest
+#   make docs                  the documentation as a site, in site/index.html
 #   make bench BENCH="--scaling -o out/bench"     other arguments for svbrdfgan bench
 #   make bench REDNER=redner/bin/python           redner beside ours, from an environment of its own
 #   make PYTHON=python3.12 ... another Python
@@ -19,7 +20,7 @@ SUITABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(firstword $(foreach name,python3 python3.13 python3.12 python3.11 python3.14 python,\
 	$(shell $(name) -c '$(SUITABLE)' 2>/dev/null && echo $(name))))
 
-.PHONY: demo test test-full lint types docs bench clean
+.PHONY: demo test test-full lint types docs test-docs bench clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.demo
@@ -39,6 +40,9 @@ types: $(VENV)/.dev
 	$(RUN)/mypy
 
 docs: $(VENV)/.dev
+	NO_MKDOCS_2_WARNING=1 $(RUN)/mkdocs build --strict --quiet
+
+test-docs: $(VENV)/.dev
 	$(RUN)/python -m pytest -q -m "not slow" tests/docs
 
 # Beside ours, the peers that are there: Mitsuba used directly where it is in the same environment, and redner.
@@ -48,7 +52,7 @@ bench: $(VENV)/.demo
 		$(if $(REDNER),--peer "$(REDNER) benchmarks/peer_redner.py {scene} --spp {spp}") $(BENCH)
 
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) site .mypy_cache .ruff_cache .pytest_cache
 
 $(VENV)/bin/python:
 	@test -n "$(PYTHON)" || { echo "no Python of at least 3.11 with venv was found; install one, or say make PYTHON=/path/to/python3" >&2; exit 1; }

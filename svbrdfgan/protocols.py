@@ -54,7 +54,8 @@ class Renderer(Protocol[Prepared]):
     """Renders pictures of a surface, and gradients of pictures with respect to materials and light."""
 
     @property
-    def capabilities(self) -> RendererCapabilities: ...
+    def capabilities(self) -> RendererCapabilities:
+        """The abilities of the renderer, with its options."""
 
     @property
     def device(self) -> torch.device:
@@ -186,7 +187,8 @@ class UVEmbedding(Protocol):
     """Maps a mesh onto the unit UV square."""
 
     @property
-    def capabilities(self) -> UVCapabilities: ...
+    def capabilities(self) -> UVCapabilities:
+        """The properties of every surface that the embedding makes."""
 
     def embed(self, mesh: Mesh) -> Surface:
         """The mesh's surface with UVs; a pure function of the mesh.

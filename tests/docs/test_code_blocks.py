@@ -133,7 +133,7 @@ def test_the_tables_of_the_readme_are_complete(repository: Path) -> None:
     plugins = project["entry-points"]
     assert first_column(text, "renderer") == set(plugins["svbrdfgan.renderers"])
     assert first_column(text, "embedding") == set(plugins["svbrdfgan.uv_embeddings"])
-    assert first_column(text, "extra") == set(project["optional-dependencies"]) - {"test", "dev"}
+    assert first_column(text, "extra") == set(project["optional-dependencies"]) - {"docs", "test", "dev"}
 
 
 def test_every_command_is_named(repository: Path) -> None:
