@@ -42,6 +42,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
             "svbrdfgan.cli.experiment:command",
             "Run the thesis's experiments and ours.",
         ),
+        "view": ("svbrdfgan.cli.view:command", "Show a weathered model in the browser."),
         "texture": ("svbrdfgan.cli.texture:command", "Weather a mesh with a trained model; some are shipped."),
         "models": ("svbrdfgan.cli.models:command", "List the shipped models, or show the card of one."),
         "render": ("svbrdfgan.cli.render:command", "Render a stored scene to PNG or EXR."),
