@@ -29,6 +29,7 @@ from svbrdfgan.asset.weather_document import DEFAULT_SIZE, Edited, Model, Textur
 from svbrdfgan.asset.weathered_maps import Layer, layer_bands
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.io.image import Encoding, picture
+from svbrdfgan.utils.display import Display
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,13 @@ class Overlay:
 
 
 def overlay_document(
-    asset: Asset, model: Model, painter: Painter, weathers: Collection[int], textures: Textures
+    asset: Asset,
+    model: Model,
+    painter: Painter,
+    weathers: Collection[int],
+    textures: Textures,
+    *,
+    display: Display | None = None,
 ) -> Overlay:
     """The asset's document, whose pieces of these numbers have one further UV set together, and a layer over it.
 
@@ -62,7 +69,9 @@ def overlay_document(
     edited.told.append(f"the layer lies over TEXCOORD_{number} of all that weathers, at {size} texels a side.")
     canvas = Canvas(model.mesh, faces, uv, model.reversed)
     scale = painted_scale(canvas, textures.painted, size, size)
-    painted = paint_texture(canvas, painter, size // scale, size // scale)
+    painted = paint_texture(
+        canvas, painter, size // scale, size // scale, f"painting the layer of {asset.path.name}", display
+    )
     PieceEditor(edited.document, asset, edited.told).add_uv_set(pieces, NewUVSet(number, faces, uv))
     return Overlay(edited, _maps(painted, size, painter.maps))
 

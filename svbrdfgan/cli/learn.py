@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.display import note, progress
 from svbrdfgan.cli.options import read_config
 
 _OF_MANIFEST = "manifest."
@@ -49,7 +49,7 @@ def command(
     of_manifest = tuple(word.removeprefix(_OF_MANIFEST) for word in overrides if word.startswith(_OF_MANIFEST))
     settings = read_config(config, tuple(word for word in overrides if not word.startswith(_OF_MANIFEST)))
     if "dataset" in settings:
-        click.echo(f"{config}: dataset is ignored, since each turn trains on its own exemplars.", err=True)
+        note(f"{config}: dataset is ignored, since each turn trains on its own exemplars.")
     try:
         with progress(f"reading {manifest}") as display:
             from svbrdfgan.data.photos.build import OVERLAYS, SHEET

@@ -12,7 +12,7 @@ import click
 from rich.markup import escape
 from rich.table import Table
 
-from svbrdfgan.cli.display import print_table, progress
+from svbrdfgan.cli.display import note, print_table, progress
 from svbrdfgan.cli.options import PartOptions, part_options
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def command(
         click.echo(json.dumps(report, indent=2))
     else:
         print_table(_table(mesh, verdicts))
-    click.echo(str(found), err=True)
+    note(str(found))
     for doubt in doubts:
         click.echo(f"warning: {doubt}", err=True)
     if picture is not None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.display import note, progress
 from svbrdfgan.cli.options import (
     DENSITY,
     PartOptions,
@@ -99,7 +99,7 @@ def command(
 
         trained, name = load_model(model), Path(model).name
         if not asked:
-            click.echo(f"painting {DEFAULT}; --recipe and --model choose another (see `svbrdfgan models`)", err=True)
+            note(f"painting {DEFAULT}; --recipe and --model choose another (see `svbrdfgan models`)")
         draws = [
             LearnedWeathering.of(trained, name=name, seed=number, amount=amount, recipe=recipe, resolution=resolution)
             for number in seeds
@@ -129,9 +129,8 @@ def command(
                 for path, draw in zip(paths[number], draws, strict=True):
                     written += scenes.write(workpiece, draw, path, studio, picture)
                 if sheet is not None and studio is not None:
-                    display.stage(f"writing {sheet}")
                     canvas = prepare(workpiece.mesh, trained, workpiece.selection, resolution)
-                    write_sheet(sheet, rows, canvas.thinned(draws[0].shares(workpiece)), studio, maps)
+                    write_sheet(sheet, rows, canvas.thinned(draws[0].shares(workpiece)), studio, maps, display=display)
                     written.append(sheet)
                 return written
 
