@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING
@@ -150,12 +150,25 @@ def note(sentence: str) -> None:
 
 
 @contextmanager
-def progress(what: str) -> Iterator[Display]:
+def progress(what: str, kept: Callable[[], str] = lambda: "nothing was written.") -> Iterator[Display]:
     """Says on stderr what is being done for the time of the block: `what` at first, then what is begun.
 
     On a terminal a bar is redrawn. Elsewhere, such as in a file or a program, plain lines come at intervals of less
     than ten seconds. Results are printed after the block.
+
+    Args:
+        kept: says, if Ctrl-C stops the block, what is kept and how to go on.
     """
+    try:
+        with _display(what) as display:
+            yield display
+    except KeyboardInterrupt:
+        click.echo(f"stopped; {kept()}", err=True)
+        raise
+
+
+@contextmanager
+def _display(what: str) -> Iterator[Display]:
     console = Console(stderr=True)
     if is_quiet():
         yield SilentDisplay()

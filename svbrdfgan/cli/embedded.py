@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,19 +61,18 @@ class Embedded:
         draws: Sequence[LearnedWeathering],
         rows: Sequence[Row],
         sheet: Path | None,
-    ) -> list[Path]:
-        """Writes a mesh under each of a model's draws, and a sheet if one is wanted; returns the paths written."""
+    ) -> Iterator[Path]:
+        """Writes a mesh under each of a model's draws, and a sheet if one is wanted; yields the paths written."""
         self.display.stage(f"weathering {mesh}")
-        model, resolution, written = draws[0].model, draws[0].resolution, []
+        model, resolution = draws[0].model, draws[0].resolution
         with explain_memory(resolution):
             canvas = prepare(load_mesh(mesh), model, self._selection, resolution)
             _report(canvas.subject)
             for path, draw in zip(paths, draws, strict=True):
-                written += self._write(path, canvas.subject, canvas.paint(draw.draw))
+                yield from self._write(path, canvas.subject, canvas.paint(draw.draw))
             if sheet is not None and self.studio is not None:
                 write_sheet(sheet, rows, canvas, self.studio, self.maps, display=self.display)
-                written.append(sheet)
-        return written
+                yield sheet
 
     @property
     def _selection(self) -> PartSelection | None:

@@ -61,7 +61,8 @@ def command(
     """
     if dataset and on:
         raise click.UsageError("--dataset is where the run's own data set was moved, and --on is another: choose one.")
-    with progress(f"opening {run}") as display:
+    kept = f"{run} keeps earlier scores and an oracle that was trained; the same command scores again."
+    with progress(f"opening {run}", lambda: kept) as display:
         from svbrdfgan.evaluation.evaluate import evaluate
         from svbrdfgan.evaluation.relight import Relight
         from svbrdfgan.report.page import write_report

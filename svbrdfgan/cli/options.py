@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import wraps
 from pathlib import Path
@@ -203,31 +203,36 @@ def _require_free(mesh: Path, path: Path, *, force: bool) -> None:
     _require_writable(path, ".glb", ".gltf")
 
 
-def each_alone(meshes: tuple[Path, ...], work: Callable[[int], list[Path]]) -> Done:
-    """Does work on each mesh, by number. If there are several, one that fails is told and does not stop the others.
-
-    Raises:
-        SvbrdfganError: the only mesh failed.
-    """
-    done = Done(len(meshes))
-    for number, mesh in enumerate(meshes):
-        try:
-            done.written += work(number)
-        except SvbrdfganError as error:
-            if len(meshes) == 1:
-                raise
-            click.echo(f"Error: {mesh}: {error}", err=True)
-            done.failed += 1
-    return done
-
-
 @dataclass
 class Done:
-    """What came of work on several meshes."""
+    """What comes of work on one mesh after the other."""
 
-    meshes: int
+    meshes: tuple[Path, ...]
     failed: int = 0
     written: list[Path] = field(default_factory=list)
+
+    def each_alone(self, work: Callable[[int], Iterable[Path]]) -> None:
+        """Does work on each mesh, by number; it yields what was written.
+
+        If there are several, one that fails is told and does not stop the others.
+
+        Raises:
+            SvbrdfganError: the only mesh failed.
+        """
+        for number, mesh in enumerate(self.meshes):
+            try:
+                self.written.extend(work(number))
+            except SvbrdfganError as error:
+                if len(self.meshes) == 1:
+                    raise
+                click.echo(f"Error: {mesh}: {error}", err=True)
+                self.failed += 1
+
+    def kept(self) -> str:
+        """What Ctrl-C leaves."""
+        if not self.written:
+            return "nothing was written."
+        return f"written are {', '.join(map(str, self.written))}; to go on, name the other meshes or seeds."
 
     def report(self) -> None:
         """Prints the paths written.
@@ -238,7 +243,7 @@ class Done:
         for path in self.written:
             click.echo(str(path))
         if self.failed:
-            raise ConfigError(f"{self.failed} of {self.meshes} meshes could not be weathered; see above.")
+            raise ConfigError(f"{self.failed} of {len(self.meshes)} meshes could not be weathered; see above.")
 
 
 def studio_of(

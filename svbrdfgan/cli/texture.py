@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import click
@@ -9,10 +10,10 @@ import click
 from svbrdfgan.cli.display import note, progress
 from svbrdfgan.cli.options import (
     DENSITY,
+    Done,
     PartOptions,
     check_delivery,
     delivery_options,
-    each_alone,
     part_options,
     picture_options,
     results,
@@ -91,7 +92,8 @@ def command(
     if model is None:
         recipe = recipe or DEFAULT
         model = model_of(recipe)
-    with progress(f"loading {model}") as display:
+    done = Done(meshes)
+    with progress(f"loading {model}", done.kept) as display:
         from svbrdfgan.inference.learned import LearnedWeathering
         from svbrdfgan.rendering.compositing import BARE
         from svbrdfgan.report.sheet import sheet_rows
@@ -113,7 +115,7 @@ def command(
             from svbrdfgan.cli.embedded import Embedded
 
             layers = Embedded(display, parts, maps, studio, picture)
-            done = each_alone(meshes, lambda k: layers.texture(meshes[k], paths[k], draws, rows, sheet))
+            done.each_alone(lambda k: layers.texture(meshes[k], paths[k], draws, rows, sheet))
         else:
             from svbrdfgan.asset.weather_document import Textures
             from svbrdfgan.cli.scenes import Scenes
@@ -123,16 +125,14 @@ def command(
             textures = Textures(size, max(DENSITY, resolution or 0))
             scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
 
-            def work(number: int) -> list[Path]:
+            def work(number: int) -> Iterator[Path]:
                 workpiece = scenes.open(meshes[number], draws[0].settles_on)
-                written: list[Path] = []
                 for path, draw in zip(paths[number], draws, strict=True):
-                    written += scenes.write(workpiece, draw, path, studio, picture)
+                    yield from scenes.write(workpiece, draw, path, studio, picture)
                 if sheet is not None and studio is not None:
                     canvas = prepare(workpiece.mesh, trained, workpiece.selection, resolution)
                     write_sheet(sheet, rows, canvas.thinned(draws[0].shares(workpiece)), studio, maps, display=display)
-                    written.append(sheet)
-                return written
+                    yield sheet
 
-            done = each_alone(meshes, work)
+            done.each_alone(work)
     done.report()

@@ -8,10 +8,10 @@ import click
 
 from svbrdfgan.cli.display import progress
 from svbrdfgan.cli.options import (
+    Done,
     PartOptions,
     check_delivery,
     delivery_options,
-    each_alone,
     key_values,
     part_options,
     picture_options,
@@ -94,7 +94,8 @@ def command(
     if bare and base_color_only:
         raise click.UsageError("--map and --base-color-only exclude each other.")
     paths = results(meshes, out, force=force)
-    with progress(f"loading {meshes[0]}") as display:
+    done = Done(meshes)
+    with progress(f"loading {meshes[0]}", done.kept) as display:
         from svbrdfgan.rendering.compositing import BARE
         from svbrdfgan.scene.description import map_values
         from svbrdfgan.weathering.layer import recipe_from_options
@@ -110,9 +111,7 @@ def command(
 
             given = embedding or "hemispherical"
             layers = Embedded(display, parts, maps, studio, picture)
-            done = each_alone(
-                meshes, lambda k: layers.weather(meshes[k], paths[k][0], chosen, given, resolution or _EMBEDDED)
-            )
+            done.each_alone(lambda k: layers.weather(meshes[k], paths[k][0], chosen, given, resolution or _EMBEDDED))
         else:
             from svbrdfgan.asset.weather_document import Textures
             from svbrdfgan.cli.scenes import Scenes
@@ -121,10 +120,9 @@ def command(
             textures = Textures(size, resolution or _DENSITY)
             scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
             weathering = RecipeWeathering(chosen, tuple(maps))
-            done = each_alone(
-                meshes,
+            done.each_alone(
                 lambda k: scenes.write(
                     scenes.open(meshes[k], chosen.settles_on), weathering, paths[k][0], studio, picture
-                ),
+                )
             )
     done.report()
