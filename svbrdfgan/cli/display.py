@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -207,6 +208,11 @@ def _bars(console: Console) -> Progress:
 def output_console() -> Console:
     """The console on stdout; if that is no terminal, without colours and wrapping, whatever COLUMNS says."""
     return Console() if sys.stdout.isatty() else Console(width=_UNBOUNDED, force_terminal=False, no_color=True)
+
+
+def print_json(document: object) -> None:
+    """Prints the only JSON document that a command prints on stdout."""
+    click.echo(json.dumps(document, indent=2))
 
 
 def print_table(table: Table) -> None:

@@ -10,15 +10,15 @@ import click
 from svbrdfgan.cli.display import note, progress
 from svbrdfgan.cli.options import (
     DENSITY,
-    Done,
     PartOptions,
     check_delivery,
     delivery_options,
+    json_option,
     part_options,
     picture_options,
-    results,
     studio_of,
 )
+from svbrdfgan.cli.results import Done, results
 from svbrdfgan.models.shipped import DEFAULT, model_of
 
 
@@ -57,6 +57,7 @@ from svbrdfgan.models.shipped import DEFAULT, model_of
     type=click.Path(path_type=Path),
     help="GLB or glTF file to write; of several MESHes or with --count, a folder.",
 )
+@json_option("for each mesh an object with the paths written")
 @delivery_options
 @picture_options
 def command(
@@ -80,6 +81,7 @@ def command(
     picture: Path | None,
     environment: Path | None,
     renderer: str,
+    as_json: bool,
 ) -> None:
     """Weather each MESH with a trained model: its scene comes back, only what weathers has other textures."""
     check_delivery(meshes, parts, click.get_current_context().params)
@@ -135,4 +137,4 @@ def command(
                     yield sheet
 
             done.each_alone(work)
-    done.report()
+    done.report(as_json=as_json)

@@ -8,16 +8,16 @@ import click
 
 from svbrdfgan.cli.display import progress
 from svbrdfgan.cli.options import (
-    Done,
     PartOptions,
     check_delivery,
     delivery_options,
+    json_option,
     key_values,
     part_options,
     picture_options,
-    results,
     studio_of,
 )
+from svbrdfgan.cli.results import Done, results
 
 _DENSITY, _EMBEDDED = 2048, 512
 _RECIPES = "road-dirt, dust, rust, chipped-paint or grime; for laboratories smooth-dirt, -dust, -rust or -chips"
@@ -53,6 +53,7 @@ Options of recipes, for --option:
 @click.option(
     "-o", "--out", required=True, type=click.Path(path_type=Path), help="GLB or glTF file; of several MESHes a folder."
 )
+@json_option("for each mesh an object with the paths written")
 @delivery_options
 @click.option("--embedding", help="With --embedding-uvs: see `svbrdfgan embeddings`.  [default: hemispherical]")
 @click.option(
@@ -80,6 +81,7 @@ def command(
     picture: Path | None,
     environment: Path | None,
     renderer: str,
+    as_json: bool,
     parts: PartOptions,
     size: int | None,
     maps_folder: Path | None,
@@ -125,4 +127,4 @@ def command(
                     scenes.open(meshes[k], chosen.settles_on), weathering, paths[k][0], studio, picture
                 )
             )
-    done.report()
+    done.report(as_json=as_json)

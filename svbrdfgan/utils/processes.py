@@ -63,7 +63,7 @@ class _Process(SpawnProcess):
 
 
 class _Context(SpawnContext):
-    Process = _Process  # type: ignore[assignment]
+    Process = _Process
 
 
 def _start(start: Callable[..., None] | None, given: tuple[Any, ...]) -> None:
