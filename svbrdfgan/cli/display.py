@@ -145,8 +145,8 @@ def is_quiet() -> bool:
 
 
 def note(sentence: str) -> None:
-    """Prints on stderr what is good to know, and neither a result nor a warning."""
-    if not is_quiet():
+    """Prints on stderr what is good to know; to users who want no notes, if it is a warning."""
+    if sentence.startswith("warning:") or not is_quiet():
         click.echo(sentence, err=True)
 
 

@@ -194,7 +194,7 @@ def test_dataset_sums_up_the_names_of_many_parts(
 ) -> None:
     (tmp_path / "data.yaml").write_text(json.dumps(dataset_data()))
     names = tuple(f"part-{number:03d}" for number in range(200))
-    meshes = dict.fromkeys(("train", "validation"), [SimpleNamespace(painted=names)])
+    meshes = {split: [SimpleNamespace(painted=names)] for split in ("train", "validation")}
     plan = SimpleNamespace(sampler=lambda split: [], meshes=meshes)
     monkeypatch.setattr("svbrdfgan.data.generate.generate", lambda *_, **__: plan)
     output = succeeded(invoke(*words, "dataset", tmp_path / "data.yaml", "-o", tmp_path / "out"))
