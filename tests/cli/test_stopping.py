@@ -94,7 +94,7 @@ def test_weather_says_which_meshes_are_written(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr("svbrdfgan.cli.scenes.Scenes.open", lambda scenes, mesh, settles_on: mesh)
     monkeypatch.setattr("svbrdfgan.cli.scenes.Scenes.write", write)
     out = tmp_path / "out"
-    result = CliRunner().invoke(main, ["weather", "a.glb", "b.glb", "c.glb", "-o", str(out)])
+    result = CliRunner().invoke(main, ["--quiet", "weather", "a.glb", "b.glb", "c.glb", "-o", str(out)])
     assert (result.exit_code, result.stdout) == (130, "")
     assert result.stderr == f"stopped; written are {out / 'a.glb'}; to go on, name the other meshes or seeds.\n"
 
