@@ -63,12 +63,13 @@ class _Process(SpawnProcess):
 
 
 class _Context(SpawnContext):
+    """Makes such processes."""
+
     Process = _Process
 
 
 def _start(start: Callable[..., None] | None, given: tuple[Any, ...]) -> None:
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _stop)
+    signal.signal(signal.SIGINT, _stop)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     import torch
@@ -83,8 +84,7 @@ def _stop(number: int, frame: Any) -> None:
     """Ends a worker without a word, after what it is in the midst of has tidied up."""
     if not _started:
         os._exit(1)
-    for each in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(each, signal.SIG_IGN)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     timer = threading.Timer(_GRACE_SECONDS, os._exit, [1])  # else it would take the next piece of work
     timer.daemon = True
     timer.start()
@@ -93,7 +93,8 @@ def _stop(number: int, frame: Any) -> None:
 
 def _end(processes: list[Any]) -> None:
     for process in processes:
-        process.terminate()
+        if os.name == "posix" and process.is_alive():
+            os.kill(process.pid, signal.SIGINT)
     for process in processes:
         process.join(2 * _GRACE_SECONDS)
         process.kill()
