@@ -7,10 +7,11 @@ COPY . /src
 RUN PIP_EXTRA_INDEX_URL=https://download.pytorch.org/whl/cpu \
     pip install --no-cache-dir --constraint /src/constraints.txt '/src[all]' \
     && rm -r /src \
-    && useradd --create-home svbrdfgan
+    && useradd --create-home svbrdfgan \
+    && mkdir --mode 1777 /cache
 
 USER svbrdfgan
 # where caches of compiled kernels may be written, whoever the container runs as
-ENV XDG_CACHE_HOME=/var/tmp
+ENV XDG_CACHE_HOME=/cache
 WORKDIR /data
 ENTRYPOINT ["svbrdfgan"]
