@@ -29,6 +29,7 @@ from svbrdfgan.asset.weather_document import DEFAULT_SIZE, Edited, Model, Textur
 from svbrdfgan.asset.weathered_maps import Layer, layer_bands
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.io.image import Encoding, picture
+from svbrdfgan.utils.display import Display
 
 Maps = dict[str, UInt8[ndarray, "rows cols channels"]]
 """A layer's textures, row 0 at v = 0: `base_color` (RGBA, straight alpha, sRGB), and if they are painted `orm`
@@ -81,7 +82,13 @@ class OverlayCanvas:
 
 
 def overlay_document(
-    asset: Asset, model: Model, painter: Painter, weathers: Collection[int], textures: Textures
+    asset: Asset,
+    model: Model,
+    painter: Painter,
+    weathers: Collection[int],
+    textures: Textures,
+    *,
+    display: Display | None = None,
 ) -> Overlay:
     """The asset's document, whose pieces of these numbers have one further UV set together, and a layer over it.
 
@@ -93,8 +100,8 @@ def overlay_document(
     over.edited.told.append(
         f"the layer lies over TEXCOORD_{over.number} of all that weathers, at {over.size} texels a side."
     )
-    scale = painted_scale(over.canvas, textures.painted, over.size, over.size)
-    painted = paint_texture(over.canvas, painter, over.size // scale, over.size // scale)
+    side = over.size // painted_scale(over.canvas, textures.painted, over.size, over.size)
+    painted = paint_texture(over.canvas, painter, side, side, f"painting the layer of {asset.path.name}", display)
     return Overlay(over.edited, layer_maps(painted, over.size, painter.maps))
 
 
