@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
-from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
-from PIL import Image
 from scipy.ndimage import gaussian_filter
 
 from svbrdfgan.asset.masks import MaskedPainter
@@ -27,9 +25,9 @@ from svbrdfgan.inference.learned import LearnedWeathering
 from svbrdfgan.inference.weatherings import Weathering
 from svbrdfgan.inference.workpiece import Workpiece
 from svbrdfgan.io.eight_bit import png_bytes
-from svbrdfgan.io.gltf.document import Document, picture_bytes, write_document
-from svbrdfgan.io.gltf_codecs.pictures import KTX2, UnreadablePicture, decode_picture
+from svbrdfgan.io.gltf.document import write_document
 from svbrdfgan.viewer.documents import COARSE, LAYER, Superseded
+from svbrdfgan.viewer.plain_document import make_plain
 from svbrdfgan.weathering.edges import SharpEdges
 from svbrdfgan.weathering.occlusion import ambient_visibility
 from svbrdfgan.weathering.site import Site
@@ -98,7 +96,7 @@ class Easel:
                 primitive["extras"] = {LAYER: self.over.number}
             elif verdict.kind == "ground" and not verdict.weathers and self._alone(piece):
                 node.pop("mesh", None)
-        _decompress(document)
+        make_plain(document)
         with TemporaryDirectory() as folder:
             path = Path(folder) / "model.glb"
             write_document(path, document)
@@ -174,25 +172,3 @@ class _Patient:
         if self.stale():
             raise Superseded
         return self.painter(points, texel)
-
-
-def _decompress(document: Document) -> None:
-    """Turns pictures of KTX2 into PNG, for browsers; those that cannot be read become white."""
-    for number, entry in enumerate(document.table("images")):
-        data = picture_bytes(document, number)
-        if data.startswith(KTX2):
-            try:
-                shown = decode_picture(data, None)
-            except UnreadablePicture:
-                shown = Image.new("RGB", (1, 1), "white")
-            stream = BytesIO()
-            shown.save(stream, format="PNG", compress_level=1)
-            entry.pop("uri", None)
-            entry |= {"bufferView": document.add_view(stream.getvalue()), "mimeType": "image/png"}
-    for texture in document.table("textures"):
-        basis = texture.get("extensions", {}).pop("KHR_texture_basisu", None)
-        if basis is not None:
-            texture["source"] = basis["source"]
-    for key in ("extensionsRequired", "extensionsUsed"):
-        if "KHR_texture_basisu" in document.header.get(key, []):
-            document.header[key].remove("KHR_texture_basisu")

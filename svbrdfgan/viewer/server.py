@@ -105,7 +105,7 @@ class _Handler(BaseHTTPRequestHandler):
         except Unknown:
             self._send(HTTPStatus.NOT_FOUND, Document.of({"error": "there is nothing of this name."}))
         except Superseded:
-            self._send(HTTPStatus.CONFLICT, Document.of({"error": "something newer is painted."}))
+            self._send(HTTPStatus.NO_CONTENT, Document("", b""))
         except SvbrdfganError as error:
             self._send(HTTPStatus.UNPROCESSABLE_ENTITY, Document.of({"error": str(error)}))
 

@@ -91,7 +91,7 @@ def look_of(pictures: DocumentPictures, decoded: Pictures, name: str, material: 
     Args:
         name: of the part, if the material has none.
     """
-    pbr, found = _metallic_roughness(material), {**_metallic_roughness(material), **material}
+    pbr, found = metallic_roughness(material), {**metallic_roughness(material), **material}
     infos = {key: found[key] for key in TEXTURES if key in found}
     sets = {key: UVSet.of(info) for key, info in infos.items()}
     further = tuple(dict.fromkeys(uv_set for uv_set in sets.values() if uv_set != UVSet()))
@@ -129,7 +129,7 @@ def is_lambertian(material: Json) -> bool:
     return marked or "KHR_materials_unlit" in material.get("extensions", {})
 
 
-def _metallic_roughness(material: Json) -> Json:
+def metallic_roughness(material: Json) -> Json:
     """The keys of `pbrMetallicRoughness`, made of those of specular-glossiness where a material has these."""
     other = material.get("extensions", {}).get(SPECULAR_GLOSSINESS)
     pbr: Json = material.get("pbrMetallicRoughness", {})

@@ -17,7 +17,7 @@
 
   async function ask(path) {
     const answer = await fetch(path, { headers: { "X-Token": token } });
-    if (answer.status === 409) throw new Superseded();
+    if (answer.status === 204) throw new Superseded();
     if (!answer.ok) throw new Error((await answer.json()).error);
     return answer;
   }
@@ -81,12 +81,11 @@
     #ifdef LAYERED
       vec4 layerTexel = texture2D(layerColor, vLayerUv);
       layerAlpha = layerTexel.a * layerShare;
-      float layerOwn = 1.0;
+      float layerCover = layerUse.x * layerAlpha;
       #ifndef OPAQUE
-        layerOwn = diffuseColor.a;
-        diffuseColor.a = layerOwn + layerAlpha * (1.0 - layerOwn);
+        diffuseColor.a += layerCover * (1.0 - diffuseColor.a);
       #endif
-      diffuseColor.rgb = mix(diffuseColor.rgb, layerTexel.rgb, layerUse.x * layerAlpha / max(diffuseColor.a, 1e-4));
+      diffuseColor.rgb = mix(diffuseColor.rgb, layerTexel.rgb, layerCover / max(diffuseColor.a, 1e-4));
     #endif`;
   const roughness = `#include <roughnessmap_fragment>
     #ifdef LAYERED
