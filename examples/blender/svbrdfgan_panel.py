@@ -12,41 +12,32 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
 import numpy as np
-from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
 bl_info = {"name": "svbrdfgan weathering", "version": (0, 1, 0), "blender": (4, 2, 0), "category": "Material"}
-bl_info |= {"location": "3D View > Sidebar > Weathering", "description": "Weathers the selected objects"}
-
 KEY = "svbrdfgan"  # a custom property that numbers the objects, in the temporary files alone
 PAINTERS = [(name, name, f"The recipe {name}") for name in ("road-dirt", "dust", "rust", "chipped-paint", "grime")]
 PAINTERS.append(("MODEL", "shipped model", "A trained model that comes with svbrdfgan"))
-SIZES = [("OWN", "as it is", "The size of each material's own textures, or at most 2048 for new ones")]
-SIZES += [(str(size), str(size), "Texels along the longer side") for size in (512, 1024, 2048, 4096)]
 EXPORT = {"use_selection": True, "export_format": "GLB", "export_extras": True}
 EXPORT |= {f"export_{name}": False for name in ("apply", "animations", "skins", "morph", "cameras", "lights")}
-KINDS = ("objects", "meshes", "materials", "node_groups", "images")  # what uses others comes first
-NAVIGATION = {"MIDDLEMOUSE", "MOUSEMOVE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM"}
-PERIOD = 0.2  # seconds between two looks at the program
+RUNNING = {"RUNNING_MODAL"}
 
 
-class WeatherError(Exception):
-    """One sentence for the user."""
+def preferences(context):
+    return context.preferences.addons[__name__].preferences
 
 
 def program(context):
     """The words that start svbrdfgan: the preference, or Blender's own Python if it has the package, or PATH."""
-    if wanted := context.preferences.addons[__name__].preferences.program:
-        return [bpy.path.abspath(wanted)]
-    if importlib.util.find_spec("svbrdfgan"):
+    if not preferences(context).program and importlib.util.find_spec("svbrdfgan"):
         return [sys.executable, "-c", "from svbrdfgan.cli import main; main()"]
-    if found := shutil.which("svbrdfgan"):
+    if found := bpy.path.abspath(preferences(context).program) or shutil.which("svbrdfgan"):
         return [found]
-    raise WeatherError("No program svbrdfgan was found: install it, or name its path in this add-on's preferences.")
+    raise RuntimeError("No program svbrdfgan was found: install it, or name its path in this add-on's preferences.")
 
 
 @functools.cache
@@ -55,62 +46,30 @@ def models(*words):
     return [card["name"] for card in json.loads(done.stdout)]
 
 
-def shipped(_settings, context, _typed):
-    """The shipped models, asked for when the user opens the field; none where the program does not answer."""
-    try:
-        return models(*program(context))
-    except (WeatherError, OSError, subprocess.SubprocessError, ValueError):
-        return []
-
-
-def arguments(settings, before, after):
-    words = ["weather", before, "--recipe", settings.painter]
-    if settings.painter == "MODEL":
-        words = ["texture", before, "--model", settings.model]
-    size = [] if settings.size == "OWN" else ["--size", settings.size]
-    return [*words, "--amount", f"{settings.amount:.4f}", "--seed", str(settings.seed), *size, "-o", after]
-
-
-class Job:
-    """The program at work on a temporary file of the selected meshes."""
-
-    def __init__(self, context):
-        words, self._folder = program(context), tempfile.TemporaryDirectory(prefix="svbrdfgan-")
-        before, self._after, self._said = (Path(self._folder.name) / name for name in ("in.glb", "out.glb", "said.txt"))
+def weathered(context):
+    """Weathers the selected meshes: yields what the program said last while it works, and returns a sentence."""
+    with tempfile.TemporaryDirectory(prefix="svbrdfgan-") as folder:
+        before, after, said = (Path(folder) / name for name in ("in.glb", "out.glb", "said.txt"))
+        words = [*program(context), *preferences(context).arguments(), str(before), "-o", str(after)]
+        names = exported(context, before)
         try:
-            self._names = exported(context, str(before))
-            words += arguments(context.scene.svbrdfgan, str(before), str(self._after))
-            with self._said.open("w") as said:
-                self._process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=said, stderr=said)
-        except (OSError, RuntimeError) as error:
-            self._folder.cleanup()
-            raise WeatherError(f"{words[0]} cannot be run on the selected objects: {error}.") from error
+            with said.open("w") as out:
+                process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=out, stderr=out)
+        except OSError as error:
+            raise RuntimeError(f"The program {words[0]} cannot be run: {error.strerror}.") from error
+        try:
+            while process.poll() is None:
+                yield last_line(said)
+        finally:  # also if the user cancels
+            process.kill()
+            process.wait()
+        if process.returncode:
+            raise RuntimeError(last_line(said).removeprefix("Error: ") or "svbrdfgan ended without a word.")
+        return deliver(context, names, after)
 
-    def running(self):
-        return self._process.poll() is None
 
-    def last_line(self, start=""):
-        """What the program said last, or said last after a word such as Error."""
-        lines = [line.strip() for line in self._said.read_text(errors="replace").splitlines()]
-        return next((line.removeprefix(start) for line in reversed(lines) if line and line.startswith(start)), "")
-
-    def deliver(self, context):
-        """Gives the objects what came back; returns a sentence."""
-        if self._process.returncode:
-            raise WeatherError(self.last_line("Error: ") or self.last_line() or "svbrdfgan ended without a word.")
-        marks, fitted = weathering(self._after), {}
-        if not any(map(any, marks.values())):
-            raise WeatherError("Nothing of the selected objects weathers; `svbrdfgan parts` tells why.")
-        with imported(context, self._after) as made:
-            for number in (number for number in made if any(marks[number])):
-                adopt(bpy.data.objects[self._names[number]], made[number], marks[number], fitted)
-        return f"{sum(map(any, marks.values()))} of {len(self._names)} objects weathered."
-
-    def close(self):
-        if self.running():
-            self._process.kill()
-        self._process.wait()
-        self._folder.cleanup()
+def last_line(said):
+    return said.read_text(errors="replace").strip().rpartition("\n")[2]
 
 
 def exported(context, path):
@@ -119,47 +78,48 @@ def exported(context, path):
     try:
         for number, thing in enumerate(things):
             thing[KEY] = number
-        bpy.ops.export_scene.gltf(filepath=path, **EXPORT)
+        bpy.ops.export_scene.gltf(filepath=str(path), **EXPORT)
     finally:
         for thing in things:
             thing.pop(KEY, None)
     return [thing.name for thing in things]
 
 
-def weathering(path):
-    """Of each numbered object in a file, which of its primitives weather: svbrdfgan gives new pictures no name, and
-    Blender names all."""
-    data = path.read_bytes()
-    document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
-
-    def weathers(primitive):
-        material = document["materials"][primitive["material"]] if "material" in primitive else {}
-        texture = material.get("pbrMetallicRoughness", {}).get("baseColorTexture")
-        return texture is not None and "name" not in document["images"][document["textures"][texture["index"]]["source"]]
-
-    nodes = [node for node in document["nodes"] if "mesh" in node and KEY in node.get("extras", {})]
-    return {n["extras"][KEY]: [weathers(p) for p in document["meshes"][n["mesh"]]["primitives"]] for n in nodes}
-
-
-@contextmanager
-def imported(context, path):
-    """The file's meshes by number, there for the time of the block; what nothing uses then leaves with them."""
-    kinds = [getattr(bpy.data, kind) for kind in KINDS]
-    before = [set(kind) for kind in kinds]
+def deliver(context, names, path):
+    """Gives the objects of these names what is in the file; what nothing uses of it leaves again."""
+    marks, fitted = {key: each for key, each in weathering(path).items() if any(each)}, {}
+    if not marks:
+        raise RuntimeError("Nothing of the selected objects weathers; `svbrdfgan parts` tells why.")
+    before = {
+        kind: set(getattr(bpy.data, kind)) for kind in ("objects", "meshes", "materials", "node_groups", "images")
+    }
     selected, active = context.selected_objects, context.view_layer.objects.active
     try:
         bpy.ops.import_scene.gltf(filepath=str(path))
-        yield {thing[KEY]: thing.data for thing in set(bpy.data.objects) - before[0] if thing.type == "MESH"}
-    except RuntimeError as error:
-        raise WeatherError(f"Blender cannot import the weathered objects: {error}") from error
+        for new in set(bpy.data.objects) - before["objects"]:
+            if new.get(KEY) in marks:
+                adopt(bpy.data.objects[names[new[KEY]]], new.data, marks[new[KEY]], fitted)
     finally:
-        for kind, old in zip(kinds, before, strict=True):
-            for new in set(kind) - old:
-                if kind is kinds[0] or not new.users:
-                    kind.remove(new)
+        for kind, old in before.items():
+            for new in set(getattr(bpy.data, kind)) - old:
+                if kind == "objects" or not new.users:
+                    getattr(bpy.data, kind).remove(new)
         for thing in selected:
             thing.select_set(True)
         context.view_layer.objects.active = active
+    return f"{len(marks)} of {len(names)} objects weathered."
+
+
+def weathering(path):
+    """Of each numbered object in a file, which of its primitives weather: those with a new picture, without a name."""
+    data = path.read_bytes()
+    document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    textures, materials, meshes = (document.get(name, []) for name in ("textures", "materials", "meshes"))
+    new = [number for number, each in enumerate(textures) if "name" not in document["images"][each["source"]]]
+    colors = [each.get("pbrMetallicRoughness", {}).get("baseColorTexture", {}) for each in materials]
+    fresh = {number for number, color in enumerate(colors) if color.get("index") in new}
+    nodes = [node for node in document["nodes"] if "mesh" in node and KEY in node.get("extras", {})]
+    return {n["extras"][KEY]: [p.get("material") in fresh for p in meshes[n["mesh"]]["primitives"]] for n in nodes}
 
 
 def adopt(thing, made, marks, fitted):
@@ -168,11 +128,11 @@ def adopt(thing, made, marks, fitted):
         thing.data = thing.data.copy()  # others show the clean mesh
     thing.data.calc_loop_triangles()
     slots = read(thing.data.loop_triangles, "material_index", kind=np.int32)
-    order = np.argsort(slots, kind="stable")  # the exporter goes by slots
+    order = np.argsort(slots, kind="stable")  # as the exporter orders triangles
+    corners = read(thing.data.loop_triangles, "loops", 3, np.int32)[order].ravel()
     names, faces = [layer.name for layer in made.uv_layers], read(made.polygons, "material_index", kind=np.int32)
+    thing.data = with_uvs(thing.data, made, corners, slots[order])
     used, first = np.unique(slots[order], return_index=True)
-    if not add_uvs(thing.data, made, read(thing.data.loop_triangles, "loops", 3, np.int32)[order].ravel()):
-        thing.data = triangulated(thing.data, made, slots[order])
     for slot, face, weathers in zip(used.tolist(), first, marks, strict=True):
         if weathers:
             dress(thing, slot, made.materials[faces[face]], names, fitted)
@@ -184,66 +144,54 @@ def read(items, name, width=1, kind=np.float32):
     return found
 
 
-def add_uvs(mesh, made, corners):
-    """Adds an imported mesh's further UV maps; False where its triangles are others or cut a polygon."""
+def with_uvs(mesh, made, corners, slots):
+    """The mesh, with the further UV maps of an imported one; the latter if its triangles are others or cut polygons."""
     places = [read(each.vertices, "co", 3)[read(each.loops, "vertex_index", kind=np.int32)] for each in (mesh, made)]
-    further = [read(layer.uv, "vector", 2) for layer in made.uv_layers[len(mesh.uv_layers) :]]
-    own = [np.zeros((len(mesh.loops), 2), np.float32) for _ in further]
-    if len(corners) != len(made.loops) or not np.allclose(places[0][corners], places[1], rtol=1e-4, atol=1e-5):
-        return not further
-    for values, given in zip(own, further, strict=True):
-        values[corners] = given
-    if not all(np.array_equal(values[corners], given) for values, given in zip(own, further, strict=True)):
-        return False
-    for values in own:
-        mesh.uv_layers.new(name="Weathering", do_init=False).uv.foreach_set("vector", values.ravel())
-    return True
-
-
-def triangulated(mesh, made, slots):
-    """The imported mesh, of triangles, with the slots of the object's own."""
-    own = made.copy()
-    own.materials.clear()
+    same = len(corners) == len(places[1]) and np.allclose(places[0][corners], places[1], rtol=1e-4, atol=1e-5)
+    given = [read(layer.uv, "vector", 2) for layer in made.uv_layers[len(mesh.uv_layers) :]]
+    first = np.unique(corners, return_index=True)[1]
+    own = [each[first] for each in given if same and len(first) == len(mesh.loops)]
+    if len(own) == len(given) and all(np.array_equal(a[corners], b) for a, b in zip(own, given, strict=True)):
+        for values in own:
+            mesh.uv_layers.new(name="Weathering", do_init=False).uv.foreach_set("vector", values.ravel())
+        return mesh
+    other = made.copy()
+    other.materials.clear()
     for material in mesh.materials:
-        own.materials.append(material)
-    own.polygons.foreach_set("material_index", slots)
-    return own
+        other.materials.append(material)
+    other.polygons.foreach_set("material_index", slots)
+    return other
 
 
 def dress(thing, slot, material, names, fitted):
-    """Puts a copy of an imported material into a slot; each texture names its UV map as the object's mesh does."""
+    """Puts a copy of an imported material into a slot, with the names that UV maps have in the object's own mesh."""
     if slot >= len(thing.material_slots):
         thing.data.materials.append(None)
     here, own = thing.material_slots[slot], [layer.name for layer in thing.data.uv_layers]
-    key = (material, *own)
-    if key not in fitted:
-        fitted[key] = material.copy()
-        name = here.material.name if here.material else thing.name
-        fitted[key].name = f"{name.split(' weathered')[0]} weathered"
-        tree = fitted[key].node_tree
-        for node in [node for node in tree.nodes if node.type == "TEX_IMAGE" and not node.inputs["Vector"].is_linked]:
-            first = tree.nodes.new("ShaderNodeUVMap")
-            first.uv_map = names[0]
-            tree.links.new(node.inputs["Vector"], first.outputs["UV"])
-        for node in [node for node in tree.nodes if getattr(node, "uv_map", "") in names]:
+    if (material, *own) not in fitted:
+        new = fitted[(material, *own)] = material.copy()
+        new.name = f"{(here.material or thing).name.split(' weathered')[0]} weathered"
+        for node in [node for node in new.node_tree.nodes if getattr(node, "uv_map", "") in names]:
             node.uv_map = own[names.index(node.uv_map)]
-    here.material = fitted[key]
+    here.material = fitted[(material, *own)]
 
 
 class Preferences(bpy.types.AddonPreferences):
     bl_idname = __name__
     program: StringProperty(name="svbrdfgan", subtype="FILE_PATH", description="The program; empty finds it on PATH")
+    painter: EnumProperty(name="Painter", items=PAINTERS)
+    model: StringProperty(name="Model", default="road-dirt", search=lambda _self, context, _: models(*program(context)))
+    amount: FloatProperty(name="Amount", default=0.6, min=0, max=1, subtype="FACTOR", description="0 is clean")
+    seed: IntProperty(name="Seed", min=0, description="Each seed gives another pattern")
+    size: IntProperty(name="Texture size", min=0, max=8192, description="0 keeps that of each material's own textures")
+
+    def arguments(self):
+        words = ["weather", "--recipe", self.painter] if self.painter != "MODEL" else ["texture", "--model", self.model]
+        words += ["--size", str(self.size)] if self.size else []
+        return [*words, "--amount", f"{self.amount:.4f}", "--seed", str(self.seed)]
 
     def draw(self, _context):
         self.layout.prop(self, "program")
-
-
-class Settings(bpy.types.PropertyGroup):
-    painter: EnumProperty(name="Painter", items=PAINTERS)
-    model: StringProperty(name="Model", default="road-dirt", search=shipped)
-    amount: FloatProperty(name="Amount", default=0.6, min=0, max=1, subtype="FACTOR", description="0 is clean")
-    seed: IntProperty(name="Seed", min=0, description="Each seed gives another pattern")
-    size: EnumProperty(name="Texture size", items=SIZES)
 
 
 class Weather(bpy.types.Operator):
@@ -256,55 +204,38 @@ class Weather(bpy.types.Operator):
         return context.mode == "OBJECT" and any(thing.type == "MESH" for thing in context.selected_objects)
 
     def execute(self, context):
-        return self._tried(context, self._waited)
+        self._work = weathered(context)
+        while (state := self._step()) == RUNNING:
+            time.sleep(0.2)
+        return state
 
     def invoke(self, context, _event):
-        return self._tried(context, self._waited if bpy.app.background else self._began)
+        self._work = weathered(context)
+        self._timer = context.window_manager.event_timer_add(0.2, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return RUNNING
 
     def modal(self, context, event):
         """Looks at the program; the view may be turned meanwhile, and the scene stays as it was exported."""
-        if event.type == "TIMER" and self._job.running():
-            self._ticks += 1
-            context.window_manager.progress_update(self._ticks % 100)
-            context.workspace.status_text_set(f"Weathering (Esc cancels): {self._job.last_line()}")
-        elif event.type in ("ESC", "TIMER"):
+        if event.type not in ("TIMER", "ESC"):
+            return {"PASS_THROUGH"} if event.type.startswith(("MIDDLE", "WHEEL", "TRACKPAD")) else RUNNING
+        state = self._step() if event.type == "TIMER" else {"CANCELLED"}
+        context.workspace.status_text_set(f"Weathering (Esc cancels): {self._said}" if state == RUNNING else None)
+        if state != RUNNING:
+            self._work.close()
             context.window_manager.event_timer_remove(self._timer)
-            context.workspace.status_text_set(None)
-            return self._tried(context, self._cancelled if event.type == "ESC" else self._delivered)
-        return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
+        return state
 
-    def _tried(self, context, step):
+    def _step(self):
         try:
-            return step(context)
-        except WeatherError as error:
+            self._said = next(self._work)
+            return RUNNING
+        except StopIteration as end:
+            self.report({"INFO"}, end.value)
+            return {"FINISHED"}
+        except RuntimeError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-
-    def _began(self, context):
-        self._job, self._ticks, manager = Job(context), 0, context.window_manager
-        self._timer = manager.event_timer_add(PERIOD, window=context.window)
-        manager.progress_begin(0, 100)
-        manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def _waited(self, context):
-        self._job = Job(context)
-        context.window_manager.progress_begin(0, 1)
-        while self._job.running():
-            time.sleep(PERIOD)
-        return self._delivered(context)
-
-    def _delivered(self, context):
-        try:
-            self.report({"INFO"}, self._job.deliver(context))
-        finally:
-            self._cancelled(context)
-        return {"FINISHED"}
-
-    def _cancelled(self, context):
-        context.window_manager.progress_end()
-        self._job.close()
-        return {"CANCELLED"}
 
 
 class Panel(bpy.types.Panel):
@@ -312,22 +243,10 @@ class Panel(bpy.types.Panel):
     bl_space_type, bl_region_type = "VIEW_3D", "UI"
 
     def draw(self, context):
-        settings = context.scene.svbrdfgan
-        for name in ("painter", *(["model"] if settings.painter == "MODEL" else []), "amount", "seed", "size"):
-            self.layout.prop(settings, name)
-        self.layout.operator(Weather.bl_idname, icon="BRUSH_DATA")
+        shown = preferences(context)
+        for name in ("painter", *(["model"] if shown.painter == "MODEL" else []), "amount", "seed", "size"):
+            self.layout.prop(shown, name)
+        self.layout.operator(Weather.bl_idname)
 
 
-CLASSES = (Preferences, Settings, Weather, Panel)
-
-
-def register():
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-    bpy.types.Scene.svbrdfgan = PointerProperty(type=Settings)
-
-
-def unregister():
-    del bpy.types.Scene.svbrdfgan
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory((Preferences, Weather, Panel))
