@@ -87,10 +87,10 @@ def within(name: str, *allowed: str) -> bool:
 def forbidden_in_core(module: str, names: Iterator[str]) -> list[str]:
     """What a module of the core imports though it must not: plugins, and rooms above its own.
 
-    The package's own `__init__` may name everything: it imports lazily.
+    The package's own `__init__` may name everything, since it imports lazily, and so may `__main__`.
     """
     parts = module.split(".")
-    if len(parts) == 1:
+    if parts[1:] in ([], ["__main__"]):
         below: tuple[str, ...] = ("svbrdfgan",)
     else:
         below = ("svbrdfgan.__version__", *(f"svbrdfgan.{room}" for room in ROOMS[: ROOMS.index(parts[1]) + 1]))

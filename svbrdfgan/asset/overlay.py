@@ -29,23 +29,66 @@ from svbrdfgan.asset.weather_document import DEFAULT_SIZE, Edited, Model, Textur
 from svbrdfgan.asset.weathered_maps import Layer, layer_bands
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.io.image import Encoding, picture
+from svbrdfgan.utils.display import Display
+
+Maps = dict[str, UInt8[ndarray, "rows cols channels"]]
+"""A layer's textures, row 0 at v = 0: `base_color` (RGBA, straight alpha, sRGB), and if they are painted `orm`
+(occlusion, which is 1, roughness and metallic) and `normal` (in the tangent frames of the UV set)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """A layer, and the document over whose further UV set it lies.
+    """A layer, and the document over whose further UV set it lies."""
+
+    edited: Edited
+    maps: Maps
+
+
+@dataclass(frozen=True, eq=False)
+class OverlayCanvas:
+    """A further UV set, without overlaps, over all pieces that weather together.
 
     Attributes:
-        maps: `base_color` (RGBA, straight alpha, sRGB), and if they are painted `orm` (occlusion, which is 1, roughness
-            and metallic) and `normal` (in the tangent frames of the UV set); row 0 at v = 0.
+        edited: the document with that UV set.
+        canvas: the faces over it.
+        number: of the UV set.
+        size: texels along a side of textures that are fine enough to keep its charts apart.
     """
 
     edited: Edited
-    maps: dict[str, UInt8[ndarray, "rows cols channels"]]
+    canvas: Canvas
+    number: int
+    size: int
+
+    @classmethod
+    def of(cls, asset: Asset, model: Model, weathers: Collection[int], size: int) -> OverlayCanvas:
+        """The canvas over the pieces of these numbers.
+
+        Args:
+            size: texels along a side; more are taken if there are many charts.
+
+        Raises:
+            ChartsError: the pieces have too many charts for any texture.
+            AssetError: xatlas is missing.
+        """
+        edited = Edited.of(asset)
+        pieces = [piece for group in groups(asset, weathers) for piece in group.pieces]
+        faces = np.flatnonzero(np.isin(asset.face_piece, pieces))
+        own, number = asset.mesh.uv, free_uv_set(asset, pieces)
+        positions = model.mesh.positions[model.mesh.faces[faces]]
+        uv, size = fitting_uv_set(positions, None if own is None else own[faces], size)
+        PieceEditor(edited.document, asset, edited.told).add_uv_set(pieces, NewUVSet(number, faces, uv))
+        return cls(edited, Canvas(model.mesh, faces, uv, model.reversed), number, size)
 
 
 def overlay_document(
-    asset: Asset, model: Model, painter: Painter, weathers: Collection[int], textures: Textures
+    asset: Asset,
+    model: Model,
+    painter: Painter,
+    weathers: Collection[int],
+    textures: Textures,
+    *,
+    display: Display | None = None,
 ) -> Overlay:
     """The asset's document, whose pieces of these numbers have one further UV set together, and a layer over it.
 
@@ -53,21 +96,22 @@ def overlay_document(
         ChartsError: the pieces have too many charts for any texture.
         AssetError: xatlas is missing.
     """
-    edited = Edited.of(asset)
-    pieces = [piece for group in groups(asset, weathers) for piece in group.pieces]
-    faces = np.flatnonzero(np.isin(asset.face_piece, pieces))
-    own, number = asset.mesh.uv, free_uv_set(asset, pieces)
-    positions = model.mesh.positions[model.mesh.faces[faces]]
-    uv, size = fitting_uv_set(positions, None if own is None else own[faces], textures.size or DEFAULT_SIZE)
-    edited.told.append(f"the layer lies over TEXCOORD_{number} of all that weathers, at {size} texels a side.")
-    canvas = Canvas(model.mesh, faces, uv, model.reversed)
-    scale = painted_scale(canvas, textures.painted, size, size)
-    painted = paint_texture(canvas, painter, size // scale, size // scale)
-    PieceEditor(edited.document, asset, edited.told).add_uv_set(pieces, NewUVSet(number, faces, uv))
-    return Overlay(edited, _maps(painted, size, painter.maps))
+    over = OverlayCanvas.of(asset, model, weathers, textures.size or DEFAULT_SIZE)
+    over.edited.told.append(
+        f"the layer lies over TEXCOORD_{over.number} of all that weathers, at {over.size} texels a side."
+    )
+    side = over.size // painted_scale(over.canvas, textures.painted, over.size, over.size)
+    painted = paint_texture(over.canvas, painter, side, side, f"painting the layer of {asset.path.name}", display)
+    return Overlay(over.edited, layer_maps(painted, over.size, painter.maps))
 
 
-def _maps(painted: Layer, size: int, further: Collection[str]) -> dict[str, UInt8[ndarray, "rows cols channels"]]:
+def layer_maps(painted: Layer, size: int, further: Collection[str]) -> Maps:
+    """The textures of a painted layer.
+
+    Args:
+        size: texels along a side.
+        further: the maps that are painted besides base colour.
+    """
     channels = {"base_color": 4}
     channels |= {"orm": 3} if {"roughness", "metallic"} & set(further) else {}
     channels |= {"normal": 3} if "normal" in further else {}

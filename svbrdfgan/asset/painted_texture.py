@@ -16,6 +16,7 @@ from svbrdfgan.geometry.normals import face_areas, unit, uv_areas
 from svbrdfgan.geometry.split import surface_over
 from svbrdfgan.geometry.tangents import Tangents, corner_tangents
 from svbrdfgan.types import Mesh
+from svbrdfgan.utils.display import Display, SilentDisplay
 from svbrdfgan.utils.threads import in_threads
 
 CHANNELS = 9
@@ -64,10 +65,15 @@ class Canvas:
         return corner_tangents(surface), surface.normals[surface.faces]
 
 
-def paint_texture(canvas: Canvas, painter: Painter, rows: int, cols: int) -> Float[ndarray, "rows cols channels"]:
+def paint_texture(
+    canvas: Canvas, painter: Painter, rows: int, cols: int, what: str = "", display: Display | None = None
+) -> Float[ndarray, "rows cols channels"]:
     """The layer of all maps, as float16; texels outside of the faces continue what is nearest, for any mip level.
 
     Tiles are painted on several threads; the result does not depend on how many there are.
+
+    Args:
+        what: the name of this phase for the display.
     """
     texture = np.zeros((rows, cols, CHANNELS), np.float16)
     known = np.zeros((rows, cols), bool)
@@ -82,8 +88,10 @@ def paint_texture(canvas: Canvas, painter: Painter, rows: int, cols: int) -> Flo
             painted = _painted(canvas, covered, points, painter(points, texel))
             texture[own] = painted[1:-1, 1:-1]
 
-    for _ in in_threads(paint, grid.tiles()):
-        pass
+    tiles, shown = list(grid.tiles()), display or SilentDisplay()
+    shown.stage(what, len(tiles))
+    for _ in in_threads(paint, tiles):
+        shown.advance()
     fill(texture, known)
     return texture
 

@@ -10,9 +10,11 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.asset.points import SurfacePoints
-from svbrdfgan.asset.surroundings import Surroundings
 from svbrdfgan.types import FURTHER_MAPS
+from svbrdfgan.weathering.edges import SharpEdges
 from svbrdfgan.weathering.recipes import Coat, Recipe
+from svbrdfgan.weathering.site import Site
+from svbrdfgan.weathering.survey import Grounds
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +49,26 @@ class Painter(Protocol):
         """The weathering at points that lie about `texel` metres apart."""
 
 
+class Sites(Protocol):
+    """What a recipe goes by at any point, as `Surroundings` find it."""
+
+    @property
+    def grounds(self) -> Grounds:
+        """What all sites share."""
+
+    @property
+    def edges(self) -> SharpEdges:
+        """The sharp edges of the mesh."""
+
+    def site(self, points: SurfacePoints, texel: float, *, edges: bool = True) -> Site:
+        """The site at points, `texel` metres apart."""
+
+
 @dataclass(frozen=True, eq=False)
 class RecipePainter:
     """Paints by a procedural recipe, which needs no embedding: it has no seam, and reaches every point."""
 
-    surroundings: Surroundings
+    surroundings: Sites
     recipe: Recipe
     maps: Collection[str] = FURTHER_MAPS
 

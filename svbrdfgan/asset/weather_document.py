@@ -27,6 +27,7 @@ from svbrdfgan.geometry.normals import face_areas
 from svbrdfgan.io.gltf.document import Document
 from svbrdfgan.io.gltf.materials import DocumentPictures
 from svbrdfgan.types import Mesh
+from svbrdfgan.utils.display import Display
 
 DEFAULT_SIZE = 2048
 """Texels along a side at most, for materials without a texture."""
@@ -85,6 +86,7 @@ def weather_document(
     textures: Textures,
     *,
     variants: bool = False,
+    display: Display | None = None,
 ) -> Edited:
     """The asset's document with a layer on the pieces of these numbers; the asset itself stays as it is.
 
@@ -95,7 +97,7 @@ def weather_document(
     """
     edited, found = Edited.of(asset), list(groups(asset, weathers))
     for group in found:
-        _weather_group(edited, model, painter, group, textures)
+        _weather_group(edited, model, painter, group, textures, display)
     if variants and has_variants(asset.document):
         edited.told.append(f"{asset.path.name} has variants already; clean and weathered are not listed.")
     elif variants and edited.materials:
@@ -104,7 +106,9 @@ def weather_document(
     return edited
 
 
-def _weather_group(edited: Edited, model: Model, painter: Painter, group: Group, textures: Textures) -> None:
+def _weather_group(
+    edited: Edited, model: Model, painter: Painter, group: Group, textures: Textures, display: Display | None
+) -> None:
     pictures = DocumentPictures(group.asset.document, quiet=True)
     changed = WeatheredMaterial.of(edited.document, group.entry, pictures, painter.maps)
     if (fault := changed.fault()) is not None:
@@ -117,7 +121,9 @@ def _weather_group(edited: Edited, model: Model, painter: Painter, group: Group,
         return
     canvas, rows, cols = places.canvas, places.rows, places.cols
     scale = painted_scale(canvas, textures.painted, rows, cols)
-    painted = paint_texture(canvas, painter, rows // scale, cols // scale)
+    painted = paint_texture(
+        canvas, painter, rows // scale, cols // scale, f"painting {group.name} of {group.asset.path.name}", display
+    )
     own, normal = changed.uv_set() if places.number is None else None, changed.material.get(NORMAL_MAP)
     turn_layer(painted, canvas, group, normal, own)
     turns = turns_of_file(canvas, group, normal, own)

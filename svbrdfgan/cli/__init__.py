@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from svbrdfgan import __version__
 from svbrdfgan.errors import SvbrdfganError
@@ -42,6 +43,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
             "svbrdfgan.cli.experiment:command",
             "Run the thesis's experiments and ours.",
         ),
+        "view": ("svbrdfgan.cli.view:command", "Show a weathered model in the browser."),
         "texture": ("svbrdfgan.cli.texture:command", "Weather a mesh with a trained model; some are shipped."),
         "models": ("svbrdfgan.cli.models:command", "List the shipped models, or show the card of one."),
         "render": ("svbrdfgan.cli.render:command", "Render a stored scene to PNG or EXR."),
@@ -68,6 +70,10 @@ class LazyGroup(click.Group):
         module, _, attribute = COMMANDS[cmd_name][0].partition(":")
         command: click.Command = getattr(importlib.import_module(module), attribute)
         return command
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        names = [CompletionItem(name, help=text) for name, (_, text) in COMMANDS.items() if name.startswith(incomplete)]
+        return names + click.Command.shell_complete(self, ctx, incomplete)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -104,6 +110,7 @@ class LazyGroup(click.Group):
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("-v", "--verbose", count=True, help="Log what is being done; twice for more.")
+@click.option("-q", "--quiet", is_flag=True, help="Show no progress and no notes, but results, warnings and errors.")
 @click.option(
     "--debug",
     is_flag=True,
@@ -111,11 +118,13 @@ class LazyGroup(click.Group):
     help="Show the traceback of an error.",
 )
 @click.version_option(__version__, prog_name="svbrdfgan")
-def main(verbose: int, debug: bool) -> None:
+def main(verbose: int, quiet: bool, debug: bool) -> None:
     """Learn from pictures how surfaces weather, through a differentiable renderer.
 
     Start with `svbrdfgan demo`. `svbrdfgan COMMAND --help` explains a command.
     """
+    if verbose and quiet:
+        raise click.UsageError("--verbose and --quiet exclude each other.")
     if verbose or debug:
         log_to_terminal(logging.DEBUG if verbose > 1 else logging.INFO, show_path=debug)
 

@@ -10,7 +10,8 @@ import click
 from rich.markup import escape
 from rich.table import Table
 
-from svbrdfgan.cli.display import print_table, progress
+from svbrdfgan.cli.display import print_json, print_table, progress
+from svbrdfgan.cli.options import json_option
 from svbrdfgan.plugins.probe import Probe, probe_all
 from svbrdfgan.plugins.registry import EMBEDDINGS, RENDERERS, Plugin, list_plugins
 
@@ -18,14 +19,14 @@ _STYLES = {"ok": "green", "missing": "yellow", "broken": "red"}
 
 
 @click.command()
-@click.option("--json", "as_json", is_flag=True, help="Print a list of objects instead of a table.")
+@json_option("a list of objects")
 def backends(as_json: bool) -> None:
     """List the installed renderers. Each is tried in its own process, so that a broken one stops no other."""
     _show(RENDERERS, as_json)
 
 
 @click.command()
-@click.option("--json", "as_json", is_flag=True, help="Print a list of objects instead of a table.")
+@json_option("a list of objects")
 @click.option(
     "--compare",
     "folder",
@@ -68,7 +69,7 @@ def _show(group: str, as_json: bool) -> None:
         plugins = list_plugins(group)
         rows = list(zip(plugins, probe_all(plugins), strict=True))
     if as_json:
-        click.echo(json.dumps([_record(*row) for row in rows], indent=2))
+        print_json([_record(*row) for row in rows])
         return
     table = Table("name", "distribution", "status", "device" if group == RENDERERS else "", "capabilities")
     for plugin, probe in rows:

@@ -70,7 +70,8 @@ def command(
     """
     if (mesh is None) != (environment is None):
         raise click.UsageError("--mesh and --environment go together.")
-    with progress("trying the renderers") as display:
+    kept = f"{out} keeps the figures that are complete." if out else "no figures were kept, since --out is missing."
+    with progress("trying the renderers", lambda: kept) as display:
         from svbrdfgan.bench.programs import Program
         from svbrdfgan.bench.run import Bench, backend_programs, working_backends
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -14,8 +13,8 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from svbrdfgan.cli.display import output_console, print_table, progress
-from svbrdfgan.cli.options import key_values
+from svbrdfgan.cli.display import output_console, print_json, print_table, progress
+from svbrdfgan.cli.options import json_option, key_values
 from svbrdfgan.errors import ConfigError, PluginError
 from svbrdfgan.plugins.registry import EMBEDDINGS, RENDERERS, Plugin, find_plugin, list_plugins
 
@@ -53,7 +52,7 @@ _GROUPS = {"renderer": RENDERERS, "embedding": EMBEDDINGS}
     show_default=True,
     help="Share of the samples that statistical tests take: with a quarter, they find errors twice as large.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print a list of objects instead of a table.")
+@json_option("a list of objects")
 @click.option("--pairs", is_flag=True, help="Compare the installed renderers with each other, or NAME with all others.")
 @click.option(
     "--profile", type=click.Choice(["ci", "slow"]), help="With --pairs: how many samples are taken.  [default: ci]"
@@ -87,7 +86,7 @@ def command(
         raise click.UsageError("give the NAME of a renderer or UV embedding, or --pairs.")
     outcomes = _outcomes(_plugin(name, kind), key_values(options), power, only)
     if as_json:
-        click.echo(json.dumps([dataclasses.asdict(outcome) for outcome in outcomes], indent=2))
+        print_json([dataclasses.asdict(outcome) for outcome in outcomes])
     else:
         print_table(table(outcomes))
         output_console().print(summary(outcomes), highlight=False)

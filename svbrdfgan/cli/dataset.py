@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,9 @@ from svbrdfgan.cli.options import read_config
 
 if TYPE_CHECKING:
     from svbrdfgan.data.config import DatasetConfig
+
+_NAMES = 7
+"""Names of parts that are listed where there are many."""
 
 
 class _Dataset(click.Command):
@@ -89,19 +93,22 @@ def _read(config: Path, overrides: tuple[str, ...]) -> DatasetConfig:
 
 
 def _generate(path: Path, overrides: tuple[str, ...], out: Path, devices: int, workers: int) -> None:
-    try:
-        with progress("unwrapping and baking the meshes") as display:
-            from svbrdfgan.data.generate import generate
+    kept = f"{out} keeps the exemplars that are complete, and the same command makes the others."
+    with progress("unwrapping and baking the meshes", lambda: kept) as display:
+        from svbrdfgan.data.generate import generate
 
-            config = _read(path, overrides)
-            plan = generate(config, out, base=path.parent, devices=devices, workers=workers, display=display)
-    except KeyboardInterrupt:
-        click.echo(f"{out}: stopped; the same command continues.", err=True)
-        raise
+        config = _read(path, overrides)
+        plan = generate(config, out, base=path.parent, devices=devices, workers=workers, display=display)
     for split in config.splits:
         click.echo(f"{split}: {len(plan.sampler(split))} exemplars of {len(plan.meshes[split])} meshes")
     painted = sorted({name for meshes in plan.meshes.values() for mesh in meshes for name in mesh.painted})
-    click.echo(f"parts with a layer: {', '.join(painted)}")
+    click.echo(f"parts with a layer: {_summed_up(painted)}")
+
+
+def _summed_up(names: Sequence[str]) -> str:
+    """The names; without -v only the first, and how many more there are."""
+    whole = len(names) <= _NAMES + 1 or click.get_current_context().find_root().params["verbose"]
+    return ", ".join(names) if whole else f"{', '.join(names[:_NAMES])} and {len(names) - _NAMES} more (-v lists all)"
 
 
 def _dry_run(path: Path, overrides: tuple[str, ...]) -> None:

@@ -23,12 +23,13 @@ def command(out: Path) -> None:
     On two CPU cores the picture is there within two minutes, the report within ten. Run again, it continues where it
     was stopped; another --out starts from nothing.
     """
-    with progress("starting the demo") as display:
+    kept = f"{out} keeps what is complete, and the same command continues."
+    with progress("starting the demo", lambda: kept) as display:
         from svbrdfgan.experiments.demo import open_demo, run_demo
 
         opening = open_demo(out, display)
     click.echo(f"rust and road dirt:      {opening}")
-    with progress("making the data set") as display:
+    with progress("making the data set", lambda: kept) as display:
         result = run_demo(out, display)
     for line in result.evaluation.lines():
         click.echo(line)

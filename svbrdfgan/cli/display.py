@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING
@@ -15,16 +16,23 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    ProgressColumn,
+    Task,
     TaskID,
+    TaskProgressColumn,
     TextColumn,
     TimeElapsedColumn,
-    TimeRemainingColumn,
 )
+from rich.text import Text
+
+from svbrdfgan.cli.pace import Pace, duration
+from svbrdfgan.utils.display import Display, SilentDisplay
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-_SILENCE_SECONDS = 9.0  # after which a line is printed: with the tick, less than the promised ten
+_FIRST_SECONDS = 2.0  # after which a phase's first line is printed: with the tick, less than the promised three
+_SILENCE_SECONDS = 8.0  # and after which each further one is: less than the promised nine
 _TICK_SECONDS = 0.5
 _UNBOUNDED = 10_000
 """Columns of a console that is no terminal: wider than any table."""
@@ -39,17 +47,19 @@ class ProgressBar:
         self._progress = progress
         self._task: TaskID | None = None
         self._is_stage = False
+        self._pace = Pace(None, _clock())
         self.stage(what)
 
-    def stage(self, what: str) -> None:
-        """Starts something without steps; its bar disappears when the next thing starts."""
-        self._start(what, None, is_stage=True)
+    def stage(self, what: str, total: int | None = None) -> None:
+        """Starts something whose bar disappears when the next thing starts."""
+        self._start(what, total, is_stage=True)
 
-    def begin(self, what: str, total: int | None = None) -> None:
-        self._start(what, total, is_stage=False)
+    def begin(self, what: str, total: int | None = None, done: int = 0) -> None:
+        self._start(what, total, done, is_stage=False)
 
     def advance(self, steps: int = 1, note: str = "") -> None:
         assert self._task is not None
+        self._pace.advance(steps, _clock())
         self._progress.advance(self._task, steps)
         if note:
             self._progress.update(self._task, note=note)
@@ -68,65 +78,102 @@ class ProgressBar:
             self._progress.stop_task(self._task)
         self._task = None
 
-    def _start(self, what: str, total: int | None, *, is_stage: bool) -> None:
+    def _start(self, what: str, total: int | None, done: int = 0, *, is_stage: bool) -> None:
         self.end()
-        self._task, self._is_stage = self._progress.add_task(what, total=total, note=""), is_stage
+        self._pace, self._is_stage = Pace(total, _clock(), done), is_stage
+        self._task = self._progress.add_task(what, total=total, completed=done, note="", pace=self._pace)
+
+
+class _TimeLeftColumn(ProgressColumn):
+    """The time left of a bar that is not stopped."""
+
+    def render(self, task: Task) -> Text:
+        pace: Pace = task.fields["pace"]
+        return Text("" if task.stop_time is not None else pace.left(_clock()), style="progress.remaining")
 
 
 class ProgressLines:
-    """Plain lines: one when something begins, and one whenever there was none for nine seconds."""
+    """Plain lines: one when something begins, and one whenever there was none for nine seconds.
+
+    Of a phase that lasts three seconds there is one by then.
+    """
 
     def __init__(self, what: str) -> None:
-        self._lock = Lock()
-        self._what, self._began, self._last_line = what, _clock(), _clock()
-        self._total: int | None = None
-        self._done, self._note = 0, ""
-
-    def stage(self, what: str) -> None:
-        """Starts something without steps. No line says so unless it takes long: most stages take a second."""
+        self._lock, self._silent_since = Lock(), _clock()
+        self._note, self._is_told = "", False
         self._start(what, None)
 
-    def begin(self, what: str, total: int | None = None) -> None:
+    def stage(self, what: str, total: int | None = None) -> None:
+        """Starts something of which no line says so unless it takes long: most stages take a second."""
         self._start(what, total)
-        self._print(f"{what} ...")
+
+    def begin(self, what: str, total: int | None = None, done: int = 0) -> None:
+        self._start(what, total, done)
+        self._silent_since = _clock()
+        click.echo(f"{what} ...", err=True)
 
     def advance(self, steps: int = 1, note: str = "") -> None:
         with self._lock:
-            self._done += steps
+            self._pace.advance(steps, _clock())
             self._note = note or self._note
 
     def tick(self) -> None:
-        """Prints how far things are, if nothing was printed for nine seconds."""
+        """Prints how far things are, if it is time to."""
         with self._lock:
             now = _clock()
-            if now - self._last_line < _SILENCE_SECONDS:
+            first = not self._is_told and now - self._pace.began >= _FIRST_SECONDS
+            if not first and now - self._silent_since < _SILENCE_SECONDS:
                 return
-            of = f"{self._done} of {self._total}, " if self._total else f"{self._done}, " if self._done else ""
-            note = f", {self._note}" if self._note else ""
-            line = f"  {self._what}: {of}{now - self._began:.0f} s{note}"
-        self._print(line)
+            self._is_told, self._silent_since = True, now
+            left = self._pace.left(now) or duration(now - self._pace.began)
+            line = f"  {self._what}: {', '.join(filter(None, [self._pace.count(), left, self._note]))}"
+        click.echo(line, err=True)
 
     def tick_until(self, over: Event) -> None:
         while not over.wait(_TICK_SECONDS):
             self.tick()
 
-    def _start(self, what: str, total: int | None) -> None:
+    def _start(self, what: str, total: int | None, done: int = 0) -> None:
         with self._lock:
-            self._what, self._total, self._done, self._note, self._began = what, total, 0, "", _clock()
+            self._what, self._pace, self._note, self._is_told = what, Pace(total, _clock(), done), "", False
 
-    def _print(self, line: str) -> None:
-        self._last_line = _clock()
-        click.echo(line, err=True)
+
+def is_quiet() -> bool:
+    """Whether the user wants neither progress nor notes."""
+    context = click.get_current_context(silent=True)
+    return context is not None and bool(context.find_root().params.get("quiet"))
+
+
+def note(sentence: str) -> None:
+    """Prints on stderr what is good to know; to users who want no notes, if it is a warning."""
+    if sentence.startswith("warning:") or not is_quiet():
+        click.echo(sentence, err=True)
 
 
 @contextmanager
-def progress(what: str) -> Iterator[ProgressBar | ProgressLines]:
+def progress(what: str, kept: Callable[[], str] = lambda: "nothing was written.") -> Iterator[Display]:
     """Says on stderr what is being done for the time of the block: `what` at first, then what is begun.
 
     On a terminal a bar is redrawn. Elsewhere, such as in a file or a program, plain lines come at intervals of less
     than ten seconds. Results are printed after the block.
+
+    Args:
+        kept: says, if Ctrl-C stops the block, what is kept and how to go on.
     """
+    try:
+        with _display(what) as display:
+            yield display
+    except KeyboardInterrupt:
+        click.echo(f"stopped; {kept()}", err=True)
+        raise
+
+
+@contextmanager
+def _display(what: str) -> Iterator[Display]:
     console = Console(stderr=True)
+    if is_quiet():
+        yield SilentDisplay()
+        return
     if sys.stderr.isatty() and not console.is_dumb_terminal:
         with _bars(console) as bars:
             bar = ProgressBar(bars, what)
@@ -150,8 +197,9 @@ def _bars(console: Console) -> Progress:
         TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=24),
         MofNCompleteColumn(),
+        TaskProgressColumn(),
         TimeElapsedColumn(),
-        TimeRemainingColumn(compact=True),
+        _TimeLeftColumn(),
         TextColumn("{task.fields[note]}", style="cyan", markup=False),
         console=console,
     )
@@ -160,6 +208,11 @@ def _bars(console: Console) -> Progress:
 def output_console() -> Console:
     """The console on stdout; if that is no terminal, without colours and wrapping, whatever COLUMNS says."""
     return Console() if sys.stdout.isatty() else Console(width=_UNBOUNDED, force_terminal=False, no_color=True)
+
+
+def print_json(document: object) -> None:
+    """Prints the only JSON document that a command prints on stdout."""
+    click.echo(json.dumps(document, indent=2))
 
 
 def print_table(table: Table) -> None:

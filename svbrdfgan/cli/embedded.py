@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import click
 
-from svbrdfgan.cli.display import ProgressBar, ProgressLines
+from svbrdfgan.cli.display import note
 from svbrdfgan.cli.options import PartOptions
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.inference.apply import explain_memory, prepare
@@ -20,6 +20,7 @@ from svbrdfgan.report.sheet import Row, write_sheet
 from svbrdfgan.scene.embedded_files import write_embedded
 from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.types import Layer
+from svbrdfgan.utils.display import Display
 from svbrdfgan.weathering.layer import weather
 from svbrdfgan.weathering.recipes import Recipe
 
@@ -35,7 +36,7 @@ class Embedded:
         picture: where a picture of it is written; None if none is wanted.
     """
 
-    display: ProgressBar | ProgressLines
+    display: Display
     parts: PartOptions
     maps: Mapping[str, float | None]
     studio: Studio | None
@@ -60,20 +61,18 @@ class Embedded:
         draws: Sequence[LearnedWeathering],
         rows: Sequence[Row],
         sheet: Path | None,
-    ) -> list[Path]:
-        """Writes a mesh under each of a model's draws, and a sheet if one is wanted; returns the paths written."""
+    ) -> Iterator[Path]:
+        """Writes a mesh under each of a model's draws, and a sheet if one is wanted; yields the paths written."""
         self.display.stage(f"weathering {mesh}")
-        model, resolution, written = draws[0].model, draws[0].resolution, []
+        model, resolution = draws[0].model, draws[0].resolution
         with explain_memory(resolution):
             canvas = prepare(load_mesh(mesh), model, self._selection, resolution)
             _report(canvas.subject)
             for path, draw in zip(paths, draws, strict=True):
-                written += self._write(path, canvas.subject, canvas.paint(draw.draw))
+                yield from self._write(path, canvas.subject, canvas.paint(draw.draw))
             if sheet is not None and self.studio is not None:
-                self.display.stage(f"writing {sheet}")
-                write_sheet(sheet, rows, canvas, self.studio, self.maps)
-                written.append(sheet)
-        return written
+                write_sheet(sheet, rows, canvas, self.studio, self.maps, display=self.display)
+                yield sheet
 
     @property
     def _selection(self) -> PartSelection | None:
@@ -88,7 +87,8 @@ class Embedded:
         self.display.stage(f"writing {path}")
         written = [path, write_embedded(path, subject, layer, self.maps)]
         if self.picture is not None and self.studio is not None:
-            self.studio.stand(subject.surface).write(self.picture, subject.materials(layer, self.maps))
+            stand = self.studio.stand(subject.surface)
+            stand.write(self.picture, subject.materials(layer, self.maps), display=self.display)
             written.append(self.picture)
         return written
 
@@ -97,6 +97,6 @@ def _report(subject: Subject) -> None:
     """Prints on stderr which parts carry the layer, since part names alone decide that."""
     parts = [(part.name, number in subject.learnable) for number, part in enumerate(subject.surface.parts)]
     carrying, clean = (", ".join(name for name, learnable in parts if learnable is wanted) for wanted in (True, False))
-    click.echo(f"layer on: {carrying}; left clean: {clean or 'none'}", err=True)
+    note(f"layer on: {carrying}; left clean: {clean or 'none'}")
     for warning in subject.overlooked():
         click.echo(f"warning: {warning}", err=True)

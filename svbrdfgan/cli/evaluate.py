@@ -7,7 +7,8 @@ from typing import Literal
 
 import click
 
-from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.display import print_json, progress
+from svbrdfgan.cli.options import json_option
 from svbrdfgan.utils.processes import cores
 
 
@@ -40,6 +41,7 @@ from svbrdfgan.utils.processes import cores
 @click.option(
     "--device", default="auto", show_default=True, type=click.Choice(["auto", "cpu", "cuda"]), help="Where to compute."
 )
+@json_option("the contents of evaluation.json")
 @click.option(
     "--workers",
     type=click.IntRange(1),
@@ -53,6 +55,7 @@ def command(
     dataset: Path | None,
     on: Path | None,
     device: Literal["auto", "cpu", "cuda"],
+    as_json: bool,
     workers: int | None,
 ) -> None:
     """Score the generator of the folder RUN on a split, and write evaluation.json and report.html into RUN.
@@ -61,7 +64,8 @@ def command(
     """
     if dataset and on:
         raise click.UsageError("--dataset is where the run's own data set was moved, and --on is another: choose one.")
-    with progress(f"opening {run}") as display:
+    kept = f"{run} keeps earlier scores and an oracle that was trained; the same command scores again."
+    with progress(f"opening {run}", lambda: kept) as display:
         from svbrdfgan.evaluation.evaluate import evaluate
         from svbrdfgan.evaluation.relight import Relight
         from svbrdfgan.report.page import write_report
@@ -79,6 +83,9 @@ def command(
         )
         display.stage("writing the report")
         report = write_report(run, evaluated)
+    if as_json:
+        print_json(evaluated.evaluation.model_dump(mode="json"))
+        return
     for line in evaluated.evaluation.lines():
         click.echo(line)
     click.echo(str(report))

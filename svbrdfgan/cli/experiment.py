@@ -61,7 +61,8 @@ def command(
     if not names or out is None:
         raise click.UsageError("NAME and --out are wanted; `svbrdfgan experiment --list` shows the names.")
     numbers = _numbers(seeds)
-    with progress("reading the experiments") as display:
+    kept = f"{out} keeps what is complete and the checkpoints of runs, and the same command continues."
+    with progress("reading the experiments", lambda: kept) as display:
         from svbrdfgan.experiments.run_matrix import RunMatrix
         from svbrdfgan.experiments.runner import run_experiments
 

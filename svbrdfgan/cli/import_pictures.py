@@ -31,7 +31,8 @@ def command(manifest: Path, overrides: tuple[str, ...], out: Path, workers: int 
     Pictures that cannot be used are left out, each with a warning. Of other errors all are listed, and nothing is
     written. KEY=VALUE replaces a value of MANIFEST.
     """
-    with progress(f"reading {manifest}") as display:
+    kept = "nothing was written, and the same command imports all pictures again."
+    with progress(f"reading {manifest}", lambda: kept) as display:
         from svbrdfgan.data.photos.build import OVERLAYS, SHEET, import_pictures
         from svbrdfgan.data.photos.manifest import read_manifest
 

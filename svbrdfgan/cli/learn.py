@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.display import note, progress
 from svbrdfgan.cli.options import read_config
 
 _OF_MANIFEST = "manifest."
@@ -49,25 +49,22 @@ def command(
     of_manifest = tuple(word.removeprefix(_OF_MANIFEST) for word in overrides if word.startswith(_OF_MANIFEST))
     settings = read_config(config, tuple(word for word in overrides if not word.startswith(_OF_MANIFEST)))
     if "dataset" in settings:
-        click.echo(f"{config}: dataset is ignored, since each turn trains on its own exemplars.", err=True)
-    try:
-        with progress(f"reading {manifest}") as display:
-            from svbrdfgan.data.photos.build import OVERLAYS, SHEET
-            from svbrdfgan.data.photos.manifest import read_manifest
-            from svbrdfgan.training.config import train_config
-            from svbrdfgan.training.turns import Lessons, take_turns
+        note(f"{config}: dataset is ignored, since each turn trains on its own exemplars.")
+    kept = f"{out} keeps complete imports and the last checkpoint, and the same command continues."
+    with progress(f"reading {manifest}", lambda: kept) as display:
+        from svbrdfgan.data.photos.build import OVERLAYS, SHEET
+        from svbrdfgan.data.photos.manifest import read_manifest
+        from svbrdfgan.training.config import train_config
+        from svbrdfgan.training.turns import Lessons, take_turns
 
-            lessons = Lessons(
-                manifest=read_manifest(read_config(manifest, of_manifest), str(manifest)),
-                manifest_file=manifest,
-                config=train_config({**settings, "dataset": str(out)}, str(config)),
-                config_base=config.parent,
-                later_steps=later_steps,
-            )
-            run = take_turns(lessons, out, turns, workers=workers, display=display)
-    except KeyboardInterrupt:
-        click.echo(f"{out}: stopped; the same command continues.", err=True)
-        raise
+        lessons = Lessons(
+            manifest=read_manifest(read_config(manifest, of_manifest), str(manifest)),
+            manifest_file=manifest,
+            config=train_config({**settings, "dataset": str(out)}, str(config)),
+            config_base=config.parent,
+            later_steps=later_steps,
+        )
+        run = take_turns(lessons, out, turns, workers=workers, display=display)
     sheet = run.parent / "exemplars" / OVERLAYS / SHEET
     click.echo(f"look at {sheet}: do both balls look as if they stood beside each object?")
     click.echo(f"next: svbrdfgan texture MESH --model {run} -o WEATHERED.glb")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,8 @@ import click
 from rich.markup import escape
 from rich.table import Table
 
-from svbrdfgan.cli.display import output_console, print_table, progress
+from svbrdfgan.cli.display import output_console, print_json, print_table, progress
+from svbrdfgan.cli.options import json_option
 from svbrdfgan.config.error_messages import did_you_mean
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.models.card import ModelCard, Scores
@@ -20,7 +20,7 @@ from svbrdfgan.models.shipped import PICTURE, load_card, shipped_models
 
 @click.command("models")
 @click.argument("name", required=False)
-@click.option("--json", "as_json", is_flag=True, help="Print cards as objects instead.")
+@json_option("cards as objects")
 def command(name: str | None, as_json: bool) -> None:
     """List the shipped models, or show the whole card of the model NAME.
 
@@ -34,7 +34,7 @@ def command(name: str | None, as_json: bool) -> None:
         cards = {folder: load_card(folder) for folder in shipped.values()}
     if as_json:
         records = [_record(folder, card) for folder, card in cards.items() if name in (None, card.name)]
-        click.echo(json.dumps(records if name is None else records[0], indent=2))
+        print_json(records if name is None else records[0])
     elif name is None:
         print_table(_table(cards))
     else:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
-from svbrdfgan.errors import ConfigError, PluginError, SvbrdfganError
-from svbrdfgan.io.files import require_apart
+from svbrdfgan.errors import ConfigError, PluginError
 
 if TYPE_CHECKING:
     from svbrdfgan.inference.studio import Studio
@@ -146,6 +145,11 @@ def picture_options(command: Command) -> Command:
     return command
 
 
+def json_option(what: str) -> Callable[[Command], Command]:
+    """Adds `as_json`, which asks for one JSON document on stdout and nothing else there."""
+    return click.option("--json", "as_json", is_flag=True, help=f"Print {what} instead.")
+
+
 def key_values(words: tuple[str, ...]) -> dict[str, Any]:
     """Options from KEY=VALUE words; values are read as YAML.
 
@@ -162,83 +166,6 @@ def read_config(path: Path, overrides: tuple[str, ...]) -> dict[str, Any]:
         ConfigError: the file is not a YAML mapping, or a word is not of that form.
     """
     return apply_overrides(load_yaml(path), overrides)
-
-
-def results(
-    meshes: tuple[Path, ...], out: Path, *, force: bool, draws: Sequence[str] | None = None
-) -> list[list[Path]]:
-    """Where the results of each mesh are written: `out` itself, or files in the folder `out` if there are several.
-
-    Args:
-        draws: of several results of each mesh, the ends of their names.
-
-    Raises:
-        AssetError: a result would overwrite a mesh.
-        ConfigError: a result would overwrite another or, without `force`, an earlier one.
-    """
-    if len(meshes) == 1 and draws is None:
-        paths = [[out]]
-    else:
-        ends = [""] if draws is None else [f"-{draw}" for draw in draws]
-        paths = [[out / f"{mesh.stem}{end}.glb" for end in ends] for mesh in meshes]
-    every = [path for some in paths for path in some]
-    for path in every:
-        if every.count(path) > 1:
-            raise ConfigError(f"two meshes would be written to {path}; weather them one after the other.")
-        for mesh in meshes:
-            _require_free(mesh, path, force=force)
-    return paths
-
-
-def _require_free(mesh: Path, path: Path, *, force: bool) -> None:
-    """Refuses to overwrite a mesh or, without `force`, an earlier result; makes the folder of a result.
-
-    Raises:
-        AssetError: the path is the mesh's.
-        ConfigError: the path is not one that can be written.
-    """
-    require_apart(mesh, path)
-    if path.exists() and not force:
-        raise ConfigError(f"{path} is there already; --force overwrites it.")
-    _require_writable(path, ".glb", ".gltf")
-
-
-def each_alone(meshes: tuple[Path, ...], work: Callable[[int], list[Path]]) -> Done:
-    """Does work on each mesh, by number. If there are several, one that fails is told and does not stop the others.
-
-    Raises:
-        SvbrdfganError: the only mesh failed.
-    """
-    done = Done(len(meshes))
-    for number, mesh in enumerate(meshes):
-        try:
-            done.written += work(number)
-        except SvbrdfganError as error:
-            if len(meshes) == 1:
-                raise
-            click.echo(f"Error: {mesh}: {error}", err=True)
-            done.failed += 1
-    return done
-
-
-@dataclass
-class Done:
-    """What came of work on several meshes."""
-
-    meshes: int
-    failed: int = 0
-    written: list[Path] = field(default_factory=list)
-
-    def report(self) -> None:
-        """Prints the paths written.
-
-        Raises:
-            ConfigError: some meshes failed.
-        """
-        for path in self.written:
-            click.echo(str(path))
-        if self.failed:
-            raise ConfigError(f"{self.failed} of {self.meshes} meshes could not be weathered; see above.")
 
 
 def studio_of(
@@ -261,7 +188,7 @@ def studio_of(
             raise click.UsageError(f"--environment and --renderer need {' or '.join(pictures)}.")
         return None
     for path in wanted:
-        _require_writable(path, ".png", ".jpg", ".jpeg")
+        require_writable(path, ".png", ".jpg", ".jpeg")
 
     from svbrdfgan.config.choices import PluginChoice
     from svbrdfgan.inference.studio import BOUNCES, Studio
@@ -279,7 +206,7 @@ def studio_of(
     return Studio(chosen, light)
 
 
-def _require_writable(path: Path, *suffixes: str) -> None:
+def require_writable(path: Path, *suffixes: str) -> None:
     """Refuses a path without one of the suffixes, and makes its folder."""
     if path.suffix.lower() not in suffixes:
         raise ConfigError(f"{path}: wanted a name that ends in {' or '.join(suffixes)}.")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -12,8 +11,8 @@ import click
 from rich.markup import escape
 from rich.table import Table
 
-from svbrdfgan.cli.display import print_table, progress
-from svbrdfgan.cli.options import PartOptions, part_options
+from svbrdfgan.cli.display import note, print_json, print_table, progress
+from svbrdfgan.cli.options import PartOptions, json_option, part_options
 
 if TYPE_CHECKING:
     from svbrdfgan.asset.verdicts import Verdict
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 @click.command("parts")
 @click.argument("mesh", type=click.Path(path_type=Path, dir_okay=False))
 @part_options
-@click.option("--json", "as_json", is_flag=True, help="Print the verdicts and warnings as an object instead.")
+@json_option("the verdicts and warnings as an object")
 @click.option(
     "--picture",
     type=click.Path(path_type=Path, dir_okay=False),
@@ -61,10 +60,10 @@ def command(
             write_part_views(picture, asset, verdicts, found.matrix())
     if as_json:
         report = {"orientation": asdict(found), "parts": [asdict(each) for each in verdicts], "warnings": doubts}
-        click.echo(json.dumps(report, indent=2))
+        print_json(report)
     else:
         print_table(_table(mesh, verdicts))
-    click.echo(str(found), err=True)
+    note(str(found))
     for doubt in doubts:
         click.echo(f"warning: {doubt}", err=True)
     if picture is not None:

@@ -26,7 +26,8 @@ def command(config: Path, overrides: tuple[str, ...], out: Path, blender: str | 
     somewhat wrong. OUT/truth is the data set of the same scenes, and holds the truth of each photograph. Run again, it
     takes what is missing. KEY=VALUE replaces a value of CONFIG.
     """
-    with progress(f"reading {config}") as display:
+    kept = f"{out} keeps the photographs that are complete, and the same command takes the others."
+    with progress(f"reading {config}", lambda: kept) as display:
         from svbrdfgan.data.generate import generate
         from svbrdfgan.data.staged_photos.config import staged_photos_config
         from svbrdfgan.data.staged_photos.stage import TRUTH, stage_photos

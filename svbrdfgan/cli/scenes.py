@@ -12,7 +12,7 @@ import click
 from svbrdfgan.asset.asset import load_asset
 from svbrdfgan.asset.memory import Plan, require_memory
 from svbrdfgan.asset.weather_document import Edited, Textures
-from svbrdfgan.cli.display import ProgressBar, ProgressLines
+from svbrdfgan.cli.display import note
 from svbrdfgan.cli.options import PartOptions
 from svbrdfgan.inference.file_scene import file_scene
 from svbrdfgan.inference.studio import Studio
@@ -20,6 +20,7 @@ from svbrdfgan.inference.weathered_file import overlaid_document, weathered_docu
 from svbrdfgan.inference.weatherings import Weathering
 from svbrdfgan.inference.workpiece import Workpiece, above_ground, open_workpiece, turned
 from svbrdfgan.io.gltf.document import write_document
+from svbrdfgan.utils.display import Display
 from svbrdfgan.utils.memory import gigabytes
 from svbrdfgan.weathering.substances import Substance
 
@@ -38,7 +39,7 @@ class Scenes:
         parts: where it weathers.
     """
 
-    display: ProgressBar | ProgressLines
+    display: Display
     textures: Textures
     maps_folder: Path | None
     variants: bool
@@ -70,7 +71,7 @@ class Scenes:
         plan = Plan.of(workpiece.asset, workpiece.weathered, self.textures)
         self._require(plan, weathering)
         self.display.stage(f"weathering {workpiece.asset.path}")
-        edited = weathered_document(workpiece, weathering, self.textures, variants=self.variants)
+        edited = weathered_document(workpiece, weathering, self.textures, variants=self.variants, display=self.display)
         written = self._write(path, edited)
         if self.maps_folder is not None:
             written += write_maps(self.maps_folder, edited)
@@ -83,18 +84,18 @@ class Scenes:
         """Writes the scene with a further UV set, and the layer over it into a folder; returns the paths written."""
         self._require(Plan.of(workpiece.asset, workpiece.weathered, self.textures).as_overlay(), weathering)
         self.display.stage(f"weathering {workpiece.asset.path}")
-        overlay = overlaid_document(workpiece, weathering, self.textures)
+        overlay = overlaid_document(workpiece, weathering, self.textures, display=self.display)
         return self._write(path, overlay.edited) + write_layer(folder, overlay)
 
     def _require(self, plan: Plan, weathering: Weathering) -> None:
         needed = require_memory(plan, self.memory, weathering.peak_bytes)
-        click.echo(f"takes at most about {gigabytes(needed)} of memory", err=True)
+        note(f"takes at most about {gigabytes(needed)} of memory")
 
     def _write(self, path: Path, edited: Edited) -> list[Path]:
         self.display.stage(f"writing {path}")
         written = write_document(path, edited.document)
         for sentence in dict.fromkeys(edited.told):  # one for each node may be the same
-            click.echo(sentence, err=True)
+            note(sentence)
         return written
 
     def _draw(self, workpiece: Workpiece, path: Path, studio: Studio, picture: Path) -> None:
@@ -102,7 +103,7 @@ class Scenes:
         self.display.stage(f"rendering {picture}")
         shown = above_ground(load_asset(path), workpiece.verdicts)
         surface, materials = file_scene(turned(shown.mesh, workpiece.orientation))
-        studio.stand(surface).write(picture, materials)
+        studio.stand(surface).write(picture, materials, display=self.display)
 
 
 def _report(workpiece: Workpiece) -> None:
@@ -115,7 +116,7 @@ def _report(workpiece: Workpiece) -> None:
         for wanted, found in parts.items()
     }
     weathering, kept = (", ".join(names[wanted]) or "nothing" for wanted in (True, False))
-    click.echo(f"weathers: {weathering}; kept: {kept}", err=True)
-    click.echo(str(workpiece.orientation), err=True)
+    note(f"weathers: {weathering}; kept: {kept}")
+    note(str(workpiece.orientation))
     for warning in workpiece.warnings:
         click.echo(f"warning: {warning}", err=True)

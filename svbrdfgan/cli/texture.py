@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import click
 
-from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.display import note, progress
 from svbrdfgan.cli.options import (
     DENSITY,
     PartOptions,
     check_delivery,
     delivery_options,
-    each_alone,
+    json_option,
     part_options,
     picture_options,
-    results,
     studio_of,
 )
+from svbrdfgan.cli.results import Done, results
 from svbrdfgan.models.shipped import DEFAULT, model_of
 
 
@@ -56,6 +57,7 @@ from svbrdfgan.models.shipped import DEFAULT, model_of
     type=click.Path(path_type=Path),
     help="GLB or glTF file to write; of several MESHes or with --count, a folder.",
 )
+@json_option("for each mesh an object with the paths written")
 @delivery_options
 @picture_options
 def command(
@@ -79,6 +81,7 @@ def command(
     picture: Path | None,
     environment: Path | None,
     renderer: str,
+    as_json: bool,
 ) -> None:
     """Weather each MESH with a trained model: its scene comes back, only what weathers has other textures."""
     check_delivery(meshes, parts, click.get_current_context().params)
@@ -91,7 +94,8 @@ def command(
     if model is None:
         recipe = recipe or DEFAULT
         model = model_of(recipe)
-    with progress(f"loading {model}") as display:
+    done = Done(meshes)
+    with progress(f"loading {model}", done.kept) as display:
         from svbrdfgan.inference.learned import LearnedWeathering
         from svbrdfgan.rendering.compositing import BARE
         from svbrdfgan.report.sheet import sheet_rows
@@ -99,7 +103,7 @@ def command(
 
         trained, name = load_model(model), Path(model).name
         if not asked:
-            click.echo(f"painting {DEFAULT}; --recipe and --model choose another (see `svbrdfgan models`)", err=True)
+            note(f"painting {DEFAULT}; --recipe and --model choose another (see `svbrdfgan models`)")
         draws = [
             LearnedWeathering.of(trained, name=name, seed=number, amount=amount, recipe=recipe, resolution=resolution)
             for number in seeds
@@ -113,7 +117,7 @@ def command(
             from svbrdfgan.cli.embedded import Embedded
 
             layers = Embedded(display, parts, maps, studio, picture)
-            done = each_alone(meshes, lambda k: layers.texture(meshes[k], paths[k], draws, rows, sheet))
+            done.each_alone(lambda k: layers.texture(meshes[k], paths[k], draws, rows, sheet))
         else:
             from svbrdfgan.asset.weather_document import Textures
             from svbrdfgan.cli.scenes import Scenes
@@ -123,17 +127,14 @@ def command(
             textures = Textures(size, max(DENSITY, resolution or 0))
             scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
 
-            def work(number: int) -> list[Path]:
+            def work(number: int) -> Iterator[Path]:
                 workpiece = scenes.open(meshes[number], draws[0].settles_on)
-                written: list[Path] = []
                 for path, draw in zip(paths[number], draws, strict=True):
-                    written += scenes.write(workpiece, draw, path, studio, picture)
+                    yield from scenes.write(workpiece, draw, path, studio, picture)
                 if sheet is not None and studio is not None:
-                    display.stage(f"writing {sheet}")
                     canvas = prepare(workpiece.mesh, trained, workpiece.selection, resolution)
-                    write_sheet(sheet, rows, canvas.thinned(draws[0].shares(workpiece)), studio, maps)
-                    written.append(sheet)
-                return written
+                    write_sheet(sheet, rows, canvas.thinned(draws[0].shares(workpiece)), studio, maps, display=display)
+                    yield sheet
 
-            done = each_alone(meshes, work)
-    done.report()
+            done.each_alone(work)
+    done.report(as_json=as_json)

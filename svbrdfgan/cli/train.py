@@ -24,16 +24,20 @@ def command(config: Path, overrides: tuple[str, ...], out: Path, resume: bool) -
 
     KEY=VALUE replaces a value of CONFIG, such as `steps=500` or `loss.r1=0.1`.
     """
-    try:
-        with progress("opening the data set") as display:
-            from svbrdfgan.training.config import train_config
-            from svbrdfgan.training.trainer import train
+    with progress("opening the data set", lambda: _kept(out)) as display:
+        from svbrdfgan.training.config import train_config
+        from svbrdfgan.training.trainer import train
 
-            training = train_config(read_config(config, overrides), str(config))
-            state = train(training, out, base=config.parent, resume=resume, display=display)
-    except KeyboardInterrupt:
-        click.echo(f"{out}: stopped; the same command with --resume continues.", err=True)
-        raise
+        training = train_config(read_config(config, overrides), str(config))
+        state = train(training, out, base=config.parent, resume=resume, display=display)
     scores = state.history[-1].keys() - {"step", "seconds"} if state.history else ()
     best = "".join(f", validation {name} {state.best[0]:.3f} at step {state.best[1]}" for name in scores)
     click.echo(f"{out}: {state.step} steps in {state.seconds / 60:.1f} minutes{best}")
+
+
+def _kept(run: Path) -> str:
+    found = sorted((run / "checkpoints").glob("step_*"))  # `checkpoints` of the training would import torch
+    if not found:
+        return f"{run} has no checkpoint yet, and the same command starts anew."
+    step = int(found[-1].name.removeprefix("step_"))
+    return f"{run} keeps the checkpoint of step {step}, and the same command with --resume continues."

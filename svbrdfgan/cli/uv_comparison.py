@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,7 +10,7 @@ import click
 from rich.markup import escape
 from rich.table import Table
 
-from svbrdfgan.cli.display import print_table, progress
+from svbrdfgan.cli.display import print_json, print_table, progress
 from svbrdfgan.cli.options import key_values
 from svbrdfgan.errors import PluginError
 from svbrdfgan.metrics.uv.compare import Measured, as_json, measure_embedding, mesh_files
@@ -43,12 +42,12 @@ _HEADINGS = {
 }
 
 
-def compare(folder: Path, names: Sequence[str], resolution: int, print_json: bool) -> None:
+def compare(folder: Path, names: Sequence[str], resolution: int, wants_json: bool) -> None:
     """Prints the medians and the worst of every measure, a column for each embedding; or all of it as JSON."""
     meshes = mesh_files(folder)
     results = {name: _measured(name, embedding, meshes, resolution) for name, embedding in _embeddings(names).items()}
-    if print_json:
-        click.echo(json.dumps(as_json(results), indent=2))
+    if wants_json:
+        print_json(as_json(results))
     else:
         _show(results, len(meshes))
 

@@ -11,13 +11,13 @@ from svbrdfgan.cli.options import (
     PartOptions,
     check_delivery,
     delivery_options,
-    each_alone,
+    json_option,
     key_values,
     part_options,
     picture_options,
-    results,
     studio_of,
 )
+from svbrdfgan.cli.results import Done, results
 
 _DENSITY, _EMBEDDED = 2048, 512
 _RECIPES = "road-dirt, dust, rust, chipped-paint or grime; for laboratories smooth-dirt, -dust, -rust or -chips"
@@ -53,6 +53,7 @@ Options of recipes, for --option:
 @click.option(
     "-o", "--out", required=True, type=click.Path(path_type=Path), help="GLB or glTF file; of several MESHes a folder."
 )
+@json_option("for each mesh an object with the paths written")
 @delivery_options
 @click.option("--embedding", help="With --embedding-uvs: see `svbrdfgan embeddings`.  [default: hemispherical]")
 @click.option(
@@ -80,6 +81,7 @@ def command(
     picture: Path | None,
     environment: Path | None,
     renderer: str,
+    as_json: bool,
     parts: PartOptions,
     size: int | None,
     maps_folder: Path | None,
@@ -94,7 +96,8 @@ def command(
     if bare and base_color_only:
         raise click.UsageError("--map and --base-color-only exclude each other.")
     paths = results(meshes, out, force=force)
-    with progress(f"loading {meshes[0]}") as display:
+    done = Done(meshes)
+    with progress(f"loading {meshes[0]}", done.kept) as display:
         from svbrdfgan.rendering.compositing import BARE
         from svbrdfgan.scene.description import map_values
         from svbrdfgan.weathering.layer import recipe_from_options
@@ -110,9 +113,7 @@ def command(
 
             given = embedding or "hemispherical"
             layers = Embedded(display, parts, maps, studio, picture)
-            done = each_alone(
-                meshes, lambda k: layers.weather(meshes[k], paths[k][0], chosen, given, resolution or _EMBEDDED)
-            )
+            done.each_alone(lambda k: layers.weather(meshes[k], paths[k][0], chosen, given, resolution or _EMBEDDED))
         else:
             from svbrdfgan.asset.weather_document import Textures
             from svbrdfgan.cli.scenes import Scenes
@@ -121,10 +122,9 @@ def command(
             textures = Textures(size, resolution or _DENSITY)
             scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
             weathering = RecipeWeathering(chosen, tuple(maps))
-            done = each_alone(
-                meshes,
+            done.each_alone(
                 lambda k: scenes.write(
                     scenes.open(meshes[k], chosen.settles_on), weathering, paths[k][0], studio, picture
-                ),
+                )
             )
-    done.report()
+    done.report(as_json=as_json)

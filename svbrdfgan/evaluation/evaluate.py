@@ -92,9 +92,8 @@ def evaluate(
         resolved = resolved.with_config(rendering="online")
     renderer, _ = resolve_renderer(config.train.renderer, fabric.device, config.maps, differentiable=True)
 
-    shown.begin(f"light transport of the {split} scenes")
     as_exemplars = resolved.with_config(spp=config.dataset.spp)  # FLIP compares with the exemplars
-    source = make_batch_source(as_exemplars, split, renderer, fabric.device, shown.advance)
+    source = make_batch_source(as_exemplars, split, renderer, fabric.device, shown)
 
     @cache
     def other(of: Split) -> LoadedSplit:
@@ -104,7 +103,7 @@ def evaluate(
         """A split. Whoever asks which texels its pictures show traces its scenes, so each call begins that phase."""
         if of == split:
             return source.exemplars, source.seen
-        shown.begin(f"light transport of the {of} scenes")
+        shown.begin(f"light transport of the {of} scenes", len(opened.index.sampler(of)))
         return other(of)
 
     constants = constant_layers(*load("train"), fabric.device)
@@ -125,8 +124,7 @@ def evaluate(
     if model.generator.varies or seeds_vary(config.dataset):
         pictured = DrawRelighter.make(relighter, source.exemplars, opened.index.sampler(split), renderer)
         draws = _draws(drawing, config, fabric, source, scorer, constants, workers, pictured, shown)
-    shown.begin("comparing relit pictures")
-    relit = relighter.relit(source.exemplars, opened.index.sampler(split), renderer, layers_of, shown.advance)
+    relit = relighter.relit(source.exemplars, opened.index.sampler(split), renderer, layers_of, shown)
     evaluation = Findings(scorer, constants, layers, flips, relit.flips, draws).evaluation(split, found)
     evaluation.save(run)
     near = close_ups(source.exemplars, renderer, layers_of) if model.generator.varies else ()

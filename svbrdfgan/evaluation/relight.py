@@ -27,6 +27,7 @@ from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Layer, View
+from svbrdfgan.utils.display import Display
 
 _SEED = 7919
 """Seed of the scenes and of the procedural lights: far from the seeds that data sets use."""
@@ -141,7 +142,7 @@ class Relighter:
         sampler: ConfigSampler,
         renderer: CheckedRenderer,
         layers_of: Callable[[int], Mapping[Painter, Layer]],
-        progress: Callable[[int], None],
+        progress: Display,
     ) -> Relit:
         """Renders the layers of all weathered subjects in new scenes, and compares them with G0's.
 
@@ -154,6 +155,7 @@ class Relighter:
         totals, kept = defaultdict[Painter, float](float), []
         subjects = range(len(exemplars.subjects))
         scenes = [found for n in subjects for found in self.scenes_of(n, exemplars, sampler, self.count)]
+        progress.begin("comparing relit pictures", len(scenes))
         spread = evenly(len(scenes), _KEPT)
         prepared: dict[int, Any] = {}
         for number, (exemplar, scene) in enumerate(scenes):
@@ -165,7 +167,7 @@ class Relighter:
             for name, value in found.flips().items():
                 totals[name] += value / len(scenes)
             kept += [found] if number in spread else []
-            progress(1)
+            progress.advance()
         return Relit(dict(totals), tuple(kept))
 
     def scenes_of(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -85,6 +86,21 @@ class EmbeddedPeels:
             cKDTree(taps.reshape(-1, 3)[known]),
             known,
             normals.reshape(-1, 3)[known],
+        )
+
+    @cached_property
+    def outermost(self) -> EmbeddedPeels:
+        """The same without the peels beneath: what they show takes the nearest texels in space."""
+        rows, cols = self.shape
+        first = self.tree_tap < rows * cols
+        return replace(
+            self,
+            peels=self.peels[:1],
+            inputs=self.inputs[:1],
+            taps=self.taps[:1],
+            tree=cKDTree(np.asarray(self.tree.data)[first]),
+            tree_tap=self.tree_tap[first],
+            tap_normals=self.tap_normals[first],
         )
 
     @property

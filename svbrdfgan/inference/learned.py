@@ -42,6 +42,7 @@ class LearnedWeathering:
         asked: what files say of it: model, seed, amount and recipe as they were asked for.
         resolution: as for `paint`.
         recipe: what its exemplars showed, if that was a procedural recipe: the layer lies on the same substances.
+        draft: whether the generator paints the outermost peel alone, which takes a fraction of the time.
     """
 
     model: Model
@@ -49,6 +50,7 @@ class LearnedWeathering:
     asked: Mapping[str, Any]
     resolution: int | None = None
     recipe: type[Recipe] | None = None
+    draft: bool = False
 
     @classmethod
     def of(
@@ -111,6 +113,7 @@ class LearnedWeathering:
         generator = self.model.generator
         with explain_memory(self.resolution):
             embedded = self._embedded(workpiece)
+            embedded = embedded.outermost if self.draft else embedded
             layers = [
                 paint_peel(self.draw, generator, embedded.surface, embedded.tangents, peel, geometry, factor)
                 for peel, geometry, factor in zip(embedded.peels, embedded.inputs, self._factors, strict=False)

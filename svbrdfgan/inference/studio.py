@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -20,7 +21,8 @@ from svbrdfgan.io.image import save_image
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.scene.subject import Subject
-from svbrdfgan.types import Camera, Layer, Materials, Surface, View
+from svbrdfgan.types import Camera, Layer, Materials, Rendering, Surface, View
+from svbrdfgan.utils.display import Display, SilentDisplay
 
 BOUNCES = 3
 """Scattering events that a renderer of pictures should follow: the floor is seen in paint, and lights what is low."""
@@ -31,6 +33,8 @@ _AZIMUTH, _ELEVATION = 35.0, 11.0
 _MARGIN = 1.22
 _SPP = (96, 32)
 """Samples per pixel without and with a denoiser."""
+_PASS = 12_000_000
+"""Samples that are taken at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,33 +81,46 @@ class Stand:
         return replace(self, surface=surface)
 
     def show(
-        self, materials: Materials, *, size: tuple[int, int] | None = None, spp: int | None = None
+        self,
+        materials: Materials,
+        *,
+        size: tuple[int, int] | None = None,
+        spp: int | None = None,
+        progress: Callable[[int], None] | None = None,
     ) -> Float[Tensor, "height width 3"]:
         """The surface from its front and one side; linear display values in [0, 1], on the CPU.
 
         Args:
             size: width and height, pixels; by default 1600 x 900.
             spp: by default as many as look clean, which depends on whether a denoiser is installed.
+            progress: called with the number of samples of each pixel that were taken since the last call.
 
         Raises:
             UnsupportedError: the renderer does not read one of the maps.
         """
         size = size or _PICTURE
         view = View(_camera(self.surface, size), self.studio.cove.light, *size)
-        image = self._render(materials, view, spp or _SPP[can_denoise()])
+        image = self._render(materials, view, spp or _SPP[can_denoise()], progress)
         if can_denoise():
             image = denoised(image, self._standing, with_floor(materials), view.camera)
         return neutral_tone(image).cpu()
 
-    def write(self, path: Path, materials: Materials, *, spp: int | None = None) -> None:
-        """Writes the picture; .png or .jpg.
+    def write(
+        self, path: Path, materials: Materials, *, spp: int | None = None, display: Display | None = None
+    ) -> None:
+        """Writes the picture; .png or .jpg. The display counts samples of each pixel.
 
         Raises:
             AssetError: the file cannot be written.
         """
-        save_image(path, self.show(materials, spp=spp))
+        shown, spp = display or SilentDisplay(), spp or _SPP[can_denoise()]
+        renders = 1 if self.studio.renderer.capabilities.max_bounces > 1 else 2
+        shown.stage(f"rendering {path}", renders * spp)
+        save_image(path, self.show(materials, spp=spp, progress=shown.advance))
 
-    def _render(self, materials: Materials, view: View, spp: int) -> Float[Tensor, "height width 3"]:
+    def _render(
+        self, materials: Materials, view: View, spp: int, progress: Callable[[int], None] | None
+    ) -> Float[Tensor, "height width 3"]:
         """The linear picture before the background.
 
         A renderer of direct light alone would show no floor in paint, and nothing below. So it renders the object in
@@ -111,13 +128,13 @@ class Stand:
         """
         renderer, floor = self.studio.renderer, self.studio.cove.floor.to(self.studio.renderer.device)
         if renderer.capabilities.max_bounces > 1:
-            whole = renderer.render(self._prepared, with_floor(materials), view, spp=spp, seed=0)
+            whole = _in_passes(renderer, self._prepared, with_floor(materials), view, spp, progress)
             return over(whole.image, whole.coverage, floor)
         key = (view.width, view.height, spp)
         if key not in self._grounds:
-            ground = renderer.render(self._prepared, floor_alone(materials), view, spp=spp, seed=0)
+            ground = _in_passes(renderer, self._prepared, floor_alone(materials), view, spp, progress)
             self._grounds[key] = over(ground.image, ground.coverage, floor)
-        return renderer.render(self._alone, materials, view, spp=spp, seed=0).image + self._grounds[key]
+        return _in_passes(renderer, self._alone, materials, view, spp, progress).image + self._grounds[key]
 
     @cached_property
     def _standing(self) -> Surface:
@@ -130,6 +147,26 @@ class Stand:
     @cached_property
     def _alone(self) -> PreparedSurface:
         return self.studio.renderer.prepare(self.surface)
+
+
+def _in_passes(
+    renderer: CheckedRenderer,
+    prepared: PreparedSurface,
+    materials: Materials,
+    view: View,
+    spp: int,
+    progress: Callable[[int], None] | None,
+) -> Rendering:
+    """The picture as the mean of passes, so that one sees how far it is; a small one has a single pass."""
+    most = max(1, _PASS // (view.width * view.height))
+    image, coverage = torch.zeros(()), torch.zeros(())
+    for first in range(0, spp, most):
+        count = min(most, spp - first)
+        made = renderer.render(prepared, materials, view, spp=count, seed=first)
+        image, coverage = image + made.image * (count / spp), coverage + made.coverage * (count / spp)
+        if progress is not None:
+            progress(count)
+    return Rendering(image, coverage)
 
 
 def write_picture(

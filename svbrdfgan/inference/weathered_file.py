@@ -21,6 +21,7 @@ from svbrdfgan.io.eight_bit import png_bytes
 from svbrdfgan.io.files import require_apart
 from svbrdfgan.io.gltf.document import Document, picture_bytes, picture_type, write_document
 from svbrdfgan.io.gltf.materials import images_of
+from svbrdfgan.utils.display import Display
 from svbrdfgan.weathering.recipes import Recipe
 
 _MAPS = {
@@ -89,7 +90,12 @@ def write_weathered(
 
 
 def weathered_document(
-    workpiece: Workpiece, weathering: Weathering, textures: Textures, *, variants: bool = False
+    workpiece: Workpiece,
+    weathering: Weathering,
+    textures: Textures,
+    *,
+    variants: bool = False,
+    display: Display | None = None,
 ) -> Edited:
     """The workpiece's document with a layer on what weathers; as it was if that is nothing.
 
@@ -100,12 +106,13 @@ def weathered_document(
     if weathering.clean or not workpiece.weathered:
         return Edited.of(asset)
     model, painter = _model_and_painter(workpiece, weathering)
-    return _signed(
-        weather_document(asset, model, painter, workpiece.weathered, textures, variants=variants), weathering
-    )
+    edited = weather_document(asset, model, painter, workpiece.weathered, textures, variants=variants, display=display)
+    return _signed(edited, weathering)
 
 
-def overlaid_document(workpiece: Workpiece, weathering: Weathering, textures: Textures) -> Overlay:
+def overlaid_document(
+    workpiece: Workpiece, weathering: Weathering, textures: Textures, *, display: Display | None = None
+) -> Overlay:
     """The workpiece's document with a further UV set on what weathers, and a layer over it.
 
     Raises:
@@ -114,7 +121,8 @@ def overlaid_document(workpiece: Workpiece, weathering: Weathering, textures: Te
     asset = workpiece.asset
     if not workpiece.weathered:
         return Overlay(Edited.of(asset), {})
-    overlay = overlay_document(asset, *_model_and_painter(workpiece, weathering), workpiece.weathered, textures)
+    model, painter = _model_and_painter(workpiece, weathering)
+    overlay = overlay_document(asset, model, painter, workpiece.weathered, textures, display=display)
     _signed(overlay.edited, weathering)
     return overlay
 

@@ -16,6 +16,7 @@ from svbrdfgan.io.image import srgb_from_linear
 from svbrdfgan.networks.draw import Draw
 from svbrdfgan.report.pictures import INK, PAPER, cell, font
 from svbrdfgan.training.run import Model
+from svbrdfgan.utils.display import Display, SilentDisplay
 
 COLUMNS = 6
 _CELL = (320, 200)  # width and height of a picture; pixels, as all sizes
@@ -86,6 +87,7 @@ def write_sheet(
     maps: Mapping[str, float | None] | None = None,
     *,
     spp: int = 32,
+    display: Display | None = None,
 ) -> None:
     """Renders each draw from the front, all with one exposure.
 
@@ -103,6 +105,8 @@ def write_sheet(
     pictures = (
         srgb_from_linear(stand.show(subject.materials(layer, maps), size=_RENDERED, spp=spp)) for layer in layers
     )
+    shown = display or SilentDisplay()
+    shown.stage(f"writing {path}", sum(len(row.cells) for row in rows))
     (width, height), columns = _CELL, max(len(row.cells) for row in rows)
     tall = _HEAD + height + _LABEL
     sheet = Image.new("RGB", (columns * (width + _GAP) + _GAP, len(rows) * tall + _GAP), PAPER)
@@ -112,6 +116,7 @@ def write_sheet(
         for column, (label, _) in enumerate(row.cells):
             left, top = _GAP + column * (width + _GAP), number * tall + _HEAD
             sheet.paste(cell(next(pictures), width, height), (left, top))
+            shown.advance()
             ink.text((left + width / 2, top + height + _LABEL / 2), label, fill=INK, font=font(16), anchor="mm")
     with atomic_path(path) as temporary:
         sheet.save(temporary, format="PNG" if path.suffix.lower() == ".png" else "JPEG", quality=92)

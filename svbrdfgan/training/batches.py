@@ -28,6 +28,7 @@ from svbrdfgan.training.reference_pictures import require_reference_materials
 from svbrdfgan.training.resolve import ResolvedRun
 from svbrdfgan.training.scene_batch import Progress, SceneBatch, SceneRendering
 from svbrdfgan.utils.copy_async import copy_async
+from svbrdfgan.utils.display import Display, SilentDisplay
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +89,9 @@ class BatchSource:
 
 
 def make_batch_source(
-    run: ResolvedRun, split: Split, renderer: CheckedRenderer, device: torch.device, progress: Progress | None = None
+    run: ResolvedRun, split: Split, renderer: CheckedRenderer, device: torch.device, display: Display | None = None
 ) -> BatchSource:
-    """Loads a split and traces its scenes. Only the training split's scenes are perturbed.
+    """Loads a split and traces its scenes, a phase that is shown. Only the training split's scenes are perturbed.
 
     Raises:
         AssetError: the data set is not finished, or a file of it is damaged.
@@ -106,9 +107,11 @@ def make_batch_source(
     own_scenes = _own_scenes(run.config, fake_scenes, exemplar_spp(run.config, exemplars))
     order = _by_subject(exemplars)
     demodulated = discriminator.compares == "reflectance"
-    fake_scenes.build(order, progress)
-    if own_scenes is not fake_scenes and (demodulated or discriminator.shows_buffers):
-        own_scenes.build(order, progress)
+    apart = own_scenes is not fake_scenes and (demodulated or discriminator.shows_buffers)
+    traced, shown = [fake_scenes, own_scenes] if apart else [fake_scenes], display or SilentDisplay()
+    shown.begin(f"light transport of the {split} scenes", len(traced) * len(order))
+    for scenes in traced:
+        scenes.build(order, shown.advance)
     buffers = own_buffers(discriminator, own_scenes, range(len(exemplars)))
     known = (*buffers, labels_of_scenes(run.conditions, exemplars.scenes))
     on_device = (None if values is None else values.to(device) for values in known)

@@ -116,8 +116,7 @@ def _train(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path, 
         state.start_from(load_model(config.init).generator)
     if session.first:
         session = replace(session, metrics_log=MetricsLog(run, state.step))
-    display.begin("training", config.steps)
-    display.advance(state.step)
+    display.begin("training", config.steps, state.step)
     try:
         _loop(session, state)
     finally:
@@ -144,11 +143,11 @@ def _open_session(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run:
         origin = find_plugin(RENDERERS, choice.name).origin
         made_by = {"renderer": f"{choice.name} ({origin})"}
         record.model_copy(update={"versions": record.versions | made_by}).save(run)
-    display.begin("light transport of the train scenes")
-    source = make_batch_source(resolved, "train", renderer, device, display.advance)
+    source = make_batch_source(resolved, "train", renderer, device, display)
     validation = None
     if "validation" in record.dataset.splits and fabric.is_global_zero:
-        display.begin("light transport of the validation scenes")
+        total = len(resolved.dataset.index.sampler("validation"))
+        display.begin("light transport of the validation scenes", total)
         held_out = load_seen_texels(resolved, "validation", renderer, display.advance)
         validation = Validation.make(fabric, resolved, (source.exemplars, source.seen), held_out)
     return _Session(fabric, config, run, source, validation, None, display)

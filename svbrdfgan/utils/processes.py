@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import active_children
+from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any
 
 from svbrdfgan.errors import AssetError
+
+_GRACE_SECONDS = 1.0
+"""How long a worker that is stopped may tidy up."""
+_started: list[bool] = []
+"""Holds something in a worker that has begun to take work."""
 
 
 @contextmanager
@@ -26,22 +34,70 @@ def worker_pool(
 
     Raises:
         AssetError: a process was killed while the block waited for it.
+        KeyboardInterrupt: after Ctrl-C, which ends the processes without a word.
     """
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), _start, (start, given))
+    pool = ProcessPoolExecutor(workers, _Context(), _start, (start, given))
     try:
         yield pool
+    except KeyboardInterrupt:
+        _end(active_children())
+        raise
     except BrokenProcessPool as error:
         raise AssetError(f"a process that {work} was killed, probably for memory; try fewer {option}.") from error
     finally:
         pool.shutdown(cancel_futures=True)
 
 
+class _Process(SpawnProcess):
+    """A process that no Ctrl-C reaches before `_start`, since Python would print a traceback while it starts."""
+
+    def start(self) -> None:
+        if not hasattr(signal, "pthread_sigmask"):  # Windows
+            super().start()
+            return
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which the process inherits
+        try:
+            super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _Context(SpawnContext):
+    """Makes such processes."""
+
+    Process = _Process
+
+
 def _start(start: Callable[..., None] | None, given: tuple[Any, ...]) -> None:
+    signal.signal(signal.SIGINT, _stop)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     import torch
 
     torch.set_num_threads(1)
     if start is not None:
         start(*given)
+    _started.append(True)
+
+
+def _stop(number: int, frame: Any) -> None:
+    """Ends a worker without a word, after what it is in the midst of has tidied up."""
+    if not _started:
+        os._exit(1)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    timer = threading.Timer(_GRACE_SECONDS, os._exit, [1])  # else it would take the next piece of work
+    timer.daemon = True
+    timer.start()
+    sys.exit(1)
+
+
+def _end(processes: list[Any]) -> None:
+    for process in processes:
+        if os.name == "posix" and process.is_alive():
+            os.kill(process.pid, signal.SIGINT)
+    for process in processes:
+        process.join(2 * _GRACE_SECONDS)
+        process.kill()
 
 
 def cores() -> int:

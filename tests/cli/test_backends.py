@@ -33,7 +33,7 @@ def listing_only(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
 @pytest.mark.usefixtures("plugins")
 def test_json_lists_the_broken_beside_the_rest(monkeypatch: pytest.MonkeyPatch) -> None:
     listing_only(monkeypatch, "crash", "lacks", "twin", "hemispherical")
-    result = CliRunner().invoke(main, ["embeddings", "--json"])
+    result = CliRunner().invoke(main, ["--quiet", "embeddings", "--json"])
     found = {row["name"]: row for row in json.loads(result.stdout)}
     assert {"name", "distribution", "status", "reason", "capabilities"} <= set(found["crash"])
     assert [found[name]["status"] for name in ("crash", "lacks")] == ["broken", "missing"]

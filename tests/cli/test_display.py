@@ -21,6 +21,7 @@ from rich.table import Table
 
 from svbrdfgan.bench.programs import STEPS, Figures, Program
 from svbrdfgan.cli import COMMANDS, display, main, probe
+from svbrdfgan.cli.pace import Pace, duration
 from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.plugins.probe import Probe
 from svbrdfgan.plugins.registry import Plugin
@@ -295,32 +296,95 @@ def test_every_command_is_tried() -> None:
 
 def test_lines_say_how_far_it_is(clock: FakeClock, capsys: pytest.CaptureFixture[str]) -> None:
     lines = display.ProgressLines("opening")
-    clock.now = 8.0
+    clock.now = 1.0
     lines.tick()
     assert capsys.readouterr().err == ""
-    clock.now = 9.0
+    clock.now = 2.0
     lines.tick()
     lines.tick()
-    lines.begin("training", 400)
+    lines.begin("training", 400, 200)
     lines.advance(30, "31 [images]/s")
-    clock.now = 18.0
-    lines.advance(5)
+    clock.now = 12.0
+    lines.advance(20)
     lines.tick()
-    lines.stage("writing")
+    lines.tick()
+    lines.stage("writing", 7)
     clock.now = 60.0
     lines.tick()
     assert capsys.readouterr().err.splitlines() == [
-        "  opening: 9 s",
+        "  opening: 2 s",
         "training ...",
-        "  training: 35 of 400, 9 s, 31 [images]/s",
-        "  writing: 42 s",
+        "  training: 250 of 400 (62 %), 30 s left, 31 [images]/s",
+        "  writing: 0 of 7 (0 %), 48 s",
     ]
+
+
+def test_many_short_stages_are_not_silent(clock: FakeClock, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = display.ProgressLines("opening")
+    for second in range(1, 31):
+        clock.now = float(second)
+        lines.tick()
+        lines.stage(f"stage {second}")
+    times = [int(line.split()[1].rstrip(":")) + 1 for line in capsys.readouterr().err.splitlines()]
+    assert times == [8, 16, 24]
+
+
+@pytest.mark.parametrize(
+    ("at", "left"),
+    [
+        (20.0, 80.0),  # two steps of ten seconds each, and eight to go
+        (26.0, 74.0),
+        (30.0, 70.0),
+        (60.0, 7 * 20.0),  # a step that takes 40 s counts as if it ended now
+    ],
+)
+def test_time_left_is_by_the_rate_of_this_run(at: float, left: float) -> None:
+    pace = Pace(total=100, began=0.0, earlier=90)
+    assert pace.seconds_left(10.0) is None
+    for now in (10.0, 20.0):
+        pace.advance(1, now)
+    assert pace.seconds_left(at) == pytest.approx(left)
+    assert pace.count() == "92 of 100 (92 %)"
+
+
+def test_nothing_is_said_of_time_that_nobody_knows() -> None:
+    unbounded, over = Pace(None, 0.0), Pace(2, 0.0)
+    unbounded.advance(5, 1.0)
+    over.advance(2, 1.0)
+    assert (unbounded.left(2.0), unbounded.count()) == ("", "5")
+    assert (over.left(2.0), over.count()) == ("", "2 of 2 (100 %)")
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(0.6, "1 s"), (119.0, "119 s"), (150.0, "2 min"), (12000.0, "3 h 20 min")],
+)
+def test_durations(seconds: float, words: str) -> None:
+    assert duration(seconds) == words
 
 
 def test_a_short_stage_leaves_no_line(capsys: pytest.CaptureFixture[str]) -> None:
     with display.progress("a moment") as shown:
         shown.stage("another")
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(("words", "lines"), [([], 1), (["--quiet"], 0)])
+def test_quiet_shows_warnings_and_results_alone(
+    words: list[str], lines: int, clock: FakeClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def listed() -> dict[str, Path]:
+        for _ in range(3):
+            clock.pass_second()
+        display.note("it is late.")
+        display.note("warning: the clock is wrong.")
+        return {}
+
+    monkeypatch.setattr("svbrdfgan.cli.models.shipped_models", listed)
+    result = CliRunner().invoke(main, [*words, "models", "--json"])
+    said = result.stderr.splitlines()
+    assert said[lines:] == ["it is late."] * lines + ["warning: the clock is wrong."]
+    assert (result.exit_code, result.stdout) == (0, "[]\n")
 
 
 def test_a_terminal_has_bars(capsys: pytest.CaptureFixture[str]) -> None:
@@ -332,8 +396,9 @@ def test_a_terminal_has_bars(capsys: pytest.CaptureFixture[str]) -> None:
     with display._bars(console) as bars:
         bar = display.ProgressBar(bars, "opening")
         assert [task.description for task in bars.tasks] == ["opening"]
-        bar.begin("training [2]", 4)
-        bar.advance(3, "fast")
+        bar.begin("training [2]", 4, 1)
+        bar.advance(2, "fast")
+        assert bars.tasks[0].percentage == 75
         assert [(task.description, task.completed, task.fields["note"]) for task in bars.tasks] == [
             ("training [2]", 3, "fast")
         ]

@@ -171,5 +171,6 @@ def test_ctrl_c_says_how_to_go_on(files: tuple[Path, Path], tmp_path: Path, monk
     monkeypatch.setattr(turns, "import_pictures", stopped)
     result = learn(*files, "-o", tmp_path / "out")
     assert result.exit_code == 130
-    assert "stopped; the same command continues." in result.stderr
+    assert "stopped; " in result.stderr
+    assert result.stderr.endswith("keeps complete imports and the last checkpoint, and the same command continues.\n")
     assert list(tmp_path.iterdir()) == []

@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -134,7 +135,7 @@ def test_learnable_parts_are_printed_and_chosen(car: Path, tmp_path: Path) -> No
     carrying, clean = plain.stderr.strip().split("; left clean: ")
     assert carrying.startswith("layer on: body")
     assert "glass" in clean.split(", ")
-    assert chosen.stderr.startswith("layer on: glass; left clean: body")
+    assert "layer on: glass; left clean: body" in chosen.stderr
     failed(invoke(*words, "--learnable", "bodies"), "Change 'learnable' (--learnable)")
 
 
@@ -183,6 +184,23 @@ def test_dataset_and_its_overrides(dataset_data: Data, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "out" / "train" / "000001.json").read_text())["spp"] == 1
     assert succeeded(invoke(*words)) == output
     failed(invoke(*words[:3], "spp=2", "-o", tmp_path / "out"), "holds a data set of another configuration")
+
+
+@pytest.mark.parametrize(
+    ("words", "last"), [(["-v"], "199"), ([], "part-004, part-005, part-006 and 193 more (-v lists all)")]
+)
+def test_dataset_sums_up_the_names_of_many_parts(
+    words: list[str], last: str, dataset_data: Data, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "data.yaml").write_text(json.dumps(dataset_data()))
+    names = tuple(f"part-{number:03d}" for number in range(200))
+    meshes = {split: [SimpleNamespace(painted=names)] for split in ("train", "validation")}
+    plan = SimpleNamespace(sampler=lambda split: [], meshes=meshes)
+    monkeypatch.setattr("svbrdfgan.data.generate.generate", lambda *_, **__: plan)
+    output = succeeded(invoke(*words, "dataset", tmp_path / "data.yaml", "-o", tmp_path / "out"))
+    line = output.splitlines()[-1]
+    assert line.startswith("parts with a layer: part-000, part-001, ")
+    assert line.endswith(last)
 
 
 def test_dry_run_writes_nothing(dataset_data: Data, tmp_path: Path) -> None:
@@ -247,7 +265,8 @@ def test_evaluate_where_the_data_set_was_moved(
     config = json.loads((elsewhere / "config.json").read_text())
     (elsewhere / "config.json").write_text(json.dumps(config | {"dataset_folder": "gone"}))
     failed(invoke(*words), "the run's data set is no longer gone: say where it is, with --dataset")
-    assert "recovered" in succeeded(invoke(*words, "--dataset", dataset_copy))
+    printed = succeeded(invoke(*words, "--dataset", dataset_copy, "--json"))
+    assert json.loads(printed) == json.loads((elsewhere / "evaluation.validation.json").read_text())
     plan = json.loads((dataset_copy / "dataset.json").read_text())
     plan["config"]["spp"] += 1
     (dataset_copy / "dataset.json").write_text(json.dumps(plan))

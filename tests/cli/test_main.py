@@ -1,5 +1,6 @@
 """The command line answers at once, and prints errors as one sentence."""
 
+import os
 import re
 import subprocess
 import sys
@@ -57,6 +58,41 @@ def test_the_help_of_no_command_imports_torch() -> None:
 def test_the_names_are_fixed() -> None:
     names = "demo backends embeddings check bake parts weather dataset probe train learn evaluate experiment"
     assert list(cli.COMMANDS) == [*names.split(), "texture", "models", "render", "bench"]
+
+
+def test_the_package_is_the_program() -> None:
+    """From a file `__main__.py`, click would call the program `python -m svbrdfgan`."""
+    done = subprocess.run([sys.executable, "-m", "svbrdfgan", "--help"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("Usage: svbrdfgan [OPTIONS] COMMAND ")
+
+
+@pytest.mark.parametrize(
+    ("words", "incomplete", "offered"),
+    [
+        ([], "tr", ["train"]),
+        ([], "", list(cli.COMMANDS)),
+        ([], "--qu", ["--quiet"]),
+        (["weather"], "--rec", ["--recipe"]),
+        (["dataset", "import"], "--pre", ["--preview"]),
+        (["evaluate", "--split"], "t", ["train", "test"]),
+    ],
+)
+def test_shells_complete_commands_and_options(words: list[str], incomplete: str, offered: list[str]) -> None:
+    code = (
+        "import sys\nfrom svbrdfgan.cli import main\ntry:\n    main(prog_name='svbrdfgan')\nexcept SystemExit:\n"
+        "    print('LOADED', *({'torch', 'numpy', 'scipy', 'trimesh'} & set(sys.modules)))"
+    )
+    asked = {
+        "_SVBRDFGAN_COMPLETE": "bash_complete",
+        "COMP_WORDS": " ".join(["svbrdfgan", *words, incomplete]),
+        "COMP_CWORD": str(1 + len(words)),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=os.environ | asked, capture_output=True, text=True, check=True
+    )
+    *lines, loaded = done.stdout.splitlines()
+    assert lines == [f"plain,{name}" for name in offered]
+    assert loaded.split() == ["LOADED"]
 
 
 def test_version() -> None:

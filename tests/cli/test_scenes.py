@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -57,8 +58,19 @@ def test_the_scene_comes_back(car: Path, tmp_path: Path) -> None:
     glass, body = (next(e for e in after["materials"] if e["name"] == name) for name in ("glass", "body"))
     assert glass == next(entry for entry in before["materials"] if entry["name"] == "glass")
     assert "baseColorTexture" in body["pbrMetallicRoughness"]
-    assert result.stderr.startswith("weathers: body")
+    assert re.search("^weathers: body", result.stderr, re.MULTILINE)
     np.testing.assert_allclose(load_mesh(tmp_path / "a.glb").bounds, load_mesh(car).bounds, atol=1e-6)
+
+
+def test_programs_read_what_was_written(car: Path, tmp_path: Path) -> None:
+    """One document on stdout; of a mesh that fails the reason, and exit code 1."""
+    result = run("weather", car, tmp_path / "absent.glb", *QUICK, "--json", "-o", tmp_path / "out")
+    assert result.exit_code == 1
+    first, second = json.loads(result.stdout)
+    assert first == {"mesh": str(car), "written": [str(tmp_path / "out" / "car.glb")], "error": None}
+    assert second.keys() == first.keys()
+    assert (second["mesh"], second["written"]) == (str(tmp_path / "absent.glb"), [])
+    assert second["error"] in result.stderr
 
 
 def test_the_maps_of_what_weathers_in_a_folder(car: Path, tmp_path: Path) -> None:

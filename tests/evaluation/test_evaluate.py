@@ -107,7 +107,7 @@ class Phases:
     def __init__(self) -> None:
         self.seen: list[tuple[str, int | None, int]] = []
 
-    def begin(self, what: str, total: int | None = None) -> None:
+    def begin(self, what: str, total: int | None = None, done: int = 0) -> None:
         self.seen.append((what, total, 0))
 
     def advance(self, steps: int = 1, note: str = "") -> None:

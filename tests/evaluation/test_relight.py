@@ -18,6 +18,7 @@ from svbrdfgan.evaluation.evaluated import by_subject
 from svbrdfgan.evaluation.relight import Relight, Relighter, Relit
 from svbrdfgan.io.environment import save_environment
 from svbrdfgan.protocols import Renderer
+from svbrdfgan.utils.display import SilentDisplay
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +40,7 @@ def relight(
 ) -> Relit:
     index = Dataset.open(folder).index
     relighter = Relighter.make(Relight(**how), index)
-    return relighter.relit(
-        exemplars, index.sampler("train"), renderer, by_subject(exemplars, layers), lambda done: None
-    )
+    return relighter.relit(exemplars, index.sampler("train"), renderer, by_subject(exemplars, layers), SilentDisplay())
 
 
 @pytest.fixture(scope="module")

@@ -52,7 +52,9 @@ def test_training_ends_its_step_saves_it_and_goes_on_from_there(training_data: D
     words = [sys.executable, "-c", COMMAND, "train", str(tmp_path / "train.yaml"), "-o", str(tmp_path / "stopped")]
     done = subprocess.run(words, capture_output=True, text=True)
     assert done.returncode == 130
-    assert done.stderr.splitlines()[-1].endswith("stopped; the same command with --resume continues.")
+    assert done.stderr.splitlines()[-1].endswith(
+        "keeps the checkpoint of step 6, and the same command with --resume continues."
+    )
     assert [path.name for path in checkpoints(tmp_path / "stopped")] == ["step_00000006"]
     config = train_config(data, "here")
     train(config, tmp_path / "stopped", resume=True)

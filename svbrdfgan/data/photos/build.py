@@ -119,7 +119,8 @@ def import_pictures(
             _warn(job)
         manifest, photos = job.manifest.keeping(found), [photos[number] for number in sorted(found)]
         records = _records(manifest, photos, [found[number] for number in sorted(found)])
-        _draw(stage, photos, records)
+        job.display.stage("drawing overlays", len(photos))
+        _draw(stage, photos, records, job.display)
         kept = [OVERLAYS] if preview else [OVERLAYS, RECORD, "assets", "cache", *manifest.config().splits, INDEX]
         (stage / RECORD).write_text(
             json.dumps([asdict(record) for record in records], indent=1) + "\n", encoding="utf-8"
@@ -166,7 +167,7 @@ def _records(
     )
 
 
-def _draw(folder: Path, photos: Sequence[RectifiedPhoto], records: Sequence[ImportedPicture]) -> None:
+def _draw(folder: Path, photos: Sequence[RectifiedPhoto], records: Sequence[ImportedPicture], display: Display) -> None:
     """Writes the overlays and a contact sheet of all of them; with its light beside each, once that is known."""
     (folder / OVERLAYS).mkdir()
     loader, shown = SceneLoader(folder), []
@@ -177,6 +178,7 @@ def _draw(folder: Path, photos: Sequence[RectifiedPhoto], records: Sequence[Impo
             overlay = beside(overlay, view.environment, view.camera)
         overlay.save(folder / record.overlay)
         shown.append(overlay)
+        display.advance()
     captions = [
         f"{Path(record.file).name}{'' if record.iou is None else f'  IoU {record.iou:.2f}'}" for record in records
     ]

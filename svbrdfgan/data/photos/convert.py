@@ -81,10 +81,9 @@ def convert_photos(
         usable = [number for number in order if number not in job.unusable]
         job.display.begin("exemplars", len(usable))
         wanted = [(photos[number], number, shared.get(number), at[number]) for number in usable]
-        for number, made in zip(usable, converters.map(_convert, wanted), strict=True):
+        for number, made in zip(usable, converters.map(_convert, wanted, job.display), strict=True):
             with job.picture(number):
                 imported[number] = unwrap(made)
-            job.display.advance()
     job.require_some(imported)
     kept = job.manifest.keeping(imported)
     if len(imported) < len(photos):
@@ -139,10 +138,9 @@ def _shared_lights(
         found: dict[int, Evidence] = {}
         most = max(_LEAST_EVIDENCE, _MOST_EVIDENCE // len(members))
         wanted = [(photos[number], number, most) for number in members]
-        for number, evidence in zip(members, converters.map(_thinned, wanted), strict=True):
+        for number, evidence in zip(members, converters.map(_thinned, wanted, job.display), strict=True):
             with job.picture(number):
                 found[number] = unwrap(evidence)
-            job.display.advance()
         if found:
             estimated = converters.first.light(f"light of group {group}", list(found.values()))
             lights |= dict(zip(found, estimated, strict=True))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, wait
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,6 +16,7 @@ from svbrdfgan.data.photos.converter import Converter
 from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.trained_model import TrainedModel
 from svbrdfgan.errors import SvbrdfganError
+from svbrdfgan.utils.display import Display
 from svbrdfgan.utils.processes import cores, worker_pool
 
 Wanted = TypeVar("Wanted")
@@ -24,8 +26,15 @@ _CHUNKS = 4
 """Parts, for each process, that work is cut into: neighbouring pictures show one mesh, which is then prepared once."""
 _USUAL = 8
 """Processes, at most, if nobody says how many."""
-_own: list[Converter] = []
-"""The converter of this process, if it is a worker."""
+_LOOK_SECONDS = 0.5
+"""How often a crew looks how many pictures are done, since whole parts come back at once."""
+_own: list[tuple[Converter, Synchronized[int]]] = []
+"""The converter of this process and the count of pictures that all have done, if it is a worker."""
+
+
+def _count() -> Synchronized[int]:
+    count: Synchronized[int] = get_context("spawn").Value("q", 0)
+    return count
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,21 +45,30 @@ class Crew:
         first: of this process.
         pool: of the others; None if there are none.
         workers: processes in the pool.
+        done: how many pictures the pool has worked on.
     """
 
     first: Converter
-    pool: ProcessPoolExecutor | None
-    workers: int
+    pool: ProcessPoolExecutor | None = None
+    workers: int = 1
+    done: Synchronized[int] = field(default_factory=_count)
 
     def map(
-        self, work: Callable[[Converter, Wanted], Made], wanted: Sequence[Wanted]
+        self, work: Callable[[Converter, Wanted], Made], wanted: Sequence[Wanted], display: Display
     ) -> Iterator[Made | SvbrdfganError]:
-        """Yields what the work makes of each, in order; an error about one spoils no others."""
+        """Yields what the work makes of each, in order, and tells the display; an error about one spoils no others."""
         if self.pool is None:
-            yield from (_attempt(work, self.first, one) for one in wanted)
+            for one in wanted:
+                yield _attempt(work, self.first, one)
+                display.advance()
             return
-        size = max(1, len(wanted) // (_CHUNKS * self.workers))
-        yield from self.pool.map(partial(_here, work), wanted, chunksize=size)
+        size, told = max(1, len(wanted) // (_CHUNKS * self.workers)), self.done.value
+        parts = [wanted[start : start + size] for start in range(0, len(wanted), size)]
+        for future in [self.pool.submit(_here, work, part) for part in parts]:
+            while not wait([future], _LOOK_SECONDS).done:
+                told = _tell(display, told, self.done.value)
+            yield from future.result()
+        _tell(display, told, self.done.value)
 
 
 @contextmanager
@@ -77,10 +95,16 @@ def crew(
         workers = min(cores(), _USUAL)
     workers = min(workers, len(manifest.pictures))
     if workers < 2:
-        yield Crew(first, None, 1)
+        yield Crew(first)
         return
-    with worker_pool(workers, "imports pictures", "--workers", _start, given) as pool:
-        yield Crew(first, pool, workers)
+    done = _count()
+    with worker_pool(workers, "imports pictures", "--workers", _start, (done, *given)) as pool:
+        yield Crew(first, pool, workers, done)
+
+
+def _tell(display: Display, told: int, done: int) -> int:
+    display.advance(done - told)
+    return done
 
 
 def unwrap(made: Made | SvbrdfganError) -> Made:
@@ -94,12 +118,17 @@ def unwrap(made: Made | SvbrdfganError) -> Made:
     return made
 
 
-def _start(*given: Any) -> None:
-    _own.append(Converter.open(*given))
+def _start(done: Synchronized[int], *given: Any) -> None:
+    _own.append((Converter.open(*given), done))
 
 
-def _here(work: Callable[[Converter, Wanted], Made], one: Wanted) -> Made | SvbrdfganError:
-    return _attempt(work, _own[0], one)
+def _here(work: Callable[[Converter, Wanted], Made], part: Sequence[Wanted]) -> list[Made | SvbrdfganError]:
+    (converter, done), made = _own[0], list[Made | SvbrdfganError]()
+    for one in part:
+        made.append(_attempt(work, converter, one))
+        with done.get_lock():
+            done.value += 1
+    return made
 
 
 def _attempt(work: Callable[[Converter, Wanted], Made], converter: Converter, one: Wanted) -> Made | SvbrdfganError:

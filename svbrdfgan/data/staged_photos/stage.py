@@ -117,8 +117,8 @@ def stage_photos(
     save_record(truth / _RECORD, config.photography)
     stage = _Stage(config, folder, index, max(1, cores() // jobs) if jobs > 1 else None)
     photos = stage.photos()
-    shown.begin("photographs", len(photos))
-    shown.advance(sum(stage.photo(number, photo).is_file() for number, photo in enumerate(photos)))
+    taken_before = sum(stage.photo(number, photo).is_file() for number, photo in enumerate(photos))
+    shown.begin("photographs", len(photos), taken_before)
     for taken in stage.take_missing(photos, program, jobs):
         shown.advance(taken)
     return stage.write_manifest(photos, base)

@@ -70,11 +70,9 @@ def probe_shortcuts(
     pairs, how = _open(config, base, shown)
     roles = Roles.deal([int(pairs.exemplars.subject_of[index]) for index in pairs.chosen], config.seed)
     everything = frozenset(how)
-    shown.begin("clean pictures of both sides")
-    trials = {
-        present: Trial(pairs.run.config, *pairs.render(present), roles)
-        for present in (everything, *(frozenset({name}) for name in how))
-    }
+    wanted = list(dict.fromkeys([everything, *(frozenset({name}) for name in how)]))
+    shown.begin("clean pictures of both sides", pairs.steps(wanted))
+    trials = {present: Trial(pairs.run.config, *pairs.render(present), roles) for present in wanted}
     rendered = time.monotonic()
     margins = _judge(trials, minutes, shown)
     report = LeakageReport(

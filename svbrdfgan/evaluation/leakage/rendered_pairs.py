@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,6 +26,9 @@ from svbrdfgan.types import layer_channels
 _CHUNK = 8
 
 Confounders = frozenset[Confounder]
+
+_OF_EXEMPLARS: Confounders = frozenset({"noise", "renderer"})
+"""Those that clean pictures of exemplars depend on."""
 
 
 @dataclass(eq=False)
@@ -55,6 +58,11 @@ class RenderedPairs:
     _rendered: dict[Confounders, tuple[Tensor, Tensor]] = field(default_factory=dict)
     _buffers: list[Tensor | None] = field(default_factory=list)
 
+    def steps(self, trials: Collection[Confounders]) -> int:
+        """Pictures of which `render` reports for these, each called once."""
+        exemplars = {present & _OF_EXEMPLARS for present in trials}
+        return len(self.chosen) * (len(trials) + len(exemplars))
+
     def render(self, present: Confounders) -> tuple[ImageBatch, ImageBatch]:
         """Clean exemplars, and fakes of a generator that paints nothing, as training would show them."""
         source, pairs = self._source(present), []
@@ -71,7 +79,7 @@ class RenderedPairs:
         """The training's batches, with clean exemplars, and fakes that differ in these confounders alone."""
         exemplars, config = self.exemplars, self.run.config
         own_scenes = self._scenes(scenes_with(config.scenes, frozenset()), exemplar_spp(config, exemplars))
-        images, coverage = self._clean_exemplars(present & {"noise", "renderer"}, own_scenes)
+        images, coverage = self._clean_exemplars(present & _OF_EXEMPLARS, own_scenes)
         return BatchSource(
             exemplars=exemplars,
             fake_scenes=self._scenes(scenes_with(config.scenes, present), config.spp),

@@ -1,0 +1,100 @@
+"""Opens what a user names, a mesh file or a run, as an exhibit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from svbrdfgan.data.config import DatasetConfig, Split
+from svbrdfgan.data.index import Dataset
+from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.inference.weatherings import Weathering
+from svbrdfgan.inference.workpiece import open_workpiece
+from svbrdfgan.io.environment import load_environment
+from svbrdfgan.models.shipped import shipped_models
+from svbrdfgan.training.run import RunConfig, load_model
+from svbrdfgan.viewer.choices import Choice, model_choices, of_run, offered, recipe_choice
+from svbrdfgan.viewer.easel import Easel
+from svbrdfgan.viewer.exhibit import Exhibit, Piece
+from svbrdfgan.viewer.lights import Light, usual_lights
+from svbrdfgan.weathering.recipes import RECIPES
+
+_MOST = 12
+"""Held-out vehicles of a run that are offered."""
+
+
+def exhibit_of(
+    shown: Path,
+    *,
+    model: str | None = None,
+    recipe: str | None = None,
+    environment: Path | None = None,
+    fine: int = 1024,
+    baked: tuple[Sequence[int], Sequence[float]] | None = None,
+    **parts: Any,
+) -> Exhibit:
+    """The exhibit of a mesh file, or of a run's held-out vehicles.
+
+    Args:
+        model, recipe: offer these alone.
+        environment: a further light.
+        fine, baked: as for `Exhibit`. A page without a server offers one model or recipe, and of a run one vehicle.
+        parts: as for `open_workpiece`.
+
+    Raises:
+        AssetError: a file cannot be read, or the folder is no run.
+        ConfigError: the recipe or the model does not exist.
+    """
+    if shown.is_dir():
+        pieces = list(_of_run(shown, parts))
+    else:
+        choices = _asked(model, recipe, str(shown)) or offered(str(shown))
+        pieces = [_piece(shown.name, shown, choices[:1] if baked else choices, parts)]
+    lights = usual_lights()
+    if environment is not None:
+        lights.insert(0, Light.of(environment.stem, load_environment(environment)))
+    return Exhibit(shown.name, pieces[:1] if baked else pieces, lights, fine, baked)
+
+
+def _asked(model: str | None, recipe: str | None, path: str) -> list[Choice]:
+    """The choices that a user named; none if that is nothing."""
+    if model is not None:
+        label = model if model in shipped_models() else Path(model).name
+        found = list(model_choices(load_model(model), model, label, "Learned", path))
+        known = load_model(model).config.conditions.recipes
+        if recipe is not None and recipe not in known:
+            raise ConfigError(f"the model does not know the recipe {recipe!r}; it knows {', '.join(known) or 'none'}.")
+        return [found[known.index(recipe)]] if recipe is not None else found
+    if recipe is not None and recipe not in RECIPES:
+        raise ConfigError(f"recipe {recipe!r} does not exist; there are {', '.join(RECIPES)}.")
+    return [] if recipe is None else [recipe_choice(recipe, path)]
+
+
+def _of_run(run: Path, parts: dict[str, Any]) -> Iterator[Piece]:
+    config = RunConfig.load(run)
+    dataset = Dataset.open(Path(config.dataset_folder))
+    splits: tuple[Split, ...] = ("test", "validation", "train")
+    split = next(name for name in splits if dataset.index.meshes.get(name))
+    for mesh in dataset.index.meshes[split][:_MOST]:
+        path = dataset.folder / mesh.asset.path
+        yield _piece(path.stem, path, of_run(run, dataset, str(path)), _selected(config.dataset, parts))
+
+
+def _selected(config: DatasetConfig, parts: dict[str, Any]) -> dict[str, Any]:
+    """The parts that the run's data set weathers, unless others are named."""
+    chosen = config.learnable
+    named = {"learnable": chosen.include, "keep": chosen.exclude}
+    return {**parts, **{key: value for key, value in named.items() if not parts.get(key)}}
+
+
+def _piece(name: str, path: Path, choices: Sequence[Choice], parts: dict[str, Any]) -> Piece:
+    return Piece(name, partial(_easel, path, choices[0].make(0, 0.5), parts), choices)
+
+
+def _easel(path: Path, weathering: Weathering, parts: dict[str, Any]) -> Easel:
+    workpiece = open_workpiece(path, **parts).settled(weathering.settles_on)
+    if not workpiece.weathered:
+        raise AssetError(f"nothing of {path} weathers; name parts by --learnable.")
+    return Easel.of(workpiece)

@@ -1,0 +1,139 @@
+"""Serves a viewer's page to this machine's browser, and to nobody else."""
+
+from __future__ import annotations
+
+import logging
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Lock, Thread
+from urllib.parse import parse_qs, urlsplit
+
+from svbrdfgan.errors import ConfigError, SvbrdfganError
+from svbrdfgan.viewer.easel import Superseded
+from svbrdfgan.viewer.exhibit import Document, Exhibit, Unknown
+from svbrdfgan.viewer.page import live_page
+
+HOST = "127.0.0.1"
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self' data: blob:; "
+    "img-src data: blob:; worker-src blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(eq=False)
+class _Desk:
+    """Answers the requests of one exhibit's pages.
+
+    Attributes:
+        token: that every request must name.
+        newest: counts the layers that were asked for.
+    """
+
+    exhibit: Exhibit
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    newest: int = 0
+    _lock: Lock = field(default_factory=Lock)
+
+    def answer(self, path: str) -> Document:
+        """The document of a path; `Superseded` if a later one asks for a layer meanwhile."""
+        if path == "/":
+            return Document("text/html; charset=utf-8", live_page(self.exhibit.title).encode())
+        if not path.startswith("/layer/"):
+            return self.exhibit.document(path)
+        with self._lock:
+            self.newest += 1
+            mine = self.newest
+        return self.exhibit.document(path, lambda: self.newest != mine)
+
+
+@contextmanager
+def serve(exhibit: Exhibit, port: int = 0) -> Iterator[str]:
+    """Serves an exhibit for the time of the block, and gives the address, in which the token stands.
+
+    Args:
+        port: 0 takes a free one.
+
+    Raises:
+        ConfigError: the port is taken.
+    """
+    desk = _Desk(exhibit)
+
+    class Handler(_Handler):
+        def desk(self) -> _Desk:
+            return desk
+
+    try:
+        server = ThreadingHTTPServer((HOST, port), Handler)
+    except OSError as error:
+        raise ConfigError(f"port {port} cannot be used ({error.strerror}); choose another one by --port.") from error
+    server.daemon_threads = True
+    thread = Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    try:
+        yield f"http://{HOST}:{server.server_port}/?token={desk.token}"
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers GET alone: from this machine, for this server's own page, and with the token."""
+
+    server: ThreadingHTTPServer
+    server_version, sys_version = "svbrdfgan", ""
+
+    def desk(self) -> _Desk:
+        raise NotImplementedError
+
+    def do_GET(self) -> None:
+        asked = urlsplit(self.path)
+        if refusal := self._refusal(parse_qs(asked.query)):
+            self._send(HTTPStatus.FORBIDDEN, Document.of({"error": refusal}))
+            return
+        try:
+            self._send(HTTPStatus.OK, self.desk().answer(asked.path))
+        except Unknown:
+            self._send(HTTPStatus.NOT_FOUND, Document.of({"error": "there is nothing of this name."}))
+        except Superseded:
+            self._send(HTTPStatus.CONFLICT, Document.of({"error": "something newer is painted."}))
+        except SvbrdfganError as error:
+            self._send(HTTPStatus.UNPROCESSABLE_ENTITY, Document.of({"error": str(error)}))
+
+    def log_message(self, format: str, *args: object) -> None:
+        log.debug(format, *args)
+
+    def _refusal(self, query: dict[str, list[str]]) -> str:
+        """Why a request is not answered; empty if it is."""
+        own = {f"{name}:{self.server.server_port}" for name in (HOST, "localhost")}
+        origin = self.headers.get("Origin")
+        given = self.headers.get("X-Token") or (query.get("token") or [""])[0]
+        if self.headers.get("Host") not in own or (origin is not None and urlsplit(origin).netloc not in own):
+            return "this server answers its own page alone."
+        if not secrets.compare_digest(given.encode(), self.desk().token.encode()):
+            return "the address lacks the token; take the one that the command printed."
+        return ""
+
+    def _send(self, status: HTTPStatus, document: Document) -> None:
+        self.send_response(status)
+        headers = {
+            "Content-Type": document.kind,
+            "Content-Length": str(len(document.data)),
+            "Content-Security-Policy": _POLICY,
+            "Referrer-Policy": "no-referrer",
+            "X-Content-Type-Options": "nosniff",
+            "Cache-Control": "no-store",
+        }
+        for name, value in headers.items():
+            self.send_header(name, value)
+        self.end_headers()
+        try:
+            self.wfile.write(document.data)
+        except (BrokenPipeError, ConnectionResetError):
+            log.debug("the browser took no interest in %s", self.path)
