@@ -34,7 +34,7 @@ def preferences(context):
 def program(context):
     """The words that start svbrdfgan: the preference, or Blender's own Python if it has the package, or PATH."""
     if not preferences(context).program and importlib.util.find_spec("svbrdfgan"):
-        return [sys.executable, "-c", "from svbrdfgan.cli import main; main()"]
+        return [sys.executable, "-m", "svbrdfgan"]
     if found := bpy.path.abspath(preferences(context).program) or shutil.which("svbrdfgan"):
         return [found]
     raise RuntimeError("No program svbrdfgan was found: install it, or name its path in this add-on's preferences.")
@@ -90,9 +90,7 @@ def deliver(context, names, path):
     marks, fitted = {key: each for key, each in weathering(path).items() if any(each)}, {}
     if not marks:
         raise RuntimeError("Nothing of the selected objects weathers; `svbrdfgan parts` tells why.")
-    before = {
-        kind: set(getattr(bpy.data, kind)) for kind in ("objects", "meshes", "materials", "node_groups", "images")
-    }
+    before = {kind: set(getattr(bpy.data, kind)) for kind in ("objects", "meshes", "materials", "images")}
     selected, active = context.selected_objects, context.view_layer.objects.active
     try:
         bpy.ops.import_scene.gltf(filepath=str(path))
