@@ -1,8 +1,7 @@
 """Blender add-on: a panel in the sidebar of the 3D view that weathers the selected objects by svbrdfgan.
 
 The add-on exports the selection as a temporary GLB, lets the program `svbrdfgan` weather it, and gives the objects the
-new materials and, where the program made one, the new UV map. All else of the objects stays as it is.
-"""
+new materials and, where the program made one, the new UV map. All else of the objects stays as it is."""
 
 import functools
 import importlib.util

@@ -1,0 +1,140 @@
+"""What the add-on of `examples/blender` does to a scene, as JSON; run by `test_blender_panel.py` with Blender's Python.
+
+`python panel_script.py WORDS`: a JSON object with `judge` (the folder of `blender_script.py`), `addon`, `program`,
+`car`, `clean` (a GLB to write of what is selected, before it weathers), `picture` (EXR), `size`, `samples` and
+`answer`, a file.
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+ADDON = "svbrdfgan_panel"
+
+
+def scene(car: str) -> None:
+    """A car, a turned ball with a modifier and a vertex group, and a twin of the ball, which is not selected."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.import_scene.gltf(filepath=car)
+    vehicle = [thing for thing in bpy.data.objects if thing.type == "MESH"]
+    for thing in vehicle:
+        thing.scale = (4, 4, 4)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8, location=(2.5, 0, 1), rotation=(0.3, 0.2, 0.1))
+    ball = bpy.context.object
+    ball.name, ball.scale = "Ball", (1, 0.8, 0.6)
+    ball.data.uv_layers[0].name = "Mine"
+    ball.data.materials.append(material("Red", (0.6, 0.05, 0.05, 1)))
+    ball.vertex_groups.new(name="half").add(range(20), 1, "REPLACE")
+    ball.modifiers.new("Smooth", "SUBSURF").levels = 2
+    twin = ball.copy()
+    twin.name, twin.location = "Twin", (0, 30, 1)
+    bpy.context.scene.collection.objects.link(twin)
+    for thing in bpy.data.objects:
+        thing.select_set(thing in [ball, *vehicle])
+    bpy.context.view_layer.update()
+
+
+def material(name: str, color: tuple[float, ...]) -> Any:
+    made = bpy.data.materials.new(name)
+    made.use_nodes = True
+    made.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = color
+    return made
+
+
+def state() -> dict[str, Any]:
+    """All objects, and what is selected and there."""
+    things = {thing.name: described(thing) for thing in bpy.data.objects}
+    kinds = ("meshes", "materials", "images", "collections")
+    return {
+        "objects": things,
+        "selected": sorted(thing.name for thing in bpy.context.selected_objects),
+        "active": bpy.context.view_layer.objects.active.name,
+        **{kind: sorted(each.name for each in getattr(bpy.data, kind)) for kind in kinds},
+    }
+
+
+def described(thing: Any) -> dict[str, Any]:
+    facts = {"matrix": [list(row) for row in thing.matrix_world], "own": sorted(thing.keys())}
+    if thing.type != "MESH":
+        return facts
+    mesh = thing.data
+    counts = [len(mesh.vertices), len(mesh.edges), len(mesh.polygons)]
+    return {
+        **facts,
+        "modifiers": [(each.name, each.type) for each in thing.modifiers],
+        "groups": [group.name for group in thing.vertex_groups],
+        "counts": counts,
+        "uv_maps": [layer.name for layer in mesh.uv_layers],
+        "materials": [slot.name for slot in thing.material_slots],
+        "looked_up": [looked_up(slot.material) for slot in thing.material_slots],
+    }
+
+
+def looked_up(given: Any) -> list[str]:
+    """The UV maps that a material's nodes name, without repeats."""
+    return sorted({node.uv_map for node in given.node_tree.nodes if getattr(node, "uv_map", "")})
+
+
+def told() -> str:
+    """What the operator says if it fails, else nothing."""
+    try:
+        bpy.ops.svbrdfgan.weather("EXEC_DEFAULT", True)
+    except RuntimeError as error:
+        return str(error).strip()
+    return ""
+
+
+def registered() -> bool:
+    return hasattr(bpy.types, "VIEW3D_PT_svbrdfgan") and "weather" in dir(bpy.ops.svbrdfgan)
+
+
+def seen(words: dict[str, Any]) -> dict[str, Any]:
+    """A picture of what is selected, by the judge's camera; returns that camera, in Blender's axes."""
+    sys.path.append(words["judge"])
+    import blender_script as judge
+
+    for thing in list(bpy.data.objects):
+        if not thing.select_get():
+            bpy.data.objects.remove(thing)
+    bpy.data.objects["Ball"].modifiers.clear()  # our renderer shows the file, which is without
+    bpy.context.view_layer.update()
+    centre, radius = judge.framed()
+    judge.look_at(centre, radius)
+    judge.rendered(words["picture"], words["size"], words["samples"], 0)
+    camera = bpy.context.scene.camera
+    return {"origin": list(camera.location), "target": list(centre), "angle": camera.data.angle}
+
+
+def main(words: dict[str, Any]) -> None:
+    answer: dict[str, Any] = {}
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.preferences.addon_install(filepath=words["addon"])
+    answer["first"] = registered()
+    bpy.ops.preferences.addon_enable(module=ADDON)
+    answer["enabled"] = registered()
+    scene(words["car"])
+    bpy.ops.preferences.addon_enable(module=ADDON)  # reading the factory's settings disabled it
+    chosen = bpy.context.preferences.addons[ADDON].preferences
+    chosen.painter, chosen.amount, chosen.seed, chosen.size = "road-dirt", 0.9, 3, 256
+    answer["before"] = state()
+    chosen.program = str(Path(words["car"]).with_name("no-such-program"))
+    answer["no_program"], answer["after_no_program"] = told(), state()
+    chosen.program, chosen.painter, chosen.model = words["program"], "MODEL", "nonsense"
+    answer["no_model"], answer["after_no_model"] = told(), state()
+    bpy.ops.export_scene.gltf(filepath=words["clean"], use_selection=True, export_apply=False, export_skins=False)
+    chosen.painter = "road-dirt"
+    bpy.ops.ed.undo_push(message="before")
+    answer["fault"], answer["after"] = told(), state()
+    bpy.ops.ed.undo()
+    answer["undone"] = state()
+    bpy.ops.ed.redo()
+    answer["camera"] = seen(words)
+    bpy.ops.preferences.addon_disable(module=ADDON)
+    answer["disabled"] = registered()
+    Path(words["answer"]).write_text(json.dumps(answer), encoding="utf-8")
+
+
+main(json.loads(sys.argv[-1]))
