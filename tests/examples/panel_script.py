@@ -11,12 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 
 ADDON = "svbrdfgan_panel"
 
 
 def scene(car: str) -> None:
-    """A car, a turned ball with a modifier and a vertex group, and a twin of the ball, which is not selected."""
+    """A car; a turned ball with a window, a modifier and a vertex group; a bare box; and a twin of the ball, which alone
+    is not selected."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=car)
     vehicle = [thing for thing in bpy.data.objects if thing.type == "MESH"]
@@ -26,14 +28,20 @@ def scene(car: str) -> None:
     ball = bpy.context.object
     ball.name, ball.scale = "Ball", (1, 0.8, 0.6)
     ball.data.uv_layers[0].name = "Mine"
+    ball.data.materials.append(material("Glass", (0.05, 0.05, 0.6, 1)))
     ball.data.materials.append(material("Red", (0.6, 0.05, 0.05, 1)))
+    for polygon in ball.data.polygons:
+        polygon.material_index = polygon.index % 3 > 0
     ball.vertex_groups.new(name="half").add(range(20), 1, "REPLACE")
     ball.modifiers.new("Smooth", "SUBSURF").levels = 2
     twin = ball.copy()
     twin.name, twin.location = "Twin", (0, 30, 1)
     bpy.context.scene.collection.objects.link(twin)
+    bpy.ops.mesh.primitive_cube_add(size=1, location=(2.5, 2, 0.5), calc_uvs=False)
+    box = bpy.context.object
+    box.name = "Box"
     for thing in bpy.data.objects:
-        thing.select_set(thing in [ball, *vehicle])
+        thing.select_set(thing in [ball, box, *vehicle])
     bpy.context.view_layer.update()
 
 
@@ -78,6 +86,21 @@ def looked_up(given: Any) -> list[str]:
     return sorted({node.uv_map for node in given.node_tree.nodes if getattr(node, "uv_map", "")})
 
 
+def carried(by_place: bool) -> list[Any]:
+    """Of a square whose two triangles get UVs, alike where they meet or not: whether it stays, its faces, its UVs."""
+    place = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+    square, made = bpy.data.meshes.new("square"), bpy.data.meshes.new("made")
+    square.from_pydata(place, [], [(0, 1, 2, 3)])
+    square.calc_loop_triangles()
+    corners = np.array([loop for triangle in square.loop_triangles for loop in triangle.loops])
+    made.from_pydata([place[corner] for corner in corners], [], [(0, 1, 2), (3, 4, 5)])
+    uv = [place[corner][:2] if by_place else (number / 8, 0) for number, corner in enumerate(corners)]
+    made.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.array(uv, np.float32).ravel())
+    found = sys.modules[ADDON].with_uvs(square, made, corners, np.zeros(2, np.int32))
+    given = [list(each.vector) for each in found.uv_layers[0].uv]
+    return [found == square, len(found.polygons), given]
+
+
 def told() -> str:
     """What the operator says if it fails, else nothing."""
     try:
@@ -118,19 +141,20 @@ def main(words: dict[str, Any]) -> None:
     scene(words["car"])
     bpy.ops.preferences.addon_enable(module=ADDON)  # reading the factory's settings disabled it
     chosen = bpy.context.preferences.addons[ADDON].preferences
-    chosen.painter, chosen.amount, chosen.seed, chosen.size = "road-dirt", 0.9, 3, 256
+    chosen.painter, chosen.amount, chosen.seed, chosen.size = "rust", 0.9, 3, 256
     answer["before"] = state()
     chosen.program = str(Path(words["car"]).with_name("no-such-program"))
     answer["no_program"], answer["after_no_program"] = told(), state()
     chosen.program, chosen.painter, chosen.model = words["program"], "MODEL", "nonsense"
     answer["no_model"], answer["after_no_model"] = told(), state()
     bpy.ops.export_scene.gltf(filepath=words["clean"], use_selection=True, export_apply=False, export_skins=False)
-    chosen.painter = "road-dirt"
+    chosen.painter = "rust"
     bpy.ops.ed.undo_push(message="before")
     answer["fault"], answer["after"] = told(), state()
     bpy.ops.ed.undo()
     answer["undone"] = state()
     bpy.ops.ed.redo()
+    answer["carried"] = [carried(True), carried(False)]
     answer["camera"] = seen(words)
     bpy.ops.preferences.addon_disable(module=ADDON)
     answer["disabled"] = registered()

@@ -32,8 +32,8 @@ SIZE = (256, 192)
 SAMPLES = 64
 GREY = 0.5
 """Of the light, which is alike from everywhere."""
-NEAR = 0.02
-"""Mean error of display values, between Cycles's shading and ours."""
+NEAR = 0.01
+"""Mean error of display values where something is seen, between Cycles's shading and ours."""
 
 
 def test_the_add_on_is_one_short_file() -> None:
@@ -99,22 +99,28 @@ def test_the_program_s_own_sentence_is_shown(worked: Worked) -> None:
 def test_what_is_selected_has_weathered_materials(worked: Worked) -> None:
     assert worked.answer["fault"] == ""
     before, after = worked.objects("before"), worked.objects("after")
-    assert before["Ball"]["materials"] == ["Red"]
-    assert after["Ball"]["materials"] == ["Red weathered"]
-    (car,) = [name for name in before if len(before[name].get("materials", [])) > 1]
-    named = dict(zip(before[car]["materials"], after[car]["materials"], strict=True))
-    assert named["body"] == "body weathered"
-    assert after[car]["uv_maps"] == ["Weathering"], "the car had none"
-    assert after[car]["looked_up"][before[car]["materials"].index("body")] == ["Weathering"]
+    assert before["Ball"]["materials"] == ["Glass", "Red"]
+    assert after["Ball"]["materials"] == ["Glass", "Red weathered"]
+    assert after["Ball"]["looked_up"][1] == after["Ball"]["uv_maps"] == ["Mine"]
+    assert (before["body"]["uv_maps"], after["body"]["uv_maps"]) == ([], ["Weathering"])
+    assert after["body"]["materials"] == ["body weathered"]
+    assert (before["Box"]["materials"], after["Box"]["materials"]) == ([], ["Box weathered"])
 
 
 @pytest.mark.full
 def test_materials_that_are_kept_stay_the_user_s(worked: Worked) -> None:
     before, after = worked.answer["before"], worked.answer["after"]
+    assert after["objects"]["glass"] == before["objects"]["glass"]
     used = {name for thing in after["objects"].values() for name in thing.get("materials", [])}
     assert set(before["materials"]) <= set(after["materials"])
     assert set(after["materials"]) - set(before["materials"]) <= used, "nothing is left over"
-    assert not any(name.endswith(".001") for name in after["materials"])
+
+
+@pytest.mark.full
+def test_polygons_stay_unless_new_uvs_cut_them(worked: Worked) -> None:
+    whole, cut = worked.answer["carried"]
+    assert whole == [True, 1, [[0, 0], [1, 0], [1, 1], [0, 1]]]
+    assert cut == [False, 2, [[number / 8, 0] for number in range(6)]]
 
 
 @pytest.mark.full
@@ -143,14 +149,17 @@ def test_cycles_shows_what_our_renderer_shows_of_the_program_s_file(
     """In a light that is alike from everywhere, without bounces; a clean car is farther off."""
     camera = camera_of(worked.answer["camera"])
     theirs = neutral_tone(load_image(worked.picture)[..., :3])
-    words = ["weather", str(worked.clean), "--amount", "0.9", "--seed", "3", "--size", "256"]
+    words = ["weather", str(worked.clean), "--recipe", "rust", "--amount", "0.9", "--seed", "3", "--size", "256"]
     main([*words, "-o", str(tmp_path / "dirty.glb")], standalone_mode=False)
     renderer = CheckedRenderer(cpu_renderer, quick_renderer)
-    ours, clean = (rendered(path, camera, renderer) for path in (tmp_path / "dirty.glb", worked.clean))
+    ours, inside = rendered(tmp_path / "dirty.glb", camera, renderer)
+    clean, _ = rendered(worked.clean, camera, renderer)
     save_image(tmp_path / "theirs_and_ours.png", torch.cat([theirs, ours], dim=1))
-    error, other = (float((each - theirs).abs().mean()) for each in (ours, clean))
+    error, other = (float((each - theirs).abs()[inside].mean()) for each in (ours, clean))
+    assert inside.float().mean() > 0.1
+    print(error, other)
     assert error < NEAR
-    assert other > 2 * error
+    assert other > 3 * error
 
 
 def camera_of(given: dict[str, Any]) -> Camera:
@@ -160,8 +169,9 @@ def camera_of(given: dict[str, Any]) -> Camera:
     return Camera((x, z, -y), (right, up, -back), vertical_fov=2 * math.atan(across * SIZE[1] / SIZE[0]))
 
 
-def rendered(path: Path, camera: Camera, renderer: CheckedRenderer) -> torch.Tensor:
+def rendered(path: Path, camera: Camera, renderer: CheckedRenderer) -> tuple[torch.Tensor, torch.Tensor]:
+    """The file's picture, and where something is seen in it."""
     surface, materials = file_scene(load_mesh(path))
     view = View(camera, Environment(torch.full((16, 32, 3), GREY)), *SIZE)
     seen = renderer.render(renderer.prepare(surface), materials, view, spp=SAMPLES, seed=0)
-    return neutral_tone(over(seen.image, seen.coverage, torch.full_like(seen.image, GREY)))
+    return neutral_tone(over(seen.image, seen.coverage, torch.full_like(seen.image, GREY))), seen.coverage > 0
