@@ -1,7 +1,4 @@
-"""Blender add-on: a panel in the sidebar of the 3D view that weathers the selected objects by svbrdfgan.
-
-The add-on exports the selection as a temporary GLB, lets the program `svbrdfgan` weather it, and gives the objects the
-new materials and, where the program made one, the new UV map. All else of the objects stays as it is."""
+"""Blender add-on: a panel that weathers the selected objects in place, by `svbrdfgan` and a temporary GLB."""
 
 import functools
 import importlib.util
@@ -21,8 +18,7 @@ bl_info = {"name": "svbrdfgan weathering", "version": (0, 1, 0), "blender": (4, 
 KEY = "svbrdfgan"  # a custom property that numbers the objects, in the temporary files alone
 PAINTERS = [(name, name, f"The recipe {name}") for name in ("road-dirt", "dust", "rust", "chipped-paint", "grime")]
 PAINTERS.append(("MODEL", "shipped model", "A trained model that comes with svbrdfgan"))
-EXPORT = {"use_selection": True, "export_format": "GLB", "export_extras": True}
-EXPORT |= {f"export_{name}": False for name in ("apply", "animations", "skins", "morph", "cameras", "lights")}
+OFF = {f"export_{name}": False for name in ("apply", "animations", "skins", "morph", "cameras", "lights")}
 RUNNING = {"RUNNING_MODAL"}
 
 
@@ -58,29 +54,32 @@ def weathered(context):
             raise RuntimeError(f"The program {words[0]} cannot be run: {error.strerror}.") from error
         try:
             while process.poll() is None:
-                yield last_line(said)
+                yield said.read_text(errors="replace").strip().rpartition("\n")[2]
         finally:  # also if the user cancels
             process.kill()
             process.wait()
         if process.returncode:
-            raise RuntimeError(last_line(said).removeprefix("Error: ") or "svbrdfgan ended without a word.")
+            last = said.read_text(errors="replace").strip().rpartition("\n")[2]
+            raise RuntimeError(last.removeprefix("Error: ") or "svbrdfgan ended without a word.")
         return deliver(context, names, after)
-
-
-def last_line(said):
-    return said.read_text(errors="replace").strip().rpartition("\n")[2]
 
 
 def exported(context, path):
     """Writes the selected meshes at rest and without modifiers, numbered by a property; returns their names."""
     things = [thing for thing in context.selected_objects if thing.type == "MESH"]
+    grey = bpy.data.materials.new("grey")  # of bare objects: glTF's own default is a white metal
     try:
         for number, thing in enumerate(things):
             thing[KEY] = number
-        bpy.ops.export_scene.gltf(filepath=str(path), **EXPORT)
+            if not thing.data.materials:
+                thing.data.materials.append(grey)
+        bpy.ops.export_scene.gltf(filepath=str(path), use_selection=True, export_extras=True, **OFF)
     finally:
         for thing in things:
             thing.pop(KEY, None)
+            if grey in thing.data.materials.values():
+                thing.data.materials.clear()
+        bpy.data.materials.remove(grey)
     return [thing.name for thing in things]
 
 
@@ -184,8 +183,8 @@ class Preferences(bpy.types.AddonPreferences):
 
     def arguments(self):
         words = ["weather", "--recipe", self.painter] if self.painter != "MODEL" else ["texture", "--model", self.model]
-        words += ["--size", str(self.size)] if self.size else []
-        return [*words, "--amount", f"{self.amount:.4f}", "--seed", str(self.seed)]
+        size = ["--size", str(self.size)] if self.size else []
+        return [*words, *size, "--amount", f"{self.amount:.4f}", "--seed", str(self.seed)]
 
     def draw(self, _context):
         self.layout.prop(self, "program")

@@ -1,7 +1,7 @@
 """What the add-on of `examples/blender` does to a scene, as JSON; run by `test_blender_panel.py` with Blender's Python.
 
 `python panel_script.py WORDS`: a JSON object with `judge` (the folder of `blender_script.py`), `addon`, `program`,
-`car`, `clean` (a GLB to write of what is selected, before it weathers), `picture` (EXR), `size`, `samples` and
+`car`, `clean` (a GLB to write of what weathers, before), `picture` (EXR), `size`, `samples` and
 `answer`, a file.
 """
 
@@ -17,7 +17,7 @@ ADDON = "svbrdfgan_panel"
 
 
 def scene(car: str) -> None:
-    """A car; a turned ball with a window, a modifier and a vertex group; a bare box; and a twin of the ball, which alone
+    """A car; a turned ball of two materials, with a modifier; a bare box; and a twin of the ball, which alone
     is not selected."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=car)
@@ -147,7 +147,8 @@ def main(words: dict[str, Any]) -> None:
     answer["no_program"], answer["after_no_program"] = told(), state()
     chosen.program, chosen.painter, chosen.model = words["program"], "MODEL", "nonsense"
     answer["no_model"], answer["after_no_model"] = told(), state()
-    bpy.ops.export_scene.gltf(filepath=words["clean"], use_selection=True, export_apply=False, export_skins=False)
+    sys.modules[ADDON].exported(bpy.context, words["clean"])
+    answer["after_export"] = state()
     chosen.painter = "rust"
     bpy.ops.ed.undo_push(message="before")
     answer["fault"], answer["after"] = told(), state()
