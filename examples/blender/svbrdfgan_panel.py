@@ -111,7 +111,8 @@ def weathering(path):
     data = path.read_bytes()
     document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
     textures, materials, meshes = (document.get(name, []) for name in ("textures", "materials", "meshes"))
-    new = [number for number, each in enumerate(textures) if "name" not in document["images"][each["source"]]]
+    images = [document["images"][each["source"]] if "source" in each else each for each in textures]  # WebP has none
+    new = [number for number, each in enumerate(images) if "name" not in each and "mimeType" in each]
     colors = [each.get("pbrMetallicRoughness", {}).get("baseColorTexture", {}) for each in materials]
     fresh = {number for number, color in enumerate(colors) if color.get("index") in new}
     nodes = [node for node in document["nodes"] if "mesh" in node and KEY in node.get("extras", {})]

@@ -1,13 +1,17 @@
 """What the add-on of `examples/blender` does to a scene, as JSON; run by `test_blender_panel.py` with Blender's Python.
 
-`python panel_script.py WORDS`: a JSON object with `judge` (the folder of `blender_script.py`), `addon`, `program`,
-`car`, `clean` (a GLB to write of what weathers, before), `picture` (EXR), `size`, `samples` and
-`answer`, a file.
+`python panel_script.py WORDS`: a JSON object with `repository`, `judge` (the folder of `blender_script.py`), `addon`,
+`program`, `car`, `clean` (a GLB to write of what weathers, before), `picture` (EXR), `size`, `samples` and `answer`, a
+file.
 """
 
 import json
+import os
+import shutil
 import sys
+import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -101,6 +105,40 @@ def carried(by_place: bool) -> list[Any]:
     return [found == square, len(found.polygons), given]
 
 
+def found(folder: Path, repository: str) -> list[Any]:
+    """What starts svbrdfgan where no path is named: on PATH, nowhere, and with the package in Blender's Python."""
+    panel, paths = sys.modules[ADDON], os.environ["PATH"]
+    answers: list[Any] = []
+    for each in (str(folder), ""):
+        os.environ["PATH"] = each
+        try:
+            answers.append(panel.program(bpy.context))
+        except RuntimeError as error:
+            answers.append(str(error))
+    os.environ["PATH"] = paths
+    sys.path.append(repository)
+    answers.append(panel.program(bpy.context)[1:])
+    sys.path.remove(repository)
+    return answers
+
+
+def cancelled() -> dict[str, Any]:
+    """What Esc leaves of a program that would take a minute and that says its number and where its file is."""
+    work, said = sys.modules[ADDON].weathered(bpy.context), ""
+    while not said:
+        said = next(work)
+        time.sleep(0.05)
+    number, file = said.split()
+    texts: list[Any] = []
+    there = os.path.exists(file), os.path.exists(f"/proc/{number}")
+    operator = SimpleNamespace(_work=work, _timer=None, _said="")
+    workspace, manager = SimpleNamespace(status_text_set=texts.append), SimpleNamespace(event_timer_remove=texts.append)
+    context = SimpleNamespace(workspace=workspace, window_manager=manager)
+    state = bpy.types.SVBRDFGAN_OT_weather.modal(operator, context, SimpleNamespace(type="ESC"))
+    left = os.path.exists(file), os.path.exists(f"/proc/{number}")
+    return {"state": list(state), "there": there, "left": left, "texts": texts}
+
+
 def told() -> str:
     """What the operator says if it fails, else nothing."""
     try:
@@ -143,6 +181,14 @@ def main(words: dict[str, Any]) -> None:
     chosen = bpy.context.preferences.addons[ADDON].preferences
     chosen.painter, chosen.amount, chosen.seed, chosen.size = "rust", 0.9, 3, 256
     answer["before"] = state()
+    folder = Path(words["car"]).with_name("programs")
+    folder.mkdir()
+    slow = folder / "svbrdfgan"
+    slow.write_text(f'#!/bin/sh\necho "$$ ${{10}}"\nexec {shutil.which("sleep")} 60\n')
+    slow.chmod(0o755)
+    answer["found"] = found(folder, words["repository"])
+    chosen.program = str(slow)
+    answer["cancelled"] = cancelled()
     chosen.program = str(Path(words["car"]).with_name("no-such-program"))
     answer["no_program"], answer["after_no_program"] = told(), state()
     chosen.program, chosen.painter, chosen.model = words["program"], "MODEL", "nonsense"

@@ -62,6 +62,7 @@ def worked(tmp_path_factory: pytest.TempPathFactory) -> Worked:
     folder = tmp_path_factory.mktemp("panel")
     save_mesh_glb(folder / "car.glb", build_vehicle(sample_vehicle("sedan", 5)))
     words = {
+        "repository": str(REPOSITORY),
         "judge": str(REPOSITORY / "tests" / "asset"),
         "addon": str(ADDON),
         "program": str(Path(sys.executable).with_name("svbrdfgan")),
@@ -79,6 +80,22 @@ def worked(tmp_path_factory: pytest.TempPathFactory) -> Worked:
 @pytest.mark.full
 def test_the_add_on_comes_and_goes(worked: Worked) -> None:
     assert [worked.answer[moment] for moment in ("first", "enabled", "disabled")] == [False, True, False]
+
+
+@pytest.mark.full
+def test_the_program_is_found(worked: Worked) -> None:
+    on_path, nowhere, own = worked.answer["found"]
+    assert on_path == [str(worked.clean.with_name("programs") / "svbrdfgan")]
+    assert nowhere.startswith("No program svbrdfgan was found: ")
+    assert own == ["-m", "svbrdfgan"]
+
+
+@pytest.mark.full
+def test_escape_ends_the_program(worked: Worked) -> None:
+    cancelled = worked.answer["cancelled"]
+    assert cancelled["state"] == ["CANCELLED"]
+    assert (cancelled["there"], cancelled["left"]) == ([True, True], [False, False])
+    assert cancelled["texts"] == [None, None], "no status, and no timer"
 
 
 @pytest.mark.full
