@@ -22,7 +22,7 @@ FOR_EMBEDDINGS = (*CONTRACT, *(f"svbrdfgan.geometry.{name}" for name in ("cells"
 ROOMS = (
     *("errors", "types", "protocols", "utils", "config", "geometry", "io", "rendering", "plugins", "procedural"),
     *("networks", "weathering", "models", "scene", "asset", "data", "metrics", "training", "evaluation", "inference"),
-    *("report", "experiments", "bench", "testing", "cli"),
+    *("report", "experiments", "bench", "testing", "viewer", "cli"),
 )
 """The rooms of the core, lowest first: each imports only from itself and from those before it."""
 

@@ -20,7 +20,7 @@ _SEEDS, _AMOUNTS = (0, 1, 2), (0.25, 0.5, 0.75, 1.0)
 
 
 @click.command("view")
-@click.argument("shown", metavar="FILE_OR_RUN", type=click.Path(path_type=Path, exists=True))
+@click.argument("shown", metavar="FILE_OR_RUN", type=click.Path(path_type=Path))
 @click.option("--model", metavar="NAME|FOLDER", help="Offer this shipped model or run alone.")
 @click.option("--recipe", help="Offer this recipe alone; with --model, that of its recipes.")
 @part_options

@@ -29,24 +29,16 @@ from svbrdfgan.inference.workpiece import Workpiece
 from svbrdfgan.io.eight_bit import png_bytes
 from svbrdfgan.io.gltf.document import Document, picture_bytes, write_document
 from svbrdfgan.io.gltf_codecs.pictures import KTX2, UnreadablePicture, decode_picture
+from svbrdfgan.viewer.documents import COARSE, LAYER, Superseded
 from svbrdfgan.weathering.edges import SharpEdges
 from svbrdfgan.weathering.occlusion import ambient_visibility
 from svbrdfgan.weathering.site import Site
 from svbrdfgan.weathering.survey import Grounds
 
-COARSE = 512
-"""Texels along a side at which a layer is repainted while a slider moves."""
-LAYER = "svbrdfgan_layer"
-"""The key in a primitive's `extras` that marks it as one that carries the layer, with the number of its UV set."""
-
 _FLOOR = 128  # texels along a side of the floor's shadow
 _BLUR = 1.2  # of them
 _WHOLE = 0.35  # of the shadow's half side: where it begins to fade
 _REACH = 1.9  # half the side of the square with the shadow, in half diagonals of the model's footprint
-
-
-class Superseded(Exception):  # noqa: N818
-    """Something newer is to be painted."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,42 +2,26 @@
 
 from __future__ import annotations
 
-import json
 from base64 import b64encode
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from io import BytesIO
 from threading import Lock
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
 
-from svbrdfgan.asset.overlay import Maps
-from svbrdfgan.viewer.choices import Choice
-from svbrdfgan.viewer.easel import COARSE, LAYER, Easel
-from svbrdfgan.viewer.lights import Light
+from svbrdfgan.viewer.documents import BYTES, COARSE, GLB, LAYER, MOST_SEEDS, PNG, Document, Unknown
 
-JSON, GLB, PNG, BYTES = "application/json", "model/gltf-binary", "image/png", "application/octet-stream"
+if TYPE_CHECKING:
+    from svbrdfgan.asset.overlay import Maps
+    from svbrdfgan.viewer.choices import Choice
+    from svbrdfgan.viewer.easel import Easel
+    from svbrdfgan.viewer.lights import Light
 
 _QUALITY = 88
-MOST_SEEDS = 1000
-
-
-@dataclass(frozen=True)
-class Document:
-    """One answer: a MIME type and the bytes."""
-
-    kind: str
-    data: bytes
-
-    @classmethod
-    def of(cls, content: object) -> Document:
-        return cls(JSON, json.dumps(content).encode())
-
-
-class Unknown(Exception):  # noqa: N818
-    """There is no document of that path."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,8 @@ from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.inference.weatherings import Weathering
 from svbrdfgan.inference.workpiece import open_workpiece
 from svbrdfgan.io.environment import load_environment
+from svbrdfgan.io.files import check_file
+from svbrdfgan.io.mesh import SUFFIXES
 from svbrdfgan.models.shipped import shipped_models
 from svbrdfgan.training.run import RunConfig, load_model
 from svbrdfgan.viewer.choices import Choice, model_choices, of_run, offered, recipe_choice
@@ -50,6 +52,7 @@ def exhibit_of(
     if shown.is_dir():
         pieces = list(_of_run(shown, parts))
     else:
+        check_file(shown, SUFFIXES, "mesh")
         choices = _asked(model, recipe, str(shown)) or offered(str(shown))
         pieces = [_piece(shown.name, shown, choices[:1] if baked else choices, parts)]
     lights = usual_lights()

@@ -8,10 +8,14 @@ from collections.abc import Mapping
 from html import escape
 from importlib.resources import files
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.utils.display import Display
-from svbrdfgan.viewer.exhibit import JSON, Document, Exhibit
+from svbrdfgan.viewer.documents import JSON, Document
+
+if TYPE_CHECKING:
+    from svbrdfgan.viewer.exhibit import Exhibit
 
 _STATIC = files("svbrdfgan.viewer") / "static"
 

@@ -10,12 +10,15 @@ from dataclasses import dataclass, field
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Lock, Thread
+from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
 
 from svbrdfgan.errors import ConfigError, SvbrdfganError
-from svbrdfgan.viewer.easel import Superseded
-from svbrdfgan.viewer.exhibit import Document, Exhibit, Unknown
+from svbrdfgan.viewer.documents import Document, Superseded, Unknown
 from svbrdfgan.viewer.page import live_page
+
+if TYPE_CHECKING:
+    from svbrdfgan.viewer.exhibit import Exhibit
 
 HOST = "127.0.0.1"
 _POLICY = (

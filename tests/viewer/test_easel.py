@@ -15,7 +15,8 @@ from svbrdfgan.inference.weatherings import RecipeWeathering
 from svbrdfgan.inference.workpiece import open_workpiece
 from svbrdfgan.io.gltf.document import read_document
 from svbrdfgan.training.run import load_model
-from svbrdfgan.viewer.easel import COARSE, LAYER, Easel, RememberedSites, Superseded
+from svbrdfgan.viewer.documents import COARSE, LAYER, Superseded
+from svbrdfgan.viewer.easel import Easel, RememberedSites
 from svbrdfgan.weathering.recipes import Dust, Rust
 
 

@@ -16,7 +16,8 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.inference.ground import Cove
 from svbrdfgan.models.shipped import shipped_models
 from svbrdfgan.viewer.choices import OFFERED
-from svbrdfgan.viewer.exhibit import GLB, Exhibit, Unknown
+from svbrdfgan.viewer.documents import GLB, Unknown
+from svbrdfgan.viewer.exhibit import Exhibit
 from svbrdfgan.viewer.lights import COLS, ROWS, Light
 from svbrdfgan.viewer.open import exhibit_of
 
