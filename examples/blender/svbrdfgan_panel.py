@@ -19,7 +19,6 @@ KEY = "svbrdfgan"  # a custom property that numbers the objects, in the temporar
 PAINTERS = [(name, name, f"The recipe {name}") for name in ("road-dirt", "dust", "rust", "chipped-paint", "grime")]
 PAINTERS.append(("MODEL", "shipped model", "A trained model that comes with svbrdfgan"))
 OFF = {f"export_{name}": False for name in ("apply", "animations", "skins", "morph", "cameras", "lights")}
-RUNNING = {"RUNNING_MODAL"}
 
 
 def preferences(context):
@@ -37,8 +36,7 @@ def program(context):
 
 @functools.cache
 def models(*words):
-    done = subprocess.run([*words, "models", "--json"], capture_output=True, timeout=60, check=True)
-    return [card["name"] for card in json.loads(done.stdout)]
+    return [card["name"] for card in json.loads(subprocess.check_output([*words, "models", "--json"], timeout=60))]
 
 
 def weathered(context):
@@ -61,7 +59,7 @@ def weathered(context):
         if process.returncode:
             last = said.read_text(errors="replace").strip().rpartition("\n")[2]
             raise RuntimeError(last.removeprefix("Error: ") or "svbrdfgan ended without a word.")
-        return deliver(context, names, after)
+        return deliver(context, names, before, after)
 
 
 def exported(context, path):
@@ -83,13 +81,15 @@ def exported(context, path):
     return [thing.name for thing in things]
 
 
-def deliver(context, names, path):
+def deliver(context, names, clean, path):
     """Gives the objects of these names what is in the file; what nothing uses of it leaves again."""
-    marks, fitted = {key: each for key, each in weathering(path).items() if any(each)}, {}
+    old, new = pictures(clean), pictures(path)
+    marks = {key: [a != b for a, b in zip(old[key], new[key], strict=True)] for key in old}
+    marks = {key: each for key, each in marks.items() if any(each)}
     if not marks:
         raise RuntimeError("Nothing of the selected objects weathers; `svbrdfgan parts` tells why.")
     before = {kind: set(getattr(bpy.data, kind)) for kind in ("objects", "meshes", "materials", "images")}
-    selected, active = context.selected_objects, context.view_layer.objects.active
+    selected, active, fitted = context.selected_objects, context.view_layer.objects.active, {}
     try:
         bpy.ops.import_scene.gltf(filepath=str(path))
         for new in set(bpy.data.objects) - before["objects"]:
@@ -106,17 +106,18 @@ def deliver(context, names, path):
     return f"{len(marks)} of {len(names)} objects weathered."
 
 
-def weathering(path):
-    """Of each numbered object in a file, which of its primitives weather: those with a new picture, without a name."""
-    data = path.read_bytes()
-    document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
-    textures, materials, meshes = (document.get(name, []) for name in ("textures", "materials", "meshes"))
-    images = [document["images"][each["source"]] if "source" in each else each for each in textures]  # WebP has none
-    new = [number for number, each in enumerate(images) if "name" not in each and "mimeType" in each]
-    colors = [each.get("pbrMetallicRoughness", {}).get("baseColorTexture", {}) for each in materials]
-    fresh = {number for number, color in enumerate(colors) if color.get("index") in new}
+def pictures(path):
+    """Of each numbered object in a file, the picture of each primitive's base colour, or None."""
+    data = memoryview(path.read_bytes())
+    end = 20 + int.from_bytes(data[12:16], "little")
+    document, data = json.loads(bytes(data[20:end])), data[end + 8 :]
+    views = [data[each.get("byteOffset", 0) :][: each["byteLength"]] for each in document["bufferViews"]]
+    textures, materials, images = (document.get(name, []) for name in ("textures", "materials", "images"))
+    shown = [views[images[each["source"]]["bufferView"]] if "source" in each else each for each in textures]
+    infos = [each.get("pbrMetallicRoughness", {}).get("baseColorTexture") for each in materials]
+    colors, meshes = [*(info and shown[info["index"]] for info in infos), None], document.get("meshes", [])
     nodes = [node for node in document["nodes"] if "mesh" in node and KEY in node.get("extras", {})]
-    return {n["extras"][KEY]: [p.get("material") in fresh for p in meshes[n["mesh"]]["primitives"]] for n in nodes}
+    return {n["extras"][KEY]: [colors[p.get("material", -1)] for p in meshes[n["mesh"]]["primitives"]] for n in nodes}
 
 
 def adopt(thing, made, marks, fitted):
@@ -202,7 +203,7 @@ class Weather(bpy.types.Operator):
 
     def execute(self, context):
         self._work = weathered(context)
-        while (state := self._step()) == RUNNING:
+        while (state := self._step()) == {"RUNNING_MODAL"}:
             time.sleep(0.2)
         return state
 
@@ -210,15 +211,14 @@ class Weather(bpy.types.Operator):
         self._work = weathered(context)
         self._timer = context.window_manager.event_timer_add(0.2, window=context.window)
         context.window_manager.modal_handler_add(self)
-        return RUNNING
+        return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
-        """Looks at the program; the view may be turned meanwhile, and the scene stays as it was exported."""
         if event.type not in ("TIMER", "ESC"):
-            return {"PASS_THROUGH"} if event.type.startswith(("MIDDLE", "WHEEL", "TRACKPAD")) else RUNNING
+            return {"PASS_THROUGH"} if event.type.startswith(("MIDDLE", "WHEEL", "TRACKPAD")) else {"RUNNING_MODAL"}
         state = self._step() if event.type == "TIMER" else {"CANCELLED"}
-        context.workspace.status_text_set(f"Weathering (Esc cancels): {self._said}" if state == RUNNING else None)
-        if state != RUNNING:
+        context.workspace.status_text_set(f"Weathering, Esc ends: {self._said}" if state == {"RUNNING_MODAL"} else None)
+        if state != {"RUNNING_MODAL"}:
             self._work.close()
             context.window_manager.event_timer_remove(self._timer)
         return state
@@ -226,7 +226,7 @@ class Weather(bpy.types.Operator):
     def _step(self):
         try:
             self._said = next(self._work)
-            return RUNNING
+            return {"RUNNING_MODAL"}
         except StopIteration as end:
             self.report({"INFO"}, end.value)
             return {"FINISHED"}
