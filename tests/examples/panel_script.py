@@ -34,6 +34,7 @@ def scene(car: str) -> None:
     ball.data.uv_layers[0].name = "Mine"
     ball.data.materials.append(material("Glass", (0.05, 0.05, 0.6, 1)))
     ball.data.materials.append(material("Red", (0.6, 0.05, 0.05, 1)))
+    texture(ball.data.materials["Red"])
     for polygon in ball.data.polygons:
         polygon.material_index = polygon.index % 3 > 0
     ball.vertex_groups.new(name="half").add(range(20), 1, "REPLACE")
@@ -54,6 +55,16 @@ def material(name: str, color: tuple[float, ...]) -> Any:
     made.use_nodes = True
     made.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = color
     return made
+
+
+def texture(given: Any) -> None:
+    """A red picture in place of the colour: its entry in the file keeps its name when it weathers."""
+    picture = bpy.data.images.new("paint", 32, 32)
+    picture.pixels = [0.8, 0.2, 0.2, 1] * 32 * 32
+    nodes, links = given.node_tree.nodes, given.node_tree.links
+    shown = nodes.new("ShaderNodeTexImage")
+    shown.image = picture
+    links.new(shown.outputs["Color"], nodes["Principled BSDF"].inputs["Base Color"])
 
 
 def state() -> dict[str, Any]:
