@@ -77,9 +77,9 @@ def python() -> Path:
     own = folder / "bin" / "python"
     with FileLock(f"{folder}.lock", timeout=20 * MINUTES):
         if not (folder / "complete").exists():
-            _ran([suitable, "-m", "venv", "--clear", folder])
-            _ran([own, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", f"bpy=={VERSION}"])
-            _ran([own, "-c", "import bpy"])
+            ran([suitable, "-m", "venv", "--clear", folder])
+            ran([own, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", f"bpy=={VERSION}"])
+            ran([own, "-c", "import bpy"])
             (folder / "complete").touch()
     return own
 
@@ -100,7 +100,7 @@ def opened(
         folder = Path(place)
         pictures = [str(folder / f"{index}.exr") for index in range(len(files))]
         words = {"files": [str(file) for file in files], "pictures": pictures, "size": size, "samples": samples}
-        _ran([python(), SCRIPT, json.dumps({**words, "bounces": bounces, "answer": str(folder / "answer.json")})])
+        ran([python(), SCRIPT, json.dumps({**words, "bounces": bounces, "answer": str(folder / "answer.json")})])
         answers = json.loads((folder / "answer.json").read_text(encoding="utf-8"))
         return [Opened(**answer, picture=_read(path)) for answer, path in zip(answers, pictures, strict=True)]
 
@@ -165,11 +165,15 @@ def _read(path: str) -> Float[ndarray, "height width 3"]:
     return np.asarray(OpenImageIO.ImageBuf(path).get_pixels(OpenImageIO.FLOAT))[:, :, :3]
 
 
-def _ran(words: Sequence[str | Path]) -> None:
-    """Runs a program to its end, without the paths of this Python."""
+def ran(words: Sequence[str | Path], **environment: str) -> None:
+    """Runs a program to its end, without the paths of this Python and with these variables.
+
+    Raises:
+        RuntimeError: the program failed.
+    """
     apart = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "PYTHONHOME")}
     done = subprocess.run(
-        [*map(str, words)], capture_output=True, text=True, timeout=20 * MINUTES, env=apart, check=False
+        [*map(str, words)], capture_output=True, text=True, timeout=20 * MINUTES, env=apart | environment, check=False
     )
     if done.returncode:
         raise RuntimeError(f"{' '.join(map(str, words[:4]))} failed: {done.stderr[-2000:]}")

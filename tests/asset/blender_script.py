@@ -92,4 +92,5 @@ def main(words: dict[str, Any]) -> None:
     Path(words["answer"]).write_text(json.dumps(answers), encoding="utf-8")
 
 
-main(json.loads(sys.argv[1]))
+if __name__ == "__main__":
+    main(json.loads(sys.argv[1]))
