@@ -23,7 +23,10 @@ from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.types import Surface
 
 _REACH = 1.5  # texels: a tap shows a point's surface if it lies within what so many texels span there
+_NEIGHBOURS = 8
 _NEAR, _FAR = 0.1, 3.0  # of the model's size over the number of texels along a side: bounds of that distance
+
+Nearest = tuple[Float[ndarray, "points near"], Int[ndarray, "points near"], Float[ndarray, "points near 2"]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +42,7 @@ class EmbeddedPeels:
         reach: of each face of the surface: how far off a tap may be, metres.
         side: of each face of the surface, -1 if it is seen from the side that its winding calls the back.
         tree, tree_tap, tap_normals: the taps that show something, in space; their places in `taps`; their normals.
+        remembered: what `nearest` found for points that may be asked for again; None if it shall forget.
     """
 
     surface: Surface
@@ -52,6 +56,7 @@ class EmbeddedPeels:
     tree: cKDTree = field(repr=False)
     tree_tap: Int[ndarray, " known"]
     tap_normals: Float[ndarray, "known 3"]
+    remembered: dict[object, Nearest] | None = field(default=None, repr=False)
 
     @classmethod
     def of(cls, workpiece: Workpiece, embedding: UVEmbedding, texels: int, mesh_maps: bool) -> EmbeddedPeels:
@@ -101,7 +106,33 @@ class EmbeddedPeels:
             tree=cKDTree(np.asarray(self.tree.data)[first]),
             tree_tap=self.tree_tap[first],
             tap_normals=self.tap_normals[first],
+            remembered={},
         )
+
+    def nearest(self, position: Float[ndarray, "points 3"], normal: Float[ndarray, "points 3"]) -> Nearest:
+        """The taps nearest to points, most of those that face the same way (Franke and Nielson 1980).
+
+        Args:
+            normal: of the side that is seen.
+
+        Returns:
+            The weights, which sum to 1, and each tap's peel and UV.
+        """
+        key = len(position), hash(position.tobytes()), hash(normal.tobytes())
+        if self.remembered is not None and key in self.remembered:
+            return self.remembered[key]
+        count = min(_NEIGHBOURS + 1, len(self.tree_tap))
+        distance, near = self.tree.query(position, k=range(1, count + 1))
+        furthest = np.maximum(distance[:, -1:], 1e-9)
+        alike = np.maximum(np.einsum("pk,pnk->pn", normal, self.tap_normals[near]), 0.0)
+        weight = (1.0 - distance / furthest) ** 2 * (alike**2 + 1e-3)
+        weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-30)
+        rows, cols = self.shape
+        peel, tap = np.divmod(self.tree_tap[near], rows * cols)
+        found = weight, peel, np.stack([tap % cols + 0.5, tap // cols + 0.5], axis=-1) / (cols, rows)
+        if self.remembered is not None:
+            self.remembered[key] = found
+        return found
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -21,7 +21,6 @@ from svbrdfgan.types import Mesh
 _SEAM = 3.0  # texels
 _CLEARLY = 0.15  # of the reach: how much nearer than any other peel's a tap must be to count in full
 _NOWHERE = 1e9
-_NEIGHBOURS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,22 +130,13 @@ class LearnedPainter:
     def _near(
         self, position: Float[ndarray, "lost 3"], at: SurfacePoints, lost: Int[ndarray, " lost"]
     ) -> Float[ndarray, "lost channels"]:
-        """The mean of the nearest texels in space (Franke and Nielson 1980), most of those that face the same way."""
+        """The mean of the nearest texels in space."""
         if not len(lost):
             return np.zeros((0, self.layers[0].values.shape[1]), np.float32)
-        count = min(_NEIGHBOURS + 1, len(self.embedded.tree_tap))
-        distance, near = self.embedded.tree.query(position, k=range(1, count + 1))
-        furthest = np.maximum(distance[:, -1:], 1e-9)
         faces = self.embedded.surface.faces[at.face[lost]]
         normal = unit(np.einsum("pj,pjk->pk", at.barycentric[lost], self.embedded.surface.normals[faces]))
-        normal *= self.embedded.side[at.face[lost], None]
-        alike = np.maximum(np.einsum("pk,pnk->pn", normal, self.embedded.tap_normals[near]), 0.0)
-        weight = (1.0 - distance / furthest) ** 2 * (alike**2 + 1e-3)
-        weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-30)
-        rows, cols = self.embedded.shape
-        peel, tap = np.divmod(self.embedded.tree_tap[near], rows * cols)
-        centre = np.stack([tap % cols + 0.5, tap // cols + 0.5], axis=-1) / (cols, rows)
-        found = self._sampled(peel.ravel(), centre.reshape(-1, 2)).reshape(*near.shape, -1)
+        weight, peel, centre = self.embedded.nearest(position, normal * self.embedded.side[at.face[lost], None])
+        found = self._sampled(peel.ravel(), centre.reshape(-1, 2)).reshape(*peel.shape, -1)
         return np.einsum("pn,pnc->pc", weight, found)
 
     def _normals(self, leaning: Float[ndarray, "points 3"], at: SurfacePoints) -> Float[ndarray, "points 3"]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import signal
 import subprocess
 import sys
@@ -55,6 +57,18 @@ def test_what_cannot_be_shown_is_said(
     assert done.exit_code == 1
     assert sentence in done.stderr
     assert done.stdout == ""
+
+
+@pytest.mark.full
+def test_a_run_is_shown_beside_the_truth(varied_run: Path, tmp_path: Path) -> None:
+    page = tmp_path / "run.html"
+    done = CliRunner().invoke(main, ["view", str(varied_run), "--resolution", "512", "--page", str(page)])
+    assert done.exit_code == 0, done.output
+    stored = re.search(r'id="stored">(.*?)</script>', page.read_text(encoding="utf-8"), re.DOTALL)
+    assert stored is not None
+    (piece,) = json.loads(stored[1])["/state"]["pieces"]
+    labels = [choice["label"] for choice in piece["choices"]]
+    assert sorted(labels) == ["Learned: Dust", "Learned: Rust", "Truth: Dust", "Truth: Rust"]
 
 
 def test_the_server_says_where_it_is_and_ends_by_ctrl_c(van: Path) -> None:

@@ -65,6 +65,7 @@ def test_a_draft_of_a_model_is_near_the_whole(easel: Easel) -> None:
     weathering = LearnedWeathering.of(load_model("rust"), seed=1)
     draft, whole = easel.paint(weathering, COARSE)["base_color"], easel.paint(weathering, 2 * COARSE)["base_color"]
     coarse = np.asarray(Image.fromarray(whole[..., 3]).resize((COARSE, COARSE), Image.Resampling.BOX))
+    assert np.array_equal(draft, easel.paint(weathering, COARSE)["base_color"])
     alpha = [values.astype(float).ravel() for values in (draft[..., 3], coarse)]
     assert np.corrcoef(alpha)[0, 1] > 0.85
 
