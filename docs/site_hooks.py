@@ -19,6 +19,7 @@ REPOSITORY = Path(__file__).parents[1]
 LOG = logging.getLogger("mkdocs.hooks.site")
 
 OVERVIEW = "api.md"
+GALLERY = "gallery.md"
 
 FENCED = re.compile(r"(^```.*?^```)", re.MULTILINE | re.DOTALL)
 CELL = re.compile(r"<td\b.*?</td>", re.DOTALL)
@@ -57,7 +58,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     def warn(target: str) -> None:
         LOG.warning("%s links to %s, which does not exist; name a file of the repository", page.file.src_uri, target)
 
-    if page.is_homepage:
+    if page.is_homepage or page.file.src_uri == GALLERY:
         page.meta["hide"] = ["navigation"]  # a menu of one page
     if page.file.src_uri == OVERVIEW:
         markdown = re.sub(r"^\| `(\w+)` \|", r"| [`\1`][svbrdfgan.\1] |", markdown, flags=re.MULTILINE)

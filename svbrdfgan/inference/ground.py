@@ -14,7 +14,7 @@ from svbrdfgan.types import Environment, Material, Materials, Part, Surface
 
 _REFLECTANCE = 0.6  # of the floor
 _WHITE = 1.35  # radiance of a white thing that the light meter measures
-_EXTENT = 30.0  # half the floor's side, in diagonals of the object's box
+_EXTENT = 100.0  # half the floor's side, in diagonals of the object's box
 _GAP = 1e-4  # between object and floor, in the same unit
 _SOLE = Material.lambertian((_REFLECTANCE,) * 3)
 

@@ -49,6 +49,8 @@ def exhibit_of(
         AssetError: a file cannot be read, or the folder is no run.
         ConfigError: the recipe or the model does not exist.
     """
+    if not shown.exists():
+        raise AssetError(f"{shown} does not exist; wanted a mesh file ({', '.join(SUFFIXES)}) or the folder of a run.")
     if shown.is_dir():
         pieces = list(_of_run(shown, parts))
     else:

@@ -123,6 +123,13 @@ def test_the_floor_lies_beneath_the_object_under_a_name_of_its_own(box: Surface)
     assert [part.name for part in standing.parts] == ["floor", "floor_"]
 
 
+def test_the_floor_ends_beyond_the_picture(box: Surface) -> None:
+    for stretched in (box.positions, box.positions * [1.0, 6.0, 1.0], box.positions * [6.0, 1.0, 1.0]):
+        surface = replace(box, positions=stretched)
+        camera = studio_module._camera(surface, (160, 90))
+        assert camera_hits(on_floor(surface), camera, 160, 90).hit.all()  # else its end is a line in the guides
+
+
 def test_the_denoiser_gets_the_picture_and_its_guides(
     box: Surface, renderer: CheckedRenderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,6 +1,7 @@
 """The wheel holds what is needed and no more, and its entry points are found where it is installed."""
 
 import os
+import re
 import subprocess
 import sys
 import sysconfig
@@ -42,6 +43,18 @@ def test_what_is_in_the_wheel(wheel: Path) -> None:
     assert wheel.stat().st_size < 40_000_000
     licence = zipfile.ZipFile(wheel).read(f"{METADATA}/licenses/LICENSE")
     assert b"Apache License" in licence
+
+
+@pytest.mark.full
+def test_the_page_on_pypi_leads_to_the_repository(wheel: Path) -> None:
+    text = zipfile.ZipFile(wheel).read(f"{METADATA}/METADATA").decode()
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    targets = re.findall(r"\]\(([^)\s]+)", text)
+    assert len(targets) > 20
+    assert [target for target in targets if not target.startswith(("https://", "#"))] == []
+    pictures = re.findall(r"!\[[^\]]*\]\((\S+?)\)", text)
+    assert pictures
+    assert all(picture.startswith(f"{project['urls']['Repository']}/raw/HEAD/") for picture in pictures)
 
 
 def test_every_package_is_declared() -> None:
