@@ -4,6 +4,7 @@
 #   make test-full             the rest of what CI runs
 #   make test PYTEST="-m slow" other arguments for pytest
 #   make docs                  the documentation as a site, in site/index.html
+#   make notebooks             runs the notebooks of examples/notebooks again, in place, with their pictures: two minutes
 #   make bench BENCH="--scaling -o out/bench"     other arguments for svbrdfgan bench
 #   make bench REDNER=redner/bin/python           redner beside ours, from an environment of its own
 #   make PYTHON=python3.12 ... another Python
@@ -20,7 +21,7 @@ SUITABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(firstword $(foreach name,python3 python3.13 python3.12 python3.11 python3.14 python,\
 	$(shell $(name) -c '$(SUITABLE)' 2>/dev/null && echo $(name))))
 
-.PHONY: demo test test-full lint types docs test-docs bench clean
+.PHONY: demo test test-full lint types docs test-docs notebooks bench clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.demo
@@ -44,6 +45,9 @@ docs: $(VENV)/.dev
 
 test-docs: $(VENV)/.dev
 	$(RUN)/python -m pytest -q -m "not slow" tests/docs
+
+notebooks: $(VENV)/.dev
+	GOMP_SPINCOUNT=3000 $(RUN)/jupyter execute --inplace examples/notebooks/*.ipynb
 
 # Beside ours, the peers that are there: Mitsuba used directly where it is in the same environment, and redner.
 bench: $(VENV)/.demo
