@@ -241,6 +241,7 @@ LONG_WORK = [
     ("parts {mesh}", "svbrdfgan.asset.asset.load_asset", "loading"),
     ("parts {mesh}", "svbrdfgan.asset.verdicts.judge", "judging the parts"),
     ("embeddings --compare {folder} --embedding lscm", "svbrdfgan.cli.uv_comparison.measure_embedding", "lscm"),
+    ("view {mesh} --page {out}/a.html", "svbrdfgan.viewer.open.exhibit_of", "loading"),
     ("texture {mesh} --model {out} -o {out}/a.glb", "svbrdfgan.training.run.load_model", "loading"),
     ("models", "svbrdfgan.cli.models.shipped_models", "reading the cards"),
     ("dataset {dataset} -o {out}", "svbrdfgan.data.generate.generate", "unwrapping and baking"),

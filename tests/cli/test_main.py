@@ -57,7 +57,7 @@ def test_the_help_of_no_command_imports_torch() -> None:
 
 def test_the_names_are_fixed() -> None:
     names = "demo backends embeddings check bake parts weather dataset probe train learn evaluate experiment"
-    assert list(cli.COMMANDS) == [*names.split(), "texture", "models", "render", "bench"]
+    assert list(cli.COMMANDS) == [*names.split(), "view", "texture", "models", "render", "bench"]
 
 
 def test_the_package_is_the_program() -> None:

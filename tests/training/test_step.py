@@ -93,9 +93,13 @@ def test_the_discriminator_learns_to_tell(
     assert sum(margins[-20:]) / 20 > 1.0 > abs(margins[0]) + 0.9, "each step draws backgrounds, so one tells little"
 
 
-def test_the_generator_learns_to_fool(config: Callable[..., TrainConfig], source: BatchSource) -> None:
+def test_the_generator_learns_to_fool(
+    config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path
+) -> None:
     """A discriminator that has learned, and then stands still."""
-    learning = config(optimizer={"generator_rate": 1e-12, "discriminator_rate": 3e-2}, loss={"r1": 0.0})
+    rates, plain = {"generator_rate": 1e-12, "discriminator_rate": 3e-3}, {"compares": "radiance"}
+    learning = config(optimizer=rates, loss={"r1": 0.0}, discriminator=plain)
+    source = make_batch_source(resolve_run(learning), "train", cpu_renderer, CPU)
     state = State.fresh(learning, CPU)
     run_steps(learning, state, source, 80)
     for group in state.generator_adam.param_groups:
