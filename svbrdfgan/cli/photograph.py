@@ -36,4 +36,4 @@ def command(config: Path, overrides: tuple[str, ...], out: Path, blender: str | 
         manifest = stage_photos(staged, out, base=config.parent, blender=blender, jobs=jobs, display=display)
         if truth:
             generate(staged.dataset, out / TRUTH, base=config.parent, display=display)
-    click.echo(f"next: svbrdfgan dataset import {manifest} -o DATASET")
+    click.echo(f"next: svbrdfgan learn {manifest} train.yaml -o RUN")

@@ -157,4 +157,4 @@ def test_the_command_says_what_comes_next(blender: str, tmp_path: Path) -> None:
     result = CliRunner().invoke(main, [*words, "-o", str(tmp_path / "out"), "--blender", blender, "--truth"])
     assert result.exit_code == 0, result.output
     assert len(list((tmp_path / "out" / "truth" / "train").glob("*.exr"))) == 2
-    assert f"next: svbrdfgan dataset import {tmp_path / 'out' / 'manifest.yaml'} -o DATASET" in result.output
+    assert f"next: svbrdfgan learn {tmp_path / 'out' / 'manifest.yaml'} train.yaml -o RUN" in result.output
