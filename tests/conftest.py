@@ -116,6 +116,18 @@ def training_data(tiny_dataset: Path) -> Callable[..., dict[str, Any]]:
     return lambda **changes: merged({"dataset": str(tiny_dataset), **TINY_TRAINING}, changes)
 
 
+@pytest.fixture(scope="session")
+def van(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A procedural van as a GLB file. Not to be changed."""
+    from svbrdfgan.io.gltf.surface_files import save_mesh_glb
+    from svbrdfgan.procedural.kinds import sample_vehicle
+    from svbrdfgan.procedural.vehicle import build_vehicle
+
+    path = tmp_path_factory.mktemp("van") / "van.glb"
+    save_mesh_glb(path, build_vehicle(sample_vehicle("van", 5)))
+    return path
+
+
 BuiltOnce = Callable[[str, Callable[[Path], None]], Path]
 
 

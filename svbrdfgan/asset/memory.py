@@ -10,6 +10,7 @@ import torch
 
 from svbrdfgan.asset.asset import BYTES_PER_TRIANGLE, Asset
 from svbrdfgan.asset.weather_document import DEFAULT_SIZE, Textures
+from svbrdfgan.asset.weathered_maps import BAND
 from svbrdfgan.asset.weathered_material import WeatheredMaterial
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.gltf.materials import DocumentPictures
@@ -24,8 +25,7 @@ _PAINTED = 19  # a layer's texel: nine channels of 16 bits, and whether it is kn
 _FILLING = 20  # more while the texels around the faces are filled
 _OLD = 32  # a texel of an old texture: its bytes, as part of the looks, and as float32 when it is looked up
 _NEW = 3  # a texel of a new texture
-_BAND = 256  # rows of new textures that one thread blends at a time
-_BLENDING = 440  # a texel of such a band
+_BLENDING = 440  # a texel of a band of rows, of which each thread blends one at a time
 _ENCODING = 16  # a texel, while textures are filled and become PNG files
 _STORED = 2.5  # a texel of a new texture as PNG, which noise hardly lets shrink
 
@@ -43,10 +43,10 @@ def peak_bytes(
         triangles: of the whole model.
     """
     texels, painted = rows * cols, layer[0] * layer[1]
-    bands = min(torch.get_num_threads(), math.ceil(rows / _BAND))
+    bands = min(torch.get_num_threads(), math.ceil(rows / BAND))
     painting = (_PAINTED + _FILLING) * painted
     blending = (
-        _PAINTED * painted + _OLD * sum(old) + (_NEW * maps + _ENCODING) * texels + _BLENDING * bands * _BAND * cols
+        _PAINTED * painted + _OLD * sum(old) + (_NEW * maps + _ENCODING) * texels + _BLENDING * bands * BAND * cols
     )
     return _PROGRAM + BYTES_PER_TRIANGLE * triangles + max(painting, blending)
 

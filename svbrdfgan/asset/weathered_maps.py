@@ -23,7 +23,8 @@ Paint = Callable[[Layer], Layer]
 DIELECTRIC = 0.04
 """Reflectance of a dielectric at normal incidence."""
 
-_ROWS = 256
+BAND = 256
+"""Rows of new textures that are blended at a time."""
 
 _DECODED = linear_from_srgb(torch.arange(256) / 255.0).numpy()
 
@@ -31,12 +32,12 @@ _DECODED = linear_from_srgb(torch.arange(256) / 255.0).numpy()
 def layer_bands(painted: Layer, rows: int, cols: int) -> Iterator[tuple[slice, Layer]]:
     """A painted texture at another size, bilinear or averaged, in bands of rows; float32."""
     if painted.shape[:2] == (rows, cols):
-        for first in range(0, rows, _ROWS):
-            own = slice(first, min(first + _ROWS, rows))
+        for first in range(0, rows, BAND):
+            own = slice(first, min(first + BAND, rows))
             yield own, painted[own].astype(np.float32)
         return
     whole = torch.from_numpy(painted).permute(2, 0, 1)[None]
-    step = max(1, rows // max(1, round(rows / _ROWS)))
+    step = max(1, rows // max(1, round(rows / BAND)))
     ratio = painted.shape[0] / rows
     for first in range(0, rows, step):
         own = slice(first, min(first + step, rows))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.display import note, progress
 from svbrdfgan.cli.options import PartOptions, part_options
 
 if TYPE_CHECKING:
@@ -76,10 +76,10 @@ def _serve(exhibit: Exhibit, port: int, *, open_browser: bool) -> None:
 
     with serve(exhibit, port) as address:
         click.echo(address)
-        click.echo("Ctrl-C ends the server.", err=True)
+        note("Ctrl-C ends the server.")
         if open_browser:
             webbrowser.open(address)
         try:
             Event().wait()
         except KeyboardInterrupt:
-            click.echo("the server has ended.", err=True)
+            note("the server has ended.")

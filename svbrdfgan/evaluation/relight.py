@@ -142,7 +142,7 @@ class Relighter:
         sampler: ConfigSampler,
         renderer: CheckedRenderer,
         layers_of: Callable[[int], Mapping[Painter, Layer]],
-        progress: Display,
+        display: Display,
     ) -> Relit:
         """Renders the layers of all weathered subjects in new scenes, and compares them with G0's.
 
@@ -155,7 +155,7 @@ class Relighter:
         totals, kept = defaultdict[Painter, float](float), []
         subjects = range(len(exemplars.subjects))
         scenes = [found for n in subjects for found in self.scenes_of(n, exemplars, sampler, self.count)]
-        progress.begin("comparing relit pictures", len(scenes))
+        display.begin("comparing relit pictures", len(scenes))
         spread = evenly(len(scenes), _KEPT)
         prepared: dict[int, Any] = {}
         for number, (exemplar, scene) in enumerate(scenes):
@@ -167,7 +167,7 @@ class Relighter:
             for name, value in found.flips().items():
                 totals[name] += value / len(scenes)
             kept += [found] if number in spread else []
-            progress.advance()
+            display.advance()
         return Relit(dict(totals), tuple(kept))
 
     def scenes_of(

@@ -118,9 +118,14 @@ class EmbeddedPeels:
         Returns:
             The weights, which sum to 1, and each tap's peel and UV.
         """
+        if self.remembered is None:
+            return self._nearest(position, normal)
         key = len(position), hash(position.tobytes()), hash(normal.tobytes())
-        if self.remembered is not None and key in self.remembered:
-            return self.remembered[key]
+        if key not in self.remembered:
+            self.remembered[key] = self._nearest(position, normal)
+        return self.remembered[key]
+
+    def _nearest(self, position: Float[ndarray, "points 3"], normal: Float[ndarray, "points 3"]) -> Nearest:
         count = min(_NEIGHBOURS + 1, len(self.tree_tap))
         distance, near = self.tree.query(position, k=range(1, count + 1))
         furthest = np.maximum(distance[:, -1:], 1e-9)
@@ -129,10 +134,7 @@ class EmbeddedPeels:
         weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-30)
         rows, cols = self.shape
         peel, tap = np.divmod(self.tree_tap[near], rows * cols)
-        found = weight, peel, np.stack([tap % cols + 0.5, tap // cols + 0.5], axis=-1) / (cols, rows)
-        if self.remembered is not None:
-            self.remembered[key] = found
-        return found
+        return weight, peel, np.stack([tap % cols + 0.5, tap // cols + 0.5], axis=-1) / (cols, rows)
 
     @property
     def shape(self) -> tuple[int, int]:

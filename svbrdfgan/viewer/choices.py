@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from svbrdfgan.config.distributions import values_of
+from svbrdfgan.config.distributions import Fixed, limits, mean, values_of
 from svbrdfgan.data.config import WeatheringDistribution
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.inference.learned import LearnedWeathering
 from svbrdfgan.inference.weatherings import RecipeWeathering, Weathering
-from svbrdfgan.models.shipped import load_card, shipped_models
+from svbrdfgan.models.shipped import shipped_models
 from svbrdfgan.training.run import Model, load_model
 from svbrdfgan.types import FURTHER_MAPS
 from svbrdfgan.weathering.layer import recipe_from_options
 from svbrdfgan.weathering.recipes import RECIPES
 
-OFFERED = ("road-dirt", "dust", "rust", "chipped-paint", "grime")
+OFFERED = tuple(name for name in RECIPES if not name.startswith("smooth-"))
 """The recipes for artists; the others are a laboratory's."""
 
 
@@ -38,8 +38,8 @@ class Choice:
     label: str
     group: str
     make: Callable[[int, float], Weathering]
-    seeds: bool = True
-    amounts: tuple[float, float, float] | None = (0.0, 1.0, 0.7)
+    seeds: bool
+    amounts: tuple[float, float, float] | None
     command: str = ""
 
     def description(self) -> dict[str, Any]:
@@ -50,8 +50,13 @@ class Choice:
 
 def recipe_choice(name: str, path: str) -> Choice:
     """A procedural recipe, on the file of that name."""
+    usual = float(RECIPES[name]().amount)
+
+    def make(seed: int, amount: float) -> Weathering:
+        return RecipeWeathering(recipe_from_options(name, {"amount": amount, "seed": seed}))
+
     command = f"svbrdfgan weather {shlex.quote(path)} --recipe {name}"
-    return _recipe(name, _title(name), "Recipes", {}, FURTHER_MAPS, command)
+    return Choice(_title(name), "Recipes", make, True, (0.0, 1.0, usual), command)
 
 
 def model_choices(model: Model, name: str, label: str, group: str, path: str) -> Iterator[Choice]:
@@ -81,9 +86,8 @@ def _model_choice(model: Model, name: str, title: str, group: str, path: str, re
 def offered(path: str) -> list[Choice]:
     """All shipped models and recipes, for a file."""
     choices: list[Choice] = []
-    for name, folder in shipped_models().items():
-        title = f"{_title(name)} ({', '.join(load_card(folder).recipes)})" if name not in OFFERED else _title(name)
-        choices += model_choices(load_model(name), name, title, "Learned (shipped models)", path)
+    for name in shipped_models():
+        choices += model_choices(load_model(name), name, _title(name), "Learned (shipped models)", path)
     return choices + [recipe_choice(name, path) for name in OFFERED]
 
 
@@ -105,16 +109,22 @@ def _truth(dataset: Dataset, path: str) -> Iterator[Choice]:
     names = values_of(declared.recipe)
     for name in names:
         title = "Truth" if len(names) == 1 else f"Truth: {_title(name)}"
-        yield _recipe(name, title, "This run", declared.options, maps)
+        yield _true_recipe(name, title, declared, maps)
 
 
-def _recipe(
-    name: str, title: str, group: str, options: Mapping[str, Any], maps: Collection[str], command: str = ""
-) -> Choice:
-    def make(seed: int, amount: float) -> Weathering:
-        return RecipeWeathering(recipe_from_options(name, {**options, "amount": amount, "seed": seed}), maps)
+def _true_recipe(name: str, title: str, declared: WeatheringDistribution, maps: Collection[str]) -> Choice:
+    """A recipe as a data set declares it: where that fixes the seed or the amount, there is no other."""
+    seed, amount = declared.seed, declared.amount
 
-    return Choice(title, group, make, amounts=(0.0, 1.0, float(RECIPES[name]().amount)), command=command)
+    def make(chosen_seed: int, chosen_amount: float) -> Weathering:
+        drawn = {
+            "seed": seed.fixed if isinstance(seed, Fixed) else chosen_seed,
+            "amount": amount.fixed if isinstance(amount, Fixed) else chosen_amount,
+        }
+        return RecipeWeathering(recipe_from_options(name, {**declared.options, **drawn}), maps)
+
+    amounts = None if isinstance(amount, Fixed) else (*limits(amount, 0.0, 1.0), min(max(mean(amount), 0.0), 1.0))
+    return Choice(title, "This run", make, not isinstance(seed, Fixed), amounts)
 
 
 def _title(name: str) -> str:

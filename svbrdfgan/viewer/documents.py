@@ -9,7 +9,8 @@ JSON, GLB, PNG, BYTES = "application/json", "model/gltf-binary", "image/png", "a
 
 COARSE = 512
 """Texels along a side at which a layer is repainted while a slider moves."""
-MOST_SEEDS = 1000
+MOST_SEEDS = 100
+"""Patterns that can be chosen of each way to weather."""
 LAYER = "svbrdfgan_layer"
 """The key in a primitive's `extras` that marks it as one that carries the layer, with the number of its UV set."""
 

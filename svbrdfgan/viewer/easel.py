@@ -64,21 +64,26 @@ class Easel:
         over = OverlayCanvas.of(workpiece.asset, model, workpiece.weathered, COARSE)
         return cls(workpiece, over, RememberedSites(workpiece.surroundings))
 
-    def paint(self, weathering: Weathering, texels: int, stale: Callable[[], bool] = lambda: False) -> Maps:
+    def paint(
+        self, weathering: Weathering, texels: int, stale: Callable[[], bool] = lambda: False, *, draft: bool = False
+    ) -> Maps:
         """The textures of a layer.
 
         Args:
             texels: along a side; the canvas's size is taken if that is more.
             stale: asked from time to time whether something newer is to be painted.
+            draft: whether models paint the outermost surface alone.
 
         Raises:
             Superseded: something newer is.
             EmbeddingError: a model cannot embed the mesh.
             ConfigError: there is not enough memory for a model.
         """
+        if stale():
+            raise Superseded
         size = max(texels, self.over.size)
-        if isinstance(weathering, LearnedWeathering) and texels == COARSE:
-            weathering = replace(weathering, draft=True)
+        if isinstance(weathering, LearnedWeathering):
+            weathering = replace(weathering, draft=draft)
         painter = weathering.painter(self.workpiece)
         if isinstance(painter, RecipePainter) and size == self.over.size:
             painter = replace(painter, surroundings=self._sites)

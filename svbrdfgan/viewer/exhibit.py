@@ -129,7 +129,7 @@ class Exhibit:
             raise Unknown("layer")
         with self._painting:
             weathering = piece.choices[choice].make(seed, percent / 100.0)
-            maps = piece.easel.paint(weathering, texels, stale)
+            maps = piece.easel.paint(weathering, texels, stale, draft=texels < self.fine)
         return Document.of(_pictures(maps))
 
 

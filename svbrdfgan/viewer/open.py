@@ -15,7 +15,6 @@ from svbrdfgan.inference.workpiece import open_workpiece
 from svbrdfgan.io.environment import load_environment
 from svbrdfgan.io.files import check_file
 from svbrdfgan.io.mesh import SUFFIXES
-from svbrdfgan.models.shipped import shipped_models
 from svbrdfgan.training.run import RunConfig, load_model
 from svbrdfgan.viewer.choices import Choice, model_choices, of_run, offered, recipe_choice
 from svbrdfgan.viewer.easel import Easel
@@ -47,11 +46,13 @@ def exhibit_of(
 
     Raises:
         AssetError: a file cannot be read, or the folder is no run.
-        ConfigError: the recipe or the model does not exist.
+        ConfigError: the recipe or the model does not exist, or one is named for a run, which has its own.
     """
     if not shown.exists():
         raise AssetError(f"{shown} does not exist; wanted a mesh file ({', '.join(SUFFIXES)}) or the folder of a run.")
     if shown.is_dir():
+        if model is not None or recipe is not None:
+            raise ConfigError("--model and --recipe are for mesh files: a run shows what it learned, and the truth.")
         pieces = list(_of_run(shown, parts))
     else:
         check_file(shown, SUFFIXES, "mesh")
@@ -66,9 +67,9 @@ def exhibit_of(
 def _asked(model: str | None, recipe: str | None, path: str) -> list[Choice]:
     """The choices that a user named; none if that is nothing."""
     if model is not None:
-        label = model if model in shipped_models() else Path(model).name
-        found = list(model_choices(load_model(model), model, label, "Learned", path))
-        known = load_model(model).config.conditions.recipes
+        trained = load_model(model)
+        found = list(model_choices(trained, model, Path(model).name, "Learned", path))
+        known = trained.config.conditions.recipes
         if recipe is not None and recipe not in known:
             raise ConfigError(f"the model does not know the recipe {recipe!r}; it knows {', '.join(known) or 'none'}.")
         return [found[known.index(recipe)]] if recipe is not None else found
@@ -99,7 +100,4 @@ def _piece(name: str, path: Path, choices: Sequence[Choice], parts: dict[str, An
 
 
 def _easel(path: Path, weathering: Weathering, parts: dict[str, Any]) -> Easel:
-    workpiece = open_workpiece(path, **parts).settled(weathering.settles_on)
-    if not workpiece.weathered:
-        raise AssetError(f"nothing of {path} weathers; name parts by --learnable.")
-    return Easel.of(workpiece)
+    return Easel.of(open_workpiece(path, **parts).settled(weathering.settles_on))

@@ -65,35 +65,35 @@ def serve(exhibit: Exhibit, port: int = 0) -> Iterator[str]:
     Raises:
         ConfigError: the port is taken.
     """
-    desk = _Desk(exhibit)
-
-    class Handler(_Handler):
-        def desk(self) -> _Desk:
-            return desk
-
     try:
-        server = ThreadingHTTPServer((HOST, port), Handler)
+        server = _Server(_Desk(exhibit), port)
     except OSError as error:
         raise ConfigError(f"port {port} cannot be used ({error.strerror}); choose another one by --port.") from error
-    server.daemon_threads = True
     thread = Thread(target=server.serve_forever, daemon=True)
     thread.start()
     try:
-        yield f"http://{HOST}:{server.server_port}/?token={desk.token}"
+        yield f"http://{HOST}:{server.server_port}/?token={server.desk.token}"
     finally:
         server.shutdown()
         server.server_close()
         thread.join()
 
 
+class _Server(ThreadingHTTPServer):
+    """Listens on this machine alone."""
+
+    daemon_threads = True
+
+    def __init__(self, desk: _Desk, port: int) -> None:
+        self.desk = desk
+        super().__init__((HOST, port), _Handler)
+
+
 class _Handler(BaseHTTPRequestHandler):
     """Answers GET alone: from this machine, for this server's own page, and with the token."""
 
-    server: ThreadingHTTPServer
+    server: _Server
     server_version, sys_version = "svbrdfgan", ""
-
-    def desk(self) -> _Desk:
-        raise NotImplementedError
 
     def do_GET(self) -> None:
         asked = urlsplit(self.path)
@@ -101,7 +101,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.FORBIDDEN, Document.of({"error": refusal}))
             return
         try:
-            self._send(HTTPStatus.OK, self.desk().answer(asked.path))
+            self._send(HTTPStatus.OK, self.server.desk.answer(asked.path))
         except Unknown:
             self._send(HTTPStatus.NOT_FOUND, Document.of({"error": "there is nothing of this name."}))
         except Superseded:
@@ -119,7 +119,7 @@ class _Handler(BaseHTTPRequestHandler):
         given = self.headers.get("X-Token") or (query.get("token") or [""])[0]
         if self.headers.get("Host") not in own or (origin is not None and urlsplit(origin).netloc not in own):
             return "this server answers its own page alone."
-        if not secrets.compare_digest(given.encode(), self.desk().token.encode()):
+        if not secrets.compare_digest(given.encode(), self.server.desk.token.encode()):
             return "the address lacks the token; take the one that the command printed."
         return ""
 

@@ -14,18 +14,8 @@ import pytest
 from click.testing import CliRunner
 
 from svbrdfgan.cli import main
-from svbrdfgan.io.gltf.surface_files import save_mesh_glb
-from svbrdfgan.procedural.kinds import sample_vehicle
-from svbrdfgan.procedural.vehicle import build_vehicle
 
 pytest.importorskip("xatlas")
-
-
-@pytest.fixture(scope="module")
-def van(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("view") / "van.glb"
-    save_mesh_glb(path, build_vehicle(sample_vehicle("van", 5)))
-    return path
 
 
 def test_a_page_is_written(van: Path, tmp_path: Path) -> None:
@@ -68,6 +58,8 @@ def test_a_run_is_shown_beside_the_truth(varied_run: Path, tmp_path: Path) -> No
     assert stored is not None
     (piece,) = json.loads(stored[1])["/state"]["pieces"]
     labels = [choice["label"] for choice in piece["choices"]]
+    refused = CliRunner().invoke(main, ["view", str(varied_run), "--recipe", "rust"])
+    assert "--model and --recipe are for mesh files" in refused.stderr
     assert sorted(labels) == ["Learned: Dust", "Learned: Rust", "Truth: Dust", "Truth: Rust"]
 
 

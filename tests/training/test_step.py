@@ -81,27 +81,26 @@ def test_every_loss_runs(name: str, config: Callable[..., TrainConfig], source: 
         assert all(bool(value.isfinite()) for value in reports.values())
 
 
-def test_the_discriminator_learns_to_tell(
+@pytest.fixture
+def taught(
     config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path
-) -> None:
-    """Against a generator that stands still."""
+) -> tuple[TrainConfig, State, BatchSource, list[dict[str, Any]]]:
+    """A discriminator after 80 steps against a generator that stands still, and the reports of these steps."""
     rates, plain = {"generator_rate": 1e-12, "discriminator_rate": 3e-3}, {"compares": "radiance"}
     chosen = config(optimizer=rates, loss={"r1": 0.0}, discriminator=plain)
-    source = make_batch_source(resolve_run(chosen), "train", cpu_renderer, CPU)
-    reports = run_steps(chosen, State.fresh(chosen, CPU), source, 80)
+    source, state = make_batch_source(resolve_run(chosen), "train", cpu_renderer, CPU), State.fresh(chosen, CPU)
+    return chosen, state, source, run_steps(chosen, state, source, 80)
+
+
+def test_the_discriminator_learns_to_tell(taught: tuple[Any, ...]) -> None:
+    *_, reports = taught
     margins = [float(report["d_real"] - report["d_fake"]) for report in reports]
     assert sum(margins[-20:]) / 20 > 1.0 > abs(margins[0]) + 0.9, "each step draws backgrounds, so one tells little"
 
 
-def test_the_generator_learns_to_fool(
-    config: Callable[..., TrainConfig], cpu_renderer: Any, tiny_dataset: Path
-) -> None:
+def test_the_generator_learns_to_fool(taught: tuple[Any, ...]) -> None:
     """A discriminator that has learned, and then stands still."""
-    rates, plain = {"generator_rate": 1e-12, "discriminator_rate": 3e-3}, {"compares": "radiance"}
-    learning = config(optimizer=rates, loss={"r1": 0.0}, discriminator=plain)
-    source = make_batch_source(resolve_run(learning), "train", cpu_renderer, CPU)
-    state = State.fresh(learning, CPU)
-    run_steps(learning, state, source, 80)
+    learning, state, source, _ = taught
     for group in state.generator_adam.param_groups:
         group["lr"] = 1e-2
     for group in state.discriminator_adam.param_groups:

@@ -160,7 +160,7 @@
   const controls = new T.OrbitControls(camera, canvas);
   controls.enableDamping = true;
   controls.maxPolarAngle = Math.PI * 0.497;
-  controls.listenToKeyEvents(window);
+  controls.listenToKeyEvents(canvas);
   const dome = new T.Mesh(new T.SphereGeometry(1, 32, 16), new T.MeshBasicMaterial({ side: T.BackSide, depthWrite: false }));
   const floor = new T.Mesh(new T.CircleGeometry(1, 64), new T.MeshBasicMaterial());
   floor.rotation.x = -Math.PI / 2;
@@ -280,10 +280,14 @@
   async function layerOf(path) {
     if (!painted.has(path)) {
       const answer = await json(path);
-      const made = {};
+      const made = { texels: answer.texels };
       for (const [name, uri] of Object.entries(answer.maps)) made[name] = await texture(uri, name === "base_color");
       painted.set(path, made);
-      if (painted.size > 24) painted.delete(painted.keys().next().value);
+      if (painted.size > 24) {
+        const [oldest, { texels, ...maps }] = painted.entries().next().value;
+        Object.values(maps).forEach((map) => map.dispose());
+        painted.delete(oldest);
+      }
     }
     return painted.get(path);
   }
@@ -302,7 +306,7 @@
       const made = await layerOf(path);
       if (mine !== latest) return;
       use(made);
-      say(`${texels} texels, ${((performance.now() - began) / 1000).toFixed(1)} s`, "quiet");
+      say(`${made.texels} texels, ${((performance.now() - began) / 1000).toFixed(1)} s`, "quiet");
       canvas.dataset.painted = path;
     } catch (error) {
       if (error instanceof Superseded) return;
@@ -379,7 +383,7 @@
   byId("piece-row").hidden = state.pieces.length < 2;
   fill(byId("light"), state.lights.map(({ name }) => ({ label: name })));
   fill(byId("choice"), choices());
-  range("seed", state.baked && state.baked.seeds, 0, 99, 0);
+  range("seed", state.baked && state.baked.seeds, 0, state.most_seeds - 1, 0);
   offer();
 
   const on = (id, event, act) => byId(id).addEventListener(event, act);
