@@ -18,6 +18,8 @@ from svbrdfgan.errors import AssetError
 
 _GRACE_SECONDS = 1.0
 """How long a worker that is stopped may tidy up."""
+_USUAL = 8
+"""Worker processes, at most, if nobody says how many: each takes memory, of a GPU, too."""
 _started: list[bool] = []
 """Holds something in a worker that has begun to take work."""
 
@@ -103,6 +105,11 @@ def _end(processes: list[Any]) -> None:
 def cores() -> int:
     """The CPU cores that this process may use, where the system says; else all of them."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def usual_workers(wanted: int | None, tasks: int) -> int:
+    """Worker processes for so many tasks: as many as are wanted, by default one for each core, but at most 8."""
+    return min(min(cores(), _USUAL) if wanted is None else wanted, tasks)
 
 
 def import_path() -> str:

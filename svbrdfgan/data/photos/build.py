@@ -106,7 +106,7 @@ def import_pictures(
         with errors.context("environments"):
             files = match_files(manifest.environments.files, base)
             pool = gather_environments(manifest.environments, files, manifest.environment_rows, stage)
-        usable = check_pictures(job, meshes)
+        usable = check_pictures(job, meshes, workers)
         job.require_some(usable)
         photos = list(usable.values())
         _warn(job)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -32,6 +32,7 @@ from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.scene.description import OrbitCamera
 from svbrdfgan.types import Mesh
 from svbrdfgan.utils.display import Display
+from svbrdfgan.utils.processes import usual_workers, worker_pool
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -45,6 +46,8 @@ _FAR_DEGREES, _FAR_PERCENT = 15.0, 15.0
 """Changes of a refined camera above which the user should look at it."""
 _MOST_ERRORS = 30
 """Errors that are listed: a capture may have hundreds of pictures with the same."""
+_LEAST_SHARE = 8
+"""Pictures that a further process must have to check, since its start takes as long as a few of them."""
 _MOST_ENLARGED = 10.0
 """The greatest enlargement of a picture; more is refused."""
 
@@ -161,19 +164,69 @@ def check_environments(job: ImportJob) -> None:
     _require_names(files, "environments", job.errors)
 
 
-def check_pictures(job: ImportJob, meshes: Mapping[str, Mesh]) -> dict[int, RectifiedPhoto]:
-    """The rectified pictures by their numbers, in order; the job notes why others are missing."""
-    pictures, film = job.manifest.pictures, job.manifest.image
+def check_pictures(job: ImportJob, meshes: Mapping[str, Mesh], workers: int | None = 1) -> dict[int, RectifiedPhoto]:
+    """The rectified pictures by their numbers, in order; the job notes why others are missing.
+
+    Args:
+        workers: processes that share the pictures, as for `crew`; fewer where there are few pictures.
+
+    Raises:
+        AssetError: a process was killed.
+    """
+    pictures, photos = job.manifest.pictures, dict[int, RectifiedPhoto]()
     job.display.begin("pictures checked", len(pictures))
-    photos = {}
-    for number, entry in enumerate(pictures):
+    check = _Check(job.base, meshes, job.manifest.image, job.manifest.refine_cameras)
+    for number, found in enumerate(
+        _all_checked(check, pictures, usual_workers(workers, len(pictures) // _LEAST_SHARE))
+    ):
         with job.picture(number):
-            photo = load_photo(job.base / entry.file, None if entry.mask is None else job.base / entry.mask)
-            second = None if entry.second is None else _second(job.base / entry.second, photo)
-            if entry.mesh in meshes:
-                photos[number] = _rectified(entry, photo, second, meshes[entry.mesh], film, job.manifest.refine_cameras)
+            if isinstance(found, SvbrdfganError):
+                raise found
+            if found is not None:
+                photos[number] = found
         job.display.advance()
     return photos
+
+
+@dataclass(frozen=True, eq=False)
+class _Check:
+    base: Path
+    meshes: Mapping[str, Mesh]
+    film: tuple[int, int]
+    refine: bool
+
+    def __call__(self, entry: PictureEntry) -> RectifiedPhoto | SvbrdfganError | None:
+        """The rectified picture, or why it cannot be used; None if its mesh cannot be."""
+        try:
+            photo = load_photo(self.base / entry.file, None if entry.mask is None else self.base / entry.mask)
+            second = None if entry.second is None else _second(self.base / entry.second, photo)
+            if entry.mesh not in self.meshes:
+                return None
+            return _rectified(entry, photo, second, self.meshes[entry.mesh], self.film, self.refine)
+        except SvbrdfganError as error:
+            return error
+
+
+_own: list[_Check] = []
+"""The check of this process, if it is a worker."""
+
+
+def _all_checked(
+    check: _Check, pictures: Sequence[PictureEntry], workers: int
+) -> Iterator[RectifiedPhoto | SvbrdfganError | None]:
+    if workers < 2:
+        yield from map(check, pictures)
+        return
+    with worker_pool(workers, "checks pictures", "--workers", _start, (check,)) as pool:
+        yield from pool.map(_here, pictures)
+
+
+def _start(check: _Check) -> None:
+    _own.append(check)
+
+
+def _here(entry: PictureEntry) -> RectifiedPhoto | SvbrdfganError | None:
+    return _own[0](entry)
 
 
 def _second(path: Path, first: Photo) -> Float[Tensor, "height width 3"]:

@@ -17,15 +17,13 @@ from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.trained_model import TrainedModel
 from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.utils.display import Display
-from svbrdfgan.utils.processes import cores, worker_pool
+from svbrdfgan.utils.processes import usual_workers, worker_pool
 
 Wanted = TypeVar("Wanted")
 Made = TypeVar("Made")
 
 _CHUNKS = 4
 """Parts, for each process, that work is cut into: neighbouring pictures show one mesh, which is then prepared once."""
-_USUAL = 8
-"""Processes, at most, if nobody says how many."""
 _LOOK_SECONDS = 0.5
 """How often a crew looks how many pictures are done, since whole parts come back at once."""
 _own: list[tuple[Converter, Synchronized[int]]] = []
@@ -89,11 +87,10 @@ def crew(
     Raises:
         AssetError: a process was killed.
     """
-    given = (manifest, base, index, folder, model)
-    first = Converter.open(*given)  # stores all assets, which the others find
-    if workers is None:
-        workers = min(cores(), _USUAL)
-    workers = min(workers, len(manifest.pictures))
+    first = Converter.open(manifest, base, index, folder, model)  # stores all assets, which the others find
+    # nor need they try out which renderer works
+    given = (manifest.model_copy(update={"renderer": first.chosen}), base, index, folder, model)
+    workers = usual_workers(workers, len(manifest.pictures))
     if workers < 2:
         yield Crew(first)
         return

@@ -19,6 +19,7 @@ from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset, DatasetIndex
+from svbrdfgan.data.photos import check
 from svbrdfgan.data.photos.build import ImportedPicture, import_pictures
 from svbrdfgan.data.photos.light import GLOSS, white
 from svbrdfgan.data.photos.manifest import Manifest, read_manifest
@@ -160,8 +161,11 @@ def test_bad_pictures_are_left_out_and_spoil_no_others(
 
 
 @pytest.mark.full
-def test_processes_that_share_the_pictures_make_the_same(photographs: Photographs, tmp_path: Path) -> None:
+def test_processes_that_share_the_pictures_make_the_same(
+    photographs: Photographs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """So do those of a picture that cannot be used, which is told in one sentence."""
+    monkeypatch.setattr(check, "_LEAST_SHARE", 2)
     folder, made = photographs
     Image.new("RGB", (240, 160)).save(tmp_path / "black.png")
     pictures = [dict(entry) for entry in load_yaml(folder / "manifest.yaml")["pictures"]]
