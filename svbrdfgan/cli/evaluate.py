@@ -11,6 +11,10 @@ from svbrdfgan.cli.display import print_json, progress
 from svbrdfgan.cli.options import json_option
 from svbrdfgan.utils.processes import cores
 
+_BAKED = (0, 1, 2), (0.5, 1.0)
+"""Seeds and amounts of the vehicle to turn about."""
+_TEXELS = 1024
+
 
 @click.command("evaluate")
 @click.argument("run", type=click.Path(path_type=Path))
@@ -41,6 +45,11 @@ from svbrdfgan.utils.processes import cores
 @click.option(
     "--device", default="auto", show_default=True, type=click.Choice(["auto", "cpu", "cuda"]), help="Where to compute."
 )
+@click.option(
+    "--view",
+    is_flag=True,
+    help="Put a held-out vehicle to turn about into the report, as of `svbrdfgan view RUN --page`; takes a minute.",
+)
 @json_option("the contents of evaluation.json")
 @click.option(
     "--workers",
@@ -55,6 +64,7 @@ def command(
     dataset: Path | None,
     on: Path | None,
     device: Literal["auto", "cpu", "cuda"],
+    view: bool,
     as_json: bool,
     workers: int | None,
 ) -> None:
@@ -81,8 +91,14 @@ def command(
             workers=workers or cores(),
             display=display,
         )
+        live = None
+        if view:
+            from svbrdfgan.viewer.open import exhibit_of
+            from svbrdfgan.viewer.page import baked_page
+
+            live = baked_page(exhibit_of(run, fine=_TEXELS, baked=_BAKED), display)
         display.stage("writing the report")
-        report = write_report(run, evaluated)
+        report = write_report(run, evaluated, live)
     if as_json:
         print_json(evaluated.evaluation.model_dump(mode="json"))
         return

@@ -35,15 +35,18 @@ _TEXTURES = 3  # the first of them, of which layers are shown too
 _JUDGED = 3  # and patch maps
 
 
-def write_report(run: Path, evaluated: Evaluated) -> Path:
+def write_report(run: Path, evaluated: Evaluated, live: str | None = None) -> Path:
     """The path of the run's report, which it writes: `report.html`, or for splits other than test `report.SPLIT.html`.
 
     The page says what it leaves out because the run does not have it.
 
+    Args:
+        live: a page with a vehicle to turn about, which the report then contains (`svbrdfgan.viewer.page.baked_page`).
+
     Raises:
         AssetError: the page cannot be written.
     """
-    page = _render(_contents(run, evaluated))
+    page = _render({**_contents(run, evaluated), "live": live})
     path = run / of_split(REPORT, evaluated.evaluation.split)
     with atomic_path(path) as temporary:
         temporary.write_text(page, encoding="utf-8")

@@ -26,10 +26,22 @@ def live_page(title: str) -> str:
 
 
 def write_page(path: Path, exhibit: Exhibit, display: Display) -> None:
-    """Writes the page that works without a server: all that its sliders show is painted now.
+    """Writes the page that works without a server.
 
     Raises:
         AssetError: the file cannot be written, or nothing weathers.
+        SvbrdfganError: something cannot be painted.
+    """
+    page = baked_page(exhibit, display)
+    with atomic_path(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+
+
+def baked_page(exhibit: Exhibit, display: Display) -> str:
+    """The page that works without a server: all that its sliders show is painted now.
+
+    Raises:
+        AssetError: nothing weathers.
         SvbrdfganError: something cannot be painted.
     """
     paths = list(exhibit.paths())
@@ -38,8 +50,7 @@ def write_page(path: Path, exhibit: Exhibit, display: Display) -> None:
     for each in paths:
         stored[each] = exhibit.document(each)
         display.advance()
-    with atomic_path(path) as temporary:
-        temporary.write_text(_page(exhibit.title, stored), encoding="utf-8")
+    return _page(exhibit.title, stored)
 
 
 def _page(title: str, stored: Mapping[str, Document]) -> str:

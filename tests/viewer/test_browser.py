@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from jaxtyping import Float
 from numpy import ndarray
 from PIL import Image
 
+from svbrdfgan.cli import main
 from svbrdfgan.utils.display import SilentDisplay
 from svbrdfgan.viewer.exhibit import Exhibit
 from svbrdfgan.viewer.page import write_page
@@ -139,6 +141,23 @@ def test_a_page_works_offline_from_its_file(browser: Browser, dusty: Exhibit, tm
     watched.page.locator("#amount").fill("1")
     watched.painted("/layer/0/0/0/100/")
     assert difference(half, watched.shown()) > 0.5
+    watched.calm()
+
+
+def test_a_report_contains_a_vehicle_to_turn_about(browser: Browser, varied_run: Path, tmp_path: Path) -> None:
+    run = shutil.copytree(varied_run, tmp_path / "run")
+    result = CliRunner().invoke(
+        main, ["evaluate", str(run), "--split", "validation", "--no-oracle", "--device", "cpu", "--view"]
+    )
+    assert result.exit_code == 0, result.output
+    watched = Watched(browser)
+    watched.page.context.set_offline(True)
+    watched.page.goto(f"file://{run / 'report.validation.html'}")
+    live = watched.page.frame_locator("iframe.live").locator('#view[data-painted*="/layer/0/0/"]')
+    live.scroll_into_view_if_needed(timeout=_PATIENCE)
+    watched.page.wait_for_timeout(1500)
+    picture = np.asarray(Image.open(BytesIO(live.screenshot())).convert("RGB")).astype(np.float64)
+    assert picture.std(axis=(0, 1)).min() > 12.0, "the picture is one colour"
     watched.calm()
 
 
