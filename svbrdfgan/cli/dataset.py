@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from svbrdfgan.cli.display import progress
-from svbrdfgan.cli.options import read_config
+from svbrdfgan.cli.options import completed, read_config
 
 if TYPE_CHECKING:
     from svbrdfgan.data.config import DatasetConfig
 
+_FURTHER = {"import": "import_pictures", "pose": "pose", "photograph": "photograph"}
+"""The modules of further commands, by the word that follows `dataset`."""
 _NAMES = 7
 """Names of parts that are listed where there are many."""
 
@@ -27,18 +30,9 @@ class _Dataset(click.Command):
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
     ) -> click.Context:
-        if args[:1] == ["import"]:
-            from svbrdfgan.cli import import_pictures
-
-            return import_pictures.command.make_context(f"{info_name} import", args[1:], parent, **extra)
-        if args[:1] == ["pose"]:
-            from svbrdfgan.cli import pose
-
-            return pose.command.make_context(f"{info_name} pose", args[1:], parent, **extra)
-        if args[:1] == ["photograph"]:
-            from svbrdfgan.cli import photograph
-
-            return photograph.command.make_context(f"{info_name} photograph", args[1:], parent, **extra)
+        if args and args[0] in _FURTHER:
+            further: click.Command = importlib.import_module(f"svbrdfgan.cli.{_FURTHER[args[0]]}").command
+            return further.make_context(f"{info_name} {args[0]}", args[1:], parent, **extra)
         return super().make_context(info_name, args, parent, **extra)
 
 
@@ -48,7 +42,9 @@ class _Dataset(click.Command):
     epilog="`svbrdfgan dataset import MANIFEST` makes a data set of your own pictures. `svbrdfgan dataset pose IMAGES` "
     "finds their cameras by COLMAP. `svbrdfgan dataset photograph CONFIG` lets Blender photograph the scenes of one.",
 )
-@click.argument("config", type=click.Path(path_type=Path, dir_okay=False))
+@click.argument(
+    "config", type=click.Path(path_type=Path, dir_okay=False), shell_complete=completed(lambda: _FURTHER, "file")
+)
 @click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder to write.")
 @click.option("--devices", default=1, show_default=True, type=click.IntRange(1), help="Processes, one for each GPU.")

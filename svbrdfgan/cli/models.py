@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from svbrdfgan.cli.display import output_console, print_json, print_table, progress
-from svbrdfgan.cli.options import json_option
+from svbrdfgan.cli.options import completed, json_option, known_models
 from svbrdfgan.config.error_messages import did_you_mean
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.models.card import ModelCard, Scores
@@ -19,7 +19,7 @@ from svbrdfgan.models.shipped import PICTURE, load_card, shipped_models
 
 
 @click.command("models")
-@click.argument("name", required=False)
+@click.argument("name", required=False, shell_complete=completed(known_models))
 @json_option("cards as objects")
 def command(name: str | None, as_json: bool) -> None:
     """List the shipped models, or show the whole card of the model NAME.

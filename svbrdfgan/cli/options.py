@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+from click.shell_completion import CompletionItem
 
 from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
 from svbrdfgan.errors import ConfigError, PluginError
@@ -24,6 +25,25 @@ DENSITY = 1024
 
 _REFERENCE = "numpy"
 """The renderer that is always there, and too slow for pictures of this size."""
+
+
+def completed(
+    names: Callable[[], Iterable[str]], paths: str | None = None
+) -> Callable[[click.Context, click.Parameter, str], list[CompletionItem]]:
+    """What a shell offers for a parameter: names, and paths if it takes those, too ("file" or "dir")."""
+
+    def complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        found = [CompletionItem(name) for name in names() if name.startswith(incomplete)]
+        return [*found, CompletionItem(incomplete, type=paths)] if paths else found
+
+    return complete
+
+
+def known_models() -> Iterable[str]:
+    """The names of all shipped models."""
+    from svbrdfgan.models.shipped import shipped_models
+
+    return shipped_models()
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,10 @@ from svbrdfgan.cli.options import (
     DENSITY,
     PartOptions,
     check_delivery,
+    completed,
     delivery_options,
     json_option,
+    known_models,
     part_options,
     picture_options,
     studio_of,
@@ -29,6 +31,7 @@ from svbrdfgan.models.shipped import DEFAULT, model_of
     metavar="NAME|FOLDER",
     help="A shipped model (see `svbrdfgan models`) or the folder of a training run.  "
     "[default: the shipped one that learned --recipe, or else road-dirt]",
+    shell_complete=completed(known_models, "dir"),
 )
 @click.option("--seed", type=int, help="Each seed gives another pattern; for models with random fields.  [default: 0]")
 @click.option("--amount", type=float, help="0 is clean, 1 is filthy.  [default: the middle of those trained on]")

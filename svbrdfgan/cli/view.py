@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from svbrdfgan.cli.display import note, progress
-from svbrdfgan.cli.options import PartOptions, part_options
+from svbrdfgan.cli.options import PartOptions, completed, known_models, part_options
 
 if TYPE_CHECKING:
     from svbrdfgan.viewer.exhibit import Exhibit
@@ -21,7 +21,12 @@ _SEEDS, _AMOUNTS = (0, 1, 2), (0.25, 0.5, 0.75, 1.0)
 
 @click.command("view")
 @click.argument("shown", metavar="FILE_OR_RUN", type=click.Path(path_type=Path))
-@click.option("--model", metavar="NAME|FOLDER", help="Offer this shipped model or run alone.")
+@click.option(
+    "--model",
+    metavar="NAME|FOLDER",
+    help="Offer this shipped model or run alone.",
+    shell_complete=completed(known_models, "dir"),
+)
 @click.option("--recipe", help="Offer this recipe alone; with --model, that of its recipes.")
 @part_options
 @click.option("--environment", type=click.Path(path_type=Path, dir_okay=False), help="A further light: .hdr or .exr.")

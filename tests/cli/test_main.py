@@ -73,11 +73,15 @@ def test_the_package_is_the_program() -> None:
         ([], "", list(cli.COMMANDS)),
         ([], "--qu", ["--quiet"]),
         (["weather"], "--rec", ["--recipe"]),
+        (["dataset"], "p", ["pose", "photograph", None]),
         (["dataset", "import"], "--pre", ["--preview"]),
+        (["models"], "r", ["road-dirt", "rust"]),
+        (["texture", "--model"], "ru", ["rust", None]),
         (["evaluate", "--split"], "t", ["train", "test"]),
     ],
 )
-def test_shells_complete_commands_and_options(words: list[str], incomplete: str, offered: list[str]) -> None:
+def test_shells_complete_commands_and_options(words: list[str], incomplete: str, offered: list[str | None]) -> None:
+    """None stands for paths."""
     code = (
         "import sys\nfrom svbrdfgan.cli import main\ntry:\n    main(prog_name='svbrdfgan')\nexcept SystemExit:\n"
         "    print('LOADED', *({'torch', 'numpy', 'scipy', 'trimesh'} & set(sys.modules)))"
@@ -91,7 +95,9 @@ def test_shells_complete_commands_and_options(words: list[str], incomplete: str,
         [sys.executable, "-c", code], env=os.environ | asked, capture_output=True, text=True, check=True
     )
     *lines, loaded = done.stdout.splitlines()
-    assert lines == [f"plain,{name}" for name in offered]
+    assert [None if line in (f"file,{incomplete}", f"dir,{incomplete}") else line for line in lines] == [
+        name and f"plain,{name}" for name in offered
+    ]
     assert loaded.split() == ["LOADED"]
 
 
