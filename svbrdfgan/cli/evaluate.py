@@ -11,9 +11,8 @@ from svbrdfgan.cli.display import print_json, progress
 from svbrdfgan.cli.options import json_option
 from svbrdfgan.utils.processes import cores
 
-_BAKED = (0, 1, 2), (0.5, 1.0)
-"""Seeds and amounts of the vehicle to turn about."""
-_TEXELS = 1024
+_BAKED, _TEXELS = ((0, 1, 2), (0.5, 1.0)), 1024
+"""Seeds and amounts of the vehicle to turn about, and texels along a side of its layers."""
 
 
 @click.command("evaluate")
@@ -80,6 +79,12 @@ def command(
         from svbrdfgan.evaluation.relight import Relight
         from svbrdfgan.report.page import write_report
 
+        live = None
+        if view:
+            from svbrdfgan.viewer.open import exhibit_of
+            from svbrdfgan.viewer.page import baked_page
+
+            live = baked_page(exhibit_of(run, dataset=on or dataset, fine=_TEXELS, baked=_BAKED), display)
         evaluated = evaluate(
             run,
             split=split,
@@ -91,12 +96,6 @@ def command(
             workers=workers or cores(),
             display=display,
         )
-        live = None
-        if view:
-            from svbrdfgan.viewer.open import exhibit_of
-            from svbrdfgan.viewer.page import baked_page
-
-            live = baked_page(exhibit_of(run, fine=_TEXELS, baked=_BAKED), display)
         display.stage("writing the report")
         report = write_report(run, evaluated, live)
     if as_json:

@@ -32,6 +32,7 @@ def exhibit_of(
     model: str | None = None,
     recipe: str | None = None,
     environment: Path | None = None,
+    dataset: Path | None = None,
     fine: int = 1024,
     baked: tuple[Sequence[int], Sequence[float]] | None = None,
     **parts: Any,
@@ -41,6 +42,7 @@ def exhibit_of(
     Args:
         model, recipe: offer these alone.
         environment: a further light.
+        dataset: whose vehicles a run is shown on, instead of those of its own data set.
         fine, baked: as for `Exhibit`. A page without a server offers one model or recipe, and of a run one vehicle.
         parts: as for `open_workpiece`.
 
@@ -53,7 +55,7 @@ def exhibit_of(
     if shown.is_dir():
         if model is not None or recipe is not None:
             raise ConfigError("--model and --recipe are for mesh files: a run shows what it learned, and the truth.")
-        pieces = list(_of_run(shown, parts))
+        pieces = list(_of_run(shown, dataset, parts))
     else:
         check_file(shown, SUFFIXES, "mesh")
         choices = _asked(model, recipe, str(shown)) or offered(str(shown))
@@ -78,9 +80,9 @@ def _asked(model: str | None, recipe: str | None, path: str) -> list[Choice]:
     return [] if recipe is None else [recipe_choice(recipe, path)]
 
 
-def _of_run(run: Path, parts: dict[str, Any]) -> Iterator[Piece]:
+def _of_run(run: Path, folder: Path | None, parts: dict[str, Any]) -> Iterator[Piece]:
     config = RunConfig.load(run)
-    dataset = Dataset.open(Path(config.dataset_folder))
+    dataset = Dataset.open(folder or Path(config.dataset_folder))
     splits: tuple[Split, ...] = ("test", "validation", "train")
     split = next(name for name in splits if dataset.index.meshes.get(name))
     for mesh in dataset.index.meshes[split][:_MOST]:

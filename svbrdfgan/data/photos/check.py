@@ -176,9 +176,8 @@ def check_pictures(job: ImportJob, meshes: Mapping[str, Mesh], workers: int | No
     pictures, photos = job.manifest.pictures, dict[int, RectifiedPhoto]()
     job.display.begin("pictures checked", len(pictures))
     check = _Check(job.base, meshes, job.manifest.image, job.manifest.refine_cameras)
-    for number, found in enumerate(
-        _all_checked(check, pictures, usual_workers(workers, len(pictures) // _LEAST_SHARE))
-    ):
+    processes = usual_workers(workers, len(pictures) // _LEAST_SHARE)
+    for number, found in enumerate(_all_checked(check, pictures, processes)):
         with job.picture(number):
             if isinstance(found, SvbrdfganError):
                 raise found
