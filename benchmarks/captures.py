@@ -1,9 +1,12 @@
 """What was learned from photographs of one object, beside the photographs that were kept from training.
 
     python benchmarks/captures.py split CAPTURE/cameras.json -o head      # head/train.json and head/kept.json
-    svbrdfgan dataset import head.yaml -o head/exemplars                  # captures: [{cameras: head/train.json, ...}]
-    svbrdfgan train train.yaml dataset=head/exemplars -o head/run
-    python benchmarks/captures.py score head.yaml head/exemplars head/run --kept head/kept.json -o head/scores
+    svbrdfgan learn head.yaml train.yaml -o learned
+    python benchmarks/captures.py score head.yaml learned/turn-3/exemplars learned/turn-3/run \
+        --kept head/kept.json -o scores
+
+`head.yaml` and `tankard.yaml` are beside this file, `train.yaml` is that of docs/own-pictures.md, and `head` holds the
+capture's images, masks and mesh.
 
 `split` keeps every sixth picture. `score` renders the kept pictures' views under the light of their group, as the
 import of the others estimated it, with

@@ -7,7 +7,8 @@ training scenes, which are imported and learned from as each of `ROWS` says, and
 generator of each run is scored on the test vehicles, whose layers it never saw. `out/table.md` holds the resemblance of
 each row: the mean over the seeds, each seed, and the mean relative to that of the row `matched`.
 
-Run again, it goes on where it was. Runs are spread over all GPUs. What they say is in `out/logs`.
+Run again, it goes on where it was. Runs are spread over all GPUs, and begin as soon as their pictures are taken; a set
+of pictures is taken at a time, by Blenders of two threads on all cores. What runs say is in `out/logs`.
 """
 
 from __future__ import annotations
@@ -49,6 +50,9 @@ generator: {width: 32, kernel: 3, blocks: 4, downsamplings: 3, random_fields: 7,
 """
 """The training configuration of all rows."""
 PROGRAM = "from svbrdfgan.cli import main; main()"
+_BAKERS = (
+    8  # processes that render scenes: each has a context on the GPU, which takes longer than its share of the work
+)
 
 
 @dataclass(frozen=True)
@@ -96,25 +100,41 @@ class Work:
     """Where everything is, and a GPU for each program that may run; "" where there is none.
 
     Attributes:
+        photos: photos.yaml.
+        blender: as for `svbrdfgan dataset photograph`.
         threads: of each program, if nobody says how many.
         workers: the option that says how many processes import pictures.
     """
 
+    photos: Path
+    blender: str | None
     out: Path
     threads: int
     workers: tuple[str, str]
     free: SimpleQueue[str]
+    taking: Lock = field(default_factory=Lock)
+    taken: set[str] = field(default_factory=set)
     importing: dict[str, Lock] = field(default_factory=lambda: {name: Lock() for name in ROWS})
+
+    def pictures(self, name: str) -> Path:
+        """The folder with the pictures of a row, which are taken if they are not there."""
+        row = ROWS[name]
+        if row.pictures not in self.taken:  # else nobody waits for those of another row
+            with self.taking:
+                if row.pictures not in self.taken:
+                    photograph(row, self.photos, self.out, self.blender)
+                    self.taken.add(row.pictures)
+        return self.out / row.pictures
 
     def exemplars(self, name: str) -> Path:
         """The data set of a row that takes no turns; imports its photographs if no other run has."""
-        row, data = ROWS[name], self.out / "data" / name
+        row, data, pictures = ROWS[name], self.out / "data" / name, self.pictures(name)
         if row.photography is None:
-            return self.out / row.pictures
+            return pictures
         with self.importing[name]:
             if not (data / INDEX).is_file():
                 options = (*words(importing(row)), *self.workers, "-o", str(data))
-                self.run(f"import-{name}", "dataset", "import", str(self.out / row.pictures / MANIFEST), *options)
+                self.run(f"import-{name}", "dataset", "import", str(pictures / MANIFEST), *options)
         return data
 
     def score(self, name: str, seed: int) -> None:
@@ -127,15 +147,13 @@ class Work:
         if row.turns > 1:
             changes = words(settings | {f"manifest.{key}": value for key, value in importing(row).items()})
             options = ("--turns", str(row.turns), *self.workers, "-o", str(self.out / "runs" / title))
-            self.run(f"learn-{title}", "learn", str(self.out / row.pictures / MANIFEST), config, *changes, *options)
+            self.run(f"learn-{title}", "learn", str(self.pictures(name) / MANIFEST), config, *changes, *options)
         else:
             data = self.exemplars(name)
             resume = ["--resume"] if (run / CONFIG).is_file() else []
             changes = words(settings | {"dataset": str(data.resolve())})
             self.run(f"learn-{title}", "train", config, *changes, "-o", str(run), *resume)
-        self.run(
-            f"score-{title}", "evaluate", str(run), "--on", str(self.out / ROWS["matched"].pictures), *self.workers
-        )
+        self.run(f"score-{title}", "evaluate", str(run), "--on", str(self.pictures("matched")), *self.workers)
 
     def last_run(self, name: str, seed: int) -> Path:
         """The folder of the run that is scored."""
@@ -167,21 +185,19 @@ def words(changes: Mapping[str, Any]) -> list[str]:
     return [f"{key}={json.dumps(value)}" for key, value in changes.items()]
 
 
-def photograph(names: Sequence[str], photos: Path, out: Path, blender: str | None) -> None:
-    """Takes the pictures of the rows, and renders the test split on which all are scored."""
+def photograph(row: Row, photos: Path, out: Path, blender: str | None) -> None:
+    """Takes the pictures of a row, or renders its scenes, and those of the test split on which all rows are scored."""
     base = photos.parent
-    for row in {row.pictures: row for row in (ROWS["matched"], *(ROWS[name] for name in names))}.values():
-        declared = apply_overrides(load_yaml(photos), [f"splits.train.views={row.views}"])
-        if row.photography is None:
-            # pictures of gloss are imported as if there were none, so what is learned is base colour alone
-            whole = staged_photos_config(declared, str(photos)).dataset
-            generate(
-                whole.model_copy(update={"image": IMAGE, "maps": {}}), out / row.pictures, base=base, workers=cores()
-            )
-        elif not (out / row.pictures / MANIFEST).is_file():
-            photography = {**declared.get("photography", {}), **row.photography}
-            config = staged_photos_config({**declared, "photography": photography}, str(photos))
-            stage_photos(config, out / row.pictures, base=base, blender=blender, jobs=max(1, cores() // 2))
+    declared = apply_overrides(load_yaml(photos), [f"splits.train.views={row.views}"])
+    if row.photography is None:
+        # pictures of gloss are imported as if there were none, so what is learned is base colour alone
+        whole = staged_photos_config(declared, str(photos)).dataset
+        plain = whole.model_copy(update={"image": IMAGE, "maps": {}})
+        generate(plain, out / row.pictures, base=base, workers=min(cores(), _BAKERS))
+    elif not (out / row.pictures / MANIFEST).is_file():
+        photography = {**declared.get("photography", {}), **row.photography}
+        config = staged_photos_config({**declared, "photography": photography}, str(photos))
+        stage_photos(config, out / row.pictures, base=base, blender=blender, jobs=max(1, cores() // 2))
 
 
 def table(scores: Mapping[str, Sequence[float]]) -> Iterable[str]:
@@ -207,11 +223,10 @@ def main(photos: Path, out: Path, rows: str, seeds: str, blender: str | None, jo
     names, numbers = rows.split(","), [int(seed) for seed in seeds.split(",")]
     if strange := set(names) - ROWS.keys():
         raise click.ClickException(f"there is no row {', '.join(strange)}; known are {', '.join(ROWS)}.")
-    photograph(names, photos, out, blender)
-    (out / "logs").mkdir(exist_ok=True)
+    (out / "logs").mkdir(parents=True, exist_ok=True)
     (out / "train.yaml").write_text(TRAIN)
     share, gpus = max(1, cores() // jobs), torch.cuda.device_count()
-    work = Work(out, share, ("--workers", str(workers or share)), SimpleQueue())
+    work = Work(photos, blender, out, share, ("--workers", str(workers or share)), SimpleQueue())
     for job in range(jobs):
         work.free.put(str(job % gpus) if gpus else "")
     with ThreadPoolExecutor(jobs) as pool:
