@@ -50,9 +50,8 @@ generator: {width: 32, kernel: 3, blocks: 4, downsamplings: 3, random_fields: 7,
 """
 """The training configuration of all rows."""
 PROGRAM = "from svbrdfgan.cli import main; main()"
-_BAKERS = (
-    8  # processes that render scenes: each has a context on the GPU, which takes longer than its share of the work
-)
+MOST_BAKERS = 8
+"""Processes that render scenes, at most, since each has a context on the GPU."""
 
 
 @dataclass(frozen=True)
@@ -193,7 +192,7 @@ def photograph(row: Row, photos: Path, out: Path, blender: str | None) -> None:
         # pictures of gloss are imported as if there were none, so what is learned is base colour alone
         whole = staged_photos_config(declared, str(photos)).dataset
         plain = whole.model_copy(update={"image": IMAGE, "maps": {}})
-        generate(plain, out / row.pictures, base=base, workers=min(cores(), _BAKERS))
+        generate(plain, out / row.pictures, base=base, workers=min(cores(), MOST_BAKERS))
     elif not (out / row.pictures / MANIFEST).is_file():
         photography = {**declared.get("photography", {}), **row.photography}
         config = staged_photos_config({**declared, "photography": photography}, str(photos))

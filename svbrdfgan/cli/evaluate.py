@@ -47,7 +47,7 @@ _BAKED, _TEXELS = ((0, 1, 2), (0.5, 1.0)), 1024
 @click.option(
     "--view",
     is_flag=True,
-    help="Put a held-out vehicle to turn about into the report, as of `svbrdfgan view RUN --page`; takes a minute.",
+    help="Put the first vehicle of the split, to turn about, into the report; takes a minute.",
 )
 @json_option("the contents of evaluation.json")
 @click.option(
@@ -84,7 +84,8 @@ def command(
             from svbrdfgan.viewer.open import exhibit_of
             from svbrdfgan.viewer.page import baked_page
 
-            live = baked_page(exhibit_of(run, dataset=on or dataset, fine=_TEXELS, baked=_BAKED), display)
+            shown = exhibit_of(run, dataset=on or dataset, split=split, fine=_TEXELS, baked=_BAKED)
+            live = baked_page(shown, display)
         evaluated = evaluate(
             run,
             split=split,

@@ -33,6 +33,7 @@ def exhibit_of(
     recipe: str | None = None,
     environment: Path | None = None,
     dataset: Path | None = None,
+    split: Split | None = None,
     fine: int = 1024,
     baked: tuple[Sequence[int], Sequence[float]] | None = None,
     **parts: Any,
@@ -42,7 +43,7 @@ def exhibit_of(
     Args:
         model, recipe: offer these alone.
         environment: a further light.
-        dataset: whose vehicles a run is shown on, instead of those of its own data set.
+        dataset, split: whose vehicles a run is shown on; by default those of its own data set that it never saw.
         fine, baked: as for `Exhibit`. A page without a server offers one model or recipe, and of a run one vehicle.
         parts: as for `open_workpiece`.
 
@@ -55,7 +56,7 @@ def exhibit_of(
     if shown.is_dir():
         if model is not None or recipe is not None:
             raise ConfigError("--model and --recipe are for mesh files: a run shows what it learned, and the truth.")
-        pieces = list(_of_run(shown, dataset, parts))
+        pieces = list(_of_run(shown, dataset, split, parts))
     else:
         check_file(shown, SUFFIXES, "mesh")
         choices = _asked(model, recipe, str(shown)) or offered(str(shown))
@@ -80,12 +81,12 @@ def _asked(model: str | None, recipe: str | None, path: str) -> list[Choice]:
     return [] if recipe is None else [recipe_choice(recipe, path)]
 
 
-def _of_run(run: Path, folder: Path | None, parts: dict[str, Any]) -> Iterator[Piece]:
+def _of_run(run: Path, folder: Path | None, split: Split | None, parts: dict[str, Any]) -> Iterator[Piece]:
     config = RunConfig.load(run)
     dataset = Dataset.open(folder or Path(config.dataset_folder))
-    splits: tuple[Split, ...] = ("test", "validation", "train")
-    split = next(name for name in splits if dataset.index.meshes.get(name))
-    for mesh in dataset.index.meshes[split][:_MOST]:
+    splits: tuple[Split, ...] = ("test", "validation", "train") if split is None else (split,)
+    meshes = next(filter(None, map(dataset.index.meshes.get, splits)), ())
+    for mesh in meshes[:_MOST]:
         path = dataset.folder / mesh.asset.path
         yield _piece(path.stem, path, of_run(run, dataset, str(path)), _selected(config.dataset, parts))
 

@@ -41,7 +41,7 @@ SMALLER = {
 
 
 @pytest.fixture
-def follow(code_blocks: Callable[[str, str], list[str]]) -> Callable[[str], None]:
+def follow(code_blocks: Callable[[str, str], list[str]]) -> Callable[..., None]:
     """Runs the one command of the page that begins so, made smaller."""
     lines = [line for block in code_blocks(PAGE, "sh") for line in block.splitlines()]
 

@@ -133,7 +133,7 @@ def grey(width: int, height: int) -> NotebookNode:
         ("1", [new_output("stream", name="stderr", text="a line")]),
         ("1", [new_output("stream", text="written to /tmp/a")]),
         ("1", [new_output("stream", text="UserWarning: old")]),
-        ("1", [new_output("execute_result", {"text/plain": "PosixPath('/root/a')"})]),
+        ("1", [new_output("execute_result", {"text/plain": "PosixPath('/home/a')"})]),
         ("1", [grey(800, 450)]),
     ],
 )

@@ -189,6 +189,15 @@ def check_pictures(job: ImportJob, meshes: Mapping[str, Mesh], workers: int | No
 
 @dataclass(frozen=True, eq=False)
 class _Check:
+    """What every picture is checked and rectified by.
+
+    Attributes:
+        base: the folder that files are relative to.
+        meshes: the usable ones, by file.
+        film: the data set's width and height, pixels.
+        refine: whether outlines correct cameras.
+    """
+
     base: Path
     meshes: Mapping[str, Mesh]
     film: tuple[int, int]

@@ -18,6 +18,8 @@ from stand_ins import SMALL
 
 from svbrdfgan.cli import main
 from svbrdfgan.config.choices import PartSelection
+from svbrdfgan.config.yaml_files import load_yaml
+from svbrdfgan.data.photos.manifest import read_manifest
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.io.image import load_image, save_image
 from svbrdfgan.plugins.registry import load_embedding, load_renderer
@@ -76,6 +78,14 @@ def photograph(folder: Path) -> None:
         picture = renderer.render(prepared, materials, View(camera, turned, SIDE, SIDE), spp=64, seed=number)
         save_image(folder / one.name, torch.cat([picture.image, picture.coverage.unsqueeze(-1)], dim=-1))
     write_nerf(folder / "transforms.json", taken)
+
+
+@pytest.mark.parametrize("name", ["head", "tankard"])
+def test_its_manifests_are_valid(name: str) -> None:
+    manifest = read_manifest(load_yaml(FILE.with_name(f"{name}.yaml")), name)
+    (capture,) = manifest.captures
+    assert capture.turntable
+    assert list(manifest.paint) == [capture.mesh]
 
 
 @pytest.mark.full
