@@ -50,6 +50,7 @@ A value that is drawn anew for each exemplar can be written as
 |---|---|
 | `5` or `{fixed: 5}` | always this value |
 | `{uniform: [0, 360]}` | any number between two bounds, equally likely; not for names and colours |
+| `{log_uniform: [0.1, 1]}` | a number between two bounds above 0, whose logarithm is equally likely; only for numbers |
 | `{normal: [20, 5]}` | by mean and standard deviation, clamped to what is allowed; only for numbers |
 | `{choice: [1, 2, 4]}` | one of several values, equally likely |
 """

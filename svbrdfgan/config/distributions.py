@@ -1,6 +1,7 @@
 """Distributions, as written in a configuration file.
 
-`5` or `{fixed: 5}` · `{uniform: [0, 360]}` · `{normal: [20, 5]}` (mean, standard deviation) · `{choice: [a, b, c]}`
+`5` or `{fixed: 5}` · `{uniform: [0, 360]}` · `{log_uniform: [0.1, 1]}` · `{normal: [20, 5]}` (mean and
+standard deviation) · `{choice: [a, b, c]}`
 """
 
 from __future__ import annotations
@@ -66,6 +67,22 @@ class UniformInteger(Uniform):
         return int(rng.integers(*self.uniform, endpoint=True))
 
 
+class LogUniform(StrictModel):
+    """A number between two bounds above zero, whose logarithm is equally likely."""
+
+    log_uniform: tuple[float, float]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> LogUniform:
+        if not 0.0 < self.log_uniform[0] <= self.log_uniform[1]:
+            raise ValueError(f"log_uniform needs [low, high] with 0 < low <= high, not {list(self.log_uniform)}")
+        return self
+
+    def sample(self, rng: np.random.Generator) -> float:
+        low, high = self.log_uniform
+        return min(max(math.exp(rng.uniform(math.log(low), math.log(high))), low), high)
+
+
 class Normal(StrictModel):
     """A number from a Gaussian, given by its mean and standard deviation."""
 
@@ -92,14 +109,18 @@ def _fixed(value: Any) -> dict[str, Any]:
     return {"fixed": tuple(value) if isinstance(value, list) else value}
 
 
-_KINDS = ("fixed", "uniform", "normal", "choice")
-_WANTED = "a value, {fixed: value}, {uniform: [low, high]}, {normal: [mean, deviation]} or {choice: [one, another]}"
+_KINDS = ("fixed", "uniform", "log_uniform", "normal", "choice")
+_WANTED = (
+    "a value, {fixed: value}, {uniform: [low, high]}, {log_uniform: [low, high]}, {normal: [mean, deviation]} or "
+    "{choice: [one, another]}"
+)
 _BY_KIND = Discriminator(_kind, custom_error_type="distribution", custom_error_message=_WANTED)
 
 Number = Annotated[
     Annotated[Fixed[float], BeforeValidator(_fixed), Tag("plain")]
     | Annotated[Fixed[float], Tag("fixed")]
     | Annotated[Uniform, Tag("uniform")]
+    | Annotated[LogUniform, Tag("log_uniform")]
     | Annotated[Normal, Tag("normal")]
     | Annotated[Choice[float], Tag("choice")],
     _BY_KIND,
@@ -108,7 +129,7 @@ Number = Annotated[
 
 
 def within(low: float, high: float = math.inf) -> AfterValidator:
-    """Refuses values, bounds of `uniform` and choices outside [low, high]. The sampler clamps what `normal` draws."""
+    """Refuses values, bounds and choices outside [low, high]. The sampler clamps what `normal` draws."""
 
     def check(declared: Any) -> Any:
         match declared:
@@ -116,6 +137,8 @@ def within(low: float, high: float = math.inf) -> AfterValidator:
                 given = [declared.fixed]
             case Uniform():
                 given = list(declared.uniform)
+            case LogUniform():
+                given = list(declared.log_uniform)
             case Choice():
                 given = list(declared.choice)
             case _:
@@ -142,6 +165,8 @@ def limits(declared: Number, low: float, high: float) -> tuple[float, float]:
     match declared:
         case Uniform():
             ends = declared.uniform
+        case LogUniform():
+            ends = declared.log_uniform
         case Normal():
             ends = (low, high) if declared.normal[1] else (declared.normal[0],) * 2
         case _:
@@ -156,6 +181,9 @@ def mean(declared: Number) -> float:
             return declared.fixed
         case Uniform():
             return sum(declared.uniform) / 2
+        case LogUniform():
+            low, high = declared.log_uniform
+            return (high - low) / math.log(high / low) if low < high else low
         case Normal():
             return declared.normal[0]
         case Choice():

@@ -8,7 +8,18 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from svbrdfgan.config.choices import FurtherMaps, PartSelection, PluginChoice, PluginField
-from svbrdfgan.config.distributions import Choice, Color, Fixed, Integer, Name, Number, Paint, Uniform, within
+from svbrdfgan.config.distributions import (
+    Choice,
+    Color,
+    Fixed,
+    Integer,
+    LogUniform,
+    Name,
+    Number,
+    Paint,
+    Uniform,
+    within,
+)
 from svbrdfgan.config.models import StrictModel, validate
 
 Split = Literal["train", "validation", "test"]
@@ -58,6 +69,16 @@ BRIGHTNESS = (1e-6, math.inf)
 """Bounds of mean radiance: in the dark nothing could be learned. As above, draws of `normal` beyond are clamped."""
 
 
+class CloseUps(StrictModel):
+    """Pictures from near, of a point of the learnable surface that is seen from within 30 degrees of its normal."""
+
+    share: float = Field(default=0.5, gt=0.0, le=1.0, description="of the pictures; the others show the whole")
+    distance: Annotated[Number, within(*DISTANCE)] = Field(
+        default=LogUniform(log_uniform=(0.06, 0.4)),
+        description="from the point, in the units of the camera's own `distance`",
+    )
+
+
 class CameraDistribution(StrictModel):
     """Cameras on a sphere about a point in the mesh's bounding box."""
 
@@ -82,6 +103,9 @@ class CameraDistribution(StrictModel):
         le=1.0,
         description="share of the box in which the point that a camera looks at lies, evenly distributed about the "
         "middle; 0: the middle itself; more where cameras are close, so that they see all parts",
+    )
+    close_ups: CloseUps | None = Field(
+        default=None, description="[close-ups](commands.md#close-ups) among the pictures; `null`: none"
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float
@@ -16,6 +17,7 @@ from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, MeshSource
 from svbrdfgan.data.index import INDEX
 from svbrdfgan.data.sampler import EnvironmentAsset, MeshAsset
 from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.geometry.viewpoints import find_viewpoints
 from svbrdfgan.io.environment import load_environment, save_environment
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.io.image import luminance
@@ -29,6 +31,10 @@ from svbrdfgan.types import Mesh
 
 _SEED_STRIDE = 100_003
 """Distance between the first seeds of two sources: a prime above any count, so that sources share no asset."""
+_VIEWPOINTS = 64
+"""Of each mesh, for close-ups."""
+_DECIMALS = 5
+"""Of a viewpoint's metres and degrees."""
 
 
 def match_files(patterns: Sequence[str], base: Path) -> list[Path]:
@@ -56,12 +62,15 @@ def match_files(patterns: Sequence[str], base: Path) -> list[Path]:
 
 
 def gather_meshes(
-    source: MeshSource, files: Iterable[Path], config: DatasetConfig, folder: Path
+    source: MeshSource, files: Iterable[Path], config: DatasetConfig, folder: Path, *, close_ups: bool = False
 ) -> tuple[MeshAsset, ...]:
     """Stores the meshes of a source among the folder's assets: those of the files, and the procedural ones.
 
+    Args:
+        close_ups: whether some of their pictures are.
+
     Raises:
-        AssetError: a file cannot be read.
+        AssetError: a file cannot be read, or nothing of a mesh can be seen in close-ups.
     """
     makers: dict[str, Callable[[], Mesh]] = {path.stem: partial(load_mesh, path) for path in files}
     if source.procedural is not None:
@@ -69,11 +78,15 @@ def gather_meshes(
         for number in range(source.procedural.count):
             kind, seed = kinds[number % len(kinds)], first + number
             makers[f"{kind}_{seed}"] = partial(_procedural_vehicle, kind, seed)
-    return tuple(mesh_asset(name, make(), config, folder) for name, make in makers.items())
+    return tuple(mesh_asset(name, make(), config, folder, close_ups=close_ups) for name, make in makers.items())
 
 
-def mesh_asset(name: str, mesh: Mesh, config: DatasetConfig, folder: Path) -> MeshAsset:
-    """Stores a mesh among the folder's assets."""
+def mesh_asset(name: str, mesh: Mesh, config: DatasetConfig, folder: Path, *, close_ups: bool = False) -> MeshAsset:
+    """Stores a mesh among the folder's assets.
+
+    Raises:
+        AssetError: nothing of it can be seen in close-ups, which are wanted.
+    """
     path = folder / "assets" / "meshes" / f"{name}.glb"
     save_mesh_glb(path, mesh)
     (x0, y0, z0), (x1, y1, z1) = mesh.bounds.tolist()
@@ -84,7 +97,19 @@ def mesh_asset(name: str, mesh: Mesh, config: DatasetConfig, folder: Path) -> Me
         bounds=((x0, y0, z0), (x1, y1, z1)),
         painted=painted,
         parts=tuple(part.name for part in mesh.parts),
+        viewpoints=_viewpoints(name, mesh, config) if close_ups else (),
     )
+
+
+def _viewpoints(name: str, mesh: Mesh, config: DatasetConfig) -> tuple[tuple[float, float, float, float, float], ...]:
+    learnable = np.array([config.learnable.selects(part) for part in mesh.parts])
+    found = find_viewpoints(mesh, learnable[mesh.face_part], _VIEWPOINTS)
+    if not len(found.points):
+        raise AssetError(f"no camera sees a learnable part of the mesh {name!r} from near; leave out camera.close_ups.")
+    x, y, z = found.directions.T
+    degrees = np.rad2deg([np.arctan2(x, z) % (2.0 * np.pi), np.arcsin(y.clip(-1.0, 1.0))]).T
+    rows = np.column_stack([found.points, degrees]).round(_DECIMALS).tolist()
+    return tuple((px, py, pz, azimuth, elevation) for px, py, pz, azimuth, elevation in rows)
 
 
 def gather_environments(

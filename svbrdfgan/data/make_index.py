@@ -30,7 +30,7 @@ def make_index(config: DatasetConfig, folder: Path, base: Path) -> DatasetIndex:
 
     Raises:
         ConfigError: the folder holds a data set of another configuration, or a pattern matches nothing.
-        AssetError: an asset cannot be read, or the model.
+        AssetError: an asset cannot be read, or the model; or close-ups are wanted of what no camera sees.
     """
     if (folder / _RUN).is_file():
         raise ConfigError(f"{folder} holds a run; choose another folder for the data set.")
@@ -48,7 +48,13 @@ def make_index(config: DatasetConfig, folder: Path, base: Path) -> DatasetIndex:
         (folder / INDEX).unlink()  # it has no exemplar yet
     files = _match_all(config, base)  # all of them before the first asset is stored
     meshes = {
-        split: gather_meshes(source.meshes, files[f"splits.{split}.meshes"], config, folder)
+        split: gather_meshes(
+            source.meshes,
+            files[f"splits.{split}.meshes"],
+            config,
+            folder,
+            close_ups=config.camera_of(split).close_ups is not None,
+        )
         for split, source in config.splits.items()
     }
     environments = {

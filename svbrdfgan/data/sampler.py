@@ -21,13 +21,15 @@ from svbrdfgan.data.config import (
     DatasetConfig,
     Split,
 )
+from svbrdfgan.errors import ConfigError
 from svbrdfgan.scene.description import AssetRef, OrbitCamera, Scene, SceneEnvironment, SceneModel, SceneWeathering
 
 
 class MeshAsset(StrictModel):
     """A mesh of the pool: its file, its box, the names of the parts that will be painted, and those of all its parts.
 
-    `views` counts the pictures of it in an imported data set; elsewhere the split does.
+    `views` counts the pictures of it in an imported data set; elsewhere the split does. `viewpoints` are those of
+    close-ups, if the split has any: x, y and z of a point in metres, and azimuth and elevation of a camera in degrees.
     """
 
     name: str
@@ -36,6 +38,7 @@ class MeshAsset(StrictModel):
     painted: tuple[str, ...]
     parts: tuple[str, ...] = ()
     views: int | None = Field(default=None, ge=1)
+    viewpoints: tuple[tuple[float, float, float, float, float], ...] = ()
 
 
 class EnvironmentAsset(StrictModel):
@@ -106,13 +109,30 @@ class ConfigSampler:
     def draw_camera(
         self, mesh: MeshAsset, rng: np.random.Generator, declared: CameraDistribution | None = None
     ) -> OrbitCamera:
-        """A camera about a point in the mesh's box, from the split's distribution or another."""
+        """A camera from the split's distribution or another: about a point in the mesh's box, or a close-up.
+
+        Raises:
+            ConfigError: the other distribution has close-ups, and the split has none.
+        """
         declared, (width, height) = declared or self.config.camera_of(self.split), self.config.image
         lower, upper = np.asarray(mesh.bounds)
         fov = clamped(declared.vertical_fov_degrees.sample(rng), FIELD_OF_VIEW)
+        fit = fit_distance(float(np.linalg.norm(upper - lower)) / 2, math.radians(fov), width / height)
+        if declared.close_ups is not None and rng.random() < declared.close_ups.share:
+            if not mesh.viewpoints:
+                raise ConfigError(
+                    "close_ups are for data sets whose own cameras of this split have some; leave them out."
+                )
+            x, y, z, azimuth, elevation = mesh.viewpoints[int(rng.integers(len(mesh.viewpoints)))]
+            return OrbitCamera(
+                azimuth_degrees=azimuth,
+                elevation_degrees=clamped(elevation, ELEVATION),
+                distance=clamped(declared.close_ups.distance.sample(rng), DISTANCE) * fit,
+                target=(x, y, z),
+                vertical_fov_degrees=fov,
+            )
         aside = declared.spread * (rng.random(3) - 0.5) if declared.spread else np.zeros(3)
         x, y, z = ((lower + upper) / 2 + aside * (upper - lower)).tolist()
-        fit = fit_distance(float(np.linalg.norm(upper - lower)) / 2, math.radians(fov), width / height)
         return OrbitCamera(
             azimuth_degrees=declared.azimuth_degrees.sample(rng) % 360.0,
             elevation_degrees=clamped(declared.elevation_degrees.sample(rng), ELEVATION),

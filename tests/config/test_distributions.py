@@ -41,6 +41,14 @@ def test_uniform_fills_its_range_evenly() -> None:
     assert (np.abs(counts - COUNT / 8) < 5 * np.sqrt(COUNT / 8)).all()
 
 
+def test_log_uniform_fills_each_octave_evenly() -> None:
+    values = np.array(drawn(number={"log_uniform": [0.25, 4]}))
+    assert values.min() >= 0.25
+    assert values.max() <= 4
+    counts, _ = np.histogram(np.log2(values), bins=4, range=(-2, 2))
+    assert (np.abs(counts - COUNT / 4) < 5 * np.sqrt(COUNT / 4)).all()
+
+
 def test_normal_has_its_mean_and_deviation() -> None:
     values = np.array(drawn(number={"normal": [20, 5]}))
     assert values.mean() == pytest.approx(20, abs=5 * 5 / np.sqrt(COUNT))
@@ -48,7 +56,16 @@ def test_normal_has_its_mean_and_deviation() -> None:
 
 
 @pytest.mark.parametrize(
-    "written", [3, {"fixed": 3}, {"uniform": [-2, 6]}, {"normal": [20, 5]}, {"choice": [1.5, 2, 9]}]
+    "written",
+    [
+        3,
+        {"fixed": 3},
+        {"uniform": [-2, 6]},
+        {"log_uniform": [0.1, 6]},
+        {"log_uniform": [2, 2]},
+        {"normal": [20, 5]},
+        {"choice": [1.5, 2, 9]},
+    ],
 )
 def test_the_mean_is_that_of_what_is_drawn(written: Any) -> None:
     values = np.array(drawn(number=written))
@@ -95,6 +112,7 @@ def test_names() -> None:
         (3, (1.0, 1.0)),
         (0.5, (0.5, 0.5)),
         ({"uniform": [0.2, 6]}, (0.2, 1.0)),
+        ({"log_uniform": [0.25, 6]}, (0.25, 1.0)),
         ({"normal": [0.5, 0.1]}, (0.0, 1.0)),
         ({"normal": [0.5, 0]}, (0.5, 0.5)),
         ({"choice": [0.75, 0.25, 0.5]}, (0.25, 0.75)),
@@ -109,6 +127,7 @@ def test_limits_are_the_least_and_greatest_of_what_is_drawn(written: Any, wanted
     [
         {"number": 5},
         {"number": {"uniform": [0, 1]}},
+        {"number": {"log_uniform": [0.1, 1]}},
         {"number": {"normal": [3, 0]}},
         {"number": {"choice": [1, 2]}},
         {"integer": {"choice": [1, 2]}},
@@ -139,6 +158,8 @@ def test_json_and_back(written: dict[str, Any]) -> None:
         ({"number": {"uniform": 1}}, r"number\.uniform"),
         ({"number": {"uniform": [0, 1, 2]}}, r"number\.uniform"),
         ({"number": {"uniform": ["a", 1]}}, r"number\.uniform\[0\]"),
+        ({"number": {"log_uniform": [0, 1]}}, r"number.*0 < low"),
+        ({"number": {"log_uniform": [2, 1]}}, r"number.*low <= high"),
         ({"number": {"normal": [0, -1]}}, r"number.*deviation >= 0"),
         ({"number": {"choice": []}}, r"number.*at least one"),
         ({"number": {"choice": 3}}, r"number\.choice"),

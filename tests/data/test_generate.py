@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
@@ -214,6 +215,33 @@ def test_a_mesh_that_is_trained_on_is_not_scored(split: str, tmp_path: Path, dat
     with pytest.raises(ConfigError, match=rf"'sedan_100003' is in the splits train and {split}.*another seed"):
         make_index(declared, tmp_path, Path())
     assert not (tmp_path / "dataset.json").exists()
+
+
+def test_meshes_of_splits_with_close_ups_have_viewpoints(tmp_path: Path, dataset_data: Data) -> None:
+    data = dataset_data()
+    data["splits"]["train"]["camera"] = {"close_ups": {}}
+    plan = make_index(validate(DatasetConfig, data, "here"), tmp_path, tmp_path)
+    assert all(len(mesh.viewpoints) == 64 for mesh in plan.meshes["train"])
+    assert not any(mesh.viewpoints for split, pool in plan.meshes.items() if split != "train" for mesh in pool)
+    for mesh in plan.meshes["train"]:
+        lower, upper = np.array(mesh.bounds)
+        points, angles = np.split(np.array(mesh.viewpoints), [3], axis=1)
+        assert (points > lower - 1e-4).all()
+        assert (points < upper + 1e-4).all()
+        assert ((angles >= 0.0) & (angles <= (360.0, 90.0))).all()
+    assert DatasetIndex.load(tmp_path) == plan
+
+
+def test_close_ups_of_what_nobody_sees_are_told(tmp_path: Path, dataset_data: Data) -> None:
+    data = dataset_data(learnable={"include": ["tyre*"]}, camera={"close_ups": {}})
+    ground = tmp_path / "ground.obj"
+    ground.write_text(
+        "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nv -9 1 -9\nv 9 1 -9\nv 9 1 9\nv -9 1 9\n"
+        "o tyre\nf 1 3 2\nf 1 4 3\no roof\nf 5 7 6\nf 5 8 7\n"
+    )
+    data["splits"] = {"train": {"meshes": {"files": [str(ground)]}}}
+    with pytest.raises(AssetError, match="no camera sees a learnable part of the mesh 'ground' from near"):
+        make_index(validate(DatasetConfig, data, "here"), tmp_path / "out", tmp_path)
 
 
 def test_files_that_match_later_are_told(tmp_path: Path, dataset_data: Data, caplog: pytest.LogCaptureFixture) -> None:

@@ -17,6 +17,7 @@ from svbrdfgan.data.config import CameraDistribution, DatasetConfig, Environment
 from svbrdfgan.data.gather import gather_environments
 from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset, MeshAsset
+from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.environment import load_environment
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.scene.description import AssetRef, OrbitCamera
@@ -60,6 +61,26 @@ def test_further_maps_are_drawn_and_nothing_else_changes(sampler: Callable[..., 
 def test_more_views_or_another_seed_are_other_scenes(sampler: Callable[..., ConfigSampler]) -> None:
     one, other = sampler(), sampler(seed=4)
     assert all(one.scene(n) != other.scene(n) for n in range(len(one)))
+
+
+def test_close_ups_are_taken_from_the_viewpoints_of_the_mesh(sampler: Callable[..., ConfigSampler]) -> None:
+    near = {"share": 0.5, "distance": {"log_uniform": [0.06, 0.24]}}
+    splits = {"train": {"views": 100, "meshes": {"procedural": {"count": 1}}}}
+    plain, declared = sampler(splits=splits), sampler(splits=splits, camera={"close_ups": near})
+    places = ((1.0, 0.5, -1.0, 90.0, 10.0), (0.0, 1.5, 0.0, 0.0, 90.0))
+    mixed = replace(declared, meshes=tuple(mesh.model_copy(update={"viewpoints": places}) for mesh in declared.meshes))
+    whole, cameras = plain.scene(0).camera, [mixed.scene(index).camera for index in range(len(mixed))]
+    close = [camera for camera in cameras if camera.target != whole.target]
+    assert 0.4 < len(close) / len(cameras) < 0.6
+    fit = whole.distance / mixed.config.camera.distance.sample(np.random.default_rng(0))
+    shares = np.array([camera.distance for camera in close]) / fit
+    assert shares.min() >= 0.06
+    assert shares.max() <= 0.24
+    assert 0.35 < (shares < 0.12).mean() < 0.65
+    found = {(*camera.target, camera.azimuth_degrees, camera.elevation_degrees) for camera in close}
+    assert found == {places[0], (*places[1][:4], 89.0)}, "a camera straight above has no direction that is up"
+    with pytest.raises(ConfigError, match="close_ups are for data sets whose own cameras"):
+        [declared.scene(index) for index in range(len(declared))]
 
 
 def test_splits_draw_other_scenes(sampler: Callable[..., ConfigSampler]) -> None:

@@ -47,15 +47,21 @@ def test_a_distribution_has_random_fields_and_conditions(quickstart: Blocks, com
     assert train_config(train, "train.yaml").generator.conditional
 
 
+def test_close_ups_have_texels_to_show(quickstart: Blocks, commands: Blocks) -> None:
+    near = dataset_of(quickstart, **commands[2])
+    assert near.camera.close_ups is not None
+    assert near.texture >= 2048
+
+
 def test_fakes_of_whole_materials_have_the_samples_of_their_exemplars(quickstart: Blocks, commands: Blocks) -> None:
-    materials, train = commands[2:4]
+    materials, train = commands[3:5]
     whole, fakes = dataset_of(quickstart, **materials), train_config(train, "train.yaml")
     assert set(whole.maps) == {"roughness", "metallic", "normal"}
     assert fakes.hits >= fakes.spp == whole.spp  # else their noise would tell them from exemplars
 
 
 def test_pictures_of_a_model_have_labels(quickstart: Blocks, commands: Blocks) -> None:
-    (painted,) = commands[4:]
+    (painted,) = commands[5:]
     labelled = dataset_of(quickstart, **painted)
     assert labelled.weathering is not None
     assert (labelled.weathering.model, len(labelled.labels)) == ("runs/cars", 4)
