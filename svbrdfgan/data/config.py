@@ -77,6 +77,14 @@ class CloseUps(StrictModel):
         default=LogUniform(log_uniform=(0.06, 0.4)),
         description="from the point, in the units of the camera's own `distance`",
     )
+    window: int | None = Field(
+        default=None,
+        ge=16,
+        le=4096,
+        multiple_of=16,
+        description="texels along a side of the square of the layer that is baked and painted for a close-up, at most "
+        "`texture`: where the picture shows most of the layer; the rest stays clean; `null`: the whole layer",
+    )
 
 
 class CameraDistribution(StrictModel):
@@ -232,6 +240,15 @@ class DatasetConfig(SharedConfig):
     def _trains(self) -> DatasetConfig:
         if "train" not in self.splits:
             raise ValueError("splits needs 'train'")
+        return self
+
+    @model_validator(mode="after")
+    def _has_windows(self) -> DatasetConfig:
+        windows = [near.window for split in self.splits if (near := self.camera_of(split).close_ups) and near.window]
+        if windows and max(windows) > self.texture:
+            raise ValueError(f"close_ups.window is {max(windows)}, and texture {self.texture}; wanted at most that")
+        if windows and self.weathering is not None and self.weathering.model is not None:
+            raise ValueError("a model paints whole layers: leave out close_ups.window")
         return self
 
     def camera_of(self, split: Split) -> CameraDistribution:

@@ -142,9 +142,11 @@ def _render_share(fabric: Fabric, job: _Job, renderer: CheckedRenderer, display:
     made_by = {"renderer": job.renderer}
     scenes = [[samplers[split].scene(n).model_copy(update=made_by) for split, n in group] for group in mine]
     for number in prebake(folder, scenes, job.workers):
-        prepared = renderer.prepare(loader.subject(scenes[number][0]).surface)
+        whole, prepared = None, None
         for (split, index), scene in zip(mine[number], scenes[number], strict=True):
             picture, record = exemplar_paths(folder, split, index)
+            if (surface := loader.subject(scene).surface) is not whole:  # each window has one of its own
+                whole, prepared = surface, renderer.prepare(surface)
             save_exemplar(picture, render_scene(loader, renderer, scene, prepared))
             if config.labels:
                 save_labels(picture, make_labels(loader, scene, config.labels, job.dataset.index.parts))

@@ -76,15 +76,17 @@ class ConfigSampler:
         config = self.config
         width, height = config.image
         paint = None if config.paint is None else config.paint.sample(rng)
+        environment, camera = self.draw_environment(rng), self.draw_camera(mesh, rng)
         return Scene(
             mesh=mesh.asset,
-            environment=self.draw_environment(rng),
-            camera=self.draw_camera(mesh, rng),
+            environment=environment,
+            camera=camera,
             width=width,
             height=height,
             spp=config.spp,
             seed=int(rng.integers(2**31)),
             texture=config.texture,
+            window=self._window(mesh, camera),
             renderer=config.renderer,
             embedding=config.embedding,
             learnable=config.learnable,
@@ -140,6 +142,11 @@ class ConfigSampler:
             target=(x, y, z),
             vertical_fov_degrees=fov,
         )
+
+    def _window(self, mesh: MeshAsset, camera: OrbitCamera) -> int | None:
+        near = self.config.camera_of(self.split).close_ups
+        close = near is not None and camera.target in {place[:3] for place in mesh.viewpoints}
+        return near.window if near is not None and close else None
 
     @cached_property
     def _mesh_of(self) -> tuple[MeshAsset, ...]:

@@ -111,10 +111,21 @@ def _outward(
 
 
 def _texel_areas(fragments: Fragments) -> Float[ndarray, "rows cols"]:
-    """Exposed area per texel: each face's area is spread evenly over its texels, or added to its centroid's texel."""
+    """Exposed area per texel: each face's area is spread evenly over its texels, or added to its centroid's texel.
+
+    Of faces that reach beyond the map, as those of windows do, a texel has a texel's share.
+    """
     surface, rows, cols = fragments.surface, fragments.rows, fragments.cols
     area, exposed = face_areas(surface.positions, surface.faces), exposed_faces(surface)
-    covered = fragments.texels_of_faces
+    covered = fragments.texels_of_faces.astype(np.float64)
+    if not any(surface.repeat):
+        corners = surface.uv[surface.faces]
+        beyond = (covered > 0) & ((corners < 0.0) | (corners > 1.0)).any(axis=(1, 2))
+        first, second = (corners[beyond, n] - corners[beyond, 0] for n in (1, 2))
+        whole = 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) * rows * cols
+        covered[beyond] = np.maximum(covered[beyond], whole)
+        middle = corners.mean(axis=1)
+        exposed &= (covered > 0) | ((middle >= 0.0) & (middle <= 1.0)).all(axis=1)
     chosen = exposed[fragments.face]
     face, texel = fragments.face[chosen], fragments.texel[chosen]
     total = np.bincount(texel, area[face] / covered[face], rows * cols)

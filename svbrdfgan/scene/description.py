@@ -92,6 +92,13 @@ class Scene(StrictModel):
     spp: int = Field(default=64, ge=1, description="samples per pixel")
     seed: int = Field(default=0, description="seed of the samples")
     texture: int = Field(default=256, ge=16, multiple_of=4, description="texels along a side of the layer")
+    window: int | None = Field(
+        default=None,
+        ge=16,
+        multiple_of=16,
+        description="texels along a side of the square of the layer that is painted, where the picture shows most of "
+        "it; the rest of the surface stays clean; `null`: the whole layer",
+    )
     renderer: PluginField = Field(default=PluginChoice(name="auto"), description="as in `dataset.yaml`")
     embedding: PluginField = Field(default=PluginChoice(name="hemispherical"), description="as in `dataset.yaml`")
     learnable: PartSelection = Field(default=PartSelection(), description="the parts that carry the layer")

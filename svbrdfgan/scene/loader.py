@@ -15,7 +15,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.errors import AssetError, EmbeddingError
+from svbrdfgan.errors import AssetError, ConfigError, EmbeddingError
+from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.io.environment import load_environment
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.networks.draw import Draw, opacity_of
@@ -31,8 +32,9 @@ from svbrdfgan.scene.cache import (
     save_subject,
 )
 from svbrdfgan.scene.description import AssetRef, Scene, SceneWeathering
-from svbrdfgan.scene.subject import Subject, make_subject
-from svbrdfgan.types import Environment, Layer, View
+from svbrdfgan.scene.subject import Subject, bake_subject, make_subject
+from svbrdfgan.scene.window import bordered, find_window, windowed
+from svbrdfgan.types import RGBA, Environment, Layer, Mesh, View
 from svbrdfgan.weathering.layer import recipe_from_options, weather
 from svbrdfgan.weathering.mesh_maps import MeshMaps, bake_mesh_maps
 from svbrdfgan.weathering.recipes import Recipe
@@ -43,12 +45,14 @@ log = logging.getLogger(__name__)
 
 _CACHE = "cache"
 _LAYERS = 64
-"""The most layers that a loader keeps in memory."""
+"""The most layers that a loader keeps in memory, and the most windows."""
+_WHOLE = 512
+"""The most texels along a side of the map in which a window is placed, and inner layers of the surface are hidden."""
 
 
 @dataclass
 class SceneLoader:
-    """Loads what the scenes of one folder name, each asset once. It keeps the last 64 layers in memory.
+    """Loads what the scenes of one folder name, each asset once. It keeps the last 64 layers and windows in memory.
 
     Attributes:
         folder: asset paths are relative to it.
@@ -58,6 +62,7 @@ class SceneLoader:
     folder: Path
     keep: bool = True
     _subjects: dict[str, Subject] = field(default_factory=dict)
+    _windows: dict[str, Subject] = field(default_factory=dict)
     _maps: dict[str, MeshMaps] = field(default_factory=dict)
     _sites: dict[str, Site] = field(default_factory=dict)
     _generators: dict[str, Generator] = field(default_factory=dict)
@@ -67,11 +72,12 @@ class SceneLoader:
 
     def subject(self, scene: Scene) -> Subject:
         """The scene's surface, embedded and baked."""
-        key = subject_key(scene)
-        if key not in self._subjects:
+        key, kept = subject_key(scene), self._subjects if scene.window is None else self._windows
+        if key not in kept:
             path = self.folder / _CACHE / "subjects" / f"{key}.safetensors"
-            self._subjects[key] = self._stored(path, load_subject, save_subject, lambda: self._make_subject(scene))
-        return self._subjects[key]
+            _make_room(self._windows)
+            kept[key] = self._stored(path, load_subject, save_subject, lambda: self._make_subject(scene))
+        return kept[key]
 
     def with_mesh_maps(self, scene: Scene) -> Subject:
         """The scene's surface with mesh maps, for a generator that reads them."""
@@ -82,6 +88,8 @@ class SceneLoader:
         key, subject = subject_key(scene), self.subject(scene)
         if key not in self._maps:
             path = self.folder / _CACHE / "mesh_maps" / f"{key}.safetensors"
+            if scene.window is not None:
+                _make_room(self._maps)
             self._maps[key] = self._stored(
                 path, load_mesh_maps, save_mesh_maps, lambda: bake_mesh_maps(subject.surface, subject.buffer)
             )
@@ -96,8 +104,7 @@ class SceneLoader:
         key = f"{subject_key(scene)}-{_digest(weathering.model_dump(exclude_none=True), *scene.maps)}"
         if key not in self._layers:
             path = self.folder / _CACHE / "layers" / f"{key}.safetensors"
-            if len(self._layers) >= _LAYERS:
-                del self._layers[next(iter(self._layers))]
+            _make_room(self._layers)
             self._layers[key] = self._stored(path, load_layer, save_layer, lambda: self.paint(scene, weathering))
         return self._layers[key]
 
@@ -107,12 +114,15 @@ class SceneLoader:
         All true layers are painted here. A layer differs by at most 2/255 between devices.
 
         Raises:
-            ConfigError: the recipe is unknown, or has no such option.
+            ConfigError: the recipe is unknown, or has no such option; or a model is to paint a window.
             AssetError: the model's file is missing or damaged, has changed, or paints other maps than the scene has.
         """
         if weathering.model is None:
             subject, site = self.subject(scene), self.site(scene)
-            return weather(subject.surface, subject.buffer, recipe_of(weathering), scene.maps, site=site)
+            layer = weather(subject.surface, subject.buffer, recipe_of(weathering), scene.maps, site=site)
+            return layer if scene.window is None else replace(layer, values=bordered(layer.values))
+        if scene.window is not None:
+            raise ConfigError(f"{weathering.model.asset.path} paints whole layers: leave out the scene's window.")
         generator = self._generator(weathering.model.asset)
         if generator.maps != tuple(scene.maps):
             raise AssetError(
@@ -167,7 +177,7 @@ class SceneLoader:
 
     def forget(self) -> None:
         """Drops subjects and layers from memory; environments and models stay."""
-        for kept in (self._subjects, self._maps, self._sites, self._layers):
+        for kept in (self._subjects, self._windows, self._maps, self._sites, self._layers):
             kept.clear()
 
     def _generator(self, asset: AssetRef) -> Generator:
@@ -179,6 +189,8 @@ class SceneLoader:
 
     def _make_subject(self, scene: Scene) -> Subject:
         mesh = load_mesh(self.file(scene.mesh))
+        if scene.window is not None:
+            return self._make_window(scene, scene.window, mesh)
         embedding = load_embedding(scene.embedding.name, scene.embedding.options)
         try:
             made = make_subject(mesh, embedding, scene.texture, scene.learnable, file_maps=bool(scene.maps))
@@ -187,6 +199,18 @@ class SceneLoader:
         for warning in made.overlooked():
             log.warning("%s: %s", scene.mesh.path, warning)
         return made
+
+    def _make_window(self, scene: Scene, size: int, mesh: Mesh) -> Subject:
+        """The window that shows most of what the scene's camera sees; as large as the scene's texture at most."""
+        whole = self.subject(scene.model_copy(update={"window": None, "texture": min(scene.texture, _WHOLE)}))
+        surface, aspect = whole.surface, scene.width / scene.height
+        if any(surface.repeat):
+            raise AssetError(f"{scene.mesh.path}: textures repeat in its embedding, so that it has no windows.")
+        window = find_window(surface, whole.learnable, scene.camera.camera(), aspect, size, scene.texture)
+        fragments = Fragments.of(windowed(surface, window, scene.texture), size, size)
+        baked = bake_subject(mesh, fragments, scene.learnable, file_maps=bool(scene.maps))
+        area = baked.buffer.area * bordered(torch.ones(size, size, RGBA))[..., RGBA - 1]  # no score asks for the border
+        return replace(baked, buffer=replace(baked.buffer, area=area))
 
     def _stored(self, path: Path, load: Callable[..., Any], save: Callable[..., None], make: Callable[[], Any]) -> Any:
         if self.keep and path.is_file():
@@ -200,10 +224,20 @@ class SceneLoader:
 def subject_key(scene: Scene) -> str:
     """A name for the scene's baked surface: equal for scenes that differ only in light, camera or materials.
 
-    What is baked of the mesh's file depends on whether the scene declares maps, and so does the name.
+    What is baked of the mesh's file depends on whether the scene declares maps, and so does the name; that of a window
+    depends on the camera, too.
     """
-    parts = (scene.mesh, scene.embedding, scene.texture, scene.learnable, *(["file maps"] if scene.maps else []))
+    parts: list[Any] = [scene.mesh, scene.embedding, scene.texture, scene.learnable]
+    if scene.maps:
+        parts.append("file maps")
+    if scene.window is not None:
+        parts += [scene.window, scene.camera, scene.width / scene.height]
     return f"{Path(scene.mesh.path).stem}-{_digest(*parts)}"
+
+
+def _make_room(kept: dict[str, Any]) -> None:
+    if len(kept) >= _LAYERS:
+        del kept[next(iter(kept))]
 
 
 def recipe_of(weathering: SceneWeathering) -> Recipe:

@@ -17,6 +17,7 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.geometry.bake import GeometryBuffer, bake
 from svbrdfgan.geometry.bake_materials import bake_base_color, bake_file_maps
 from svbrdfgan.geometry.layers import embed_and_rasterize
+from svbrdfgan.geometry.rasterize import Fragments
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.rendering.compositing import BARE, bare_maps, composite, composite_maps
 from svbrdfgan.types import Layer, Material, Materials, Mesh, Surface
@@ -161,16 +162,27 @@ def make_subject(
         EmbeddingError: the mesh cannot be embedded.
         AssetError: no part that the selection marks learnable can be seen.
     """
-    fragments = embed_and_rasterize(embedding, mesh, resolution)
-    surface, buffer = fragments.surface, bake(fragments)
-    learnable = tuple(i for i, part in enumerate(surface.parts) if selection.selects(part))
-    seen = set(buffer.part.unique().tolist())
-    if not seen & set(learnable):
+    subject = bake_subject(mesh, embed_and_rasterize(embedding, mesh, resolution), selection, file_maps=file_maps)
+    if not set(subject.buffer.part.unique().tolist()) & set(subject.learnable):
         names = ", ".join(part.name for part in mesh.parts)
         raise AssetError(
             f"no visible part is learnable: the mesh has {names}; include {list(selection.include)}, "
             f"exclude {list(selection.exclude)}. Change 'learnable' (--learnable) so that it selects one."
         )
+    return subject
+
+
+def bake_subject(mesh: Mesh, fragments: Fragments, selection: PartSelection, *, file_maps: bool = False) -> Subject:
+    """The subject of a mesh's rasterised surface.
+
+    Args:
+        file_maps: as for `make_subject`.
+
+    Raises:
+        AssetError: no face covers a texel.
+    """
+    surface, buffer = fragments.surface, bake(fragments)
+    learnable = tuple(i for i, part in enumerate(surface.parts) if selection.selects(part))
     base = bake_base_color(mesh, fragments)
     if not file_maps:
         return Subject(surface, buffer, learnable, base)

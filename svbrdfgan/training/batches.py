@@ -58,6 +58,11 @@ class BatchSource:
     def __len__(self) -> int:
         return len(self.exemplars)
 
+    @property
+    def windowed(self) -> bool:
+        """Whether the layers are those of windows: all have one size, so all are or none is."""
+        return self.exemplars.scenes[0].window is not None
+
     def geometry(self, indices: Sequence[int]) -> Float[Tensor, "batch inputs rows cols"]:
         """The generator's input for the subjects of these exemplars."""
         return self.buffers[copy_async(self.exemplars.subject_of[list(indices)], self.buffers.device)]

@@ -11,7 +11,7 @@ from lightning_fabric import Fabric
 from svbrdfgan.config.distributions import Fixed
 from svbrdfgan.config.models import differences
 from svbrdfgan.data.conditions import conditions_of
-from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.data.config import DatasetConfig, Split
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.data.trained_model import TrainedModel
 from svbrdfgan.errors import ConfigError
@@ -87,7 +87,8 @@ def resolve_config(config: TrainConfig, dataset: DatasetConfig, base: Path = Pat
     if config.init is not None:
         config = _from_model(config, config.init, base, dataset)
     _require_divisible(config, dataset)
-    _require_halvable(config, dataset.texture)
+    for split in dataset.splits:
+        _require_halvable(config, _layer_texels(dataset, split))
     return resolved(config, dataset.spp, dataset.maps, imported=dataset.weathering is None)
 
 
@@ -147,6 +148,20 @@ def _require_divisible(config: TrainConfig, dataset: DatasetConfig) -> None:
             "discriminator.compares: reflectance is for base_color alone, and the data set's layers paint "
             f"{', '.join(dataset.maps)} too: set discriminator.compares: radiance."
         )
+
+
+def _layer_texels(dataset: DatasetConfig, split: Split) -> int:
+    """Texels along a side of the layers of a split."""
+    near = dataset.camera_of(split).close_ups
+    if near is None or near.window is None:
+        return dataset.texture
+    if near.share < 1.0:
+        raise ConfigError(
+            f"the data set's close-ups of the split {split} have windows of {near.window} texels, and its other "
+            "pictures whole layers, which a run cannot mix: make it with close_ups.share: 1, or without "
+            "close_ups.window."
+        )
+    return near.window
 
 
 def _require_halvable(config: TrainConfig, texture: int) -> None:

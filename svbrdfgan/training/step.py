@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from svbrdfgan.data.reflectance_errors import MAX_REFLECTANCE, with_errors
 from svbrdfgan.networks.losses import LOSSES, gradient_penalty, gradient_square
 from svbrdfgan.networks.random_fields import MOST_SEEDS
+from svbrdfgan.scene.window import bordered
 from svbrdfgan.training.batches import BatchSource
 from svbrdfgan.training.config import LossConfig, TrainConfig
 from svbrdfgan.training.demodulation import reproject
@@ -129,6 +130,8 @@ def _pair(
     seeds = draw_seeds(rng, len(indices), geometry.device) if state.generator.random_fields else None
     with fabric.autocast():
         layers = state.generator(geometry, seeds, source.labels(indices))
+    if source.windowed:
+        layers = bordered(layers)
     scenes = source.scenes(indices, rng, visit)
     return make_pair(source, indices, scenes, layers, source.drawn_errors(indices, rng))
 

@@ -79,6 +79,12 @@ def test_close_ups_are_taken_from_the_viewpoints_of_the_mesh(sampler: Callable[.
     assert 0.35 < (shares < 0.12).mean() < 0.65
     found = {(*camera.target, camera.azimuth_degrees, camera.elevation_degrees) for camera in close}
     assert found == {places[0], (*places[1][:4], 89.0)}, "a camera straight above has no direction that is up"
+    assert {mixed.scene(index).window for index in range(len(mixed))} == {None}
+    windowed = sampler(texture=64, splits=splits, camera={"close_ups": near | {"window": 32}})
+    scenes = [replace(windowed, meshes=mixed.meshes).scene(index) for index in range(len(mixed))]
+    assert [scene.camera for scene in scenes] == cameras
+    assert {scene.window for scene in scenes if scene.camera in close} == {32}
+    assert {scene.window for scene in scenes if scene.camera not in close} == {None}, "whole views have whole layers"
     with pytest.raises(ConfigError, match="close_ups are for data sets whose own cameras"):
         [declared.scene(index) for index in range(len(declared))]
 

@@ -1,0 +1,67 @@
+"""Training on windows: layers of close-ups alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from svbrdfgan.config.models import validate
+from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.data.generate import generate
+from svbrdfgan.errors import ConfigError
+from svbrdfgan.plugins.select import resolve_renderer
+from svbrdfgan.training.batches import make_batch_source
+from svbrdfgan.training.config import train_config
+from svbrdfgan.training.resolve import resolve_config, resolve_run
+
+Data = Callable[..., dict[str, Any]]
+
+
+def close_ups(share: float = 1.0) -> dict[str, Any]:
+    return {"close_ups": {"share": share, "window": 32, "distance": {"log_uniform": [0.2, 0.5]}}}
+
+
+@pytest.fixture
+def config(dataset_data: Data) -> DatasetConfig:
+    data = dataset_data(texture=64, camera=close_ups())
+    data["splits"] = {"train": {"views": 2, "meshes": {"procedural": {"count": 2}}}}
+    return validate(DatasetConfig, data, "here")
+
+
+def test_each_exemplar_has_a_window_that_its_picture_shows(
+    config: DatasetConfig, training_data: Data, tmp_path: Path
+) -> None:
+    generate(config, tmp_path / "data", base=tmp_path)
+    run = resolve_run(train_config(training_data(dataset=str(tmp_path / "data")), "train.yaml"), tmp_path)
+    renderer, _ = resolve_renderer(config.renderer)
+    source = make_batch_source(run, "train", renderer, torch.device("cpu"))
+    assert source.windowed
+    assert source.buffers.shape[0] == len(source) == 4, "each has a subject of its own"
+    assert source.buffers.shape[2:] == (32, 32)
+    seen = torch.stack([source.seen(index) > 0 for index in range(4)])
+    assert (seen.float().mean(dim=(1, 2)) > 0.1).all()
+    layers = torch.full((4, 32, 32, 4), 0.5, requires_grad=True)
+    image, coverage = source.scenes(range(4), np.random.default_rng(0)).render(layers)
+    assert image.shape[:3] == coverage.shape
+    (gradient,) = torch.autograd.grad(image.sum(), layers)
+    assert (gradient.abs().sum(dim=(1, 2, 3)) > 0.0).all()
+
+
+def test_windows_and_whole_layers_are_not_mixed(config: DatasetConfig, training_data: Data) -> None:
+    known = train_config(training_data(), "train.yaml")
+    assert resolve_config(known, config)
+    mixed = config.model_copy(update={"camera": config.camera.model_copy(update={"close_ups": None})})
+    assert resolve_config(known, mixed)
+    near = config.camera.close_ups
+    assert near is not None
+    halves = config.camera.model_copy(update={"close_ups": near.model_copy(update={"share": 0.5})})
+    with pytest.raises(ConfigError, match="windows of 32 texels, and its other pictures whole layers"):
+        resolve_config(known, config.model_copy(update={"camera": halves}))
+    deep = train_config(training_data(generator={"downsamplings": 4}), "train.yaml")
+    with pytest.raises(ConfigError, match="a texture of 32 texels cannot be halved 4 times"):
+        resolve_config(deep, config)
