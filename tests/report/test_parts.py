@@ -7,6 +7,7 @@ import matplotlib
 import pytest
 import torch
 
+from svbrdfgan.data.config import CameraDistribution, CloseUps
 from svbrdfgan.evaluation.evaluated import by_subject
 from svbrdfgan.metrics.draw_statistics import PARTS
 from svbrdfgan.metrics.resemblance import Resemblance
@@ -142,6 +143,15 @@ def test_images_of_all_critic_steps_are_counted(evaluated) -> None:
     assert found is not None
     assert found.value == "400"
     assert dict(summary(judged, None, journal))["trained"] == "20 steps, 400 images in 3 s"
+
+
+def test_the_texture_of_windows_names_both_sizes(evaluated) -> None:
+    near = CameraDistribution(close_ups=CloseUps(share=1.0, window=16))
+    dataset = evaluated.config.dataset.model_copy(update={"camera": near})
+    windowed = replace(evaluated, config=evaluated.config.model_copy(update={"dataset": dataset}))
+    size = f"{dataset.texture} x {dataset.texture}"
+    assert dict(summary(evaluated, None, []))["texture"] == size
+    assert dict(summary(windowed, None, []))["texture"] == f"16 x 16 of {size}"
 
 
 def test_half_the_oracle_is_where_validation_first_passes_it(evaluated) -> None:
