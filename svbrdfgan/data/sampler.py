@@ -76,7 +76,7 @@ class ConfigSampler:
         config = self.config
         width, height = config.image
         paint = None if config.paint is None else config.paint.sample(rng)
-        environment, camera = self.draw_environment(rng), self.draw_camera(mesh, rng)
+        environment, (camera, window) = self.draw_environment(rng), self._draw_view(mesh, rng, None)
         return Scene(
             mesh=mesh.asset,
             environment=environment,
@@ -86,7 +86,7 @@ class ConfigSampler:
             spp=config.spp,
             seed=int(rng.integers(2**31)),
             texture=config.texture,
-            window=self._window(mesh, camera),
+            window=window,
             renderer=config.renderer,
             embedding=config.embedding,
             learnable=config.learnable,
@@ -116,6 +116,12 @@ class ConfigSampler:
         Raises:
             ConfigError: the other distribution has close-ups, and the split has none.
         """
+        return self._draw_view(mesh, rng, declared)[0]
+
+    def _draw_view(
+        self, mesh: MeshAsset, rng: np.random.Generator, declared: CameraDistribution | None
+    ) -> tuple[OrbitCamera, int | None]:
+        """A camera as `draw_camera` draws it, and the size of the window that its picture shows; None: all is shown."""
         declared, (width, height) = declared or self.config.camera_of(self.split), self.config.image
         lower, upper = np.asarray(mesh.bounds)
         fov = clamped(declared.vertical_fov_degrees.sample(rng), FIELD_OF_VIEW)
@@ -126,27 +132,24 @@ class ConfigSampler:
                     "close_ups are for data sets whose own cameras of this split have some; leave them out."
                 )
             x, y, z, azimuth, elevation = mesh.viewpoints[int(rng.integers(len(mesh.viewpoints)))]
-            return OrbitCamera(
+            camera = OrbitCamera(
                 azimuth_degrees=azimuth,
                 elevation_degrees=clamped(elevation, ELEVATION),
                 distance=clamped(declared.close_ups.distance.sample(rng), DISTANCE) * fit,
                 target=(x, y, z),
                 vertical_fov_degrees=fov,
             )
+            return camera, declared.close_ups.window
         aside = declared.spread * (rng.random(3) - 0.5) if declared.spread else np.zeros(3)
         x, y, z = ((lower + upper) / 2 + aside * (upper - lower)).tolist()
-        return OrbitCamera(
+        camera = OrbitCamera(
             azimuth_degrees=declared.azimuth_degrees.sample(rng) % 360.0,
             elevation_degrees=clamped(declared.elevation_degrees.sample(rng), ELEVATION),
             distance=clamped(declared.distance.sample(rng), DISTANCE) * fit,
             target=(x, y, z),
             vertical_fov_degrees=fov,
         )
-
-    def _window(self, mesh: MeshAsset, camera: OrbitCamera) -> int | None:
-        near = self.config.camera_of(self.split).close_ups
-        close = near is not None and camera.target in {place[:3] for place in mesh.viewpoints}
-        return near.window if near is not None and close else None
+        return camera, None
 
     @cached_property
     def _mesh_of(self) -> tuple[MeshAsset, ...]:

@@ -17,7 +17,7 @@ from svbrdfgan.types import Camera, Part, Surface
 
 _NEAR = 1e-6
 """Of the diagonal of the surface's box: what lies less far before the camera is cut off."""
-_SEEN_THROUGH = 0.5
+SEEN_THROUGH = 0.5
 """A point of smaller alpha does not end a ray."""
 
 
@@ -96,7 +96,7 @@ def camera_hits(
         return np.einsum("nj,nji->ni", weight / weight.sum(axis=-1, keepdims=True), pieces.barycentric[piece])
 
     def opaque(piece: Int[ndarray, " n"], flat: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-        return alpha_at(surface, pieces.face[piece], in_face(piece, flat)) >= _SEEN_THROUGH
+        return alpha_at(surface, pieces.face[piece], in_face(piece, flat)) >= SEEN_THROUGH
 
     # of a picture's points on a line of sight, 1/depth is greatest at the nearest, and linear over each face
     raster = rasterize_triangles(
@@ -167,7 +167,7 @@ def _cuts(
 
 
 def _all_opaque(parts: tuple[Part, ...]) -> bool:
-    return all(np.min(part.alpha) >= _SEEN_THROUGH for part in parts)
+    return all(np.min(part.alpha) >= SEEN_THROUGH for part in parts)
 
 
 def _diagonal(surface: Surface) -> float:

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from svbrdfgan.geometry.normals import unit
+from svbrdfgan.geometry.camera_hits import SEEN_THROUGH
+from svbrdfgan.geometry.normals import face_normals
 from svbrdfgan.geometry.rasterize import rasterize_triangles
 from svbrdfgan.geometry.sampling import upper_frames
 from svbrdfgan.types import Mesh
@@ -18,8 +19,6 @@ TILT_DEGREES = 30.0
 _DIRECTIONS = 64
 _PIXELS = 160
 """Along the longer side of the picture that is taken from each direction to see what is visible from there."""
-_SEEN_THROUGH = 0.5
-"""Parts of smaller alpha hide nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +41,8 @@ def find_viewpoints(mesh: Mesh, wanted: Bool[ndarray, " faces"], count: int) -> 
     mesh always has the same viewpoints.
     """
     corners = mesh.positions[mesh.faces]
-    normals = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    solid = np.array([np.min(part.alpha) >= _SEEN_THROUGH for part in mesh.parts])[mesh.face_part]
+    normals = face_normals(mesh.positions, mesh.faces)
+    solid = np.array([np.min(part.alpha) >= SEEN_THROUGH for part in mesh.parts])[mesh.face_part]
     points, directions, weights = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros(0)]
     for frame in upper_frames(np.arange(_DIRECTIONS)):
         across, along = corners @ frame[:2].T, corners @ frame[2]

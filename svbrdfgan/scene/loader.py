@@ -45,14 +45,14 @@ log = logging.getLogger(__name__)
 
 _CACHE = "cache"
 _LAYERS = 64
-"""The most layers that a loader keeps in memory, and the most windows."""
+"""The most layers that a loader keeps in memory, and about the most subjects if they are windows."""
 _WHOLE = 512
 """The most texels along a side of the map in which a window is placed, and inner layers of the surface are hidden."""
 
 
 @dataclass
 class SceneLoader:
-    """Loads what the scenes of one folder name, each asset once. It keeps the last 64 layers and windows in memory.
+    """Loads what the scenes of one folder name, each asset once. It keeps the last 64 layers or windows in memory.
 
     Attributes:
         folder: asset paths are relative to it.
@@ -62,7 +62,6 @@ class SceneLoader:
     folder: Path
     keep: bool = True
     _subjects: dict[str, Subject] = field(default_factory=dict)
-    _windows: dict[str, Subject] = field(default_factory=dict)
     _maps: dict[str, MeshMaps] = field(default_factory=dict)
     _sites: dict[str, Site] = field(default_factory=dict)
     _generators: dict[str, Generator] = field(default_factory=dict)
@@ -72,12 +71,13 @@ class SceneLoader:
 
     def subject(self, scene: Scene) -> Subject:
         """The scene's surface, embedded and baked."""
-        key, kept = subject_key(scene), self._subjects if scene.window is None else self._windows
-        if key not in kept:
+        key = subject_key(scene)
+        if key not in self._subjects:
             path = self.folder / _CACHE / "subjects" / f"{key}.safetensors"
-            _make_room(self._windows)
-            kept[key] = self._stored(path, load_subject, save_subject, lambda: self._make_subject(scene))
-        return kept[key]
+            if scene.window is not None:
+                _make_room(self._subjects)
+            self._subjects[key] = self._stored(path, load_subject, save_subject, lambda: self._make_subject(scene))
+        return self._subjects[key]
 
     def with_mesh_maps(self, scene: Scene) -> Subject:
         """The scene's surface with mesh maps, for a generator that reads them."""
@@ -177,7 +177,7 @@ class SceneLoader:
 
     def forget(self) -> None:
         """Drops subjects and layers from memory; environments and models stay."""
-        for kept in (self._subjects, self._windows, self._maps, self._sites, self._layers):
+        for kept in (self._subjects, self._maps, self._sites, self._layers):
             kept.clear()
 
     def _generator(self, asset: AssetRef) -> Generator:
@@ -236,6 +236,7 @@ def subject_key(scene: Scene) -> str:
 
 
 def _make_room(kept: dict[str, Any]) -> None:
+    """Drops the oldest if as many are kept as may be."""
     if len(kept) >= _LAYERS:
         del kept[next(iter(kept))]
 

@@ -1,4 +1,4 @@
-"""The window of a close-up: the square of a fine map that a picture shows, embedded and baked alone.
+"""The window of a close-up: the square of a fine map that a picture shows, baked and painted alone.
 
 A window's surface is the whole mesh, whose UVs are moved and scaled so that the window is the unit square. So whatever
 works on a subject works on a window, at the cost of its own texels.
@@ -22,7 +22,7 @@ from svbrdfgan.types import Camera, Surface, channel_slices
 _PIXELS = 96
 """Of the longer side of the picture by which a window is placed."""
 _STEPS = 16
-"""Places along a window's side, of which it starts at one."""
+"""A window starts at a multiple of its side over this."""
 
 
 @dataclass(frozen=True)

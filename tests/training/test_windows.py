@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,10 @@ from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.generate import generate
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.plugins.select import resolve_renderer
+from svbrdfgan.training import step
 from svbrdfgan.training.batches import make_batch_source
 from svbrdfgan.training.config import train_config
-from svbrdfgan.training.resolve import resolve_config, resolve_run
+from svbrdfgan.training.resolve import make_fabric, resolve_config, resolve_run
 
 Data = Callable[..., dict[str, Any]]
 
@@ -50,6 +52,21 @@ def test_each_exemplar_has_a_window_that_its_picture_shows(
     assert image.shape[:3] == coverage.shape
     (gradient,) = torch.autograd.grad(image.sum(), layers)
     assert (gradient.abs().sum(dim=(1, 2, 3)) > 0.0).all()
+
+
+@pytest.mark.parametrize("windows", [True, False])
+def test_fakes_of_windows_are_transparent_at_their_border(windows: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As exemplars are; else what lies outside would be painted like the border."""
+    made: list[torch.Tensor] = []
+    monkeypatch.setattr(step, "make_pair", lambda source, indices, scenes, layers, errors: made.append(layers))
+    source: Any = SimpleNamespace(windowed=windows, geometry=lambda _: torch.zeros(2, 6, 8, 8))
+    source.labels = source.scenes = source.drawn_errors = lambda *_: None
+    state: Any = SimpleNamespace(generator=lambda *_: torch.ones(2, 8, 8, 4))
+    state.generator.random_fields = 0
+    step._pair(make_fabric("cpu"), state, source, [0, 1], np.random.default_rng(0), 0)
+    (layers,) = made
+    assert int(layers[..., 3].sum()) == 2 * (36 if windows else 64)
+    assert torch.equal(layers[..., :3], torch.ones(2, 8, 8, 3))
 
 
 def test_windows_and_whole_layers_are_not_mixed(config: DatasetConfig, training_data: Data) -> None:
