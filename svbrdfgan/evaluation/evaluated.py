@@ -15,6 +15,7 @@ from svbrdfgan.evaluation.record import Evaluation, Painter
 from svbrdfgan.evaluation.relight import PaintedScene
 from svbrdfgan.metrics.flip import display as as_displayed
 from svbrdfgan.networks.generator import Generator
+from svbrdfgan.scene.window import bordered
 from svbrdfgan.training.batches import BatchSource
 from svbrdfgan.training.run import RunConfig
 from svbrdfgan.types import Layer
@@ -67,7 +68,8 @@ def pictures(source: BatchSource, index: int, layers: Iterable[Layer]) -> list[F
     """Display-referred pictures of an exemplar's scene, one under each layer."""
     scenes, shown = source.scenes([index], np.random.default_rng(0)), []
     for layer in layers:
+        values = bordered(layer.values) if source.windowed else layer.values
         with torch.no_grad():
-            image, coverage = scenes.render(layer.values.unsqueeze(0).to(source.buffers.device))
+            image, coverage = scenes.render(values.unsqueeze(0).to(source.buffers.device))
         shown.append(as_displayed(image[0].cpu(), coverage=coverage[0].cpu().float()))
     return shown

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -26,6 +26,7 @@ from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.scene.subject import Subject
+from svbrdfgan.scene.window import bordered
 from svbrdfgan.types import Layer, View
 from svbrdfgan.utils.display import Display
 
@@ -84,6 +85,8 @@ class Setting:
 
     def picture(self, layer: Layer, seed: int) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "height width"]]:
         """A display-referred picture under a layer, and its coverage, on the CPU; equal seeds share random numbers."""
+        if self.scene.window is not None:
+            layer = replace(layer, values=bordered(layer.values))
         materials = self.subject.materials(layer, self.scene.maps, base_colors=self.scene.materials)
         rendering = self.renderer.render(self.prepared, materials, self.view, spp=self.scene.spp, seed=seed)
         coverage = rendering.coverage.cpu()
@@ -173,16 +176,20 @@ class Relighter:
     def scenes_of(
         self, subject: int, exemplars: Exemplars, sampler: ConfigSampler, count: int
     ) -> Iterator[tuple[int, Scene]]:
-        """Yields weathered exemplars of a subject in turn, and each one's scene with another camera, light and seed."""
+        """Yields weathered exemplars of a subject in turn, and each one's scene with another camera, light and seed.
+
+        Scenes of windows keep their cameras, since other ones would see other windows.
+        """
         weathered = list(filter(exemplars.weathered, exemplars.views_of(subject)))
         for number in range(count if weathered else 0):
             exemplar, rng = weathered[number % len(weathered)], np.random.default_rng([_SEED, subject, number])
+            scene, camera = exemplars.scenes[exemplar], sampler.draw_camera(sampler.mesh(exemplar), rng)
             new = {
-                "camera": sampler.draw_camera(sampler.mesh(exemplar), rng),
+                "camera": camera if scene.window is None else scene.camera,
                 "environment": sampler.draw_environment(rng, self.pool),
                 "seed": int(rng.integers(2**31)),
             }
-            yield exemplar, exemplars.scenes[exemplar].model_copy(update=new)
+            yield exemplar, scene.model_copy(update=new)
 
 
 def evenly(count: int, at_most: int) -> list[int]:

@@ -15,11 +15,15 @@ from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.generate import generate
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.plugins.select import resolve_renderer
+from svbrdfgan.evaluation.evaluated import by_subject, pictures
+from svbrdfgan.evaluation.relight import Relight, Relighter
+from svbrdfgan.protocols import Renderer
+from svbrdfgan.scene.window import bordered
 from svbrdfgan.training import step
-from svbrdfgan.training.batches import make_batch_source
+from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.config import train_config
-from svbrdfgan.training.resolve import make_fabric, resolve_config, resolve_run
+from svbrdfgan.training.resolve import ResolvedRun, make_fabric, resolve_config, resolve_run
+from svbrdfgan.utils.display import SilentDisplay
 
 Data = Callable[..., dict[str, Any]]
 
@@ -35,13 +39,18 @@ def config(dataset_data: Data) -> DatasetConfig:
     return validate(DatasetConfig, data, "here")
 
 
-def test_each_exemplar_has_a_window_that_its_picture_shows(
-    config: DatasetConfig, training_data: Data, tmp_path: Path
-) -> None:
+@pytest.fixture
+def run(config: DatasetConfig, training_data: Data, tmp_path: Path) -> ResolvedRun:
     generate(config, tmp_path / "data", base=tmp_path)
-    run = resolve_run(train_config(training_data(dataset=str(tmp_path / "data")), "train.yaml"), tmp_path)
-    renderer, _ = resolve_renderer(config.renderer)
-    source = make_batch_source(run, "train", renderer, torch.device("cpu"))
+    return resolve_run(train_config(training_data(dataset=str(tmp_path / "data")), "train.yaml"), tmp_path)
+
+
+def source_of(run: ResolvedRun, renderer: Renderer[Any]) -> BatchSource:
+    return make_batch_source(run, "train", renderer, torch.device("cpu"))
+
+
+def test_each_exemplar_has_a_window_that_its_picture_shows(run: ResolvedRun, cpu_renderer: Renderer[Any]) -> None:
+    source = source_of(run, cpu_renderer)
     assert source.windowed
     assert source.buffers.shape[0] == len(source) == 4, "each has a subject of its own"
     assert source.buffers.shape[2:] == (32, 32)
@@ -67,6 +76,23 @@ def test_fakes_of_windows_are_transparent_at_their_border(windows: bool, monkeyp
     (layers,) = made
     assert int(layers[..., 3].sum()) == 2 * (36 if windows else 64)
     assert torch.equal(layers[..., :3], torch.ones(2, 8, 8, 3))
+
+
+def test_evaluations_show_learned_windows_as_exemplars_are_seen(
+    run: ResolvedRun, cpu_renderer: Renderer[Any]
+) -> None:
+    """From the same cameras, with nothing at the border, whatever a generator paints there."""
+    source = source_of(run, cpu_renderer)
+    exemplars, index = source.exemplars, run.dataset.index
+    truths = torch.stack([layer.values for layer in exemplars.layers if layer is not None])
+    opaque = torch.where(bordered(torch.ones_like(truths))[..., 3:] > 0.0, truths, torch.ones(4))
+    layers_of = by_subject(exemplars, {"generated": opaque})
+    relighter = Relighter.make(Relight(), index)
+    relit = relighter.relit(exemplars, index.sampler("train"), cpu_renderer, layers_of, SilentDisplay())
+    assert relit.flips["generated"] == relit.flips["truth"]
+    assert [scene.scene.camera for scene in relit.scenes] == [scene.camera for scene in exemplars.scenes]
+    learned, true = pictures(source, 0, layers_of(0).values())
+    assert torch.equal(learned, true)
 
 
 def test_windows_and_whole_layers_are_not_mixed(config: DatasetConfig, training_data: Data) -> None:
