@@ -33,7 +33,7 @@ from svbrdfgan.scene.cache import (
 )
 from svbrdfgan.scene.description import AssetRef, Scene, SceneWeathering
 from svbrdfgan.scene.subject import Subject, bake_subject, make_subject
-from svbrdfgan.scene.window import bordered, find_window, windowed
+from svbrdfgan.scene.window import bordered, find_window, interpolated_survey, windowed
 from svbrdfgan.types import RGBA, Environment, Layer, Mesh, View
 from svbrdfgan.weathering.layer import recipe_from_options, weather
 from svbrdfgan.weathering.mesh_maps import MeshMaps, bake_mesh_maps
@@ -47,7 +47,8 @@ _CACHE = "cache"
 _LAYERS = 64
 """The most layers that a loader keeps in memory, and about the most subjects if they are windows."""
 _WHOLE = 512
-"""The most texels along a side of the map in which a window is placed, and inner layers of the surface are hidden."""
+"""The most texels along a side of the map in which a window is placed and surveyed, and inner layers of the surface are
+hidden."""
 
 
 @dataclass
@@ -85,14 +86,12 @@ class SceneLoader:
 
     def mesh_maps(self, scene: Scene) -> MeshMaps:
         """The mesh maps of the scene's surface."""
-        key, subject = subject_key(scene), self.subject(scene)
+        key = subject_key(scene)
         if key not in self._maps:
             path = self.folder / _CACHE / "mesh_maps" / f"{key}.safetensors"
             if scene.window is not None:
                 _make_room(self._maps)
-            self._maps[key] = self._stored(
-                path, load_mesh_maps, save_mesh_maps, lambda: bake_mesh_maps(subject.surface, subject.buffer)
-            )
+            self._maps[key] = self._stored(path, load_mesh_maps, save_mesh_maps, lambda: self._make_maps(scene))
         return self._maps[key]
 
     def layer(self, scene: Scene) -> Layer | None:
@@ -202,7 +201,7 @@ class SceneLoader:
 
     def _make_window(self, scene: Scene, size: int, mesh: Mesh) -> Subject:
         """The window that shows most of what the scene's camera sees; as large as the scene's texture at most."""
-        whole = self.subject(scene.model_copy(update={"window": None, "texture": min(scene.texture, _WHOLE)}))
+        whole = self.subject(_whole(scene))
         surface, aspect = whole.surface, scene.width / scene.height
         if any(surface.repeat):
             raise AssetError(f"{scene.mesh.path}: textures repeat in its embedding, so that it has no windows.")
@@ -212,6 +211,13 @@ class SceneLoader:
         area = baked.buffer.area * bordered(torch.ones(size, size, RGBA))[..., RGBA - 1]  # no score asks for the border
         return replace(baked, buffer=replace(baked.buffer, area=area))
 
+    def _make_maps(self, scene: Scene) -> MeshMaps:
+        subject, known = self.subject(scene), None
+        if scene.window is not None:  # a survey of each window would take twice as long as all else
+            whole = _whole(scene)
+            known = interpolated_survey(subject.buffer, self.subject(whole).surface, self.mesh_maps(whole))
+        return bake_mesh_maps(subject.surface, subject.buffer, known)
+
     def _stored(self, path: Path, load: Callable[..., Any], save: Callable[..., None], make: Callable[[], Any]) -> Any:
         if self.keep and path.is_file():
             return load(path)
@@ -219,6 +225,11 @@ class SceneLoader:
         if self.keep:
             save(path, made)
         return made
+
+
+def _whole(scene: Scene) -> Scene:
+    """The scene with the map in which its window is placed and surveyed."""
+    return scene.model_copy(update={"window": None, "texture": min(scene.texture, _WHOLE)})
 
 
 def subject_key(scene: Scene) -> str:

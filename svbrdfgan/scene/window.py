@@ -16,8 +16,11 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
+from svbrdfgan.geometry.bake import GeometryBuffer
 from svbrdfgan.geometry.camera_hits import camera_hits
+from svbrdfgan.geometry.texels import nearest_texels, sample_texture
 from svbrdfgan.types import Camera, Surface, channel_slices
+from svbrdfgan.weathering.mesh_maps import MeshMaps
 
 _PIXELS = 96
 """Of the longer side of the picture by which a window is placed."""
@@ -74,6 +77,20 @@ def bordered(values: Float[Tensor, "*shape rows cols channels"]) -> Float[Tensor
     alpha = channel_slices(())["alpha"]
     inner = F.pad(values.new_ones(values.shape[-3] - 2, values.shape[-2] - 2, 1), (0, 0, 1, 1, 1, 1))
     return torch.cat([values[..., : alpha.start], values[..., alpha] * inner, values[..., alpha.stop :]], dim=-1)
+
+
+def interpolated_survey(buffer: GeometryBuffer, whole: Surface, maps: MeshMaps) -> Float[ndarray, "2 texels"]:
+    """Visibility and curvature at the texels of a window, between those of a coarser map of the whole: both are smooth.
+
+    Args:
+        buffer: of the window.
+        whole: the surface over the whole map.
+        maps: of the whole.
+    """
+    nearest = nearest_texels(buffer.mask.numpy())
+    face, barycentric = buffer.face.numpy()[nearest].ravel(), buffer.barycentric.numpy()[nearest].reshape(-1, 3)
+    uv = torch.from_numpy(np.einsum("pi,pij->pj", barycentric, whole.uv[whole.faces[face]]))
+    return sample_texture(torch.stack([maps.visibility, maps.curvature], dim=-1), uv).T.numpy()
 
 
 def _box_sums(counts: Int[ndarray, "rows cols"], side: int) -> Int[ndarray, "places places"]:

@@ -74,10 +74,17 @@ class TexelGeometry(Protocol):
         """Coordinates of the texel's centre in its face; only normal maps need them."""
 
 
-def bake_mesh_maps(surface: Surface, buffer: TexelGeometry) -> MeshMaps:
-    """The mesh maps of a surface at the texels of its geometry buffer; takes about a second for 65,000 texels."""
+def bake_mesh_maps(
+    surface: Surface, buffer: TexelGeometry, known: Float[ndarray, "2 texels"] | None = None
+) -> MeshMaps:
+    """The mesh maps of a surface at the texels of its geometry buffer; takes about a second for 65,000 texels.
+
+    Args:
+        known: as for `mesh_maps_at`, row by row.
+    """
     rows, cols, _ = buffer.position.shape
-    found = mesh_maps_at(surface, *(np.asarray(v, np.float64).reshape(-1, 3) for v in (buffer.position, buffer.normal)))
+    position, normal = (np.asarray(v, np.float64).reshape(-1, 3) for v in (buffer.position, buffer.normal))
+    found = mesh_maps_at(surface, position, normal, known)
     return MeshMaps(*(values.view(rows, cols) for values in vars(found).values()))
 
 

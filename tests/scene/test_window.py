@@ -100,6 +100,20 @@ def test_the_layer_of_a_window_is_that_of_the_whole_map(scene: Scene, whole: Sce
     assert not border.any()
 
 
+def test_visibility_and_curvature_of_a_window_are_interpolated_and_edges_exact(
+    scene: Scene, whole: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("svbrdfgan.scene.loader._WHOLE", TEXTURE // 2)
+    loader = SceneLoader(tmp_path)
+    window, full, place = loader.mesh_maps(scene), loader.mesh_maps(whole), place_of(loader, scene)
+    seen = loader.subject(scene).buffer.mask
+    for name, most in {"visibility": 0.02, "curvature": 0.04, "convex": 1e-5, "crease": 1e-5, "border": 1e-5}.items():
+        own, other = getattr(window, name)[seen], getattr(full, name)[place][seen]
+        assert float((own - other).abs().mean()) < most, name
+    assert not torch.equal(window.visibility[seen], full.visibility[place][seen])
+    assert full.visibility[place][seen].std() > 0.05
+
+
 def test_a_picture_shows_the_window_weathered_and_the_rest_clean(
     scene: Scene, whole: Scene, tmp_path: Path, cpu_renderer: Any, quick_renderer: str
 ) -> None:

@@ -78,9 +78,7 @@ def test_fakes_of_windows_are_transparent_at_their_border(windows: bool, monkeyp
     assert torch.equal(layers[..., :3], torch.ones(2, 8, 8, 3))
 
 
-def test_evaluations_show_learned_windows_as_exemplars_are_seen(
-    run: ResolvedRun, cpu_renderer: Renderer[Any]
-) -> None:
+def test_evaluations_show_learned_windows_as_exemplars_are_seen(run: ResolvedRun, cpu_renderer: Renderer[Any]) -> None:
     """From the same cameras, with nothing at the border, whatever a generator paints there."""
     source = source_of(run, cpu_renderer)
     exemplars, index = source.exemplars, run.dataset.index
