@@ -251,6 +251,12 @@ class DatasetConfig(SharedConfig):
             raise ValueError("a model paints whole layers: leave out close_ups.window")
         return self
 
+    @property
+    def window(self) -> int | None:
+        """Texels along a side of the windows that training sees; None if it sees whole maps."""
+        near = self.camera_of("train").close_ups
+        return None if near is None else near.window
+
     def camera_of(self, split: Split) -> CameraDistribution:
         """The cameras of the split."""
         return self.splits[split].camera or self.camera

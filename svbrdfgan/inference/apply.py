@@ -35,13 +35,13 @@ class Canvas:
 
     Attributes:
         subject: at the resolution of the layer.
-        geometry: the generator's input, at the resolution that it was trained at.
-        factor: the one resolution over the other.
+        geometry: the generator's input.
+        factor: the resolution of the layer over that of the geometry.
         share: what alpha is multiplied by at each texel of the layer; None is 1.
     """
 
     subject: Subject
-    geometry: Float[Tensor, "inputs trained_rows trained_cols"]
+    geometry: Float[Tensor, "inputs coarse_rows coarse_cols"]
     factor: int
     share: Float[Tensor, "rows cols 1"] | None = None
 
@@ -112,7 +112,7 @@ def choose_draw(
     labels = known.choose(amount, recipe)
     if amount and known.amount is not None and not known.amount[0] <= amount <= known.amount[1]:
         log.warning("amount %g is beyond those that the model was trained on: %g to %g", amount, *known.amount)
-    return Draw(model.generator, seed or 0, labels, 1.0 if amount is None else opacity_of(amount))
+    return Draw(model.generator, seed or 0, labels, 1.0 if amount is None else opacity_of(amount), model.windows)
 
 
 def prepare(mesh: Mesh, model: Model, learnable: PartSelection | None = None, resolution: int | None = None) -> Canvas:
@@ -125,12 +125,12 @@ def prepare(mesh: Mesh, model: Model, learnable: PartSelection | None = None, re
     factor = finer_factor(model, resolution)
     embedding = load_embedding(trained.embedding.name, trained.embedding.options)
     subject = make_subject(
-        mesh, embedding, factor * trained.texture, learnable or trained.learnable, file_maps=bool(trained.maps)
+        mesh, embedding, factor * model.geometry_texels, learnable or trained.learnable, file_maps=bool(trained.maps)
     )
     if factor == 1:
         read = subject
-    else:  # baked again: for even factors no texel of the finer buffer lies at the centre of one of the trained size
-        fragments = embed_and_rasterize(embedding, mesh, trained.texture)
+    else:  # baked again: for even factors no texel of the finer buffer lies at the centre of a coarser one
+        fragments = embed_and_rasterize(embedding, mesh, model.geometry_texels)
         read = replace(subject, surface=fragments.surface, buffer=bake(fragments))
     if model.generator.mesh_maps:
         read = read.with_mesh_maps()
@@ -138,20 +138,19 @@ def prepare(mesh: Mesh, model: Model, learnable: PartSelection | None = None, re
 
 
 def finer_factor(model: Model, resolution: int | None) -> int:
-    """The factor by which a resolution is finer than that of the training; 1 for None.
+    """The factor by which a layer's resolution, None for that of the training, is finer than that of its geometry.
 
     Raises:
         ConfigError: the resolution is not a multiple of the trained one, or greater than `FINEST`.
     """
     trained = model.config.dataset.texture
-    if resolution is None:
-        return 1
+    resolution = trained if resolution is None else resolution
     if resolution % trained or not trained <= resolution <= max(trained, FINEST):
         raise ConfigError(
             f"resolution {resolution} is not allowed; the model was trained at {trained} texels, so wanted a multiple "
             f"of {trained} from {trained} to {max(trained, FINEST // trained * trained)}."
         )
-    return resolution // trained
+    return resolution // model.geometry_texels
 
 
 @contextmanager

@@ -99,9 +99,9 @@ class LearnedWeathering:
     @property
     def peak_bytes(self) -> int:
         """Of its peels and layers, and of one more layer while it is computed in float32."""
-        trained, channels = self.model.config.dataset.texture, layer_channels(self.model.generator.maps)
-        texels = [(factor * trained) ** 2 for factor in self._factors]
-        return channels * (2 * sum(texels) + _COMPUTING * texels[0]) + _EMBEDDED_TEXEL * MOST * trained**2
+        coarse, channels = self.model.geometry_texels, layer_channels(self.model.generator.maps)
+        texels = [(factor * coarse) ** 2 for factor in self._factors]
+        return channels * (2 * sum(texels) + _COMPUTING * texels[0]) + _EMBEDDED_TEXEL * MOST * coarse**2
 
     def painter(self, workpiece: Workpiece) -> Painter:
         """The layers on all peels of the workpiece's mesh.
@@ -126,18 +126,20 @@ class LearnedWeathering:
 
     def _embedded(self, workpiece: Workpiece) -> EmbeddedPeels:
         """What all draws on a workpiece share, kept as long as the workpiece, for the latest kind of model."""
-        trained, mesh_maps = self.model.config.dataset, self.model.generator.mesh_maps
-        wanted = (trained.embedding.name, dict(trained.embedding.options), trained.texture, mesh_maps)
+        trained, texels = self.model.config.dataset.embedding, self.model.geometry_texels
+        mesh_maps = self.model.generator.mesh_maps
+        wanted = (trained.name, dict(trained.options), texels, mesh_maps)
         known, embedded = _EMBEDDED.get(workpiece, (None, None))
         if embedded is None or known != wanted:
-            embedding = load_embedding(trained.embedding.name, trained.embedding.options)
-            embedded = EmbeddedPeels.of(workpiece, embedding, trained.texture, mesh_maps)
+            embedding = load_embedding(trained.name, trained.options)
+            embedded = EmbeddedPeels.of(workpiece, embedding, texels, mesh_maps)
             _EMBEDDED[workpiece] = (wanted, embedded)
         return embedded
 
     @property
     def _factors(self) -> list[int]:
-        """How much finer than the training each peel is painted."""
+        """How much finer than what the generator reads each peel is painted."""
         outermost = finer_factor(self.model, self.resolution)
-        beneath = min(outermost, max(_BENEATH // self.model.config.dataset.texture, 1))
+        least = max(_BENEATH, self.model.config.dataset.texture) // self.model.geometry_texels
+        beneath = min(outermost, least)
         return [outermost, *[beneath] * (MOST - 1)]

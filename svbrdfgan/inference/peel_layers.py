@@ -89,7 +89,7 @@ def paint_peel(
         geometry: what the generator reads of the peel.
     """
     with torch.no_grad():
-        values = draw(geometry.unsqueeze(0), factor)[0].half()
+        values = draw(geometry.unsqueeze(0), factor, torch.from_numpy(peel.known))[0].half()
     if (normal := generator.channels.get("normal")) is not None:
         along, across = _frames(surface, tangents, peel)
         for row in range(len(along)):  # of coarse texels, to bound memory

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.tiles import Windows, paint_in_tiles
 
 _FAINT = 0.05
 
@@ -22,21 +23,34 @@ class Draw:
         seed: of the random fields, if the generator has any; at least 0.
         labels: what is wanted of the layer, as many numbers as the generator reads.
         opacity: what its alpha is multiplied by; see `opacity_of`.
+        windows: what the generator was trained on, if that were windows and it is to paint whole maps.
     """
 
     generator: Generator
     seed: int = 0
     labels: Sequence[float] = ()
     opacity: float = 1.0
+    windows: Windows | None = None
 
     def __call__(
-        self, geometry: Float[Tensor, "batch inputs rows cols"], factor: int = 1
+        self,
+        geometry: Float[Tensor, "batch inputs rows cols"],
+        factor: int = 1,
+        wanted: Bool[Tensor, "rows cols"] | None = None,
     ) -> Float[Tensor, "batch fine_rows fine_cols channels"]:
-        """The layer of this seed and these labels on each geometry, `factor` times as fine as it."""
+        """The layer of this seed and these labels on each geometry, `factor` times as fine as it.
+
+        Args:
+            wanted: texels where the layer is needed, which may save time.
+        """
         count, device = len(geometry), geometry.device
         seeds = torch.full((count,), self.seed, dtype=torch.int64, device=device)
         labels = torch.tensor([list(self.labels)] * count, dtype=torch.float32, device=device)
-        layers: Tensor = self.generator(geometry, seeds, labels, factor)
+        if self.windows is None:
+            layers: Tensor = self.generator(geometry, seeds, labels, factor)
+        else:
+            finer = factor // self.windows.finer
+            layers = paint_in_tiles(self.generator, self.windows, geometry, seeds, labels, finer, wanted)
         if self.opacity < 1.0:
             layers[..., self.generator.channels["alpha"]] *= self.opacity
         return layers

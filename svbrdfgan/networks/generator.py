@@ -20,6 +20,8 @@ from svbrdfgan.types import channel_slices, layer_channels
 
 GEOMETRY_CHANNELS = 6
 """Position and normal."""
+NORMAL = slice(3, 6)
+"""The normal's channels."""
 MESH_MAPS = 5
 """Visibility, curvature, and nearness to convex edges, creases and borders."""
 
@@ -56,7 +58,7 @@ class Generator(nn.Module):
         downsamplings: how often the resolution is halved before the blocks; the thesis uses two. One more for twice the
             texels, with half the width, keeps the blocks' resolution, their channels and what they see of the surface,
             and most of the cost.
-        norm: the thesis uses "instance".
+        norm: the thesis uses "instance". Windows need one of `LOCAL_NORMS`.
         upsampling: "strided" is the thesis's transposed convolution, which leaves a checkerboard of period four in
             the layer; "nearest" doubles the features and convolves (Odena et al. 2016), which does not.
         kernel: side of the first and the last convolution, odd; the thesis uses 7. With skips 3 is enough, and cheaper.
@@ -106,6 +108,19 @@ class Generator(nn.Module):
         return GEOMETRY_CHANNELS + MESH_MAPS * self.mesh_maps
 
     @property
+    def multiple(self) -> int:
+        """What the rows and the columns of its input are multiples of."""
+        return 1 << len(self.down)
+
+    @property
+    def reach(self) -> int:
+        """How many texels away the input may change the layer, under local norms."""
+        ends = self.first.kernel_size[0] // 2 + self.last.pad
+        halved = self.multiple - 1  # the sum of a texel of each resolution but the blocks'
+        # each is convolved on the way down, once or twice on the way up, and aligned to the next on both ways
+        return ends + 5 * halved + 2 * len(self.blocks) * self.multiple + 1
+
+    @property
     def varies(self) -> bool:
         """Whether it paints different layers on one geometry."""
         return self.modulation is not None
@@ -116,6 +131,7 @@ class Generator(nn.Module):
         seeds: Int[Tensor, " batch"] | None = None,
         labels: Float[Tensor, "batch labels"] | None = None,
         factor: int = 1,
+        side: int | None = None,
     ) -> Float[Tensor, "batch fine_rows fine_cols channels"]:
         """The values of layers (`Layer`) that paint `maps`: in (0, 1), but normals, which are unit vectors.
 
@@ -128,6 +144,7 @@ class Generator(nn.Module):
             labels: of each layer; needed if there are any.
             factor: the layer has this many times the rows and columns of the geometry, and patterns of the same scale
                 (`PreActConv.finer`). Only the last convolution runs at that resolution, so memory hardly grows.
+            side: rows of the geometries that it was trained on, if these are others; normals go by it.
         """
         affine, position = self._affine(seeds, labels), geometry[:, :3]
         if self.random_fields:
@@ -156,7 +173,8 @@ class Generator(nn.Module):
         if (normal := self.channels.get("normal")) is None:
             return layer
         fine = position if factor == 1 else F.interpolate(position, scale_factor=factor, mode="bilinear")
-        normals = relief_normals(_HEIGHT * x[:, normal.start], fine)
+        texels = factor * (side or max(geometry.shape[2:]))
+        normals = relief_normals(_HEIGHT * x[:, normal.start], fine, texels)
         return torch.cat([layer[..., : normal.start], normals], dim=-1)
 
     def _affine(self, seeds: Tensor | None, labels: Tensor | None) -> Iterator[Affine | None]:

@@ -10,7 +10,9 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
-Norm = Literal["instance", "group", "none"]
+Norm = Literal["instance", "group", "pixel", "none"]
+LOCAL_NORMS = ("pixel", "none")
+"""Those under which a texel does not depend on others, so that any part of a map can be painted alone."""
 
 EPSILON = 1e-5
 """Added to the variance of an instance norm, as torch does: a constant channel has none."""
@@ -20,6 +22,7 @@ def make_norm(channels: int, norm: Norm) -> nn.Module:
     makers: dict[str, Callable[[], nn.Module]] = {
         "instance": InstanceNorm,
         "group": lambda: nn.GroupNorm(min(8, channels), channels),
+        "pixel": PixelNorm,
         "none": nn.Identity,
     }
     return makers[norm]()
@@ -30,6 +33,13 @@ class InstanceNorm(nn.Module):
 
     def forward(self, x: Float[Tensor, "batch channels rows cols"]) -> Float[Tensor, "batch channels rows cols"]:
         return instance_norm(x)
+
+
+class PixelNorm(nn.Module):
+    """Karras et al. (2018): the channels of each pixel have mean square 1."""
+
+    def forward(self, x: Float[Tensor, "batch channels rows cols"]) -> Float[Tensor, "batch channels rows cols"]:
+        return x * torch.rsqrt(x.float().square().mean(dim=1, keepdim=True) + EPSILON).to(x.dtype)
 
 
 def instance_norm(x: Float[Tensor, "batch channels rows cols"]) -> Float[Tensor, "batch channels rows cols"]:

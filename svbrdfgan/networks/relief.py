@@ -13,7 +13,7 @@ and texels beside the surface are shorter, and would have slopes without bound."
 
 
 def relief_normals(
-    height: Float[Tensor, "batch rows cols"], position: Float[Tensor, "batch 3 rows cols"]
+    height: Float[Tensor, "batch rows cols"], position: Float[Tensor, "batch 3 rows cols"], texels: int
 ) -> Float[Tensor, "batch rows cols 3"]:
     """Unit normals in tangent space of a surface that was raised by `height` (Blinn 1978), by differences of texels.
 
@@ -23,8 +23,9 @@ def relief_normals(
     Args:
         height: outward, in the units of `position`.
         position: of each texel.
+        texels: along a side of the map.
     """
-    least = _LEAST / max(height.shape[1:])
+    least = _LEAST / texels
     along, up = (torch.roll(position, -1, dims=dim) - position for dim in (3, 2))
     rise, climb = (torch.roll(height, -1, dims=dim) - height for dim in (2, 1))
     length = along.norm(dim=1).clamp(min=least)

@@ -29,7 +29,7 @@ class GeneratorConfig(StrictModel):
         description="how often it halves the resolution before its blocks; for twice the texels, one more with half "
         "the `width` keeps most of the cost and what a block sees",
     )
-    norm: Norm = Field(default="instance", description="norm before each activation")
+    norm: Norm = Field(default="instance", description="norm before each activation; windows need `pixel` or `none`")
     upsampling: Upsampling = Field(
         default="nearest", description="`strided`, as in the thesis, leaves a pattern of four texels"
     )

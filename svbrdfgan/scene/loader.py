@@ -33,7 +33,7 @@ from svbrdfgan.scene.cache import (
 )
 from svbrdfgan.scene.description import AssetRef, Scene, SceneWeathering
 from svbrdfgan.scene.subject import Subject, bake_subject, make_subject
-from svbrdfgan.scene.window import bordered, find_window, interpolated_survey, windowed
+from svbrdfgan.scene.window import WHOLE, bordered, find_window, interpolated_survey, windowed
 from svbrdfgan.types import RGBA, Environment, Layer, Mesh, View
 from svbrdfgan.weathering.layer import recipe_from_options, weather
 from svbrdfgan.weathering.mesh_maps import MeshMaps, bake_mesh_maps
@@ -46,9 +46,6 @@ log = logging.getLogger(__name__)
 _CACHE = "cache"
 _LAYERS = 64
 """The most layers that a loader keeps in memory, and about the most subjects if they are windows."""
-_WHOLE = 512
-"""The most texels along a side of the map in which a window is placed and surveyed, and inner layers of the surface are
-hidden."""
 
 
 @dataclass
@@ -229,7 +226,7 @@ class SceneLoader:
 
 def _whole(scene: Scene) -> Scene:
     """The scene with the map in which its window is placed and surveyed."""
-    return scene.model_copy(update={"window": None, "texture": min(scene.texture, _WHOLE)})
+    return scene.model_copy(update={"window": None, "texture": min(scene.texture, WHOLE)})
 
 
 def subject_key(scene: Scene) -> str:

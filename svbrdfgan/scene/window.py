@@ -22,6 +22,10 @@ from svbrdfgan.geometry.texels import nearest_texels, sample_texture
 from svbrdfgan.types import Camera, Surface, channel_slices
 from svbrdfgan.weathering.mesh_maps import MeshMaps
 
+WHOLE = 512
+"""The most texels along a side of the map in which a window is placed and surveyed, and inner layers of the surface are
+hidden."""
+
 _PIXELS = 96
 """Of the longer side of the picture by which a window is placed."""
 _STEPS = 16

@@ -17,6 +17,7 @@ from svbrdfgan.data.trained_model import TrainedModel
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.models.shipped import model_folder, shipped_models
 from svbrdfgan.networks.conditions import Conditions
+from svbrdfgan.networks.layers import LOCAL_NORMS
 from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
 
@@ -89,6 +90,11 @@ def resolve_config(config: TrainConfig, dataset: DatasetConfig, base: Path = Pat
     _require_divisible(config, dataset)
     for split in dataset.splits:
         _require_halvable(config, _layer_texels(dataset, split))
+    if dataset.window is not None and config.generator.norm not in LOCAL_NORMS:
+        raise ConfigError(
+            f"generator.norm: {config.generator.norm} norms are taken over whole maps, and the data set's close-ups "
+            "have windows: set generator.norm: pixel."
+        )
     return resolved(config, dataset.spp, dataset.maps, imported=dataset.weathering is None)
 
 

@@ -22,6 +22,8 @@ from svbrdfgan.models.shipped import model_folder, require_model
 from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.networks.generator import Generator
 from svbrdfgan.networks.saved import load_generator
+from svbrdfgan.networks.tiles import Windows
+from svbrdfgan.scene.window import WHOLE
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.resolve import ResolvedRun
 
@@ -128,6 +130,19 @@ class Model:
     generator: Generator
     config: RunConfig
     score: float | None
+
+    @property
+    def geometry_texels(self) -> int:
+        """Texels along a side of the geometry that it reads of whole meshes: if it learned from windows, of a map as
+        those were placed in."""
+        texture = self.config.dataset.texture
+        return texture if self.config.dataset.window is None or texture % WHOLE else WHOLE
+
+    @property
+    def windows(self) -> Windows | None:
+        """What it was trained on, if not on whole maps."""
+        size = self.config.dataset.window
+        return None if size is None else Windows(size, self.config.dataset.texture // self.geometry_texels)
 
 
 def load_model(model: str | os.PathLike[str]) -> Model:

@@ -13,6 +13,7 @@ from svbrdfgan.config.models import validate
 from svbrdfgan.data.conditions import declared_conditions
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.networks.conditions import Conditions
+from svbrdfgan.networks.layers import LOCAL_NORMS
 from svbrdfgan.training.config import train_config
 from svbrdfgan.weathering.recipes import RECIPES
 
@@ -48,20 +49,22 @@ def test_a_distribution_has_random_fields_and_conditions(quickstart: Blocks, com
 
 
 def test_close_ups_have_texels_to_show(quickstart: Blocks, commands: Blocks) -> None:
-    near = dataset_of(quickstart, **commands[2])
+    close, train = commands[2:4]
+    near = dataset_of(quickstart, **close)
     assert near.camera.close_ups is not None
     assert near.texture >= 2048
+    assert train_config({"dataset": "data/cars", **train}, "train.yaml").generator.norm in LOCAL_NORMS
 
 
 def test_fakes_of_whole_materials_have_the_samples_of_their_exemplars(quickstart: Blocks, commands: Blocks) -> None:
-    materials, train = commands[3:5]
+    materials, train = commands[4:6]
     whole, fakes = dataset_of(quickstart, **materials), train_config(train, "train.yaml")
     assert set(whole.maps) == {"roughness", "metallic", "normal"}
     assert fakes.hits >= fakes.spp == whole.spp  # else their noise would tell them from exemplars
 
 
 def test_pictures_of_a_model_have_labels(quickstart: Blocks, commands: Blocks) -> None:
-    (painted,) = commands[5:]
+    (painted,) = commands[6:]
     labelled = dataset_of(quickstart, **painted)
     assert labelled.weathering is not None
     assert (labelled.weathering.model, len(labelled.labels)) == ("runs/cars", 4)

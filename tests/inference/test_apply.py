@@ -6,16 +6,24 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from svbrdfgan.data.config import CameraDistribution, CloseUps
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.inference.apply import Canvas, explain_memory, paint
+from svbrdfgan.inference.learned import LearnedWeathering
+from svbrdfgan.inference.learned_painter import LearnedPainter
+from svbrdfgan.inference.workpiece import open_workpiece
 from svbrdfgan.metrics.texture_pyramid import octaves, premultiplied
 from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.layers import initialise
+from svbrdfgan.networks.saved import GeneratorConfig, make_generator
+from svbrdfgan.networks.tiles import Windows
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.subject import Subject
@@ -31,6 +39,18 @@ def model(varied_run: Path) -> Model:
 @pytest.fixture(scope="module")
 def mesh() -> Mesh:
     return build_vehicle(sample_vehicle("van", 5))
+
+
+@pytest.fixture
+def windowed(model: Model, monkeypatch: pytest.MonkeyPatch) -> Model:
+    """A model of windows of 32 texels of maps of 64, which reads 32 texels of whole meshes."""
+    monkeypatch.setattr("svbrdfgan.training.run.WHOLE", 32)
+    settings = GeneratorConfig(width=4, blocks=1, kernel=3, norm="pixel", skips=True, random_fields=6)
+    generator = make_generator(settings, labels=model.config.conditions.size).eval()
+    initialise(generator, torch.Generator().manual_seed(0), "he")
+    camera = CameraDistribution(close_ups=CloseUps(share=1.0, window=32))
+    dataset = model.config.dataset.model_copy(update={"texture": 64, "camera": camera})
+    return Model(generator, model.config.model_copy(update={"dataset": dataset}), None)
 
 
 def test_the_same_words_paint_the_same_layer_and_others_another(mesh: Mesh, model: Model) -> None:
@@ -111,6 +131,32 @@ def test_finer_layers_obey_seed_amount_and_recipe(mesh: Mesh, model: Model) -> N
     assert torch.equal(layer(), layer())
     for other in ({"seed": 8}, {"amount": 0.9}, {"recipe": "dust"}):
         assert not torch.equal(layer(**other), layer())
+
+
+def test_a_model_of_windows_paints_whole_maps_finer_than_what_it_reads(mesh: Mesh, windowed: Model) -> None:
+    """Equally at once and in tiles, and at twice the resolution with patterns of the same scale."""
+    assert (windowed.geometry_texels, windowed.windows) == (32, Windows(32, 2))
+    asked: dict[str, Any] = {"seed": 7, "recipe": "rust"}
+    (subject, layer), (_, finer) = paint(mesh, windowed, **asked), paint(mesh, windowed, **asked, resolution=128)
+    assert layer.values.shape == (64, 64, 4)
+    assert subject.geometry.shape == (6, 64, 64)
+    assert layer.values.std(dim=(0, 1)).min() > 0.01
+    pooled = F.avg_pool2d(finer.values.permute(2, 0, 1), 2).permute(1, 2, 0)
+    assert (pooled - layer.values).abs().mean() < 0.4 * layer.values.std(dim=(0, 1)).mean()
+    with pytest.raises(ConfigError, match="resolution 32 is not allowed; the model was trained at 64 texels"):
+        paint(mesh, windowed, **asked, resolution=32)
+
+
+def test_a_model_of_windows_weathers_files(windowed: Model, van: Path) -> None:
+    """All that any peel shows is painted."""
+    workpiece = open_workpiece(van, learnable=("*",), front="+Z", up="+Y")
+    weathering = LearnedWeathering.of(windowed, seed=7, recipe="rust")
+    painter = weathering.painter(workpiece)
+    assert isinstance(painter, LearnedPainter)
+    assert [layer.factor for layer in painter.layers] == [2] * len(painter.layers)
+    for peel, layer in zip(painter.embedded.peels, painter.layers, strict=True):
+        known = np.repeat(np.repeat(peel.known, 2, axis=0), 2, axis=1).ravel()
+        assert (layer.values[known].abs().sum(dim=1) > 0.0).all()
 
 
 @pytest.mark.parametrize("resolution", [-32, 0, 16, 48, 8192])

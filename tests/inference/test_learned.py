@@ -38,7 +38,7 @@ from svbrdfgan.weathering.substances import Substance
 TEXELS = 128
 
 
-def paint_position(geometry: Tensor, factor: int) -> Tensor:
+def paint_position(geometry: Tensor, factor: int, wanted: Tensor) -> Tensor:
     """The layer whose colour is where the surface is, in the network's coordinates; flat, and of roughness 0.5."""
     position = geometry[:, :3].permute(0, 2, 3, 1)
     fine = position.repeat_interleave(factor, dim=1).repeat_interleave(factor, dim=2)
@@ -51,7 +51,7 @@ def position_model() -> LearnedWeathering:
     generator = SimpleNamespace(mesh_maps=False, maps=maps, channels=channel_slices(maps))
     embedding = SimpleNamespace(name="hemispherical", options={})
     dataset = SimpleNamespace(texture=TEXELS, embedding=embedding, maps=dict.fromkeys(maps, 0.0))
-    model = SimpleNamespace(generator=generator, config=SimpleNamespace(dataset=dataset))
+    model = SimpleNamespace(generator=generator, config=SimpleNamespace(dataset=dataset), geometry_texels=TEXELS)
     return LearnedWeathering(model, paint_position, {})  # type: ignore[arg-type]
 
 
@@ -103,8 +103,8 @@ def test_a_flat_normal_is_the_surface_s_own(workpiece: Workpiece, painter: Learn
 
 
 def test_normals_lean_as_the_layer_s_do_in_the_frames_of_the_embedding(workpiece: Workpiece) -> None:
-    def lean_along_u(geometry: Tensor, factor: int) -> Tensor:
-        layer = paint_position(geometry, factor)
+    def lean_along_u(geometry: Tensor, factor: int, wanted: Tensor) -> Tensor:
+        layer = paint_position(geometry, factor, wanted)
         layer[..., -3:] = torch.tensor([0.6, 0.0, 0.8])
         return layer
 
@@ -140,7 +140,7 @@ def test_a_workpiece_is_embedded_once_for_all_draws_of_a_model_and_forgotten_wit
     painters = [each.painter(workpiece) for each in (first, second, first)]
     assert embedded == [TEXELS]
     other = position_model()
-    other.model.config.dataset.texture = TEXELS // 2
+    other.model.config.dataset.texture = other.model.geometry_texels = TEXELS // 2  # type: ignore[misc]  # a stand-in
     painters.append(other.painter(workpiece))
     assert embedded == [TEXELS, TEXELS // 2]
     kept = weakref.ref(painters[-1].embedded)  # type: ignore[attr-defined]

@@ -194,7 +194,7 @@ def test_kernels_give_the_same_bits_again() -> None:
 
 
 @needs_kernels
-@pytest.mark.parametrize("norm", ["instance", "group", "none"])
+@pytest.mark.parametrize("norm", ["instance", "group", "pixel", "none"])
 @pytest.mark.parametrize("upsampling", ["nearest", "strided"])
 def test_a_generator_learns_the_same_by_either(norm: str, upsampling: str, monkeypatch: pytest.MonkeyPatch) -> None:
     network = Generator(width=4, blocks=2, norm=norm, upsampling=upsampling, labels=2)  # type: ignore[arg-type]

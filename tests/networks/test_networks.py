@@ -12,7 +12,7 @@ from svbrdfgan.networks.layers import Norm, initialise
 
 
 @pytest.mark.parametrize("size", [(16, 16), (32, 64)])
-@pytest.mark.parametrize("norm", ["instance", "group", "none"])
+@pytest.mark.parametrize("norm", ["instance", "group", "pixel", "none"])
 def test_layer_has_the_buffer_s_size_and_range(size: tuple[int, int], norm: str) -> None:
     layer = Generator(width=4, norm=norm)(torch.randn(2, 6, *size))
     assert layer.shape == (2, *size, 4)
@@ -130,7 +130,7 @@ def test_gradients_do_not_depend_on_the_layout_in_memory(make: type[nn.Module], 
         torch.testing.assert_close(one, other)
 
 
-@pytest.mark.parametrize(("norm", "biased"), [("instance", 1), ("group", 8), ("none", 8)])
+@pytest.mark.parametrize(("norm", "biased"), [("instance", 1), ("group", 8), ("pixel", 8), ("none", 8)])
 def test_only_the_last_convolution_has_a_bias_if_a_norm_would_take_it_out(norm: str, biased: int) -> None:
     convolutions = [m for m in Generator(width=4, blocks=1, norm=norm).modules() if isinstance(m, nn.Conv2d)]
     assert len(convolutions) == 8
@@ -201,7 +201,7 @@ def test_a_finer_layer_has_the_coarse_one_at_its_texels_centres() -> None:
     torch.testing.assert_close(fine[:, 1::3, 1::3], coarse)
 
 
-@pytest.mark.parametrize("norm", ["instance", "group", "none"])
+@pytest.mark.parametrize("norm", ["instance", "group", "pixel", "none"])
 def test_a_convolution_at_a_factor_of_one_is_the_convolution(norm: Norm) -> None:
     last, x = PreActConv(nn.Conv2d(4, 3, 7), norm, pad=3).eval(), torch.randn(2, 4, 16, 16)
     torch.testing.assert_close(last.finer(x, 1), last(x))

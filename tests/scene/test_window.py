@@ -103,7 +103,7 @@ def test_the_layer_of_a_window_is_that_of_the_whole_map(scene: Scene, whole: Sce
 def test_visibility_and_curvature_of_a_window_are_interpolated_and_edges_exact(
     scene: Scene, whole: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("svbrdfgan.scene.loader._WHOLE", TEXTURE // 2)
+    monkeypatch.setattr("svbrdfgan.scene.loader.WHOLE", TEXTURE // 2)
     loader = SceneLoader(tmp_path)
     window, full, place = loader.mesh_maps(scene), loader.mesh_maps(whole), place_of(loader, scene)
     seen = loader.subject(scene).buffer.mask

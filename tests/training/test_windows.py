@@ -39,10 +39,15 @@ def config(dataset_data: Data) -> DatasetConfig:
     return validate(DatasetConfig, data, "here")
 
 
+LOCAL = {"norm": "pixel"}
+
+
 @pytest.fixture
 def run(config: DatasetConfig, training_data: Data, tmp_path: Path) -> ResolvedRun:
     generate(config, tmp_path / "data", base=tmp_path)
-    return resolve_run(train_config(training_data(dataset=str(tmp_path / "data")), "train.yaml"), tmp_path)
+    return resolve_run(
+        train_config(training_data(dataset=str(tmp_path / "data"), generator=LOCAL), "train.yaml"), tmp_path
+    )
 
 
 def source_of(run: ResolvedRun, renderer: Renderer[Any]) -> BatchSource:
@@ -94,7 +99,7 @@ def test_evaluations_show_learned_windows_as_exemplars_are_seen(run: ResolvedRun
 
 
 def test_windows_and_whole_layers_are_not_mixed(config: DatasetConfig, training_data: Data) -> None:
-    known = train_config(training_data(), "train.yaml")
+    known = train_config(training_data(generator=LOCAL), "train.yaml")
     assert resolve_config(known, config)
     mixed = config.model_copy(update={"camera": config.camera.model_copy(update={"close_ups": None})})
     assert resolve_config(known, mixed)
@@ -103,6 +108,9 @@ def test_windows_and_whole_layers_are_not_mixed(config: DatasetConfig, training_
     halves = config.camera.model_copy(update={"close_ups": near.model_copy(update={"share": 0.5})})
     with pytest.raises(ConfigError, match="windows of 32 texels, and its other pictures whole layers"):
         resolve_config(known, config.model_copy(update={"camera": halves}))
-    deep = train_config(training_data(generator={"downsamplings": 4}), "train.yaml")
+    deep = train_config(training_data(generator=LOCAL | {"downsamplings": 4}), "train.yaml")
     with pytest.raises(ConfigError, match="a texture of 32 texels cannot be halved 4 times"):
         resolve_config(deep, config)
+    wide = train_config(training_data(generator={"norm": "instance"}), "train.yaml")
+    with pytest.raises(ConfigError, match=r"instance norms are taken over whole maps.*set generator\.norm: pixel"):
+        resolve_config(wide, config)
