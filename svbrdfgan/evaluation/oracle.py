@@ -6,7 +6,6 @@ The oracle is supervised. Where layers are a distribution, it is trained adversa
 from __future__ import annotations
 
 import copy
-import json
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -18,10 +17,11 @@ from jaxtyping import Float
 from lightning_fabric import Fabric
 from torch import Tensor
 
+from svbrdfgan.config.models import StrictModel
 from svbrdfgan.data.config import Split
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.evaluation.adversarial_oracle import Budget, TrueLayers, train_adversarial_oracle
-from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.records import load_record, save_record
 from svbrdfgan.metrics.map_errors import LEAST_ERRORS
 from svbrdfgan.metrics.recovered import Scorer, SeenTexels, Target, make_targets
 from svbrdfgan.networks.generator import Generator
@@ -40,8 +40,6 @@ Watch = Callable[[int, float], None]
 """Called with the step and the validation score at every scoring."""
 
 _TARGETS = 2048  # the most that it trains on
-_NOTES = ("plateau", "steps", "run_steps")
-
 log = logging.getLogger(__name__)
 
 
@@ -87,6 +85,14 @@ class Oracle:
     def adversarial(self) -> bool:
         """Whether the oracle draws, and so is compared by `resemblance`."""
         return self.generator.random_fields > 0
+
+
+class _Notes(StrictModel):
+    """What is stored beside an oracle's generator; see `Oracle`."""
+
+    plateau: bool | None
+    steps: int
+    run_steps: int | None = None
 
 
 def train_oracle(
@@ -178,9 +184,7 @@ def oracle_of(
         oracle = _supervised(fabric, config, load, constants, schedule, shown)
     generator = config.train.generator if drawing else config.train.generator.without_random_fields
     save_generator(run / ORACLE, oracle.generator, generator, oracle.score)
-    with atomic_path(run / ORACLE_NOTES) as temporary:
-        notes = {name: getattr(oracle, name) for name in _NOTES}
-        temporary.write_text(json.dumps(notes), encoding="utf-8")
+    save_record(run / ORACLE_NOTES, _Notes(**{name: getattr(oracle, name) for name in _Notes.model_fields}))
     return oracle
 
 
@@ -189,9 +193,9 @@ def _stored(run: Path, device: torch.device) -> Oracle | None:
     path, notes = run / ORACLE, run / ORACLE_NOTES
     if not path.is_file() or not notes.is_file():
         return None
-    reached = json.loads(notes.read_text(encoding="utf-8"))
+    reached = load_record(_Notes, notes)
     generator, score = load_generator(path)
-    return Oracle(generator.to(device), score, **{name: reached.get(name) for name in _NOTES})
+    return Oracle(generator.to(device), score, **reached.model_dump())
 
 
 def _budget_of(run: Path, config: TrainConfig) -> Budget:

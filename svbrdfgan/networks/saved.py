@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Literal
 
+import torch
 from pydantic import Field
 
 from svbrdfgan.config.models import StrictModel, validate
@@ -20,8 +21,10 @@ _FORMAT = "svbrdfgan generator 5"
 class GeneratorConfig(StrictModel):
     """The ResNet of thesis 4.3.1, which paints layers (`svbrdfgan.networks.generator.Generator`)."""
 
-    width: int = Field(default=64, ge=4, description="channels after its first convolution; cost grows with the square")
-    blocks: int = Field(default=6, ge=0, description="residual blocks")
+    width: int = Field(
+        default=64, ge=4, le=1024, description="channels after its first convolution; cost grows with the square"
+    )
+    blocks: int = Field(default=6, ge=0, le=64, description="residual blocks")
     downsamplings: int = Field(
         default=2,
         ge=1,
@@ -69,6 +72,21 @@ class GeneratorConfig(StrictModel):
         return self.model_copy(update={"random_fields": 0, "conditions": False})
 
 
+class _About(StrictModel):
+    """What a generator's file says besides its weights.
+
+    Attributes:
+        maps: that it paints besides base_color.
+        labels: how many numbers it is told of a layer.
+        score: on the validation split.
+    """
+
+    generator: GeneratorConfig
+    maps: tuple[str, ...]
+    labels: int = Field(ge=0, le=1000)
+    score: float | None
+
+
 def make_generator(config: GeneratorConfig, maps: tuple[str, ...] = (), labels: int = 0) -> Generator:
     """The network that paints layers with these further maps, and is told labels of each."""
     return Generator(**config.model_dump(exclude={"conditions"}), maps=maps, labels=labels)
@@ -97,8 +115,10 @@ def load_generator(path: Path) -> tuple[Generator, float | None]:
         AssetError: missing, damaged, or of another kind.
     """
     with stored_tensors(path, _FORMAT, "train the run until it has saved a model") as (weights, words):
-        built = validate(GeneratorConfig, json.loads(words["generator"]), str(path))
-        maps, labels, score = (json.loads(words[name]) for name in ("maps", "labels", "score"))
-        generator = make_generator(built, tuple(maps), labels)
-        generator.load_state_dict(weights)
-    return generator.eval().requires_grad_(False), score
+        about = validate(_About, {name: json.loads(words[name]) for name in _About.model_fields}, str(path))
+        if not all(value.isfinite().all() for value in weights.values()):
+            raise ValueError("it has weights that are not finite")
+        with torch.device("meta"):  # what the file says takes no memory before its weights are known to fit
+            generator = make_generator(about.generator, about.maps, about.labels)
+        generator.load_state_dict({name: value.float() for name, value in weights.items()}, assign=True)
+    return generator.eval().requires_grad_(False), about.score

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,11 @@ from torch import Tensor
 from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.training.run import LOG
 
+_MOST = 20_000
+"""Lines of a log that are kept in memory."""
+_LONGEST = 100_000
+"""Characters of a line."""
+
 log = logging.getLogger(__name__)
 
 
@@ -21,9 +27,8 @@ class MetricsLog:
 
     def __init__(self, run: Path, step: int) -> None:
         self.path = run / LOG
-        kept = [line for line in read_metrics(run) if line["step"] <= step]
-        with atomic_path(self.path) as temporary:
-            temporary.write_text("".join(json.dumps(line) + "\n" for line in kept), encoding="utf-8")
+        with atomic_path(self.path) as temporary, temporary.open("w", encoding="utf-8") as file:
+            file.writelines(json.dumps(line) + "\n" for line in _lines(self.path) if line["step"] <= step)
         self.board = _board(run, step)
 
     def write(self, step: int, values: dict[str, float]) -> None:
@@ -45,15 +50,46 @@ class MetricsLog:
 
 
 def read_metrics(run: Path) -> list[dict[str, float]]:
-    """The lines of a run's log. A line that a kill cut off is left out."""
-    lines: list[dict[str, float]] = []
-    if (run / LOG).is_file():
-        for line in (run / LOG).read_text(encoding="utf-8").splitlines():
+    """The lines of a run's log, and of very many every second, fourth and so on, and the last.
+
+    A line that a kill cut off, or that is no report, is left out.
+    """
+    kept: list[dict[str, float]] = []
+    every, last = 1, None
+    for number, line in enumerate(_lines(run / LOG)):
+        last = line
+        if number % every == 0:
+            kept.append(line)
+        if len(kept) > _MOST:
+            kept, every = kept[::2], 2 * every
+    if last is not None and last is not kept[-1]:
+        kept.append(last)
+    return kept
+
+
+def _lines(path: Path) -> Iterator[dict[str, float]]:
+    """The reports in a log."""
+    if not path.is_file():
+        return
+    with path.open(encoding="utf-8", errors="replace") as file:
+        while text := file.readline(_LONGEST):
             try:
-                lines.append(json.loads(line))
-            except ValueError:
-                log.info("a line of %s was cut off and is left out", run / LOG)
-    return lines
+                line = json.loads(text)
+            except (ValueError, RecursionError):
+                line = None
+            if _is_report(line):
+                yield line
+            else:
+                log.info("a line of %s was cut off and is left out", path)
+
+
+def _is_report(line: object) -> bool:
+    """Whether it has a step, and numbers alone."""
+    return (
+        isinstance(line, dict)
+        and isinstance(line.get("step"), int)
+        and all(isinstance(value, int | float) and not isinstance(value, bool) for value in line.values())
+    )
 
 
 def _board(run: Path, step: int) -> Any:

@@ -5,21 +5,25 @@ from __future__ import annotations
 import copy
 import json
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import torch
 from jaxtyping import Float
+from pydantic import Field, field_validator
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
-from svbrdfgan.errors import AssetError, TrainingError
+from svbrdfgan.config.models import StrictModel
+from svbrdfgan.errors import AssetError, ConfigError, TrainingError
+from svbrdfgan.io.records import load_record
 from svbrdfgan.networks.discriminator import Discriminator
 from svbrdfgan.networks.generator import Generator
 from svbrdfgan.networks.layers import initialise
@@ -30,6 +34,8 @@ from svbrdfgan.training.reference_pictures import LIGHT_CHANNELS
 
 RGB = 3
 """Channels of a picture."""
+_COUNTERS = "state.json"
+_NUMBERED = re.compile(r"step_\d{1,12}")
 _KEEP = 2
 """Checkpoints of a run: the one before serves if the last is damaged."""
 _GBUFFER = 6
@@ -37,6 +43,22 @@ _GBUFFER = 6
 _TOLD_APART = 0.57  # of the pairs: a discriminator that tells more apart has begun to know its exemplars by heart
 _ACCURACY_IMAGES = 500  # half-life of the mean accuracy
 _AUGMENTED_IMAGES = 4000  # that take the share of augmented pairs from 0 to 1, or back
+
+
+class _Counters(StrictModel):
+    """What a checkpoint holds besides tensors; see `State`."""
+
+    step: int = Field(ge=0)
+    seconds: float = Field(ge=0.0)
+    best: tuple[Annotated[float, Field(allow_inf_nan=True)], int]
+    history: list[dict[str, float]]
+
+    @field_validator("history")
+    @classmethod
+    def _counts(cls, history: list[dict[str, float]]) -> list[dict[str, float]]:
+        if not all({"step", "seconds"} <= point.keys() for point in history):
+            raise ValueError("each entry needs step and seconds")
+        return history
 
 
 @dataclass(eq=False)
@@ -136,7 +158,7 @@ class State:
         temporary.mkdir(parents=True)
         save_file(self._tensors(), temporary / "state.safetensors")
         counters = {"step": self.step, "seconds": self.seconds, "best": self.best, "history": self.history}
-        (temporary / "state.json").write_text(json.dumps(counters), encoding="utf-8")
+        (temporary / _COUNTERS).write_text(json.dumps(counters), encoding="utf-8")
         shutil.rmtree(target, ignore_errors=True)
         os.replace(temporary, target)
         for old in checkpoints(folder)[:-_KEEP]:
@@ -157,8 +179,8 @@ class State:
                 _load_adam(adam, _under(f"{name}.", tensors))
             for own in ("accuracy", "augmented"):
                 getattr(self, own).copy_(tensors[own])
-        self.step, self.seconds = counters["step"], counters["seconds"]
-        self.best, self.history = tuple(counters["best"]), counters["history"]
+        self.step, self.seconds = counters.step, counters.seconds
+        self.best, self.history = counters.best, counters.history
 
     def _networks(self) -> dict[str, nn.Module]:
         return {"generator": self.generator, "discriminator": self.discriminator, "averaged": self.averaged}
@@ -189,7 +211,7 @@ def load_discriminator(checkpoint: Path, config: DiscriminatorConfig, labels: in
     discriminator = make_discriminator(config, labels)
     with _of_these_networks(checkpoint):
         discriminator.load_state_dict(_under("discriminator.", tensors))
-    return discriminator.eval().requires_grad_(False), counters["step"]
+    return discriminator.eval().requires_grad_(False), counters.step
 
 
 def make_discriminator(config: DiscriminatorConfig, labels: int = 0, judged: int = RGB) -> Discriminator:
@@ -205,7 +227,7 @@ def checkpoint_path(folder: Path, step: int) -> Path:
 
 def checkpoints(folder: Path) -> list[Path]:
     """The complete checkpoints of a run, oldest first."""
-    return sorted((folder / "checkpoints").glob("step_*"))
+    return sorted(path for path in (folder / "checkpoints").glob("step_*") if _NUMBERED.fullmatch(path.name))
 
 
 def step_of(checkpoint: Path) -> int:
@@ -213,13 +235,17 @@ def step_of(checkpoint: Path) -> int:
     return int(checkpoint.name.removeprefix("step_"))
 
 
-def _read(checkpoint: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+def _read(checkpoint: Path) -> tuple[dict[str, Tensor], _Counters]:
     """The tensors and the counters of a checkpoint."""
     try:
         tensors = load_file(checkpoint / "state.safetensors")
-        return tensors, json.loads((checkpoint / "state.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError, SafetensorError) as error:
-        raise AssetError(f"{checkpoint} is damaged ({error}); delete it to resume from the one before.") from error
+        counters = load_record(_Counters, checkpoint / _COUNTERS)
+        if counters.step != step_of(checkpoint):
+            raise ValueError(f"its counters are of step {counters.step}")
+        return tensors, counters
+    except (OSError, ValueError, SafetensorError, AssetError, ConfigError) as error:
+        reason = " ".join(str(error).split()).rstrip(".")
+        raise AssetError(f"{checkpoint} is damaged ({reason}); delete it to resume from the one before.") from error
 
 
 @contextmanager

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,43 @@ def test_a_penalty_between_reports_is_in_the_log(config: Callable[..., TrainConf
     (told,) = [line for line in read_metrics(tmp_path / "run") if "d_loss" in line]
     assert told["step"] == 50
     assert told["d_penalty"] > 0
+
+
+DOCTORED = [
+    b"null",
+    b"[]",
+    b"3",
+    b'{"loss": 1}',
+    b'{"step": "2"}',
+    b'{"step": null}',
+    b'{"step": 2, "loss": "\xe4"}',
+    b"[" * 50_000,
+]
+"""Lines that no run writes."""
+
+
+@pytest.mark.parametrize("line", DOCTORED)
+def test_lines_that_are_no_reports_are_left_out(line: bytes, tmp_path: Path) -> None:
+    (tmp_path / "log.jsonl").write_bytes(
+        b'{"step": 1, "loss": 0.5}\n' + line + b'\n{"step": 3, "loss": 0.25}\n{"step": 4, "lo'
+    )
+    assert [told["step"] for told in read_metrics(tmp_path)] == [1, 3]
+    MetricsLog(tmp_path, 3).close()
+    assert (tmp_path / "log.jsonl").read_text().splitlines() == [
+        '{"step": 1, "loss": 0.5}',
+        '{"step": 3, "loss": 0.25}',
+    ]
+
+
+def test_very_many_lines_are_thinned_and_end_with_the_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("svbrdfgan.training.metrics_log._MOST", 8)
+    (tmp_path / "log.jsonl").write_text("".join(f'{{"step": {step}}}\n' for step in range(100)))
+    steps = [told["step"] for told in read_metrics(tmp_path)]
+    assert len(steps) <= 10
+    assert (steps[0], steps[-1]) == (0, 99)
+    assert len({after - before for before, after in itertools.pairwise(steps[:-1])}) == 1, "evenly"
+    MetricsLog(tmp_path, 98).close()
+    assert len((tmp_path / "log.jsonl").read_text().splitlines()) == 99, "the file keeps all"
 
 
 def test_the_end_of_an_interrupted_run_is_in_its_curves(
@@ -67,12 +105,11 @@ def test_a_log_that_cannot_be_rewritten_stays_as_it_was(tmp_path: Path, monkeypa
     before = '{"step": 1, "g_loss": 2.0}\n{"step": 2, "g_loss": 1.0}\n'
     (tmp_path / "log.jsonl").write_text(before)
 
-    def full(path: Path, text: str, **options: Any) -> None:
-        with path.open("w") as file:
-            file.write(text[:5])
+    def full(path: Path) -> Iterator[dict[str, float]]:
+        yield {"step": 1}
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr("svbrdfgan.training.metrics_log._lines", full)
     with pytest.raises(AssetError, match="No space left"):
         MetricsLog(tmp_path, 1)
     assert (tmp_path / "log.jsonl").read_text() == before

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -356,6 +357,47 @@ def test_a_damaged_checkpoint_is_one_sentence(damage: str, config: Callable[...,
     with pytest.raises(AssetError, match=r"is damaged .*delete it to resume from the one before") as caught:
         state.load(checkpoint)
     assert len(str(caught.value).splitlines()) == 1
+
+
+COUNTERS: dict[str, Any] = {"step": 3, "seconds": 2.0, "best": [0.5, 2], "history": [{"step": 2, "seconds": 1.0}]}
+
+
+@pytest.mark.parametrize(
+    "doctored",
+    [
+        None,
+        [],
+        {},
+        COUNTERS | {"step": "3"},
+        COUNTERS | {"step": -3},
+        COUNTERS | {"step": 10**18},
+        COUNTERS | {"seconds": -1},
+        COUNTERS | {"best": None},
+        COUNTERS | {"best": [0.5]},
+        COUNTERS | {"history": {"step": 1}},
+        COUNTERS | {"history": [{"step": 2}]},
+        COUNTERS | {"history": [[[[[]]]]]},
+        COUNTERS | {"more": 1},
+    ],
+)
+def test_doctored_counters_are_one_sentence(doctored: Any, config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    state = State.fresh(config(), CPU)
+    state.step = 3
+    state.save(tmp_path)
+    (checkpoint,) = checkpoints(tmp_path)
+    (checkpoint / "state.json").write_text(json.dumps(COUNTERS))
+    state.load(checkpoint)
+    (checkpoint / "state.json").write_text(json.dumps(doctored))
+    with pytest.raises(AssetError, match=r"is damaged .*delete it to resume from the one before") as caught:
+        state.load(checkpoint)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_folders_of_other_names_are_no_checkpoints(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    State.fresh(config(), CPU).save(tmp_path)
+    for name in ("step_abc", "step_", "step_00000001x", "abc"):
+        (tmp_path / "checkpoints" / name).mkdir()
+    assert [path.name for path in checkpoints(tmp_path)] == ["step_00000000"]
 
 
 def test_a_checkpoint_of_other_networks_is_refused(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
