@@ -10,6 +10,9 @@ from pydantic import AfterValidator, BeforeValidator, Field
 from svbrdfgan.config.models import StrictModel
 from svbrdfgan.types import FURTHER_MAPS, Part
 
+MOST_SAMPLES = 65_536
+"""Samples per pixel of exemplars and fakes."""
+
 T = TypeVar("T")
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from svbrdfgan.config.choices import FurtherMaps, PartSelection, PluginChoice, PluginField
+from svbrdfgan.config.choices import MOST_SAMPLES, FurtherMaps, PartSelection, PluginChoice, PluginField
 from svbrdfgan.config.distributions import (
     Choice,
     Color,
@@ -29,7 +29,7 @@ Label = Literal["weathered", "parts", "depth", "normals"]
 class ProceduralMeshes(StrictModel):
     """Procedural vehicles."""
 
-    count: int = Field(ge=1, description="vehicles to make")
+    count: int = Field(ge=1, le=100_000, description="vehicles to make")
     kinds: tuple[str, ...] = Field(
         default=("sedan", "hatchback", "van", "pickup"), min_length=1, description="taken in turn"
     )
@@ -39,7 +39,7 @@ class ProceduralMeshes(StrictModel):
 class ProceduralSkies(StrictModel):
     """Procedural environment maps."""
 
-    count: int = Field(ge=1, description="maps to make")
+    count: int = Field(ge=1, le=10_000, description="maps to make")
     kind: Literal["outdoor", "indoor"] = Field(
         default="outdoor", description="`outdoor`: skies with a sun; `indoor`: rooms with lamps overhead"
     )
@@ -127,7 +127,7 @@ class SplitConfig(StrictModel):
     camera: CameraDistribution | None = Field(
         default=None, description="cameras of this split alone; `null`: those of the data set"
     )
-    views: int = Field(default=8, ge=1, description="pictures of each mesh")
+    views: int = Field(default=8, ge=1, le=1_000_000, description="pictures of each mesh")
 
     @model_validator(mode="after")
     def _has_meshes(self) -> SplitConfig:
@@ -213,7 +213,7 @@ class DatasetConfig(SharedConfig):
     """A data set: pictures of weathered meshes, rendered or imported."""
 
     seed: int = Field(default=0, ge=0, lt=2**63, description="seed of all random draws")
-    spp: int = Field(default=64, ge=1, description="samples per pixel of the exemplars")
+    spp: int = Field(default=64, ge=1, le=MOST_SAMPLES, description="samples per pixel of the exemplars")
     paint: Annotated[Paint, within(0, 1)] | None = Field(
         default=Choice[Color](choice=PAINTS),
         description="linear base colour of the learnable parts, 0 to 1; by default one of eight car paints; `null`: "

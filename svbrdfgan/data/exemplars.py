@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from svbrdfgan.data.config import Split
+from svbrdfgan.data.config import DatasetConfig, Split
 from svbrdfgan.data.exemplar_files import exemplar_paths, load_picture
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
@@ -71,14 +72,16 @@ def load_exemplars(dataset: Dataset, split: Split, *, mesh_maps: bool = False) -
     if split not in index.config.splits:
         raise AssetError(f"{folder} has no split {split!r}; it has {', '.join(index.config.splits)}.")
     count = len(index.sampler(split))
-    paths = [exemplar_paths(folder, split, number) for number in range(count)]
-    absent = sum(not record.is_file() for _, record in paths)
-    if absent:
+    there = sum(1 for _ in (folder / split).glob("*.json"))
+    paths = [exemplar_paths(folder, split, number) for number in range(min(count, there))]
+    present = sum(record.is_file() for _, record in paths)
+    if present < count:
         raise AssetError(
-            f"{folder} is not finished: {absent} of {count} {split} exemplars are missing; run `svbrdfgan dataset`."
+            f"{folder} is not finished: {count - present} of {count} {split} exemplars are missing; run `svbrdfgan "
+            "dataset`."
         )
-    scenes = tuple(Scene.load(record) for _, record in paths)
-    pictures = torch.stack([load_picture(picture) for picture, _ in paths])
+    scenes = tuple(_load_scene(record, index.config) for _, record in paths)
+    pictures = torch.stack([_load_picture(picture, scene) for (picture, _), scene in zip(paths, scenes, strict=True)])
     loader = SceneLoader(folder)
     load = loader.with_mesh_maps if mesh_maps else loader.subject
     keys = [subject_key(scene) for scene in scenes]
@@ -93,6 +96,25 @@ def load_exemplars(dataset: Dataset, split: Split, *, mesh_maps: bool = False) -
         layers=_StoredLayers(loader, scenes),
         loader=loader,
     )
+
+
+def _load_scene(record: Path, config: DatasetConfig) -> Scene:
+    """An exemplar's scene, which has what all scenes of its data set have in common."""
+    scene = Scene.load(record)
+    wanted = {"width": config.image[0], "height": config.image[1], "texture": config.texture}
+    for name, value in wanted.items():
+        if (own := getattr(scene, name)) != value:
+            raise AssetError(f"{record} has {name} {own}, and its data set {value}; delete it, and make it again.")
+    if tuple(scene.maps) != tuple(config.maps):
+        raise AssetError(f"{record} has other maps than its data set; delete it, and make it again.")
+    return scene
+
+
+def _load_picture(path: Path, scene: Scene) -> Float[Tensor, "height width 4"]:
+    picture = load_picture(path)
+    if picture.shape != (scene.height, scene.width, 4):
+        raise AssetError(f"{path} has another size than its scene; delete it and its record, and make them again.")
+    return picture
 
 
 class _StoredLayers(Sequence[Any]):

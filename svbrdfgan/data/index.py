@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from pydantic import model_validator
+
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.data.config import DatasetConfig, Split
 from svbrdfgan.data.sampler import ConfigSampler, EnvironmentAsset, MeshAsset
@@ -28,6 +30,13 @@ class DatasetIndex(StrictModel):
     environments: dict[Split, tuple[EnvironmentAsset, ...]]
     model: SceneModel | None = None
     parts: dict[int, str] = {}
+
+    @model_validator(mode="after")
+    def _serves_its_splits(self) -> DatasetIndex:
+        for split in self.config.splits:
+            if not self.meshes.get(split) or not self.environments.get(split):
+                raise ValueError(f"it names no meshes or no environments of the split {split!r}")
+        return self
 
     def sampler(self, split: Split) -> ConfigSampler:
         """Draws the scenes of a split."""

@@ -29,8 +29,8 @@ def save_tensors(path: Path, kind: str, tensors: Mapping[str, Tensor], words: Ma
 def stored_tensors(path: Path, kind: str, remedy: str) -> Iterator[tuple[dict[str, Tensor], dict[str, str]]]:
     """The tensors (on the CPU) and metadata that `save_tensors` wrote.
 
-    Lookup, type and value errors inside the block are reported as a broken file, so the block should extract what it
-    needs and do nothing else.
+    Lookup, type, value and asset errors inside the block are reported as a broken file, so the block should extract
+    what it needs and do nothing else.
 
     Args:
         remedy: advice for the error message, such as "delete it, and it is made again".
@@ -41,14 +41,16 @@ def stored_tensors(path: Path, kind: str, remedy: str) -> Iterator[tuple[dict[st
     try:
         with safe_open(path, framework="pt") as file:
             words = file.metadata() or {}
-            if words.get("format") != kind:
-                raise AssetError(f"{path} is not a {kind!r} file; {remedy}.")
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        yield tensors, words
-    except (OSError, SafetensorError, LookupError, TypeError, ValueError, RuntimeError) as error:
+            known = words.get("format") == kind
+            tensors = {name: file.get_tensor(name) for name in file.keys()} if known else {}  # noqa: SIM118
+        if known:
+            yield tensors, words
+    except (AssetError, OSError, SafetensorError, LookupError, TypeError, ValueError, RuntimeError) as error:
         raise AssetError(f"{path} cannot be read ({_reason(error)}); {remedy}.") from error
+    if not known:
+        raise AssetError(f"{path} is not a {kind!r} file; {remedy}.")
 
 
 def _reason(error: Exception) -> str:
     """The error's message on one line."""
-    return f"it has no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())[:300]
+    return f"it has no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())[:300].rstrip(".")

@@ -16,7 +16,7 @@ from torch import Tensor
 from svbrdfgan.geometry.bake import GeometryBuffer
 from svbrdfgan.io.tensors import save_tensors, stored_tensors
 from svbrdfgan.scene.subject import Subject
-from svbrdfgan.types import Layer, Part, Surface
+from svbrdfgan.types import Layer, Part, Surface, layer_channels
 from svbrdfgan.weathering.mesh_maps import MeshMaps
 
 _SUBJECT = "svbrdfgan subject 2"
@@ -40,11 +40,14 @@ def save_subject(path: Path, subject: Subject) -> None:
     save_tensors(path, _SUBJECT, tensors, words)
 
 
-def load_subject(path: Path) -> Subject:
+def load_subject(path: Path, side: int) -> Subject:
     """Reads what `save_subject` wrote. What the mesh's file says of parts is in `base`, `file_maps` and alpha alone.
 
+    Args:
+        side: rows and columns of its buffer.
+
     Raises:
-        AssetError: missing, damaged, or of another version.
+        AssetError: missing, damaged, or of another version or size.
     """
     with stored_tensors(path, _SUBJECT, _REMEDY) as (tensors, words):
         header = json.loads(words["header"])
@@ -59,6 +62,7 @@ def load_subject(path: Path) -> Subject:
         base = tuple(tensors[f"base.{part}"] for part in range(len(parts)))
         maps = [_under(f"file.{part}.", tensors) for part in range(len(parts))] if header.get("file_maps") else []
         subject = Subject(surface, buffer, tuple(header["learnable"]), base, tuple(maps))
+        _require_whole(subject, side)
     return subject
 
 
@@ -67,14 +71,15 @@ def save_layer(path: Path, layer: Layer) -> None:
     save_tensors(path, _LAYER, {"layer": layer.values.float()}, {"maps": json.dumps(layer.maps)})
 
 
-def load_layer(path: Path) -> Layer:
-    """Reads what `save_layer` wrote.
+def load_layer(path: Path, side: int) -> Layer:
+    """Reads what `save_layer` wrote; with so many rows and columns.
 
     Raises:
-        AssetError: missing, damaged, or of another version.
+        AssetError: missing, damaged, or of another version or size.
     """
     with stored_tensors(path, _LAYER, _REMEDY) as (tensors, words):
         layer = Layer(tensors["layer"], tuple(json.loads(words["maps"])))
+        _require_texture("a layer", layer.values, (side, side, layer_channels(layer.maps)))
     return layer
 
 
@@ -83,15 +88,49 @@ def save_mesh_maps(path: Path, maps: MeshMaps) -> None:
     save_tensors(path, _MAPS, _tensors(maps), {})
 
 
-def load_mesh_maps(path: Path) -> MeshMaps:
-    """Reads what `save_mesh_maps` wrote.
+def load_mesh_maps(path: Path, side: int) -> MeshMaps:
+    """Reads what `save_mesh_maps` wrote; with so many rows and columns.
 
     Raises:
-        AssetError: missing, damaged, or of another version.
+        AssetError: missing, damaged, or of another version or size.
     """
     with stored_tensors(path, _MAPS, _REMEDY) as (tensors, _):
         maps = MeshMaps(**tensors)
+        for name, values in tensors.items():
+            _require_texture(name, values, (side, side))
     return maps
+
+
+def _require_whole(subject: Subject, side: int) -> None:
+    """Checks what the surface does not: that the buffer, the learnable parts and the textures fit it.
+
+    Raises:
+        ValueError: something does not.
+    """
+    buffer, count = subject.buffer, len(subject.surface.parts)
+    for name, axes in {"position": (3,), "normal": (3,), "barycentric": (3,), "area": ()}.items():
+        _require_texture(name, getattr(buffer, name), (side, side, *axes))
+    for name, most in {"part": count, "face": len(subject.surface.faces)}.items():
+        values = getattr(buffer, name)
+        if values.shape != (side, side) or values.is_floating_point() or values.min() < -1 or values.max() >= most:
+            raise ValueError(f"the {name} of a texel is not one of {most}")
+    learnable = subject.learnable
+    if not {*learnable} <= {*range(count)} or len({*learnable}) < len(learnable):
+        raise ValueError(f"its learnable parts are {learnable}; wanted some of {count}, each once")
+    for values in (*subject.base, *(values for maps in subject.file_maps for values in maps.values())):
+        _require_texture("a material", values, values.shape if values.ndim == 1 else (side, side, values.shape[-1]))
+
+
+def _require_texture(name: str, values: Tensor, shape: tuple[int, ...]) -> None:
+    """Checks that a tensor has this shape, and finite numbers.
+
+    Raises:
+        ValueError: it has not.
+    """
+    if values.shape != shape:
+        raise ValueError(f"{name} has shape {tuple(values.shape)}")
+    if not values.is_floating_point() or not values.isfinite().all():
+        raise ValueError(f"{name} has values that are not finite numbers")
 
 
 def _alpha(stored: Tensor | None) -> float | Float[np.ndarray, "rows cols"]:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from svbrdfgan.config.choices import FurtherMaps, PartSelection, PluginChoice, PluginField
+from svbrdfgan.config.choices import MOST_SAMPLES, FurtherMaps, PartSelection, PluginChoice, PluginField
 from svbrdfgan.config.distributions import Color
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.io.records import load_record, save_record
@@ -89,7 +89,7 @@ class Scene(StrictModel):
     camera: OrbitCamera = Field(description="the camera")
     width: int = Field(ge=1, description="of the picture, pixels")
     height: int = Field(ge=1, description="of the picture, pixels")
-    spp: int = Field(default=64, ge=1, description="samples per pixel")
+    spp: int = Field(default=64, ge=1, le=MOST_SAMPLES, description="samples per pixel")
     seed: int = Field(default=0, description="seed of the samples")
     texture: int = Field(default=256, ge=16, multiple_of=4, description="texels along a side of the layer")
     window: int | None = Field(

@@ -74,7 +74,7 @@ class SceneLoader:
             path = self.folder / _CACHE / "subjects" / f"{key}.safetensors"
             if scene.window is not None:
                 _make_room(self._subjects)
-            self._subjects[key] = self._stored(path, load_subject, save_subject, lambda: self._make_subject(scene))
+            self._subjects[key] = self._stored(path, scene, load_subject, save_subject, self._make_subject)
         return self._subjects[key]
 
     def with_mesh_maps(self, scene: Scene) -> Subject:
@@ -88,7 +88,7 @@ class SceneLoader:
             path = self.folder / _CACHE / "mesh_maps" / f"{key}.safetensors"
             if scene.window is not None:
                 _make_room(self._maps)
-            self._maps[key] = self._stored(path, load_mesh_maps, save_mesh_maps, lambda: self._make_maps(scene))
+            self._maps[key] = self._stored(path, scene, load_mesh_maps, save_mesh_maps, self._make_maps)
         return self._maps[key]
 
     def layer(self, scene: Scene) -> Layer | None:
@@ -101,7 +101,9 @@ class SceneLoader:
         if key not in self._layers:
             path = self.folder / _CACHE / "layers" / f"{key}.safetensors"
             _make_room(self._layers)
-            self._layers[key] = self._stored(path, load_layer, save_layer, lambda: self.paint(scene, weathering))
+            self._layers[key] = self._stored(
+                path, scene, load_layer, save_layer, lambda scene: self.paint(scene, weathering)
+            )
         return self._layers[key]
 
     def paint(self, scene: Scene, weathering: SceneWeathering) -> Layer:
@@ -215,10 +217,17 @@ class SceneLoader:
             known = interpolated_survey(subject.buffer, self.subject(whole).surface, self.mesh_maps(whole))
         return bake_mesh_maps(subject.surface, subject.buffer, known)
 
-    def _stored(self, path: Path, load: Callable[..., Any], save: Callable[..., None], make: Callable[[], Any]) -> Any:
+    def _stored(
+        self,
+        path: Path,
+        scene: Scene,
+        load: Callable[[Path, int], Any],
+        save: Callable[[Path, Any], None],
+        make: Callable[[Scene], Any],
+    ) -> Any:
         if self.keep and path.is_file():
-            return load(path)
-        made = make()
+            return load(path, scene.window or scene.texture)
+        made = make(scene)
         if self.keep:
             save(path, made)
         return made

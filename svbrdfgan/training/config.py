@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from svbrdfgan.config.choices import PluginChoice, PluginField
+from svbrdfgan.config.choices import MOST_SAMPLES, PluginChoice, PluginField
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.data.config import CameraDistribution, EnvironmentSource
 from svbrdfgan.networks.layers import Norm, Weights
@@ -171,7 +171,9 @@ class TrainConfig(StrictModel):
         "transport of base colour, and light of whole materials if the data set has `maps` "
         "([more](commands.md#whole-materials)); `online`: online rendering at every step, with any renderer",
     )
-    spp: int = Field(default=64, ge=1, description="samples per pixel of the fakes; best equal to the data set's")
+    spp: int = Field(
+        default=64, ge=1, le=MOST_SAMPLES, description="samples per pixel of the fakes; best equal to the data set's"
+    )
     hits: int = Field(
         default=64,
         ge=1,

@@ -176,7 +176,10 @@ class State:
             for name, network in self._networks().items():
                 network.load_state_dict(_under(f"{name}.", tensors))
             for name, adam in self._optimizers().items():
-                _load_adam(adam, _under(f"{name}.", tensors))
+                moments = _under(f"{name}.", tensors)
+                if counters.step and not moments:
+                    raise ValueError(f"it has no {name}")
+                _load_adam(adam, moments)
             for own in ("accuracy", "augmented"):
                 getattr(self, own).copy_(tensors[own])
         self.step, self.seconds = counters.step, counters.seconds

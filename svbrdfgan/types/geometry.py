@@ -200,6 +200,8 @@ def _check_triangles(
 ) -> None:
     if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
         raise AssetError(f"{what} has faces of shape {faces.shape}; wanted at least one triangle, (faces, 3).")
+    if not all(np.issubdtype(indices.dtype, np.integer) for indices in (faces, face_part)):
+        raise AssetError(f"{what} has faces of {faces.dtype} and parts of {face_part.dtype}; wanted whole numbers.")
     _check_array(f"{what} positions", positions, (len(positions), 3))
     _check_array(f"{what} face_part", face_part, (len(faces),))
     if faces.min() < 0 or faces.max() >= len(positions):

@@ -23,7 +23,7 @@ from svbrdfgan.config.distributions import Normal
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.estimate import estimate, preview
-from svbrdfgan.data.exemplar_files import exemplar_paths, load_picture
+from svbrdfgan.data.exemplar_files import exemplar_paths, load_picture, save_exemplar
 from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.data.gather import gather_environments
 from svbrdfgan.data.generate import generate, missing, render_scene
@@ -39,6 +39,7 @@ from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.scene.loader import SceneLoader
+from svbrdfgan.types import Rendering
 
 Data = Callable[..., dict[str, Any]]
 MAKE = """
@@ -414,6 +415,62 @@ def test_a_damaged_plan_names_the_key(dataset_copy: Path) -> None:
     plan["config"]["spp"] = "many"
     (dataset_copy / "dataset.json").write_text(json.dumps(plan))
     with pytest.raises(ConfigError, match=r"config\.spp"):
+        load_exemplars(Dataset.open(dataset_copy), "train")
+
+
+def change(path: Path, change: Callable[[Any], Any]) -> None:
+    record = json.loads(path.read_text())
+    path.write_text(json.dumps(change(record)))
+
+
+def under(record: Any, *keys: str, value: Any) -> Any:
+    """The record with another value at the end of these keys."""
+    return record | {keys[0]: under(record[keys[0]], *keys[1:], value=value) if keys[1:] else value}
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "said"),
+    [
+        (("meshes",), {}, "names no meshes or no environments of the split 'train'"),
+        (("environments",), {"train": []}, "names no meshes or no environments of the split 'train'"),
+        (("config", "splits"), {}, "splits needs 'train'"),
+        (("config", "splits", "train", "views"), 10**9, "at most 1000000"),
+        (("config", "spp"), 10**9, "at most 65536"),
+    ],
+)
+def test_a_plan_that_cannot_be_is_told_at_once(
+    keys: tuple[str, ...], value: Any, said: str, dataset_copy: Path
+) -> None:
+    change(dataset_copy / "dataset.json", lambda plan: under(plan, *keys, value=value))
+    with pytest.raises(ConfigError, match=said) as caught:
+        Dataset.open(dataset_copy)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_very_many_missing_exemplars_are_counted_at_once(dataset_copy: Path) -> None:
+    change(
+        dataset_copy / "dataset.json", lambda plan: under(plan, "config", "splits", "train", "views", value=1_000_000)
+    )
+    with pytest.raises(AssetError, match=r"is not finished: \d+ of \d+000000 train exemplars are missing"):
+        load_exemplars(Dataset.open(dataset_copy), "train")
+
+
+@pytest.mark.parametrize("key", ["width", "height", "texture"])
+def test_a_record_of_another_size_is_told(key: str, dataset_copy: Path) -> None:
+    change(dataset_copy / "train" / "000001.json", lambda record: record | {key: 64})
+    with pytest.raises(AssetError, match=rf"000001\.json has {key} 64, and its data set 32; delete it"):
+        load_exemplars(Dataset.open(dataset_copy), "train")
+
+
+def test_a_record_with_other_maps_is_told(dataset_copy: Path) -> None:
+    change(dataset_copy / "train" / "000001.json", lambda record: record | {"maps": {"roughness": 0.5}})
+    with pytest.raises(AssetError, match=r"000001\.json has other maps than its data set; delete it"):
+        load_exemplars(Dataset.open(dataset_copy), "train")
+
+
+def test_a_picture_of_another_size_is_told(dataset_copy: Path) -> None:
+    save_exemplar(dataset_copy / "train" / "000001.exr", Rendering(torch.zeros(16, 32, 3), torch.zeros(16, 32)))
+    with pytest.raises(AssetError, match=r"000001\.exr has another size than its scene; delete it"):
         load_exemplars(Dataset.open(dataset_copy), "train")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import shutil
 from collections.abc import Callable
 from dataclasses import fields
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from safetensors import safe_open
 from torch import Tensor
 
 from svbrdfgan.data.exemplar_files import exemplar_paths, load_picture
@@ -22,10 +24,18 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.io.tensors import save_tensors
 from svbrdfgan.rendering.compositing import composite
 from svbrdfgan.scene import loader as loader_module
-from svbrdfgan.scene.cache import load_layer, load_subject, save_layer, save_subject
+from svbrdfgan.scene.cache import (
+    load_layer,
+    load_mesh_maps,
+    load_subject,
+    save_layer,
+    save_mesh_maps,
+    save_subject,
+)
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader, subject_key
 from svbrdfgan.types import Layer
+from svbrdfgan.weathering.mesh_maps import MeshMaps
 from svbrdfgan.weathering.survey import find_site
 
 TRASH = [b"", b"\x08\x00\x00\x00\x00\x00\x00\x00{broken}", b"x" * 5000]
@@ -47,7 +57,7 @@ def assert_equal_records(one: object, other: object) -> None:
 def test_a_subject_returns_as_it_was(tiny_exemplars: Exemplars, tmp_path: Path) -> None:
     subject = tiny_exemplars.subjects[0]
     save_subject(tmp_path / "deep" / "car.safetensors", subject)
-    loaded = load_subject(tmp_path / "deep" / "car.safetensors")
+    loaded = load_subject(tmp_path / "deep" / "car.safetensors", 32)
     assert_equal_records(subject.surface, loaded.surface)
     assert_equal_records(subject.buffer, loaded.buffer)
     assert loaded.learnable == subject.learnable
@@ -58,43 +68,116 @@ def test_a_subject_returns_as_it_was(tiny_exemplars: Exemplars, tmp_path: Path) 
 
 
 def test_a_layer_returns_as_it_was(tmp_path: Path) -> None:
-    layer = Layer(torch.rand(8, 12, 5), ("roughness",))
+    layer = Layer(torch.rand(8, 8, 5), ("roughness",))
     save_layer(tmp_path / "layer.safetensors", layer)
     (tmp_path / "other").touch()
     assert len({path.stat().st_mode for path in tmp_path.iterdir()}) == 1, "readable by whom others are"
-    again = load_layer(tmp_path / "layer.safetensors")
+    again = load_layer(tmp_path / "layer.safetensors", 8)
     assert torch.equal(again.values, layer.values)
     assert again.maps == layer.maps
 
 
 @pytest.mark.parametrize("load", [load_layer, load_subject])
 @pytest.mark.parametrize("content", TRASH)
-def test_damage_is_one_sentence(load: Callable[[Path], object], content: bytes, tmp_path: Path) -> None:
+def test_damage_is_one_sentence(load: Callable[[Path, int], object], content: bytes, tmp_path: Path) -> None:
     (tmp_path / "file.safetensors").write_bytes(content)
     with pytest.raises(AssetError, match=r"file\.safetensors") as caught:
-        load(tmp_path / "file.safetensors")
+        load(tmp_path / "file.safetensors", 4)
     assert len(str(caught.value).splitlines()) == 1
 
 
 def test_one_kind_is_not_taken_for_the_other(tmp_path: Path) -> None:
     save_layer(tmp_path / "layer.safetensors", Layer(torch.rand(4, 4, 4)))
     with pytest.raises(AssetError, match=r"layer\.safetensors is not a 'svbrdfgan subject 2' file"):
-        load_subject(tmp_path / "layer.safetensors")
+        load_subject(tmp_path / "layer.safetensors", 4)
 
 
 def test_a_file_that_lacks_something_is_one_sentence(tmp_path: Path) -> None:
     path = tmp_path / "file.safetensors"
     save_tensors(path, "svbrdfgan layer 2", {"other": torch.zeros(2)}, {})
     with pytest.raises(AssetError, match=r"file\.safetensors cannot be read \(it has no 'layer'\); delete it"):
-        load_layer(path)
+        load_layer(path, 4)
     save_tensors(path, "svbrdfgan subject 2", {}, {"header": "{"})
     with pytest.raises(AssetError, match=r"file\.safetensors cannot be read .*delete it"):
-        load_subject(path)
+        load_subject(path, 4)
+
+
+def doctor(path: Path, **changes: Callable[[Any], Any]) -> None:
+    """Changes tensors of a file, or, as `header`, what a subject's file says in words."""
+    with safe_open(path, framework="pt") as file:
+        words, tensors = file.metadata(), {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    for name, change in changes.items():
+        if name == "header":
+            words["header"] = json.dumps(change(json.loads(words["header"])))
+        else:
+            tensors[name.replace("__", ".")] = change(tensors[name.replace("__", ".")]).contiguous()
+    save_tensors(path, words["format"], tensors, words)
+
+
+DOCTORED: dict[str, Callable[[Any], Any]] = {
+    "flat": lambda values: values.flatten(),
+    "three channels": lambda values: values[..., :3],
+    "smaller": lambda values: values[:2],
+    "bytes": lambda values: (255 * values).byte(),
+    "not finite": lambda values: values * math.nan,
+}
+
+
+@pytest.mark.parametrize("change", DOCTORED.values(), ids=DOCTORED)
+def test_a_doctored_layer_is_one_sentence(change: Callable[[Any], Any], tmp_path: Path) -> None:
+    save_layer(tmp_path / "layer.safetensors", Layer(torch.rand(4, 4, 4)))
+    doctor(tmp_path / "layer.safetensors", layer=change)
+    with pytest.raises(
+        AssetError, match=r"layer\.safetensors cannot be read \(.*\); delete it, and it is made again"
+    ) as caught:
+        load_layer(tmp_path / "layer.safetensors", 4)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"surface__faces": lambda faces: faces.float()},
+        {"surface__faces": lambda faces: faces + 10**6},
+        {"surface__positions": lambda positions: positions * math.nan},
+        {"buffer__position": lambda position: position[:4]},
+        {"buffer__position": lambda position: position * math.inf},
+        {"buffer__part": lambda part: part + 100},
+        {"buffer__face": lambda face: face + 10**6},
+        {"buffer__face": lambda face: face.float()},
+        {"base__0": lambda base: base.expand(2, 2, 3)},
+        {"header": lambda header: header | {"learnable": [99]}},
+        {"header": lambda header: header | {"learnable": [0, 0]}},
+        {"header": lambda header: header | {"learnable": "abc"}},
+        {"header": lambda header: header | {"parts": None}},
+        {"header": lambda header: None},
+    ],
+)
+def test_a_doctored_subject_is_one_sentence(
+    changes: dict[str, Callable[[Any], Any]], tiny_exemplars: Exemplars, tmp_path: Path
+) -> None:
+    path = tmp_path / "car.safetensors"
+    save_subject(path, tiny_exemplars.subjects[0])
+    load_subject(path, 32)
+    doctor(path, **changes)
+    with pytest.raises(
+        AssetError, match=r"car\.safetensors cannot be read \(.*\); delete it, and it is made again"
+    ) as caught:
+        load_subject(path, 32)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_mesh_maps_of_another_size_are_refused(tmp_path: Path) -> None:
+    maps = MeshMaps(*torch.rand(5, 4, 4, dtype=torch.float64))
+    save_mesh_maps(tmp_path / "maps.safetensors", maps)
+    assert torch.equal(load_mesh_maps(tmp_path / "maps.safetensors", 4).crease, maps.crease)
+    with pytest.raises(AssetError, match=r"maps\.safetensors cannot be read .*; delete it"):
+        load_mesh_maps(tmp_path / "maps.safetensors", 8)
 
 
 def test_a_missing_file_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(AssetError, match=r"none\.safetensors"):
-        load_layer(tmp_path / "none.safetensors")
+        load_layer(tmp_path / "none.safetensors", 4)
 
 
 def test_exemplars_are_what_is_stored(tiny_dataset: Path, tiny_exemplars: Exemplars) -> None:
@@ -230,7 +313,7 @@ def test_layers_are_read_when_they_are_looked_at(
     """And let go of, so that a data set in which each exemplar has its own fits in memory."""
     known = [tiny_exemplars.layers[index] for index in range(6)]  # whatever test was first to look at them
     read: list[Path] = []
-    monkeypatch.setattr(loader_module, "load_layer", lambda path: read.append(path) or load_layer(path))
+    monkeypatch.setattr(loader_module, "load_layer", lambda path, side: read.append(path) or load_layer(path, side))
     monkeypatch.setattr(loader_module, "_LAYERS", 1)
     exemplars = load_exemplars(Dataset.open(tiny_dataset), "train")
     assert all(map(exemplars.weathered, range(6)))

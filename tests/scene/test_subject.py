@@ -133,7 +133,7 @@ def test_alpha_is_of_the_surface(subject: Subject) -> None:
 
 def test_it_returns_from_its_file_as_it_was(subject: Subject, tmp_path: Path) -> None:
     save_subject(tmp_path / "a.safetensors", subject)
-    loaded = load_subject(tmp_path / "a.safetensors")
+    loaded = load_subject(tmp_path / "a.safetensors", 32)
     layer = torch.rand(32, 32, 9)
     for one, other in zip(
         by_name(subject, DECLARED, layer).values(), by_name(loaded, DECLARED, layer).values(), strict=True

@@ -385,12 +385,20 @@ def test_doctored_counters_are_one_sentence(doctored: Any, config: Callable[...,
     state.step = 3
     state.save(tmp_path)
     (checkpoint,) = checkpoints(tmp_path)
-    (checkpoint / "state.json").write_text(json.dumps(COUNTERS))
-    state.load(checkpoint)
     (checkpoint / "state.json").write_text(json.dumps(doctored))
     with pytest.raises(AssetError, match=r"is damaged .*delete it to resume from the one before") as caught:
         state.load(checkpoint)
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_checkpoint_without_moments_is_refused(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
+    state = State.fresh(config(), CPU)
+    state.save(tmp_path)
+    state.load(checkpoints(tmp_path)[-1])  # before the first step there are none
+    state.step = 3
+    state.save(tmp_path)
+    with pytest.raises(TrainingError, match="it has no generator_adam"):
+        state.load(checkpoints(tmp_path)[-1])
 
 
 def test_folders_of_other_names_are_no_checkpoints(config: Callable[..., TrainConfig], tmp_path: Path) -> None:
