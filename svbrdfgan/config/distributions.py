@@ -7,7 +7,7 @@ standard deviation) · `{choice: [a, b, c]}`
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, model_validator
@@ -47,11 +47,13 @@ class Uniform(StrictModel):
     """A number between two bounds, equally likely."""
 
     uniform: tuple[float, float]
+    most: ClassVar[float] = 1e12
 
     @model_validator(mode="after")
     def _ordered(self) -> Uniform:
         if not self.uniform[0] <= self.uniform[1]:
             raise ValueError(f"uniform needs [low, high] with low <= high, not {list(self.uniform)}")
+        _require_moderate(self.uniform, self.most)
         return self
 
     def sample(self, rng: np.random.Generator) -> float:
@@ -62,6 +64,7 @@ class UniformInteger(Uniform):
     """An integer between two bounds, both included, equally likely."""
 
     uniform: tuple[int, int]
+    most: ClassVar[float] = 2**63 - 1
 
     def sample(self, rng: np.random.Generator) -> int:
         return int(rng.integers(*self.uniform, endpoint=True))
@@ -76,6 +79,7 @@ class LogUniform(StrictModel):
     def _ordered(self) -> LogUniform:
         if not 0.0 < self.log_uniform[0] <= self.log_uniform[1]:
             raise ValueError(f"log_uniform needs [low, high] with 0 < low <= high, not {list(self.log_uniform)}")
+        _require_moderate(self.log_uniform)
         return self
 
     def sample(self, rng: np.random.Generator) -> float:
@@ -92,10 +96,17 @@ class Normal(StrictModel):
     def _positive(self) -> Normal:
         if self.normal[1] < 0:
             raise ValueError(f"normal needs [mean, deviation] with deviation >= 0, not {list(self.normal)}")
+        _require_moderate(self.normal)
         return self
 
     def sample(self, rng: np.random.Generator) -> float:
         return float(rng.normal(*self.normal))
+
+
+def _require_moderate(numbers: tuple[float, float], most: float = Uniform.most) -> None:
+    """Refuses numbers whose differences and powers would overflow."""
+    if max(map(abs, numbers)) > most:
+        raise ValueError(f"{list(numbers)} is out of range; wanted numbers up to {most:g}")
 
 
 def _kind(value: Any) -> str | None:

@@ -17,6 +17,7 @@ from typing import Any
 import yaml
 
 from svbrdfgan.errors import ConfigError
+from svbrdfgan.utils.regular_files import read_text
 
 MOST_VALUES = 1_000_000
 """Values in a file: a manifest of 10,000 pictures has some 200,000."""
@@ -30,7 +31,7 @@ def load_yaml(path: Path) -> dict[str, Any]:
             is not a mapping.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = read_text(Path(path))
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror or error}.") from error
     except UnicodeDecodeError as error:

@@ -28,6 +28,7 @@ from svbrdfgan.procedural.sky import build_sky, sample_sky
 from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.description import AssetRef
 from svbrdfgan.types import Mesh
+from svbrdfgan.utils.regular_files import expanded
 
 _SEED_STRIDE = 100_003
 """Distance between the first seeds of two sources: a prime above any count, so that sources share no asset."""
@@ -45,7 +46,7 @@ def match_files(patterns: Sequence[str], base: Path) -> list[Path]:
     """
     found: list[Path] = []
     for pattern in patterns:
-        absolute = Path(pattern).expanduser()
+        absolute = expanded(pattern)
         root = Path(absolute.anchor) if absolute.is_absolute() else base
         try:
             matches = sorted(root.glob(str(absolute.relative_to(root) if absolute.is_absolute() else absolute)))

@@ -22,6 +22,8 @@ def check_file(path: str | os.PathLike[str], suffixes: tuple[str, ...], what: st
         raise AssetError(f"{path} is a folder; wanted a {what} file ({', '.join(suffixes)}).")
     if not path.exists():
         raise AssetError(f"{path} does not exist; wanted a {what} file ({', '.join(suffixes)}).")
+    if not path.is_file():
+        raise AssetError(f"{path} is not a regular file; wanted a {what} file ({', '.join(suffixes)}).")
     if path.suffix.lower() not in suffixes:
         raise AssetError(f"{path} is not a {what} file that can be read; wanted one of {', '.join(suffixes)}.")
     if not os.access(path, os.R_OK):

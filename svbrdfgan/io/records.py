@@ -9,6 +9,7 @@ from typing import Any
 from svbrdfgan.config.models import Model, StrictModel, validate
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.utils.regular_files import read_text
 
 
 def save_record(path: Path, record: StrictModel) -> None:
@@ -38,7 +39,7 @@ def load_json(path: Path) -> Any:
         AssetError: the file is missing or not JSON.
     """
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(read_text(path))
     except OSError as error:
         raise AssetError(f"{path} cannot be read: {error.strerror or error}.") from error
     except ValueError as error:

@@ -10,6 +10,7 @@ from svbrdfgan.config.error_messages import did_you_mean
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.records import load_record
 from svbrdfgan.models.card import ModelCard
+from svbrdfgan.utils.regular_files import expanded
 
 FOLDER = Path(__file__).parent
 """Holds a folder for each shipped model, which is a run's folder with a card and a picture beside its model."""
@@ -60,7 +61,7 @@ def model_folder(model: str | os.PathLike[str], base: Path = Path()) -> Path:
     A `Path`, and a text with a separator such as "./rust", is always that of a folder.
     """
     shipped = shipped_models().get(model) if isinstance(model, str) else None
-    return shipped or base / Path(model).expanduser()
+    return shipped or base / expanded(model)
 
 
 def require_model(folder: Path) -> None:

@@ -181,3 +181,22 @@ def test_a_mistake_is_one_line_with_its_key(written: dict[str, Any], said: str) 
     (line,) = str(caught.value).splitlines()
     assert line.startswith("here.yaml: ")
     assert line.endswith(".") or "needs" in line
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        {"number": {"uniform": [-1e308, 1e308]}},
+        {"number": {"log_uniform": [1e-300, 1e300]}},
+        {"number": {"normal": [0, 1e300]}},
+        {"integer": {"uniform": [0, 10**30]}},
+    ],
+)
+def test_numbers_that_would_overflow_are_told(written: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError, match="is out of range; wanted numbers up to") as caught:
+        validate(Record, written, "here")
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_seeds_may_have_63_bits() -> None:
+    assert max(drawn(integer={"uniform": [0, 2**63 - 1]})) > 2**62
