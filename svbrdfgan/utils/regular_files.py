@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import stat
 from pathlib import Path
 
@@ -38,7 +39,7 @@ def require_regular(path: Path) -> None:
         raise OSError(errno.EINVAL, "it is not a regular file")
 
 
-def expanded(path: str | Path) -> Path:
+def expanded(path: str | os.PathLike[str]) -> Path:
     """The path with the folder of a user for "~"; as it is if there is no such user."""
     try:
         return Path(path).expanduser()
