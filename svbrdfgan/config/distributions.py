@@ -64,7 +64,7 @@ class UniformInteger(Uniform):
     """An integer between two bounds, both included, equally likely."""
 
     uniform: tuple[int, int]
-    most: ClassVar[float] = 2**63 - 1
+    most: ClassVar[float] = 2**64  # each field says what it takes
 
     def sample(self, rng: np.random.Generator) -> int:
         return int(rng.integers(*self.uniform, endpoint=True))

@@ -72,14 +72,13 @@ def load_exemplars(dataset: Dataset, split: Split, *, mesh_maps: bool = False) -
     if split not in index.config.splits:
         raise AssetError(f"{folder} has no split {split!r}; it has {', '.join(index.config.splits)}.")
     count = len(index.sampler(split))
-    there = sum(1 for _ in (folder / split).glob("*.json"))
-    paths = [exemplar_paths(folder, split, number) for number in range(min(count, there))]
-    present = sum(record.is_file() for _, record in paths)
-    if present < count:
+    there = {record.stem for record in (folder / split).glob("*.json")}
+    absent = count - sum(stem.isdigit() and int(stem) < count for stem in there)
+    if absent:  # counted without a look at each of what may be millions
         raise AssetError(
-            f"{folder} is not finished: {count - present} of {count} {split} exemplars are missing; run `svbrdfgan "
-            "dataset`."
+            f"{folder} is not finished: {absent} of {count} {split} exemplars are missing; run `svbrdfgan dataset`."
         )
+    paths = [exemplar_paths(folder, split, number) for number in range(count)]
     scenes = tuple(_load_scene(record, index.config) for _, record in paths)
     pictures = torch.stack([_load_picture(picture, scene) for (picture, _), scene in zip(paths, scenes, strict=True)])
     loader = SceneLoader(folder)
