@@ -17,7 +17,7 @@ from typing import Any
 import yaml
 
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.utils.regular_files import read_text
+from svbrdfgan.utils.named_files import read_text
 
 MOST_VALUES = 1_000_000
 """Values in a file: a manifest of 10,000 pictures has some 200,000."""

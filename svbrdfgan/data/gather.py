@@ -28,7 +28,7 @@ from svbrdfgan.procedural.sky import build_sky, sample_sky
 from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.description import AssetRef
 from svbrdfgan.types import Mesh
-from svbrdfgan.utils.regular_files import expanded
+from svbrdfgan.utils.named_files import expanded
 
 _SEED_STRIDE = 100_003
 """Distance between the first seeds of two sources: a prime above any count, so that sources share no asset."""

@@ -9,7 +9,7 @@ from typing import Any
 from svbrdfgan.config.models import Model, StrictModel, validate
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.utils.regular_files import read_text
+from svbrdfgan.utils.named_files import read_text
 
 
 def save_record(path: Path, record: StrictModel) -> None:

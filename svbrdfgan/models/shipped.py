@@ -10,7 +10,7 @@ from svbrdfgan.config.error_messages import did_you_mean
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.records import load_record
 from svbrdfgan.models.card import ModelCard
-from svbrdfgan.utils.regular_files import expanded
+from svbrdfgan.utils.named_files import expanded
 
 FOLDER = Path(__file__).parent
 """Holds a folder for each shipped model, which is a run's folder with a card and a picture beside its model."""

@@ -16,7 +16,7 @@ class Discriminator(nn.Module):
         width: channels after the first convolution, doubled by each of the first three layers.
         layers: convolutions between the first and the last; 3 gives patches of 70 pixels, 2 of 34, 1 of 16.
         norm: after every convolution but the first and the last. A gradient penalty is defined for one sample at a
-            time and needs "none" or "group".
+            time, which "instance" is not.
     """
 
     def __init__(self, channels: int = 3, width: int = 64, layers: int = 3, norm: Norm = "none") -> None:

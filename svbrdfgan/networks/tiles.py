@@ -97,7 +97,7 @@ def paint_in_tiles(
 def _tiles(wanted: Tensor, finer: int, tile: int, generator: Generator) -> Iterator[tuple[_Span, _Span]]:
     """The rows and columns of tiles of a fine map, each no larger than what is wanted of it."""
     size = [side * finer for side in wanted.shape]
-    step = max(finer, generator.multiple)
+    step = generator.multiple
     for top, left in itertools.product(*(range(0, side, tile) for side in size)):
         corner = torch.tensor([top, left])
         part = wanted[top // finer : -(-(top + tile) // finer), left // finer : -(-(left + tile) // finer)]
@@ -105,7 +105,7 @@ def _tiles(wanted: Tensor, finer: int, tile: int, generator: Generator) -> Itera
         if not len(inside):
             continue
         first = torch.maximum(inside.amin(dim=0) // step * step, corner)
-        last = (inside.amax(dim=0) // step + 1) * step
+        last = ((inside.amax(dim=0) + finer - 1) // step + 1) * step
         last = torch.minimum(last, torch.minimum(corner + tile, torch.tensor(size)))
         down, right = (
             _Span.around(*span, side, generator)

@@ -130,8 +130,7 @@ def summary(evaluated: Evaluated, plan: DatasetIndex | None, log: MetricsLog) ->
     entries = [("vehicles", _counts(plan, evaluated.evaluation)), ("weathering", _recipe(config))]
     entries.append(("embedding", dataset.embedding.name))
     entries.append(("pictures", f"{width} x {height}, {dataset.spp} samples per pixel"))
-    near = dataset.camera_of("train").close_ups
-    window = f"{near.window} x {near.window} of " if near is not None and near.window is not None else ""
+    window = "" if dataset.window is None else f"{dataset.window} x {dataset.window} of "
     entries.append(("texture", f"{window}{dataset.texture} x {dataset.texture}"))
     entries.append(("loss", f"{train.loss.name}, batch {train.batch_size}"))
     if log:

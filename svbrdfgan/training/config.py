@@ -21,7 +21,7 @@ class DiscriminatorConfig(StrictModel):
     layers: int = Field(
         default=3, ge=1, le=5, description="strided convolutions: patches have 70 pixels with 3, 34 with 2, 16 with 1"
     )
-    norm: Norm = Field(default="none", description="a gradient penalty needs `group` or `none`")
+    norm: Norm = Field(default="none", description="a gradient penalty needs another than `instance`")
     weights: Weights = Field(
         default="normal",
         description="its first weights: `normal`, from N(0, 0.02), as in the thesis; `he`, which keep the size of "
@@ -217,7 +217,7 @@ class TrainConfig(StrictModel):
         if self.batch_size % self.devices:
             raise ValueError(f"batch_size {self.batch_size} cannot be shared out among {self.devices} devices evenly")
         if self.loss.gradient_penalty and self.discriminator.norm == "instance":
-            raise ValueError("loss.gradient_penalty needs discriminator.norm none or group")
+            raise ValueError("loss.gradient_penalty needs discriminator.norm none or group or pixel")
         return self
 
     @property

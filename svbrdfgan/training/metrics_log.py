@@ -80,7 +80,7 @@ def _lines(path: Path) -> Iterator[dict[str, float]]:
             if _is_report(line):
                 yield line
             else:
-                log.info("a line of %s was cut off and is left out", path)
+                log.info("a line of %s is no report and is left out", path)
 
 
 def _is_report(line: object) -> bool:

@@ -80,17 +80,18 @@ def test_finer_texels_show_the_interpolated_geometry() -> None:
     assert float((halved - interpolated)[..., :4].abs().mean()) < 0.02
 
 
-def test_what_is_not_wanted_is_not_painted() -> None:
+@pytest.mark.parametrize("finer", [2, 3])
+def test_what_is_not_wanted_is_not_painted(finer: int) -> None:
     generator, geometry = make_generator(), geometry_of(64, 64)
     wanted = torch.zeros(64, 64, dtype=torch.bool)
     wanted[3:20, 5:9], wanted[50, 60] = True, True
     with torch.no_grad():
         whole, part = (
-            paint_in_tiles(generator, Windows(64, 2), geometry, torch.tensor([1]), None, 1, mask, tile=40)
+            paint_in_tiles(generator, Windows(64, finer), geometry, torch.tensor([1]), None, 1, mask, tile=40)
             for mask in (None, wanted)
         )
-    assert whole.shape == part.shape == (1, 128, 128, 9)
-    there = wanted.repeat_interleave(2, 0).repeat_interleave(2, 1)
+    assert whole.shape == part.shape == (1, 64 * finer, 64 * finer, 9)
+    there = wanted.repeat_interleave(finer, 0).repeat_interleave(finer, 1)
     torch.testing.assert_close(part[0, there], whole[0, there], rtol=0.0, atol=1e-4)
     assert 0.0 < float((part[0].abs().sum(dim=-1) > 0.0).float().mean()) < 0.2
 

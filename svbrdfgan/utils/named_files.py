@@ -1,4 +1,4 @@
-"""Text of files that others name: pipes, devices and files without end are refused before they are waited for."""
+"""Files that others name: what is waited for without end, or never ends, is refused before it is read."""
 
 from __future__ import annotations
 
@@ -18,25 +18,16 @@ def read_text(path: Path) -> str:
         OSError: it cannot be read, is a pipe, a device or the like, or has more than `MOST_TEXT` bytes.
         UnicodeDecodeError: it is not UTF-8.
     """
-    require_regular(path)
-    with path.open("rb") as file:
-        content = file.read(MOST_TEXT + 1)  # what files of the system say of their size is not to be trusted
-    if len(content) > MOST_TEXT:
-        raise OSError(errno.EFBIG, f"it has more than {MOST_TEXT // 1_000_000} MB")
-    return content.decode("utf-8")
-
-
-def require_regular(path: Path) -> None:
-    """Refuses what would be waited for, or never ends, when it is read.
-
-    Raises:
-        OSError: it is missing, a folder, a pipe, a device or the like.
-    """
     mode = path.stat().st_mode
     if stat.S_ISDIR(mode):
         raise OSError(errno.EISDIR, "it is a folder")
     if not stat.S_ISREG(mode):
         raise OSError(errno.EINVAL, "it is not a regular file")
+    with path.open("rb") as file:
+        content = file.read(MOST_TEXT + 1)  # what files of the system say of their size is not to be trusted
+    if len(content) > MOST_TEXT:
+        raise OSError(errno.EFBIG, f"it has more than {MOST_TEXT // 1_000_000} MB")
+    return content.decode("utf-8")
 
 
 def expanded(path: str | os.PathLike[str]) -> Path:

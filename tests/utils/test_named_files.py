@@ -11,8 +11,8 @@ from svbrdfgan.config.yaml_files import load_yaml
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.files import check_file
 from svbrdfgan.io.records import load_json
-from svbrdfgan.utils import regular_files
-from svbrdfgan.utils.regular_files import expanded, read_text
+from svbrdfgan.utils import named_files
+from svbrdfgan.utils.named_files import expanded, read_text
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def test_a_folder_and_a_missing_file_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_long_file_is_refused_whatever_it_says_of_its_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(regular_files, "MOST_TEXT", 2_000_000)
+    monkeypatch.setattr(named_files, "MOST_TEXT", 2_000_000)
     (tmp_path / "long.yaml").write_text("a: " + "x" * 1_999_997)
     assert len(read_text(tmp_path / "long.yaml")) == 2_000_000
     (tmp_path / "long.yaml").write_text("a: " + "x" * 1_999_998)
