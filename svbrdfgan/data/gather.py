@@ -29,11 +29,14 @@ from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.scene.description import AssetRef
 from svbrdfgan.types import Mesh
 from svbrdfgan.utils.named_files import expanded
+from svbrdfgan.utils.processes import worker_pool
 
 _SEED_STRIDE = 100_003
 """Distance between the first seeds of two sources: a prime above any count, so that sources share no asset."""
 _VIEWPOINTS = 64
 """Of each mesh, for close-ups."""
+_WORTH_A_PROCESS = 4
+"""Meshes. To start a process takes about as long as to gather that many, with viewpoints one."""
 _DECIMALS = 5
 """Of a viewpoint's metres and degrees."""
 
@@ -63,15 +66,22 @@ def match_files(patterns: Sequence[str], base: Path) -> list[Path]:
 
 
 def gather_meshes(
-    source: MeshSource, files: Iterable[Path], config: DatasetConfig, folder: Path, *, close_ups: bool = False
+    source: MeshSource,
+    files: Iterable[Path],
+    config: DatasetConfig,
+    folder: Path,
+    *,
+    close_ups: bool = False,
+    workers: int = 1,
 ) -> tuple[MeshAsset, ...]:
     """Stores the meshes of a source among the folder's assets: those of the files, and the procedural ones.
 
     Args:
         close_ups: whether some of their pictures are.
+        workers: processes, at most; they are spawned where there are enough meshes.
 
     Raises:
-        AssetError: a file cannot be read, or nothing of a mesh can be seen in close-ups.
+        AssetError: a file cannot be read, or nothing of a mesh can be seen in close-ups; or a process was killed.
     """
     makers: dict[str, Callable[[], Mesh]] = {path.stem: partial(load_mesh, path) for path in files}
     if source.procedural is not None:
@@ -79,7 +89,16 @@ def gather_meshes(
         for number in range(source.procedural.count):
             kind, seed = kinds[number % len(kinds)], first + number
             makers[f"{kind}_{seed}"] = partial(_procedural_vehicle, kind, seed)
-    return tuple(mesh_asset(name, make(), config, folder, close_ups=close_ups) for name, make in makers.items())
+    store = partial(_gather, config=config, folder=folder, close_ups=close_ups)
+    processes = min(workers, len(makers) // _WORTH_A_PROCESS)
+    if processes < 2:
+        return tuple(map(store, makers, makers.values()))
+    with worker_pool(processes, "gathers meshes", "--workers") as pool:
+        return tuple(pool.map(store, makers, makers.values()))
+
+
+def _gather(name: str, make: Callable[[], Mesh], config: DatasetConfig, folder: Path, close_ups: bool) -> MeshAsset:
+    return mesh_asset(name, make(), config, folder, close_ups=close_ups)
 
 
 def mesh_asset(name: str, mesh: Mesh, config: DatasetConfig, folder: Path, *, close_ups: bool = False) -> MeshAsset:

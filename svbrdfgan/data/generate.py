@@ -47,8 +47,8 @@ def generate(
     Args:
         base: the folder that file patterns of the configuration are relative to.
         devices: processes, one for each GPU where there are any. They share the work by mesh.
-        workers: processes that embed and bake meshes ahead of the renderer, divided among the devices. More than one
-            are spawned, so a script that asks for them needs its `if __name__ == "__main__"`.
+        workers: processes that gather meshes, and then embed and bake them ahead of the renderer, divided among the
+            devices. More than one are spawned, so a script that asks for them needs its `if __name__ == "__main__"`.
         display: shows progress; with several devices, the progress of the first process's share.
 
     Raises:
@@ -60,7 +60,7 @@ def generate(
     fabric = Fabric(accelerator="auto", devices=devices, strategy="ddp_spawn" if devices > 1 else "auto")
     config = with_model(config, folder, base)
     renderer, choice = resolve_plugins(config, fabric.device)
-    dataset = Dataset(folder, make_index(config, folder, base))
+    dataset = Dataset(folder, make_index(config, folder, base, workers))
     job = _Job(dataset, choice, _missing_by_mesh(dataset), max(1, workers // devices))
     if devices > 1:
         fabric.launch(partial(_render_on_device, job=job))

@@ -22,11 +22,12 @@ _RUN = "config.json"
 log = logging.getLogger(__name__)
 
 
-def make_index(config: DatasetConfig, folder: Path, base: Path) -> DatasetIndex:
+def make_index(config: DatasetConfig, folder: Path, base: Path, workers: int = 1) -> DatasetIndex:
     """The index of the data set in the folder. If there is none yet, it gathers the assets of all splits and writes it.
 
     Args:
         base: the folder that file patterns are relative to.
+        workers: processes that gather meshes, at most.
 
     Raises:
         ConfigError: the folder holds a data set of another configuration, or a pattern matches nothing.
@@ -54,6 +55,7 @@ def make_index(config: DatasetConfig, folder: Path, base: Path) -> DatasetIndex:
             config,
             folder,
             close_ups=config.camera_of(split).close_ups is not None,
+            workers=workers,
         )
         for split, source in config.splits.items()
     }

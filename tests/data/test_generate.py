@@ -21,6 +21,7 @@ import torch
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.config.distributions import Normal
 from svbrdfgan.config.models import validate
+from svbrdfgan.data import gather
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.estimate import estimate, preview
 from svbrdfgan.data.exemplar_files import exemplar_paths, load_picture, save_exemplar
@@ -231,6 +232,16 @@ def test_meshes_of_splits_with_close_ups_have_viewpoints(tmp_path: Path, dataset
         assert (points < upper + 1e-4).all()
         assert ((angles >= 0.0) & (angles <= (360.0, 90.0))).all()
     assert DatasetIndex.load(tmp_path) == plan
+
+
+def test_several_processes_gather_the_same_meshes(
+    tmp_path: Path, dataset_data: Data, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gather, "_WORTH_A_PROCESS", 1)
+    data = dataset_data(splits={"train": {"meshes": {"procedural": {"count": 2}}, "camera": {"close_ups": {}}}})
+    declared = validate(DatasetConfig, data, "here")
+    alone, together = (make_index(declared, tmp_path / str(n), tmp_path, workers=n) for n in (1, 2))
+    assert together == alone
 
 
 def test_close_ups_of_what_nobody_sees_are_told(tmp_path: Path, dataset_data: Data) -> None:
