@@ -92,11 +92,12 @@ def _table(model: type[BaseModel]) -> str:
 
 
 def _parts(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
-    """The models of a model's keys, each followed by its own."""
+    """The models of a model's keys, each followed by its own; without itself."""
     for field in model.model_fields.values():
         for part in _models(field.annotation):
-            yield part
-            yield from _parts(part)
+            if part is not model:
+                yield part
+                yield from _parts(part)
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:

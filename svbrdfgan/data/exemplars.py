@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from svbrdfgan.data.config import DatasetConfig, Split
 from svbrdfgan.data.exemplar_files import exemplar_paths, load_picture
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
+from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader, subject_key
 from svbrdfgan.scene.subject import Subject
@@ -59,11 +61,11 @@ class Exemplars:
         return torch.nonzero(self.subject_of == subject).flatten().tolist()
 
 
-def load_exemplars(dataset: Dataset, split: Split, *, mesh_maps: bool = False) -> Exemplars:
+def load_exemplars(dataset: Dataset, split: Split, generator: GeneratorConfig | None = None) -> Exemplars:
     """Reads a split of a data set into memory.
 
     Args:
-        mesh_maps: whether the subjects have mesh maps, for a generator that reads them.
+        generator: the subjects have what it reads.
 
     Raises:
         AssetError: the data set has no such split, is not finished, or a file of it is damaged.
@@ -82,7 +84,7 @@ def load_exemplars(dataset: Dataset, split: Split, *, mesh_maps: bool = False) -
     scenes = tuple(_load_scene(record, index.config) for _, record in paths)
     pictures = torch.stack([_load_picture(picture, scene) for (picture, _), scene in zip(paths, scenes, strict=True)])
     loader = SceneLoader(folder)
-    load = loader.with_mesh_maps if mesh_maps else loader.subject
+    load = partial(_load_subject, loader, GeneratorConfig() if generator is None else generator)
     keys = [subject_key(scene) for scene in scenes]
     first_of = {key: keys.index(key) for key in keys}
     number_of = {key: number for number, key in enumerate(first_of)}
@@ -95,6 +97,13 @@ def load_exemplars(dataset: Dataset, split: Split, *, mesh_maps: bool = False) -
         layers=_StoredLayers(loader, scenes),
         loader=loader,
     )
+
+
+def _load_subject(loader: SceneLoader, generator: GeneratorConfig, scene: Scene) -> Subject:
+    subject = loader.with_mesh_maps(scene) if generator.mesh_maps else loader.subject(scene)
+    if generator.refined is None:
+        return subject
+    return replace(subject, wholes=loader.wholes(scene, mesh_maps=generator.mesh_maps))
 
 
 def _load_scene(record: Path, config: DatasetConfig) -> Scene:

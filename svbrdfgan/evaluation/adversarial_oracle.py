@@ -92,7 +92,7 @@ class TrueLayers:
         layers = torch.stack([layer.values.half() for view in views if (layer := exemplars.layers[view]) is not None])
         labels = labels_of_scenes(config.conditions, [exemplars.scenes[view] for view in views])
         return cls(
-            stack_inputs(exemplars, device),
+            stack_inputs(exemplars, device).geometry,
             torch.stack(shown).to(device),
             Layer(layers, tuple(config.dataset.maps)),
             exemplars.subject_of[views],
@@ -168,11 +168,12 @@ def train_adversarial_oracle(
 
 
 def _fresh_state(config: TrainConfig, truth: TrueLayers) -> State:
-    """The initial state of a run which judges layers: textures have no light buffer."""
+    """The initial state of a run which judges layers: textures have no light buffer. It refines no other's layers."""
     discriminator = config.discriminator.model_copy(update={"light": False})
+    generator = config.generator.model_copy(update={"refined": None})
     labels = 0 if truth.labels is None else truth.labels.shape[1]
     return State.fresh(
-        config.model_copy(update={"discriminator": discriminator}),
+        config.model_copy(update={"discriminator": discriminator, "generator": generator}),
         truth.geometry.device,
         truth.layers.maps,
         labels=labels,

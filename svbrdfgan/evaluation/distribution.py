@@ -21,6 +21,7 @@ from svbrdfgan.metrics.draw_statistics import Draws, ScoredSurface
 from svbrdfgan.metrics.recovered import Scorer
 from svbrdfgan.metrics.resemblance import Resemblance, Resembler
 from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.inputs import Inputs
 from svbrdfgan.training.batches import Progress
 from svbrdfgan.training.run import RunConfig
 from svbrdfgan.types import Layer
@@ -51,11 +52,11 @@ class _Asked:
     """The input of generators for draws of a vehicle.
 
     Attributes:
-        geometry: their input.
+        inputs: a batch of one.
         area: the share of each texel in the learnable area.
     """
 
-    geometry: Float[Tensor, "channels rows cols"]
+    inputs: Inputs
     area: Float[Tensor, "rows cols"]
     vehicle: Vehicle
 
@@ -100,15 +101,18 @@ def compare_draws(
     flips = defaultdict[Painter, list[float]](list)
     vehicles = [vehicle_of(exemplars, number, declared, count, _sweeps(config)) for number in weights]
     for vehicle, drawn in zip(vehicles, paint_all(vehicles, workers), strict=True):
-        weight = weights[vehicle.number]
+        number = vehicle.number
+        weight = weights[number]
         surfaces.append(scored_surface(exemplars, vehicle, weight))
         first, again = drawn.halves(config.dataset.maps, weight.device)
         truth.append(first)
         sets["truth"].append(again)
         painted["truth"] += [torch.from_numpy(row) for row in drawn.amounts]
-        asked = _Asked(scorer.geometry[vehicle.number], torch.from_numpy(drawn.area).to(weight.device), vehicle)
+        asked = _Asked(
+            scorer.inputs.pick(slice(number, number + 1)), torch.from_numpy(drawn.area).to(weight.device), vehicle
+        )
         for name, generator in generators.items():
-            sets[name].append(draws_of(generator, config.conditions, fabric, asked.geometry, vehicle))
+            sets[name].append(draws_of(generator, config.conditions, fabric, asked.inputs, vehicle))
             painted[name] += _generated_amounts(generator, config, fabric, asked)
         if relighter is not None:
             drawn_last = {name: stacks[-1] for name, stacks in sets.items()}
@@ -137,9 +141,9 @@ def _generated_amounts(
         labels = torch.tensor([config.conditions.labels(amount, recipe)], device=device)
         total = torch.zeros((), device=device)
         for seeds in torch.arange(count, device=device).split(_BATCH):
-            geometry = asked.geometry.expand(len(seeds), -1, -1, -1)
+            inputs = asked.inputs.pick(torch.zeros_like(seeds))
             with torch.no_grad(), fabric.autocast():
-                layers = generator(geometry, seeds, labels.expand(len(seeds), -1))
+                layers = generator.paint(inputs, seeds, labels.expand(len(seeds), -1))
             total += (Layer(layers, generator.maps).alpha.float() * asked.area).sum()
         return float(total) / count
 

@@ -188,7 +188,7 @@ def _layers(
 ) -> Float[Tensor, "subjects rows cols channels"]:
     """One layer of each subject; of a generator with random fields, that of seed 0."""
     with fabric.autocast():
-        return scorer.layers(Draw(generator.to(fabric.device), labels=labels))
+        return scorer.layers(Draw(generator.to(fabric.device), labels=labels).on)
 
 
 def _with_own_conditions(
@@ -201,9 +201,9 @@ def _with_own_conditions(
     def layers(index: int) -> dict[Painter, Layer]:
         labels = labels_of_scenes(config.conditions, [source.exemplars.scenes[index]])
         assert labels is not None
-        found, geometry = layers_of(index), source.geometry([index])
+        found, inputs = layers_of(index), source.inputs([index])
         with torch.no_grad(), fabric.autocast():
-            drawn = {name: Draw(each, 0, labels[0].tolist())(geometry)[0].float() for name, each in generators.items()}
+            drawn = {name: Draw(each, 0, labels[0].tolist()).on(inputs)[0].float() for name, each in generators.items()}
         return found | {name: Layer(values, generators[name].maps) for name, values in drawn.items()}
 
     return layers

@@ -47,7 +47,7 @@ class Findings:
         """The scores of all painters."""
         return Evaluation(
             split=split,
-            subjects=len(self.scorer.geometry),
+            subjects=len(self.scorer.inputs),
             exemplars=len(self.scorer.targets),
             areas=self.scorer.shares,
             generated=self._learned("generated"),

@@ -127,7 +127,7 @@ def train_oracle(
         adam.step()
         if step % schedule.every:
             continue
-        score = scorer.score(scorer.layers(generator))
+        score = scorer.score(scorer.layers(generator.paint))
         if watch is not None:
             watch(step, score)
         stalled = 0 if score > best_score + schedule.gain else stalled + 1
@@ -231,4 +231,6 @@ def _supervised(
     def watch(step: int, score: float) -> None:
         shown.advance(schedule.every, f"recovered {score:.3f}")
 
-    return train_oracle(fabric, config.train, stack_inputs(trained, fabric.device), targets, scorer, schedule, watch)
+    return train_oracle(
+        fabric, config.train, stack_inputs(trained, fabric.device).geometry, targets, scorer, schedule, watch
+    )

@@ -19,6 +19,7 @@ from svbrdfgan.metrics.resemblance import Resemblance, Resembler
 from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.networks.draw import Draw
 from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.inputs import Inputs
 from svbrdfgan.types import Layer
 
 
@@ -27,11 +28,11 @@ class DrawScorer:
     """Scores generators by the resemblance of their draws to the same true ones.
 
     Attributes:
-        geometries: the input of generators for each vehicle.
+        inputs: those of generators for each vehicle, as batches of one.
         vehicles: those that are compared, with the scenes of their draws.
     """
 
-    geometries: Sequence[Float[Tensor, "inputs rows cols"]]
+    inputs: Sequence[Inputs]
     vehicles: Sequence[Vehicle]
     resembler: Resembler
     conditions: Conditions
@@ -71,11 +72,11 @@ class DrawScorer:
             truth.append(first)
             again.append(second)
         resembler = Resembler.make(surfaces, truth, again, constants)
-        return cls([scorer.geometry[number] for number in numbers], vehicles, resembler, conditions)
+        return cls([scorer.inputs.pick(slice(n, n + 1)) for n in numbers], vehicles, resembler, conditions)
 
     def score(self, generator: Generator, fabric: Fabric) -> Resemblance:
         """The resemblance of the generator's draws with seeds from 0 on."""
-        asked = zip(self.geometries, self.vehicles, strict=True)
+        asked = zip(self.inputs, self.vehicles, strict=True)
         return self.resembler.score([draws_of(generator, self.conditions, fabric, *each) for each in asked])
 
 
@@ -96,14 +97,18 @@ def draws_of(
     generator: Generator,
     conditions: Conditions,
     fabric: Fabric,
-    geometry: Float[Tensor, "inputs rows cols"],
+    inputs: Inputs,
     vehicle: Vehicle,
 ) -> Draws:
-    """Draws of the generator with the amounts and recipes of the vehicle's scenes, and seeds from 0 on."""
+    """Draws of the generator with the amounts and recipes of the vehicle's scenes, and seeds from 0 on.
+
+    Args:
+        inputs: the vehicle's, a batch of one.
+    """
     layers = []
     for seed, scene in enumerate(vehicle.scenes):
         wanted = weathering_of(scene)
         labels = conditions.labels(wanted.amount, wanted.recipe)
         with torch.no_grad(), fabric.autocast():
-            layers.append(Draw(generator, seed, labels)(geometry.unsqueeze(0))[0].float())
+            layers.append(Draw(generator, seed, labels).on(inputs)[0].float())
     return Layer(torch.stack(layers), generator.maps)

@@ -21,6 +21,7 @@ from torch import Tensor
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.image import srgb_from_linear
 from svbrdfgan.metrics.map_errors import LEAST_ERRORS, map_error
+from svbrdfgan.networks.inputs import Inputs
 from svbrdfgan.rendering.compositing import bare_maps, composite, composite_maps
 from svbrdfgan.types import Layer
 
@@ -158,14 +159,14 @@ class Scorer:
     """Scores generators on the subjects of a split.
 
     Attributes:
-        geometry: the generator's input for each subject.
+        inputs: the generator's for each subject.
         targets: the true layers.
         constant_errors: for each map, base_color first, E of its constant layer.
         shares: for each map, the share of the learnable area that is scored: that pictures show, and where the map can
             be observed.
     """
 
-    geometry: Float[Tensor, "subjects inputs rows cols"]
+    inputs: Inputs
     targets: list[Target]
     constant_errors: dict[str, float]
     shares: dict[str, float] = field(default_factory=dict)
@@ -181,24 +182,27 @@ class Scorer:
     ) -> Scorer:
         """A scorer of these exemplars, against the constant layers of the training subjects."""
         targets, shares = make_targets(exemplars, seen, device, observed=observed)
-        geometry = torch.stack([subject.generator_input for subject in exemplars.subjects]).to(device)
-        return cls(geometry, targets, _constant_errors(targets, constants, geometry), shares)
+        inputs = Inputs.joined([subject.inputs for subject in exemplars.subjects]).to(device)
+        return cls(inputs, targets, _constant_errors(targets, constants, inputs.geometry), shares)
 
     def at_poles(self, constants: Float[Tensor, "maps channels"]) -> Scorer | None:
         """A scorer of the texels near the poles alone; None if none is scored there."""
-        near = near_poles(self.geometry)
+        near = near_poles(self.inputs.geometry)
         masked = [target.within(near[target.subject]) for target in self.targets]
         targets = [target for target in masked if target.weight.sum() > 0]
         if not targets:
             return None
-        return replace(self, targets=targets, constant_errors=_constant_errors(targets, constants, self.geometry))
+        return replace(
+            self, targets=targets, constant_errors=_constant_errors(targets, constants, self.inputs.geometry)
+        )
 
     def layers(
-        self, generator: Callable[[Tensor], Tensor], batch: int = 8
+        self, generator: Callable[[Inputs], Tensor], batch: int = 8
     ) -> Float[Tensor, "subjects rows cols channels"]:
         """The layer that a generator paints on each subject."""
         with torch.no_grad():
-            return torch.cat([generator(chunk).float() for chunk in self.geometry.split(batch)])
+            chunks = [self.inputs.pick(slice(n, n + batch)) for n in range(0, len(self.inputs), batch)]
+            return torch.cat([generator(chunk).float() for chunk in chunks])
 
     def picture(
         self, layers: Float[Tensor, "subjects rows cols channels"], count: int = 6

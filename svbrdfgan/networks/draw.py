@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.inputs import Inputs
 from svbrdfgan.networks.tiles import Windows, paint_in_tiles
 
 _FAINT = 0.05
@@ -43,14 +44,21 @@ class Draw:
         Args:
             wanted: texels where the layer is needed, which may save time.
         """
-        count, device = len(geometry), geometry.device
-        seeds = torch.full((count,), self.seed, dtype=torch.int64, device=device)
-        labels = torch.tensor([list(self.labels)] * count, dtype=torch.float32, device=device)
+        asked = self._asked(len(geometry), geometry.device)
         if self.windows is None:
-            layers: Tensor = self.generator(geometry, seeds, labels, factor)
-        else:
-            finer = factor // self.windows.finer
-            layers = paint_in_tiles(self.generator, self.windows, geometry, seeds, labels, finer, wanted)
+            return self._faded(self.generator(geometry, *asked, factor))
+        finer = factor // self.windows.finer
+        return self._faded(paint_in_tiles(self.generator, self.windows, geometry, *asked, finer, wanted))
+
+    def on(self, inputs: Inputs) -> Float[Tensor, "batch rows cols channels"]:
+        """The layer of this seed and these labels on each surface of a batch, as training sees them."""
+        return self._faded(self.generator.paint(inputs, *self._asked(len(inputs), inputs.device)))
+
+    def _asked(self, count: int, device: torch.device) -> tuple[Tensor, Tensor]:
+        seeds = torch.full((count,), self.seed, dtype=torch.int64, device=device)
+        return seeds, torch.tensor([list(self.labels)] * count, dtype=torch.float32, device=device)
+
+    def _faded(self, layers: Tensor) -> Tensor:
         if self.opacity < 1.0:
             layers[..., self.generator.channels["alpha"]] *= self.opacity
         return layers

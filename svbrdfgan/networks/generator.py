@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from svbrdfgan.networks.fused import Affine, Features, NormActPad, norm_act_pad
+from svbrdfgan.networks.inputs import Inputs, window_of
 from svbrdfgan.networks.layers import Norm, make_norm
 from svbrdfgan.networks.modulation import Modulation
 from svbrdfgan.networks.random_fields import random_fields, random_numbers
@@ -31,6 +32,11 @@ _NO_METAL = -3.0
 _HEIGHT = 2e-4
 """Height of the relief, in units of half a vehicle length, where the last convolution gives 1. So training starts with
 normals that lean by a few degrees, as those of relief do."""
+
+_LEAST_SLANT = 0.1
+"""Least z of a refined normal, so that its slopes are bounded."""
+_LEAST = 1e-3
+"""What a refined layer's values keep from 0 and 1 before their logit is taken, which is that of a faint layer."""
 
 _NUMBERS = 16
 """Random numbers of a seed that modulate the features: what distinguishes draws as wholes, where fields do locally."""
@@ -67,6 +73,9 @@ class Generator(nn.Module):
         maps: further maps that the layer paints besides base_color, in the order of `FURTHER_MAPS`.
         random_fields: how many random fields it reads, one for each octave; 0: it reads none.
         labels: numbers that say which layer is wanted, such as its amount; about -1 to 1.
+        refined: a trained generator of whole maps, which stays as it is. This one refines its layers in windows: it
+            reads them next to the geometry, and adds to their logits and slopes, nothing before training
+            (`start_refining`). Both have the same maps, labels and mesh maps.
     """
 
     def __init__(
@@ -82,12 +91,15 @@ class Generator(nn.Module):
         mesh_maps: bool = False,
         random_fields: int = 0,
         labels: int = 0,
+        refined: Generator | None = None,
     ) -> None:
         super().__init__()
+        self.refined = None if refined is None else refined.eval().requires_grad_(False)
         values = layer_channels(maps) - (2 if "normal" in maps else 0)  # a height instead of normals
         self.mesh_maps, self.random_fields, self.labels = mesh_maps, random_fields, labels
         self.maps, self.channels = maps, channel_slices(maps)
-        self.first = nn.Conv2d(self.inputs + random_fields, width, kernel, bias=_biased(norm))
+        read = self.inputs + random_fields + (0 if refined is None else layer_channels(maps))
+        self.first = nn.Conv2d(read, width, kernel, bias=_biased(norm))
         widths = [width << depth for depth in range(downsamplings + 1)]
         steps = list(itertools.pairwise(widths))
         self.down = nn.Sequential(*(_conv(coarse, deep, 3, norm, stride=2) for coarse, deep in steps))
@@ -125,6 +137,42 @@ class Generator(nn.Module):
         """Whether it paints different layers on one geometry."""
         return self.modulation is not None
 
+    def start_refining(self) -> None:
+        """Makes the layer that of the refined generator."""
+        nn.init.zeros_(self.last.convolve.weight)
+        if self.last.convolve.bias is not None:
+            nn.init.zeros_(self.last.convolve.bias)
+
+    def paint(
+        self,
+        inputs: Inputs,
+        seeds: Int[Tensor, " batch"] | None = None,
+        labels: Float[Tensor, "batch labels"] | None = None,
+    ) -> Float[Tensor, "batch rows cols channels"]:
+        """The layers on the surfaces of a batch; see `forward`.
+
+        Args:
+            inputs: with wholes if it refines layers.
+        """
+        beneath = None
+        if self.refined is not None:
+            assert inputs.wholes is not None
+            whole = self.refine(inputs.wholes.geometry[inputs.wholes.of], seeds, labels)
+            beneath = window_of(whole, inputs.wholes.place, *inputs.geometry.shape[2:])
+        return self(inputs.geometry, seeds, labels, beneath=beneath)
+
+    def refine(
+        self,
+        geometry: Float[Tensor, "batch inputs rows cols"],
+        seeds: Int[Tensor, " batch"] | None,
+        labels: Float[Tensor, "batch labels"] | None,
+    ) -> Float[Tensor, "batch rows cols channels"]:
+        """The layers on whole maps that this generator refines, of the same seeds and labels; without gradients."""
+        assert self.refined is not None
+        with torch.no_grad():
+            layers: Tensor = self.refined(geometry, seeds, labels)
+        return layers.float()
+
     def forward(
         self,
         geometry: Float[Tensor, "batch inputs rows cols"],
@@ -132,6 +180,7 @@ class Generator(nn.Module):
         labels: Float[Tensor, "batch labels"] | None = None,
         factor: int = 1,
         side: int | None = None,
+        beneath: Float[Tensor, "batch rows cols channels"] | None = None,
     ) -> Float[Tensor, "batch fine_rows fine_cols channels"]:
         """The values of layers (`Layer`) that paint `maps`: in (0, 1), but normals, which are unit vectors.
 
@@ -145,11 +194,14 @@ class Generator(nn.Module):
             factor: the layer has this many times the rows and columns of the geometry, and patterns of the same scale
                 (`PreActConv.finer`). Only the last convolution runs at that resolution, so memory hardly grows.
             side: rows of the geometries that it was trained on, if these are others; normals go by it.
+            beneath: what it refines, at the geometry's texels; needed if it refines layers.
         """
         affine, position = self._affine(seeds, labels), geometry[:, :3]
         if self.random_fields:
             assert seeds is not None
             geometry = torch.cat([geometry, random_fields(position, seeds, self.random_fields)], dim=1)
+        if beneath is not None:
+            geometry = torch.cat([geometry, beneath.permute(0, 3, 1, 2)], dim=1)
         x: Tensor = self.first(norm_act_pad(geometry, NormActPad(pad=self.first.kernel_size[0] // 2)).padded)
         passed = []
         for down in self.down:
@@ -165,16 +217,23 @@ class Generator(nn.Module):
         # `finer` with a factor of 1 gives the same, but not as one fused operation
         x = self.last(x, None, next(affine)) if factor == 1 else self.last.finer(x, factor, next(affine))
         x = x.float()
-        if (metallic := self.channels.get("metallic")) is not None:
+        normal = self.channels.get("normal")
+        if beneath is not None:
+            beneath = F.interpolate(beneath.permute(0, 3, 1, 2), scale_factor=factor, mode="bilinear")
+            plain = x.shape[1] if normal is None else normal.start
+            x = torch.cat([x[:, :plain] + torch.logit(beneath[:, :plain], _LEAST), x[:, plain:]], dim=1)
+        elif (metallic := self.channels.get("metallic")) is not None:
             start = x.new_zeros(x.shape[1], 1, 1)
             start[metallic] = _NO_METAL
             x = x + start
         layer = torch.sigmoid(x).permute(0, 2, 3, 1)
-        if (normal := self.channels.get("normal")) is None:
+        if normal is None:
             return layer
         fine = position if factor == 1 else F.interpolate(position, scale_factor=factor, mode="bilinear")
         texels = factor * (side or max(geometry.shape[2:]))
         normals = relief_normals(_HEIGHT * x[:, normal.start], fine, texels)
+        if beneath is not None:
+            normals = _with_slopes_of(normals, beneath[:, normal].permute(0, 2, 3, 1))
         return torch.cat([layer[..., : normal.start], normals], dim=-1)
 
     def _affine(self, seeds: Tensor | None, labels: Tensor | None) -> Iterator[Affine | None]:
@@ -262,6 +321,12 @@ class ResidualBlock(nn.Module):
         """
         padded, features = self.first.activate(x, residual, affine[0])
         return self.second(self.first.convolve(padded), None, affine[1]), features
+
+
+def _with_slopes_of(normals: Float[Tensor, "*shape 3"], others: Float[Tensor, "*shape 3"]) -> Float[Tensor, "*shape 3"]:
+    """Unit normals of a surface whose height is the sum of both."""
+    slopes = normals[..., :2] / normals[..., 2:] + others[..., :2] / others[..., 2:].clamp(min=_LEAST_SLANT)
+    return F.normalize(torch.cat([slopes, torch.ones_like(slopes[..., :1])], dim=-1), dim=-1)
 
 
 def _shifted(x: Float[Tensor, "*shape"], shift: float, dim: int) -> Float[Tensor, "*shape"]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 import torch
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.io.tensors import save_tensors, stored_tensors
@@ -61,6 +61,18 @@ class GeneratorConfig(StrictModel):
         "in the data set, so that they can be chosen later; `null`: if it reads random fields",
     )
 
+    refined: GeneratorConfig | None = Field(
+        default=None,
+        description="the network whose layers it refines, if `refines` names one, which fills this in",
+    )
+
+    @field_validator("refined")
+    @classmethod
+    def _not_refined_twice(cls, refined: GeneratorConfig | None) -> GeneratorConfig | None:
+        if refined is not None and refined.refined is not None:
+            raise ValueError("a generator that refines layers cannot be refined again")
+        return refined
+
     @property
     def conditional(self) -> bool:
         """Whether it is told amount and recipe."""
@@ -69,7 +81,7 @@ class GeneratorConfig(StrictModel):
     @property
     def without_random_fields(self) -> GeneratorConfig:
         """The network that paints one layer for each geometry."""
-        return self.model_copy(update={"random_fields": 0, "conditions": False})
+        return self.model_copy(update={"random_fields": 0, "conditions": False, "refined": None})
 
 
 class _About(StrictModel):
@@ -89,7 +101,8 @@ class _About(StrictModel):
 
 def make_generator(config: GeneratorConfig, maps: tuple[str, ...] = (), labels: int = 0) -> Generator:
     """The network that paints layers with these further maps, and is told labels of each."""
-    return Generator(**config.model_dump(exclude={"conditions"}), maps=maps, labels=labels)
+    refined = None if config.refined is None else make_generator(config.refined, maps, labels)
+    return Generator(**config.model_dump(exclude={"conditions", "refined"}), maps=maps, labels=labels, refined=refined)
 
 
 def save_generator(

@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from svbrdfgan.networks.generator import NORMAL, Generator
+from svbrdfgan.networks.inputs import window_of
 from svbrdfgan.types import layer_channels
 
 _TILE = 1024
@@ -87,9 +88,11 @@ def paint_in_tiles(
     batch, _, *shape = geometry.shape
     rows, cols = (side * windows.finer for side in shape)
     whole = geometry.new_zeros(batch, rows * factor, cols * factor, layer_channels(generator.maps))
+    refined = None if generator.refined is None else generator.refine(geometry, seeds, labels)
     for down, right in _tiles(torch.ones(shape) if wanted is None else wanted, windows.finer, tile, generator):
         read = _interpolated(geometry, down, right, windows.finer)
-        painted = generator(read, seeds, labels, factor, windows.size)
+        beneath = None if refined is None else _part_of(refined, down, right, (rows, cols))
+        painted = generator(read, seeds, labels, factor, windows.size, beneath)
         whole[:, down.place(factor), right.place(factor)] = painted[:, down.kept(factor), right.kept(factor)]
     return whole
 
@@ -112,6 +115,15 @@ def _tiles(wanted: Tensor, finer: int, tile: int, generator: Generator) -> Itera
             for span, side in zip(zip(first.tolist(), last.tolist(), strict=True), size, strict=True)
         )
         yield down, right
+
+
+def _part_of(
+    maps: Float[Tensor, "batch rows cols channels"], down: _Span, right: _Span, size: tuple[int, int]
+) -> Float[Tensor, "batch tile_rows tile_cols channels"]:
+    """The part of interpolated maps that lies in both spans of a map of that size."""
+    shape = (down.stop - down.start, right.stop - right.start)
+    place = [part / side for part, side in zip((down.start, right.start, *shape), 2 * size, strict=True)]
+    return window_of(maps, torch.tensor([place] * len(maps), device=maps.device), *shape)
 
 
 def _interpolated(

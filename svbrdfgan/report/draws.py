@@ -115,7 +115,7 @@ def _draw(evaluated: Evaluated, index: int, seed: int, labels: Sequence[float]) 
     """The generator's layer on the subject of an exemplar, on the CPU."""
     assert evaluated.generator is not None
     with torch.no_grad():
-        painted = Draw(evaluated.generator, seed, labels)(evaluated.source.geometry([index]))[0]
+        painted = Draw(evaluated.generator, seed, labels).on(evaluated.source.inputs([index]))[0]
     return Layer(painted.cpu().float(), evaluated.generator.maps)
 
 

@@ -21,6 +21,7 @@ from svbrdfgan.io.environment import load_environment
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.networks.draw import Draw, opacity_of
 from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.inputs import Wholes
 from svbrdfgan.networks.saved import load_generator
 from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.scene.cache import (
@@ -33,7 +34,14 @@ from svbrdfgan.scene.cache import (
 )
 from svbrdfgan.scene.description import AssetRef, Scene, SceneWeathering
 from svbrdfgan.scene.subject import Subject, bake_subject, make_subject
-from svbrdfgan.scene.window import WHOLE, bordered, find_window, interpolated_survey, windowed
+from svbrdfgan.scene.window import (
+    WHOLE,
+    bordered,
+    find_window,
+    interpolated_survey,
+    place_in_whole,
+    windowed,
+)
 from svbrdfgan.types import RGBA, Environment, Layer, Mesh, View
 from svbrdfgan.weathering.layer import recipe_from_options, weather
 from svbrdfgan.weathering.mesh_maps import MeshMaps, bake_mesh_maps
@@ -64,6 +72,7 @@ class SceneLoader:
     _sites: dict[str, Site] = field(default_factory=dict)
     _generators: dict[str, Generator] = field(default_factory=dict)
     _layers: dict[str, Layer] = field(default_factory=dict)
+    _wholes: dict[str, Float[Tensor, "1 inputs rows cols"]] = field(default_factory=dict)
     _lights: dict[str, Float[Tensor, "rows cols 3"]] = field(default_factory=dict)
     _scaled: dict[str, tuple[float, Float[Tensor, "rows cols 3"]]] = field(default_factory=dict)
 
@@ -80,6 +89,22 @@ class SceneLoader:
     def with_mesh_maps(self, scene: Scene) -> Subject:
         """The scene's surface with mesh maps, for a generator that reads them."""
         return replace(self.subject(scene), mesh_maps=self.mesh_maps(scene))
+
+    def wholes(self, scene: Scene, *, mesh_maps: bool) -> Wholes:
+        """The whole map that the scene's window is cut from, of `WHOLE` texels at most, and the window's place in it.
+
+        Args:
+            mesh_maps: whether the whole map's geometry includes them.
+        """
+        assert scene.window is not None
+        whole = _whole(scene)
+        key = f"{subject_key(whole)}-{mesh_maps}"
+        if key not in self._wholes:
+            subject = self.with_mesh_maps(whole) if mesh_maps else self.subject(whole)
+            self._wholes[key] = subject.generator_input.unsqueeze(0)
+        surfaces = self.subject(scene).surface, self.subject(whole).surface
+        place = place_in_whole(*surfaces, scene.window / scene.texture)
+        return Wholes(self._wholes[key], torch.zeros(1, dtype=torch.int64), torch.tensor([place]))
 
     def mesh_maps(self, scene: Scene) -> MeshMaps:
         """The mesh maps of the scene's surface."""
@@ -175,7 +200,7 @@ class SceneLoader:
 
     def forget(self) -> None:
         """Drops subjects and layers from memory; environments and models stay."""
-        for kept in (self._subjects, self._maps, self._sites, self._layers):
+        for kept in (self._subjects, self._maps, self._sites, self._layers, self._wholes):
             kept.clear()
 
     def _generator(self, asset: AssetRef) -> Generator:

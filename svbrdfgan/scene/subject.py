@@ -18,6 +18,7 @@ from svbrdfgan.geometry.bake import GeometryBuffer, bake
 from svbrdfgan.geometry.bake_materials import bake_base_color, bake_file_maps
 from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.geometry.rasterize import Fragments
+from svbrdfgan.networks.inputs import Inputs, Wholes
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.rendering.compositing import BARE, bare_maps, composite, composite_maps
 from svbrdfgan.types import Layer, Material, Materials, Mesh, Surface
@@ -39,6 +40,7 @@ class Subject:
         file_maps: by name, what the mesh's file says of each part's roughness, metallic and normal, likewise
             (channels,) or (rows, cols, channels). Empty if the subject was made for base colours alone.
         mesh_maps: if the generator reads them.
+        wholes: the whole map that it is a window of, if the generator reads that.
     """
 
     surface: Surface
@@ -47,6 +49,7 @@ class Subject:
     base: tuple[Float[Tensor, ...], ...]
     file_maps: tuple[Mapping[str, Float[Tensor, ...]], ...] = ()
     mesh_maps: MeshMaps | None = None
+    wholes: Wholes | None = None
 
     @cached_property
     def geometry(self) -> Float[Tensor, "6 rows cols"]:
@@ -57,6 +60,11 @@ class Subject:
     def generator_input(self) -> Float[Tensor, "inputs rows cols"]:
         """Position and normal, and then the mesh maps if they were baked."""
         return self.geometry if self.mesh_maps is None else torch.cat([self.geometry, self.mesh_maps.network_input()])
+
+    @property
+    def inputs(self) -> Inputs:
+        """All that generators read, as a batch of one."""
+        return Inputs(self.generator_input.unsqueeze(0), self.wholes)
 
     def with_mesh_maps(self) -> Subject:
         """The same subject with mesh maps."""

@@ -76,6 +76,18 @@ def windowed(surface: Surface, window: Window, texture: int) -> Surface:
     return replace(surface, uv=moved, repeat=(False, False))
 
 
+def place_in_whole(surface: Surface, whole: Surface, share: float) -> tuple[float, float, float, float]:
+    """The first row and column of a window, and its rows and columns, over those of the whole map (`Wholes.place`).
+
+    Args:
+        surface: with UVs in which the window is the unit square.
+        whole: with those of the whole map.
+        share: of a side of the map.
+    """
+    col, row = (whole.uv - share * surface.uv).mean(axis=0).tolist()
+    return row, col, share, share
+
+
 def bordered(values: Float[Tensor, "*shape rows cols channels"]) -> Float[Tensor, "*shape rows cols channels"]:
     """The values of a window's layers, transparent at its border: textures continue outside as they are there."""
     alpha = channel_slices(())["alpha"]

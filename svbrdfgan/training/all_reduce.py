@@ -27,7 +27,7 @@ class GradientAllReduce:
     """
 
     def __init__(self, network: nn.Module, processes: int, bucket_bytes: int = BUCKET_BYTES) -> None:
-        groups = _groups(list(network.parameters()), bucket_bytes) if processes > 1 else ()
+        groups = _groups([p for p in network.parameters() if p.requires_grad], bucket_bytes) if processes > 1 else ()
         self._buckets = [_Bucket(group, processes) for group in groups]
         self._missing = [len(bucket.parameters) for bucket in self._buckets]
         self._sent: list[dist.Work] = []

@@ -16,6 +16,7 @@ from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.gather import gather_environments, match_files
 from svbrdfgan.data.reflectance_errors import ReflectanceErrors, load_errors
 from svbrdfgan.metrics.recovered import SeenTexels
+from svbrdfgan.networks.inputs import Inputs
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.render_layer import RenderLayer
 from svbrdfgan.training.cached_rendering import CachedRendering
@@ -40,7 +41,7 @@ class BatchSource:
         fake_scenes: renders fakes, in perturbed scenes.
         own_scenes: the exemplars' own scenes, which say what the exemplars show; `fake_scenes` itself where those are
             not perturbed and have enough samples, or are rendered online.
-        buffers: the generator's input for each subject.
+        buffers: the generator's input for each subject, on the device.
         real: the exemplars on the device, with the buffers of their own scenes that the discriminator is shown, and
             with the labels of their layers.
         demodulated: whether the discriminator sees reflectance instead of radiance.
@@ -50,7 +51,7 @@ class BatchSource:
     exemplars: Exemplars
     fake_scenes: SceneRendering
     own_scenes: SceneRendering
-    buffers: Float[Tensor, "subjects inputs rows cols"]
+    buffers: Inputs
     real: ImageBatch
     demodulated: bool = False
     errors: ReflectanceErrors | None = None
@@ -63,9 +64,9 @@ class BatchSource:
         """Whether the layers are those of windows: all have one size, so all are or none is."""
         return self.exemplars.scenes[0].window is not None
 
-    def geometry(self, indices: Sequence[int]) -> Float[Tensor, "batch inputs rows cols"]:
+    def inputs(self, indices: Sequence[int]) -> Inputs:
         """The generator's input for the subjects of these exemplars."""
-        return self.buffers[copy_async(self.exemplars.subject_of[list(indices)], self.buffers.device)]
+        return self.buffers.pick(copy_async(self.exemplars.subject_of[list(indices)], self.buffers.device))
 
     def labels(self, indices: Sequence[int]) -> Float[Tensor, "batch labels"] | None:
         """The labels of these exemplars' layers; None if networks are told nothing of them."""
@@ -107,7 +108,7 @@ def make_batch_source(
     discriminator = run.config.discriminator
     if discriminator.light_buffer:
         require_reference_materials(renderer)
-    exemplars = load_exemplars(run.dataset, split, mesh_maps=run.config.generator.mesh_maps)
+    exemplars = load_exemplars(run.dataset, split, run.config.generator)
     fake_scenes = make_scenes(run, exemplars, split, renderer, device)
     own_scenes = _own_scenes(run.config, fake_scenes, exemplar_spp(run.config, exemplars))
     order = _by_subject(exemplars)
@@ -139,7 +140,7 @@ def load_seen_texels(
         AssetError: the data set is not finished, or a file of it is damaged.
         ConfigError: `rendering` is `stored`, and the renderer does not store what that needs.
     """
-    exemplars = load_exemplars(run.dataset, split, mesh_maps=run.config.generator.mesh_maps)
+    exemplars = load_exemplars(run.dataset, split, run.config.generator)
     own = run.unperturbed().with_config(spp=exemplar_spp(run.config, exemplars))
     # nothing is kept, since each scene is looked at once
     scenes = make_scenes(own, exemplars, split, renderer, torch.device("cpu"), cache_bytes=0)
@@ -176,9 +177,9 @@ def own_buffers(config: DiscriminatorConfig, own_scenes: SceneRendering, indices
     return _joined(gbuffers), _joined(lights), _joined(clean)
 
 
-def stack_inputs(exemplars: Exemplars, device: torch.device) -> Float[Tensor, "subjects inputs rows cols"]:
+def stack_inputs(exemplars: Exemplars, device: torch.device) -> Inputs:
     """The generator's input for each subject, channels last in memory."""
-    return torch.stack([s.generator_input for s in exemplars.subjects]).to(device, memory_format=torch.channels_last)
+    return Inputs.joined([subject.inputs for subject in exemplars.subjects]).to(device)
 
 
 def make_scenes(

@@ -157,6 +157,12 @@ class TrainConfig(StrictModel):
         description="the name of a [shipped model](commands.md#shipped-models), or the folder of a run, relative to "
         "this file: training starts from its generator instead of random weights; `generator` may be left out then",
     )
+    refines: str | None = Field(
+        default=None,
+        description="likewise a model that paints whole maps: the generator refines its layers in the windows of "
+        "close-ups, so that it learns the detail alone; the data set has the model's embedding, maps and conditions, "
+        "and the model a texture of 512 texels, or the data set's if that is smaller",
+    )
     generator: GeneratorConfig = Field(default=GeneratorConfig(), description="the network that paints layers")
     discriminator: DiscriminatorConfig = Field(
         default=DiscriminatorConfig(), description="the network that compares pictures"
@@ -214,6 +220,8 @@ class TrainConfig(StrictModel):
             raise ValueError(
                 "spp_grad needs rendering: online; stored light has a gradient on the picture's own samples"
             )
+        if self.init is not None and self.refines is not None:
+            raise ValueError("init starts from a model, and refines from another's layers: name one of them")
         if self.batch_size % self.devices:
             raise ValueError(f"batch_size {self.batch_size} cannot be shared out among {self.devices} devices evenly")
         if self.loss.gradient_penalty and self.discriminator.norm == "instance":

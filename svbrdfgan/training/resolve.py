@@ -19,6 +19,7 @@ from svbrdfgan.models.shipped import model_folder, shipped_models
 from svbrdfgan.networks.conditions import Conditions
 from svbrdfgan.networks.layers import LOCAL_NORMS
 from svbrdfgan.networks.saved import GeneratorConfig
+from svbrdfgan.scene.window import WHOLE
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
 
 
@@ -28,7 +29,7 @@ class ResolvedRun:
 
     Attributes:
         config: the configuration, with `discriminator.compares` and `discriminator.light_buffer` decided, and of what
-            `init` names: the generator's settings, and its name or whole path.
+            `init` or `refines` names: the generator's settings, and its name or whole path.
         dataset: the data set that it names, opened.
         base: the folder that file patterns of the configuration are relative to.
     """
@@ -82,11 +83,15 @@ def resolve_config(config: TrainConfig, dataset: DatasetConfig, base: Path = Pat
         base: the folder that paths of the configuration are relative to.
 
     Raises:
-        AssetError: the model that `init` names cannot be read.
+        AssetError: the model that `init` or `refines` names cannot be read.
         ConfigError: such a data set cannot do what the configuration asks.
     """
     if config.init is not None:
         config = _from_model(config, config.init, base, dataset)
+    elif config.refines is not None:
+        config = _refining(config, config.refines, base, dataset)
+    elif config.generator.refined is not None:
+        raise ConfigError("generator.refined: `refines` fills it in; name the model there.")
     _require_divisible(config, dataset)
     for split in dataset.splits:
         _require_halvable(config, _layer_texels(dataset, split))
@@ -139,6 +144,31 @@ def _from_model(config: TrainConfig, init: str, base: Path, dataset: DatasetConf
         )
     named = init if init in shipped_models() else str(model.folder.resolve())
     return config.model_copy(update={"generator": model.generator, "init": named})
+
+
+def _refining(config: TrainConfig, refines: str, base: Path, dataset: DatasetConfig) -> TrainConfig:
+    """The configuration of a run that refines a model's layers, with the settings of that model's generator."""
+    model, own = TrainedModel.open(model_folder(refines, base), "refines"), config.generator
+    if dataset.window is None:
+        raise ConfigError("refines: layers are refined in windows: make a data set with camera.close_ups.window.")
+    texels = min(dataset.texture, WHOLE)
+    if dataset.texture % texels:
+        raise ConfigError(
+            f"refines: the data set's texture has {dataset.texture} texels; wanted a multiple of {WHOLE}."
+        )
+    theirs = model.trained_on
+    if theirs.window is not None or theirs.texture != texels:
+        seen = f"maps of {theirs.texture} texels" if theirs.window is None else "windows"
+        raise ConfigError(f"refines: the model learned from {seen}; wanted one that did from whole maps of {texels}.")
+    if theirs.embedding != dataset.embedding or tuple(theirs.maps) != tuple(dataset.maps):
+        raise ConfigError("refines: the model learned from a data set with another `embedding`, or with other `maps`.")
+    if model.generator.mesh_maps != own.mesh_maps or (model.generator.random_fields and not own.random_fields):
+        raise ConfigError("refines: the model reads mesh maps or random fields: set them for `generator`, too.")
+    if not model.conditions.alike(conditions_of(own, dataset)):
+        raise ConfigError("refines: what varies of amount and recipe must vary in the model's own data set likewise.")
+    named = refines if refines in shipped_models() else str(model.folder.resolve())
+    generator = own.model_copy(update={"refined": model.generator})
+    return config.model_copy(update={"generator": generator, "refines": named})
 
 
 def _require_divisible(config: TrainConfig, dataset: DatasetConfig) -> None:

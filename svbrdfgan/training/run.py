@@ -30,7 +30,7 @@ from svbrdfgan.training.resolve import ResolvedRun
 LOG = "log.jsonl"
 ORACLE = "oracle.safetensors"
 ORACLE_NOTES = "oracle.json"
-_LENGTH = ("steps", "minutes", "score_every", "save_every", "device", "devices", "dataset", "init")
+_LENGTH = ("steps", "minutes", "score_every", "save_every", "device", "devices", "dataset", "init", "refines")
 _STABILITY = {"optimizer": {"generator_rate", "discriminator_rate"}, "loss": {"r1"}}
 FREE: dict[str, Any] = {
     "train": dict.fromkeys(_LENGTH, True) | _STABILITY,

@@ -110,14 +110,17 @@ class State:
         discriminator = make_discriminator(config.discriminator, labels, judged)
         initialise(generator, rng)
         initialise(discriminator, rng, config.discriminator.weights)
+        if generator.refined is not None:
+            generator.start_refining()
         for network in (generator, discriminator):
             network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
+        trained = [parameter for parameter in generator.parameters() if parameter.requires_grad]
         adam, betas = config.optimizer, (config.optimizer.beta1, config.optimizer.beta2)
         return cls(
             generator=generator,
             discriminator=discriminator,
             averaged=copy.deepcopy(generator).requires_grad_(False),
-            generator_adam=torch.optim.Adam(generator.parameters(), adam.generator_rate, betas, fused=True),
+            generator_adam=torch.optim.Adam(trained, adam.generator_rate, betas, fused=True),
             discriminator_adam=torch.optim.Adam(discriminator.parameters(), adam.discriminator_rate, betas, fused=True),
             generator_gradients=GradientAllReduce(generator, processes),
             discriminator_gradients=GradientAllReduce(discriminator, processes),
@@ -129,6 +132,12 @@ class State:
         """Takes the weights of a generator of the same configuration, before the first step."""
         for own in (self.generator, self.averaged):
             own.load_state_dict(generator.state_dict())
+
+    def refine(self, refined: Generator) -> None:
+        """Takes the weights of the generator whose layers are refined, before the first step."""
+        for own in (self.generator, self.averaged):
+            assert own.refined is not None
+            own.refined.load_state_dict(refined.state_dict())
 
     def average(self, batch_size: int, half_life: float) -> None:
         """Moves the averaged generator towards the current one: half the way in `half_life` images, faster at first."""

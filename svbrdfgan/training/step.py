@@ -126,10 +126,10 @@ def _with_buffers(image: Images, coverage: Coverage, real: ImageBatch, scenes: S
 def _pair(
     fabric: Fabric, state: State, source: BatchSource, indices: Sequence[int], rng: np.random.Generator, visit: int
 ) -> tuple[ImageBatch, ImageBatch]:
-    geometry = source.geometry(indices)
-    seeds = draw_seeds(rng, len(indices), geometry.device) if state.generator.random_fields else None
+    inputs = source.inputs(indices)
+    seeds = draw_seeds(rng, len(indices), inputs.device) if state.generator.random_fields else None
     with fabric.autocast():
-        layers = state.generator(geometry, seeds, source.labels(indices))
+        layers = state.generator.paint(inputs, seeds, source.labels(indices))
     if source.windowed:
         layers = bordered(layers)
     scenes = source.scenes(indices, rng, visit)

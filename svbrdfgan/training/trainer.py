@@ -114,6 +114,8 @@ def _train(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path, 
         log.info("resumed at step %d", state.step)
     elif config.init is not None:
         state.start_from(load_model(config.init).generator)
+    elif config.refines is not None:
+        state.refine(load_model(config.refines).generator)
     if session.first:
         session = replace(session, metrics_log=MetricsLog(run, state.step))
     display.begin("training", config.steps, state.step)

@@ -95,4 +95,4 @@ class Validation:
 
     def _layers(self, generator: Generator) -> Float[Tensor, "subjects rows cols channels"]:
         with self.fabric.autocast():
-            return self.scorer.layers(Draw(generator, labels=self.typical))
+            return self.scorer.layers(Draw(generator, labels=self.typical).on)

@@ -17,6 +17,7 @@ from svbrdfgan.data.index import Dataset
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.inference.apply import choose_draw, paint
 from svbrdfgan.io.mesh import load_mesh
+from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.run import load_model
 from svbrdfgan.training.trainer import train
@@ -48,7 +49,7 @@ def test_it_paints_the_same_on_a_mesh_and_in_a_data_set(run: Path, dataset_data:
 
 def test_it_reads_them(run: Path, varied_dataset: Path) -> None:
     model = load_model(run)
-    subject = load_exemplars(Dataset.open(varied_dataset), "train", mesh_maps=True).subjects[0]
+    subject = load_exemplars(Dataset.open(varied_dataset), "train", GeneratorConfig(mesh_maps=True)).subjects[0]
     draw, geometry = choose_draw(model, seed=0, recipe="rust"), subject.generator_input.unsqueeze(0)
     assert geometry.shape[1] == model.generator.inputs == 11
     torch.testing.assert_close(geometry[0, :6], subject.geometry, rtol=0, atol=0)

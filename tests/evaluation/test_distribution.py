@@ -27,6 +27,7 @@ from svbrdfgan.metrics.constant_layer import constant_layers
 from svbrdfgan.metrics.draw_scorer import DrawScorer
 from svbrdfgan.metrics.recovered import Scorer
 from svbrdfgan.networks.conditions import Conditions
+from svbrdfgan.networks.inputs import Inputs
 from svbrdfgan.training.run import load_model
 from svbrdfgan.weathering.layer import recipe_from_options, weather
 from svbrdfgan.weathering.survey import find_site
@@ -64,7 +65,7 @@ class Recipe:
         self.subject, self.frozen, self.bias = exemplars.subjects[0], frozen, bias
         self.site = find_site(self.subject.surface, self.subject.buffer)
 
-    def __call__(self, geometry: Tensor, seeds: Tensor, labels: Tensor, factor: int = 1) -> Tensor:
+    def paint(self, inputs: Inputs, seeds: Tensor, labels: Tensor) -> Tensor:
         return torch.stack(
             [self.layer(int(seed), float(label)) for seed, label in zip(seeds, labels[:, 0], strict=True)]
         )
@@ -154,7 +155,7 @@ def test_a_run_with_chance_has_the_score_in_its_record_and_paints_exemplars_as_t
     for index, scene in enumerate(evaluated.source.exemplars.scenes):
         weathering: Any = scene.weathering
         draw = choose_draw(model, amount=weathering.amount, recipe=weathering.recipe)
-        layer = draw(evaluated.source.geometry([index]))[0]
+        layer = draw.on(evaluated.source.inputs([index]))[0]
         torch.testing.assert_close(evaluated.layers_of(index)["generated"].values, layer, atol=1e-3, rtol=0)
         assert not torch.equal(layer, evaluated.layers["generated"][0]), "that has the middle amount"
     found = evaluated.evaluation

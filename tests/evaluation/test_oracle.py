@@ -13,6 +13,7 @@ from svbrdfgan.evaluation.oracle import Oracle, OracleConfig, _weights, train_or
 from svbrdfgan.metrics.constant_layer import best_constants
 from svbrdfgan.metrics.recovered import Scorer, Target, make_targets, mean_error, mean_errors
 from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.inputs import Inputs
 from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.types import Layer
@@ -31,17 +32,23 @@ def toy(tiny_exemplars: Exemplars) -> tuple[list[Target], Scorer]:
             [torch.full_like(height, c) for c in (0.3, 0.2, 0.1)] + [torch.sigmoid(-4 * height)], dim=-1
         )
         targets.append(replace(target, truth=Layer(layer)))
-    geometry = torch.stack([subject.geometry for subject in tiny_exemplars.subjects])
+    inputs = Inputs.joined([subject.inputs for subject in tiny_exemplars.subjects])
     constant = best_constants(targets)[0].expand(2, 32, 32, 4)
-    return targets, Scorer(geometry, targets, {"base_color": mean_error(targets, constant)})
+    return targets, Scorer(inputs, targets, {"base_color": mean_error(targets, constant)})
 
 
 def trained(toy: tuple[list[Target], Scorer], **schedule: float) -> tuple[Oracle, list[tuple[int, float]]]:
     (targets, scorer), seen = toy, []
-    fabric = Fabric(accelerator="cpu", devices=1)
+    fabric, geometry = Fabric(accelerator="cpu", devices=1), scorer.inputs.geometry
     oracle = train_oracle(
-        fabric, CONFIG, scorer.geometry, targets, scorer, OracleConfig(**schedule), lambda *told: seen.append(told)
-    )  # type: ignore[arg-type]
+        fabric,
+        CONFIG,
+        geometry,
+        targets,
+        scorer,
+        OracleConfig(**schedule),
+        lambda *told: seen.append(told),  # type: ignore[arg-type]
+    )
     return oracle, seen
 
 
@@ -49,7 +56,7 @@ def trained(toy: tuple[list[Target], Scorer], **schedule: float) -> tuple[Oracle
 def test_it_learns_a_simple_function_of_position(toy: tuple[list[Target], Scorer]) -> None:
     oracle, seen = trained(toy, rate=1e-2, every=20, steps=240)
     assert oracle.score > 0.5
-    assert toy[1].recovered_by(toy[1].layers(oracle.generator)) == pytest.approx(oracle.score)
+    assert toy[1].recovered_by(toy[1].layers(oracle.generator.paint)) == pytest.approx(oracle.score)
     assert oracle.score == max(score for _, score in seen)
     assert [step for step, _ in seen] == list(range(20, oracle.steps + 1, 20))
 
@@ -75,7 +82,7 @@ def test_further_maps_are_learned_and_decide(toy: tuple[list[Target], Scorer]) -
         name: mean_errors(targets, row.expand(2, 32, 32, 5))[n]
         for n, (name, row) in enumerate(zip(targets[0].names, best_constants(targets), strict=True))
     }
-    scorer = Scorer(toy[1].geometry, targets, errors)
+    scorer = Scorer(toy[1].inputs, targets, errors)
     oracle, seen = trained((targets, scorer), rate=1e-2, every=20, steps=60)
     each = scorer.each_recovered_by(scorer.layers(oracle.generator))
     assert each["metallic"] is not None

@@ -13,6 +13,7 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError
 from svbrdfgan.metrics.constant_layer import best_constants
 from svbrdfgan.metrics.recovered import Scorer, Target, make_targets, mean_error, mean_errors, near_poles
+from svbrdfgan.networks.inputs import Inputs
 from svbrdfgan.rendering.compositing import bare_maps, composite
 from svbrdfgan.types import Layer
 
@@ -55,10 +56,11 @@ def test_errors_away_from_the_poles_do_not_count_there(tiny_exemplars: Exemplars
     scorer = Scorer.make(tiny_exemplars, everywhere, constants, CPU)
     ends, truth = scorer.at_poles(constants), truth_of(tiny_exemplars)
     assert ends is not None
-    near = near_poles(scorer.geometry).unsqueeze(-1)
+    near = near_poles(scorer.inputs.geometry).unsqueeze(-1)
     assert ends.recovered_by(torch.where(near, truth, 0.0)) == 1.0
     assert ends.recovered_by(torch.where(near, constants[0], truth)) == pytest.approx(0.0, abs=1e-6)
-    everything_else = replace(scorer, geometry=torch.zeros_like(scorer.geometry) + torch.eye(6)[0].reshape(1, 6, 1, 1))
+    aside = torch.zeros_like(scorer.inputs.geometry) + torch.eye(6)[0].reshape(1, 6, 1, 1)
+    everything_else = replace(scorer, inputs=Inputs(aside))
     assert everything_else.at_poles(constants) is None
 
 
@@ -269,8 +271,8 @@ def test_a_generator_is_scored_by_what_it_paints(tiny_exemplars: Exemplars, targ
     truth, scorer = truth_of(tiny_exemplars), Scorer.make(tiny_exemplars, everywhere, best_constants(targets), CPU)
     by_geometry = {subject.geometry.numpy().tobytes(): truth[n] for n, subject in enumerate(tiny_exemplars.subjects)}
 
-    def knows(geometry: Tensor) -> Tensor:
-        return torch.stack([by_geometry[one.numpy().tobytes()] for one in geometry])
+    def knows(inputs: Inputs) -> Tensor:
+        return torch.stack([by_geometry[one.numpy().tobytes()] for one in inputs.geometry])
 
     assert torch.equal(scorer.layers(knows, batch=1), truth)
     assert scorer.recovered_by(scorer.layers(knows)) == 1.0
@@ -280,7 +282,7 @@ def test_a_generator_is_scored_by_what_it_paints(tiny_exemplars: Exemplars, targ
 def test_picture_shows_learned_layers_above_the_truth(tiny_exemplars) -> None:
     targets, _ = make_targets(tiny_exemplars, lambda index: torch.ones(32, 32), torch.device("cpu"))
     subjects = len(tiny_exemplars.subjects)
-    scorer = Scorer(torch.zeros(subjects, 6, 32, 32), targets, {"base_color": 1.0})
+    scorer = Scorer(Inputs(torch.zeros(subjects, 6, 32, 32)), targets, {"base_color": 1.0})
     picture = scorer.picture(torch.zeros(subjects, 32, 32, 4))
     assert picture.shape == (64, 32 * subjects, 3)
     assert picture[:32].std() < 1e-6, "transparent layers are plain grey"

@@ -289,7 +289,7 @@ def test_fresh_rendering_has_the_gradient_of_the_transport(
         state = State.fresh(chosen, CPU)
         scenes = source.scenes([0, 4], np.random.default_rng([chosen.seed, 0, 0, 0]))
         with torch.no_grad():
-            pictures.append(scenes.render(state.generator(source.geometry([0, 4]))))
+            pictures.append(scenes.render(state.generator.paint(source.inputs([0, 4]))))
         run_steps(chosen, state, source, 1)
         gradients.append([p.grad.clone() for p in state.generator.parameters() if p.grad is not None])
     torch.testing.assert_close(pictures[0], pictures[1], rtol=1e-4, atol=1e-4)

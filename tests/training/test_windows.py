@@ -11,18 +11,23 @@ import numpy as np
 import pytest
 import torch
 
+from svbrdfgan.config.distributions import Fixed
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.generate import generate
 from svbrdfgan.errors import ConfigError
+from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.evaluated import by_subject, pictures
 from svbrdfgan.evaluation.relight import Relight, Relighter
+from svbrdfgan.networks.inputs import Inputs
 from svbrdfgan.protocols import Renderer
 from svbrdfgan.scene.window import bordered
 from svbrdfgan.training import step
 from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, resolve_config, resolve_run
+from svbrdfgan.training.run import load_model
+from svbrdfgan.training.trainer import train
 from svbrdfgan.utils.display import SilentDisplay
 
 Data = Callable[..., dict[str, Any]]
@@ -57,8 +62,8 @@ def source_of(run: ResolvedRun, renderer: Renderer[Any]) -> BatchSource:
 def test_each_exemplar_has_a_window_that_its_picture_shows(run: ResolvedRun, cpu_renderer: Renderer[Any]) -> None:
     source = source_of(run, cpu_renderer)
     assert source.windowed
-    assert source.buffers.shape[0] == len(source) == 4, "each has a subject of its own"
-    assert source.buffers.shape[2:] == (32, 32)
+    assert len(source.buffers) == len(source) == 4, "each has a subject of its own"
+    assert source.buffers.geometry.shape[2:] == (32, 32)
     seen = torch.stack([source.seen(index) > 0 for index in range(4)])
     assert (seen.float().mean(dim=(1, 2)) > 0.1).all()
     layers = torch.full((4, 32, 32, 4), 0.5, requires_grad=True)
@@ -73,10 +78,10 @@ def test_fakes_of_windows_are_transparent_at_their_border(windows: bool, monkeyp
     """As exemplars are; else what lies outside would be painted like the border."""
     made: list[torch.Tensor] = []
     monkeypatch.setattr(step, "make_pair", lambda source, indices, scenes, layers, errors: made.append(layers))
-    source: Any = SimpleNamespace(windowed=windows, geometry=lambda _: torch.zeros(2, 6, 8, 8))
+    source: Any = SimpleNamespace(windowed=windows, inputs=lambda _: Inputs(torch.zeros(2, 6, 8, 8)))
     source.labels = source.scenes = source.drawn_errors = lambda *_: None
-    state: Any = SimpleNamespace(generator=lambda *_: torch.ones(2, 8, 8, 4))
-    state.generator.random_fields = 0
+    generator = SimpleNamespace(paint=lambda *_: torch.ones(2, 8, 8, 4), random_fields=0)
+    state: Any = SimpleNamespace(generator=generator)
     step._pair(make_fabric("cpu"), state, source, [0, 1], np.random.default_rng(0), 0)
     (layers,) = made
     assert int(layers[..., 3].sum()) == 2 * (36 if windows else 64)
@@ -114,3 +119,57 @@ def test_windows_and_whole_layers_are_not_mixed(config: DatasetConfig, training_
     wide = train_config(training_data(generator={"norm": "instance"}), "train.yaml")
     with pytest.raises(ConfigError, match=r"instance norms are taken over whole maps.*set generator\.norm: pixel"):
         resolve_config(wide, config)
+
+
+@pytest.fixture
+def model(config: DatasetConfig, training_data: Data, dataset_data: Data, tmp_path: Path) -> Path:
+    """Of a run on whole maps."""
+    data = dataset_data(texture=64, splits={"train": {"views": 1, "meshes": {"procedural": {"count": 1}}}})
+    whole = config.model_copy(update={"camera": validate(DatasetConfig, data, "here").camera})
+    generate(whole, tmp_path / "whole", base=tmp_path)
+    chosen = training_data(dataset=str(tmp_path / "whole"), steps=1)
+    train(train_config(chosen, "train.yaml"), tmp_path / "model")
+    return tmp_path / "model"
+
+
+def test_detail_is_learned_over_the_layers_of_a_model(
+    run: ResolvedRun, model: Path, training_data: Data, tmp_path: Path
+) -> None:
+    chosen = train_config(
+        training_data(dataset=run.config.dataset, refines=str(model), generator=LOCAL, steps=2), "train.yaml"
+    )
+    whole, detail = load_model(model), tmp_path / "detail"
+    state = train(chosen, detail)
+    assert state.generator.refined is not None
+    before, after = whole.generator.state_dict(), load_model(detail).generator.refined.state_dict()
+    assert all(torch.equal(after[name], weights) for name, weights in before.items())
+    assert state.generator.last.convolve.weight.abs().sum() > 0.0, "it has learned something"
+    again = train(chosen.model_copy(update={"steps": 3}), detail, resume=True)
+    assert again.step == 3
+    found = evaluate(detail, split="train", device="cpu", oracle=False)
+    assert found.source.buffers.wholes is not None
+    assert len(found.source.buffers.wholes.geometry) == 2, "one for each mesh"
+
+
+def test_what_cannot_be_refined_is_told(
+    run: ResolvedRun, config: DatasetConfig, model: Path, training_data: Data
+) -> None:
+    def refused(message: str, dataset: DatasetConfig = config, **changes: Any) -> None:
+        chosen = {"refines": str(model), "generator": LOCAL} | changes
+        with pytest.raises(ConfigError, match=message):
+            resolve_config(train_config(training_data(**chosen), "train.yaml"), dataset)
+
+    assert config.camera.close_ups is not None
+    far = config.camera.model_copy(update={"close_ups": None})
+    refused("make a data set with camera.close_ups.window", config.model_copy(update={"camera": far}))
+    refused(
+        "the model learned from maps of 64 texels; wanted .* whole maps of 32",
+        config.model_copy(update={"texture": 32}),
+    )
+    refused(
+        "with another `embedding`, or with other `maps`",
+        config.model_copy(update={"maps": {"roughness": Fixed(fixed=0.5)}}),
+    )
+    refused("mesh maps or random fields: set them", generator=LOCAL | {"mesh_maps": True})
+    refused("name one of them", init=str(model))
+    refused("generator.refined: `refines` fills it in", refines=None, generator=LOCAL | {"refined": {}})

@@ -94,7 +94,7 @@ def _open(config: TrainConfig, base: Path, display: Display) -> tuple[RenderedPa
     renderer, choice = resolve_renderer(
         config.renderer, device, run.dataset.config.maps, differentiable=True, deferred=run.deferred
     )
-    exemplars = load_exemplars(run.dataset, "train", mesh_maps=run.config.generator.mesh_maps)
+    exemplars = load_exemplars(run.dataset, "train", run.config.generator)
     recorded = exemplars.scenes[0].renderer
     exemplar_renderer = renderer if recorded == choice else resolve_renderer(recorded, device)[0]
     _require_known(exemplars)
