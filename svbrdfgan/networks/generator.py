@@ -157,11 +157,11 @@ class Generator(nn.Module):
         beneath = None
         if self.refined is not None:
             assert inputs.wholes is not None
-            whole = self.refine(inputs.wholes.geometry[inputs.wholes.of], seeds, labels)
+            whole = self.refined_layers(inputs.wholes.geometry[inputs.wholes.of], seeds, labels)
             beneath = window_of(whole, inputs.wholes.place, *inputs.geometry.shape[2:])
         return self(inputs.geometry, seeds, labels, beneath=beneath)
 
-    def refine(
+    def refined_layers(
         self,
         geometry: Float[Tensor, "batch inputs rows cols"],
         seeds: Int[Tensor, " batch"] | None,

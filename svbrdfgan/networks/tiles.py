@@ -88,7 +88,7 @@ def paint_in_tiles(
     batch, _, *shape = geometry.shape
     rows, cols = (side * windows.finer for side in shape)
     whole = geometry.new_zeros(batch, rows * factor, cols * factor, layer_channels(generator.maps))
-    refined = None if generator.refined is None else generator.refine(geometry, seeds, labels)
+    refined = None if generator.refined is None else generator.refined_layers(geometry, seeds, labels)
     for down, right in _tiles(torch.ones(shape) if wanted is None else wanted, windows.finer, tile, generator):
         read = _interpolated(geometry, down, right, windows.finer)
         beneath = None if refined is None else _part_of(refined, down, right, (rows, cols))

@@ -133,7 +133,7 @@ class State:
         for own in (self.generator, self.averaged):
             own.load_state_dict(generator.state_dict())
 
-    def refine(self, refined: Generator) -> None:
+    def take_refined(self, refined: Generator) -> None:
         """Takes the weights of the generator whose layers are refined, before the first step."""
         for own in (self.generator, self.averaged):
             assert own.refined is not None

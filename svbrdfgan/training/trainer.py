@@ -115,7 +115,7 @@ def _train(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path, 
     elif config.init is not None:
         state.start_from(load_model(config.init).generator)
     elif config.refines is not None:
-        state.refine(load_model(config.refines).generator)
+        state.take_refined(load_model(config.refines).generator)
     if session.first:
         session = replace(session, metrics_log=MetricsLog(run, state.step))
     display.begin("training", config.steps, state.step)
