@@ -155,8 +155,14 @@ def linear_from_picture(image: Image) -> Float[Tensor, "height width channels"]:
     Raises:
         OSError, SyntaxError, ValueError: the image's file is broken (Pillow decodes lazily).
     """
-    values = numbers_from_picture(image)
-    return torch.cat([linear_from_srgb(values[..., :3]), values[..., 3:]], dim=-1)
+    if image.mode.startswith("I"):
+        values = numbers_from_picture(image)
+        return torch.cat([linear_from_srgb(values[..., :3]), values[..., 3:]], dim=-1)
+    codes = _eight_bits(image)
+    linear = np.empty(codes.shape, np.float32)
+    np.take(_LINEAR, codes[..., :3], out=linear[..., :3], mode="clip")
+    np.divide(codes[..., 3:], np.float32(255.0), out=linear[..., 3:])
+    return torch.from_numpy(linear)
 
 
 def numbers_from_picture(image: Image) -> Float[Tensor, "height width channels"]:
@@ -168,9 +174,15 @@ def numbers_from_picture(image: Image) -> Float[Tensor, "height width channels"]
     if image.mode.startswith("I"):  # 16-bit grey: Pillow's convert("RGB") would clip it to 8 bits
         grey = torch.from_numpy(np.asarray(image).astype(np.float32) / 65535.0)
         return grey.clamp(0, 1)[..., None].expand(-1, -1, 3).contiguous()
+    return torch.from_numpy(_eight_bits(image)).float().div_(255.0)
+
+
+def _eight_bits(image: Image) -> UInt8[ndarray, "height width channels"]:
     alpha = "A" in image.getbands() or "transparency" in image.info
-    pixels: UInt8[ndarray, "height width channels"] = np.array(image.convert("RGBA" if alpha else "RGB"))
-    return torch.from_numpy(pixels).float() / 255.0
+    return np.array(image.convert("RGBA" if alpha else "RGB"))
+
+
+_LINEAR: Float[ndarray, " codes"] = linear_from_srgb(torch.arange(256, dtype=torch.float32) / 255.0).numpy()
 
 
 def _load_eight_bit(

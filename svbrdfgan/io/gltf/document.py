@@ -20,12 +20,12 @@ from urllib.parse import quote
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.io.files import check_file
+from svbrdfgan.io.files import check_file, parsing
+from svbrdfgan.io.gltf.header import check_header
 from svbrdfgan.io.gltf_codecs.plain import Json
 from svbrdfgan.io.neighbours import Neighbours
 
 SUFFIXES = (".glb", ".gltf")
-_TABLES = ("accessors", "bufferViews", "buffers", "images", "materials", "meshes", "nodes", "scenes", "textures")
 _ALIGNMENT = 4  # of accessors and chunks, as glTF demands it
 _CHUNK_HEAD = 8
 _GLB_HEAD = 12
@@ -78,13 +78,9 @@ def read_document(path: str | os.PathLike[str]) -> Document:
     data = path.read_bytes()
     binary = path.suffix.lower() == ".glb"
     header, chunk = _split_glb(path, data) if binary else (_json(path, data), None)
-    try:
+    with parsing(path, "glTF"):
+        check_header(path, header)
         return _document(path, header, chunk)
-    except AssetError:
-        raise
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError, RecursionError) as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise AssetError(f"{path} cannot be read as glTF ({reason}); is it whole?") from error
 
 
 def write_document(path: str | os.PathLike[str], document: Document) -> list[Path]:
@@ -151,14 +147,6 @@ def _renumber(entry: Any, number: dict[int, int]) -> None:
 
 
 def _document(path: Path, header: Json, chunk: memoryview | None) -> Document:
-    if not isinstance(header, dict) or "asset" not in header:
-        raise AssetError(f"{path} is JSON but not glTF: it has no 'asset'.")
-    version = header["asset"].get("version")
-    if not (isinstance(version, str) and version.startswith("2.")):
-        raise AssetError(f"{path} is glTF version {version}; wanted version 2.")
-    for name in _TABLES:
-        if not isinstance(header.get(name, []), list):
-            raise AssetError(f"{path} cannot be read as glTF: its '{name}' is no list.")
     buffers = [_buffer(path, entry, chunk if k == 0 else None) for k, entry in enumerate(header.get("buffers", []))]
     from svbrdfgan.io.gltf_codecs.decompress import decompressed  # few files need it
 

@@ -16,6 +16,10 @@ BASIS_LZ, ZSTANDARD = 1, 2
 """How KTX2 compresses a level once more; 0 is not at all."""
 
 
+MOST_TEXELS = 100_000_000
+"""Of a texture, which as linear values takes twelve times as many bytes; those of 8192 x 8192 are 67 million."""
+
+
 class UnreadablePicture(ValueError):  # noqa: N818
     """A picture is broken, or of a format that cannot be decoded; says which."""
 
@@ -33,11 +37,22 @@ def decode_picture(data: bytes, mime: str | None) -> Image.Image:
         return _ktx2(data)
     try:
         picture = Image.open(BytesIO(data), formats=("PNG", "JPEG", "WEBP"))
+        _require_size(*picture.size)
         picture.load()
     except (OSError, SyntaxError, ValueError, struct.error, Image.DecompressionBombError) as error:
         reason = f"a picture of type {mime or 'unknown'} cannot be read ({error}); wanted PNG, JPEG or WebP"
         raise UnreadablePicture(f"{reason}.") from error
     return picture
+
+
+def _require_size(width: int, height: int) -> None:
+    """Refuses a picture before it is decoded.
+
+    Raises:
+        UnreadablePicture: it has more than `MOST_TEXELS`.
+    """
+    if width * height > MOST_TEXELS:
+        raise UnreadablePicture(f"it has {width} x {height} texels; wanted at most {MOST_TEXELS // 10**6} million")
 
 
 def _ktx2(data: bytes) -> Image.Image:
@@ -52,6 +67,7 @@ def _ktx2(data: bytes) -> Image.Image:
         raise UnreadablePicture(f"a KTX2 picture has Vulkan's format {format_}; wanted 8 bits a channel, or no KTX2.")
     if depth or layers > 1 or faces != 1 or not width or not height:
         raise UnreadablePicture("a KTX2 picture is not one flat picture.")
+    _require_size(width, height)
     start, length = struct.unpack_from("<2Q", data, 80)
     size = width * height * len(MODES[format_])
     level = data[start : start + length]
