@@ -24,6 +24,7 @@ from svbrdfgan.io.files import check_file, parsing
 from svbrdfgan.io.gltf.header import check_header
 from svbrdfgan.io.gltf_codecs.plain import Json
 from svbrdfgan.io.neighbours import Neighbours
+from svbrdfgan.utils.named_files import parse_json
 
 SUFFIXES = (".glb", ".gltf")
 _ALIGNMENT = 4  # of accessors and chunks, as glTF demands it
@@ -220,8 +221,8 @@ def _split_glb(path: Path, data: bytes) -> tuple[Json, memoryview | None]:
 
 def _json(path: Path, text: bytes) -> Json:
     try:
-        header: Json = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        header: Json = parse_json(text)
+    except ValueError as error:
         raise AssetError(f"{path} cannot be read as glTF: its JSON is broken ({error}).") from error
     return header
 

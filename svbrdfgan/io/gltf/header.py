@@ -14,6 +14,18 @@ _TABLES = (
     *("accessors", "bufferViews", "buffers", "images", "materials", "meshes", "nodes", "samplers", "scenes", "skins"),
     "textures",
 )
+_ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
+    "POSITION": ("VEC3",),
+    "NORMAL": ("VEC3",),
+    "TANGENT": ("VEC4", "VEC3"),
+    "TEXCOORD": ("VEC2",),
+    "COLOR": ("VEC3", "VEC4"),
+    "JOINTS": ("VEC4",),
+    "WEIGHTS": ("VEC4",),
+}
+"""The types of vertex attributes, by their names without a number. Tangents of morph targets lack the handedness."""
+
+_LISTS = ("children", "joints")
 _REFERENCES: Mapping[str, Mapping[str, str]] = {
     "accessors": {"bufferView": "bufferViews"},
     "bufferViews": {"buffer": "buffers"},
@@ -61,6 +73,9 @@ def _problems(header: dict[str, Any]) -> Iterator[str]:
     for table, references in _REFERENCES.items():
         for k, entry in enumerate(header.get(table, [])):
             for key, other in references.items():
+                wanted = list if key in _LISTS or table == "scenes" else int
+                if key in entry and not isinstance(entry[key], wanted):
+                    yield f"{table}[{k}] has {key} of another type than glTF's"
                 yield from _lost(entry, key, len(header.get(other, [])), f"{table}[{k}]")
     for k, entry in enumerate(header.get("accessors", [])):
         if entry.get("type") not in COMPONENTS or entry.get("componentType") not in DTYPES:
@@ -72,7 +87,7 @@ def _problems(header: dict[str, Any]) -> Iterator[str]:
         for key, counts in _NUMBERS.items():
             if key in node and not (_is_numbers(node[key]) and len(node[key]) in counts):
                 yield f"nodes[{k}] has a {key} that is not of {counts[0]} numbers"
-    accessors = len(header.get("accessors", []))
+    accessors = header.get("accessors", [])
     for k, mesh in enumerate(header.get("meshes", [])):
         if not _is_numbers(mesh.get("weights", [])):
             yield f"meshes[{k}] has weights that are no numbers"
@@ -85,15 +100,20 @@ def _problems(header: dict[str, Any]) -> Iterator[str]:
         yield from _material(material, f"materials[{k}]")
 
 
-def _primitive(primitive: dict[str, Any], accessors: int, materials: int, where: str) -> Iterator[str]:
+def _primitive(primitive: dict[str, Any], accessors: list[Any], materials: int, where: str) -> Iterator[str]:
     yield from _lost(primitive, "material", materials, where)
-    yield from _lost(primitive, "indices", accessors, where)
+    yield from _lost(primitive, "indices", len(accessors), where)
+    if "indices" in primitive and accessors[primitive["indices"]]["type"] != "SCALAR":
+        yield f"{where} has indices of {accessors[primitive['indices']]['type']}"
     for attributes in (primitive.get("attributes"), *_objects(primitive.get("targets", []))):
         if not isinstance(attributes, dict):
             yield f"{where} has a primitive whose attributes are no object"
             return
-        for name in attributes:
-            yield from _lost(attributes, name, accessors, where)
+        for name, index in attributes.items():
+            yield from _lost(attributes, name, len(accessors), where)
+            kind, wanted = accessors[index]["type"], _ATTRIBUTES.get(name.split("_")[0], tuple(COMPONENTS))
+            if kind not in wanted:
+                yield f"{where} has a {name} of {kind}; wanted {wanted[0]}"
 
 
 def _material(entry: dict[str, Any], where: str) -> Iterator[str]:
