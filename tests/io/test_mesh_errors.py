@@ -78,6 +78,11 @@ def two_uvs() -> dict:
     return header | {"accessors": [*gltf()["accessors"], UV]}
 
 
+def sets(name: str) -> dict:
+    """A mesh with an attribute of this name."""
+    return {"primitives": [{"attributes": {"POSITION": 0, name: 0}}]}
+
+
 NOT_FINITE: dict[str, dict] = {
     "alpha cutoff": {"alphaMode": "MASK", "alphaCutoff": float("nan")},
     "normal scale": {"normalTexture": {"index": 0, "scale": float("inf")}},
@@ -87,6 +92,8 @@ NOT_FINITE: dict[str, dict] = {
 WRONG_MATERIALS: dict[str, dict] = {
     "texture that is a number": {"occlusionTexture": 3},
     "texture without index": {"emissiveTexture": {}},
+    "factor of three": {"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1]}},
+    "roughness of three": {"pbrMetallicRoughness": {"roughnessFactor": [1, 1, 1]}},
     "factor of words": {"emissiveFactor": ["a", "b", "c"]},
     "extension that is a list": {"extensions": {"KHR_materials_clearcoat": [1]}},
     "cutoff beyond floats": {"alphaMode": "MASK", "alphaCutoff": 10**400},
@@ -124,6 +131,10 @@ BAD: dict[str, tuple[str, Callable[[], bytes], str]] = {
         "wanted a mesh of 1 to",
     ),
     "gltf with UVs for some vertices": ("a.glb", lambda: glb(two_uvs(), CORNERS + CORNERS), "TEXCOORD_0 of 2"),
+    **{
+        f"gltf with {name}": ("a.glb", lambda name=name: glb(gltf(meshes=[sets(name)]), CORNERS), "wanted TEXCOORD_0")
+        for name in ("TEXCOORD_500", "TEXCOORD_999999999", "TEXCOORD_x")
+    },
     "gltf of nested nodes": ("a.glb", lambda: glb(gltf(**NESTED), CORNERS), "above one another"),
     "gltf of nodes named often": ("a.glb", lambda: glb(gltf(**FAN), CORNERS), "shows more than"),
     **{

@@ -25,6 +25,9 @@ _ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
 }
 """The types of vertex attributes, by their names without a number. Tangents of morph targets lack the handedness."""
 
+_MOST_SETS = 100
+_SETS = frozenset(f"TEXCOORD_{number}" for number in range(_MOST_SETS))
+
 _LISTS = ("children", "joints")
 _REFERENCES: Mapping[str, Mapping[str, str]] = {
     "accessors": {"bufferView": "bufferViews"},
@@ -112,6 +115,8 @@ def _primitive(primitive: dict[str, Any], accessors: list[Any], materials: int, 
         for name, index in attributes.items():
             yield from _lost(attributes, name, len(accessors), where)
             kind, wanted = accessors[index]["type"], _ATTRIBUTES.get(name.split("_")[0], tuple(COMPONENTS))
+            if name.startswith("TEXCOORD_") and name not in _SETS:
+                yield f"{where} has a {name[:20]!r}; wanted TEXCOORD_0 to TEXCOORD_{_MOST_SETS - 1}"
             if kind not in wanted:
                 yield f"{where} has a {name} of {kind}; wanted {wanted[0]}"
 
@@ -127,14 +132,22 @@ def _material(entry: dict[str, Any], where: str) -> Iterator[str]:
                 continue
             if not _is_index(value.get("texCoord", 0)):
                 yield f"{where} has a {key} whose texCoord is no number of a set"
-        elif key.endswith("Factor") and not (_is_number(value) or (_is_numbers(value) and 3 <= len(value) <= 4)):
-            yield f"{where} has a {key} that is no number and not 3 or 4 of them"
+        elif key.endswith("Factor"):
+            yield from _factor(key, value, where)
         elif key in ("alphaCutoff", "strength", "emissiveStrength", "rotation") and not _is_number(value):
             yield f"{where} has a {key} that is no number"
         elif key in ("pbrMetallicRoughness", "extensions") and not isinstance(value, dict):
             yield f"{where} has a {key} that is no object"
         if isinstance(value, dict):
             yield from _material(value, f"{where}.{key}")
+
+
+def _factor(key: str, value: Any, where: str) -> Iterator[str]:
+    count = 4 if key in ("baseColorFactor", "diffuseFactor") else 3 if "Color" in key or key == "emissiveFactor" else 1
+    wanted = {count, 3} if key == "specularFactor" else {count}  # of two extensions
+    given = 1 if _is_number(value) else len(value) if _is_numbers(value) and len(value) > 1 else 0
+    if given not in wanted:
+        yield f"{where} has a {key} that is not {count} finite {'number' if count == 1 else 'numbers'}"
 
 
 def _unusual(value: Any, where: str, depth: int) -> Iterator[str]:

@@ -46,7 +46,7 @@ def placements(document: Document) -> list[Placement]:
     Raises:
         AssetError: nodes form a loop or lie too deep, or there are more of them than `MAX_PLACEMENTS`.
     """
-    found = []
+    found: list[Placement] = []
     for node, world in world_matrices(document):
         entry = document.table("nodes")[node]
         if "mesh" in entry:
