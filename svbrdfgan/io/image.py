@@ -20,6 +20,7 @@ from torch import Tensor
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.eight_bit import MOST_TEXELS
 from svbrdfgan.io.exr import read_floats, write_floats
 from svbrdfgan.io.files import check_file
 
@@ -192,6 +193,10 @@ def _load_eight_bit(
 
     try:
         with PillowImage.open(path) as image:
+            if image.width * image.height > MOST_TEXELS:
+                raise ValueError(
+                    f"it has {image.width} x {image.height} pixels; at most {MOST_TEXELS // 10**6} million"
+                )
             return decode(image)
     except Exception as error:  # Pillow's decoders raise many types; each means a broken file
         raise AssetError(f"{path} cannot be read as a picture: {error}.") from error

@@ -7,6 +7,8 @@ from io import BytesIO
 
 from PIL import Image
 
+from svbrdfgan.io.eight_bit import MOST_TEXELS
+
 KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 MODES = {9: "L", 15: "L", 23: "RGB", 29: "RGB", 37: "RGBA", 43: "RGBA"}
 """By Vulkan's number, the formats of 8 bits a channel, linear or sRGB, in Pillow's terms."""
@@ -14,10 +16,6 @@ UNDEFINED = 0
 """Vulkan's number of a format that only the file's description names: Basis Universal."""
 BASIS_LZ, ZSTANDARD = 1, 2
 """How KTX2 compresses a level once more; 0 is not at all."""
-
-
-MOST_TEXELS = 100_000_000
-"""Of a texture, which as linear values takes twelve times as many bytes; those of 8192 x 8192 are 67 million."""
 
 
 class UnreadablePicture(ValueError):  # noqa: N818
