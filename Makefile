@@ -7,6 +7,7 @@
 #   make notebooks             runs the notebooks of examples/notebooks again, in place, with their pictures: two minutes
 #   make bench BENCH="--scaling -o out/bench"     other arguments for svbrdfgan bench
 #   make bench REDNER=redner/bin/python           redner beside ours, from an environment of its own
+#   make fuzz MINUTES=60       damaged files of all kinds; keeps in out/fuzz what is neither read nor refused
 #   make PYTHON=python3.12 ... another Python
 VENV ?= .venv
 JOBS ?= 2
@@ -14,6 +15,8 @@ OUT ?= out/demo
 PYTEST ?= -n $(JOBS) --dist worksteal
 BENCH ?=
 REDNER ?=
+MINUTES ?= 10
+SEED ?=
 
 RUN := $(VENV)/bin
 INSTALL := $(RUN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
@@ -21,7 +24,7 @@ SUITABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(firstword $(foreach name,python3 python3.13 python3.12 python3.11 python3.14 python,\
 	$(shell $(name) -c '$(SUITABLE)' 2>/dev/null && echo $(name))))
 
-.PHONY: demo test test-full lint types docs test-docs notebooks bench clean
+.PHONY: demo test test-full lint types docs test-docs notebooks bench fuzz clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.demo
@@ -54,6 +57,9 @@ bench: $(VENV)/.demo
 	$(RUN)/svbrdfgan bench \
 		$(if $(wildcard $(VENV)/lib/python*/site-packages/mitsuba),--peer "$(RUN)/python benchmarks/peer_mitsuba.py {scene} --spp {spp}") \
 		$(if $(REDNER),--peer "$(REDNER) benchmarks/peer_redner.py {scene} --spp {spp}") $(BENCH)
+
+fuzz: $(VENV)/.dev
+	GOMP_SPINCOUNT=3000 $(RUN)/python -m tests.fuzz --minutes $(MINUTES) $(if $(SEED),--seed $(SEED))
 
 clean:
 	rm -rf $(VENV) site .mypy_cache .ruff_cache .pytest_cache

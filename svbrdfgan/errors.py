@@ -2,7 +2,14 @@
 
 
 class SvbrdfganError(Exception):
-    """Base of every error that is about the user's input or installation, not about a bug."""
+    """Base of every error that is about the user's input or installation, not about a bug.
+
+    What a terminal would obey, or not show, is escaped in its text: files of strangers are quoted there.
+    """
+
+    def __str__(self) -> str:
+        shown = (c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in super().__str__())
+        return "".join(shown)
 
 
 class ConfigError(SvbrdfganError):

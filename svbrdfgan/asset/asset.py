@@ -92,13 +92,16 @@ class Asset:
 
     def node_names(self, piece: int) -> tuple[str, ...]:
         """Names of the nodes above a piece, outermost first, and of its own; unnamed nodes are left out."""
-        nodes = self.document.table("nodes")
-        above = {child: parent for parent, node in enumerate(nodes) for child in node.get("children", [])}
-        path: list[int] = [self.source(piece).node]
-        while path[-1] in above:
-            path.append(above[path[-1]])
+        nodes, path = self.document.table("nodes"), [self.source(piece).node]
+        while path[-1] in self._parents:
+            path.append(self._parents[path[-1]])
         names = (nodes[node].get("name") for node in reversed(path))
         return tuple(name for name in names if isinstance(name, str) and name)
+
+    @cached_property
+    def _parents(self) -> dict[int, int]:
+        nodes = self.document.table("nodes")
+        return {child: parent for parent, node in enumerate(nodes) for child in node.get("children", [])}
 
 
 def load_asset(path: str | os.PathLike[str], memory: int | None = None) -> Asset:

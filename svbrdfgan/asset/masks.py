@@ -21,7 +21,7 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.geometry.cells import ranges
 from svbrdfgan.geometry.rasterize import triangle_fragments
 from svbrdfgan.geometry.texels import sample_texture
-from svbrdfgan.io.gltf.accessors import read_floats
+from svbrdfgan.io.gltf.primitives import vertex_floats
 from svbrdfgan.io.image import EIGHT_BIT, FLOAT, load_grey
 
 _UVS = "TEXCOORD_0"
@@ -88,7 +88,7 @@ class Mask:
         """Of the attribute: UVs, or a number in [0, 1]."""
         if self.picture is not None and (uv := asset.uv(piece, 0)) is not None:
             return np.nan_to_num(uv)
-        stored = read_floats(asset.document, asset.primitive(piece)["attributes"][self.attribute])
+        stored = vertex_floats(asset.document, asset.primitive(piece), self.attribute)
         return np.clip(np.nan_to_num(stored[:, :1]), 0.0, 1.0)
 
     def _lack(self, asset: Asset, named: Sequence[int]) -> str:

@@ -21,6 +21,8 @@ Orientation = Float[ndarray, "3 3"]
 
 _SAMPLES = 256
 """Points on each part at which textures and visibility are looked up."""
+_ALL_SAMPLES = 400_000
+"""The most on all parts together."""
 _FLAT = 0.02  # height of a flat part, of the height of the whole
 
 
@@ -61,18 +63,20 @@ def part_facts(asset: Asset, orientation: Orientation | None = None) -> tuple[Fa
     Args:
         orientation: turns the file's axes to Y up and the nose at +Z; None if the file has them so.
     """
-    mesh, groups = asset.mesh, _groups(asset)
+    mesh, groups, shared = asset.mesh, _groups(asset), _shared_names(asset)
+    place_of = {key: number for number, key in enumerate(groups)}
     positions = mesh.positions if orientation is None else mesh.positions @ orientation.T
     corners, area = positions[mesh.faces], face_areas(positions, mesh.faces)
-    part = np.array([groups.index(_key(asset, piece)) for piece in range(len(asset.pieces))])[asset.face_piece]
-    used = [number for number in range(len(groups)) if (part == number).any()]
+    part = np.array([place_of[_key(asset, piece)] for piece in range(len(asset.pieces))])[asset.face_piece]
+    used = np.unique(part).tolist()
     ground = np.zeros(len(groups), bool)
     ground[_ground(corners, part, used)] = True
     standing = ~ground[part]
     box = _box(corners[standing])
     low, size = box[0], np.maximum(box[1] - box[0], 1e-12)
     wheels = find_wheels(positions, mesh.faces, np.where(standing, asset.face_piece, -1), low[1], size[1])
-    samples = {number: _samples(area, np.flatnonzero(part == number)) for number in used}
+    points = max(1, min(_SAMPLES, _ALL_SAMPLES // len(used)))
+    samples = {number: _samples(area, np.flatnonzero(part == number), points) for number in used}
     opened = _openness(positions, mesh.faces, samples)
     looks, total = PartLooks(asset), max(float(area.sum()), 1e-300)
     without_ground = max(float(area[standing].sum()), 1e-300)
@@ -83,7 +87,7 @@ def part_facts(asset: Asset, orientation: Orientation | None = None) -> tuple[Fa
         facts = Facts(
             pieces,
             groups[number][1],
-            _above(asset, pieces[0]),
+            _above(asset, pieces[0], shared),
             own / total,
             own / without_ground,
             place[0],
@@ -122,10 +126,13 @@ def _pieces(asset: Asset, part: Int[ndarray, " faces"], number: int) -> tuple[in
     return tuple(np.unique(asset.face_piece[part == number]).tolist())
 
 
-def _above(asset: Asset, piece: int) -> tuple[str, ...]:
+def _shared_names(asset: Asset) -> set[str]:
+    """Names of nodes that stand above all pieces."""
+    return set.intersection(*(set(asset.node_names(index)) for index in range(len(asset.pieces))))
+
+
+def _above(asset: Asset, piece: int, shared: set[str]) -> tuple[str, ...]:
     """Names of the nodes above a piece, nearest first, without those that stand above all pieces."""
-    every = [set(asset.node_names(index)) for index in range(len(asset.pieces))]
-    shared = set.intersection(*every) if len(every) > 1 else every[0]
     own = set(piece_names(asset, piece))
     return tuple(name for name in reversed(asset.node_names(piece)) if name not in shared | own)
 
@@ -136,12 +143,13 @@ def _box(corners: Float[ndarray, "faces 3 3"]) -> Float[ndarray, "2 3"]:
 
 def _ground(corners: Float[ndarray, "faces 3 3"], part: Int[ndarray, " faces"], used: list[int]) -> list[int]:
     """The parts that are flat sheets under all others, at least about as large as these."""
-    boxes = {number: _box(corners[part == number]) for number in used}
+    boxes = np.array([_box(corners[part == number]) for number in used])
     found = []
-    for number in used if len(used) > 1 else []:
-        rest = [boxes[other] for other in used if other != number]
-        low, high = np.min([box[0] for box in rest], axis=0), np.max([box[1] for box in rest], axis=0)
-        mine, height = boxes[number], max(float(high[1] - low[1]), 1e-12)
+    if len(used) < 2:
+        return []
+    lows, highs = _least_others(boxes[:, 0]), -_least_others(-boxes[:, 1])
+    for number, mine, low, high in zip(used, boxes, lows, highs, strict=True):
+        height = max(float(high[1] - low[1]), 1e-12)
         flat = mine[1, 1] - mine[0, 1] < _FLAT * height and mine[1, 1] < low[1] + 2.0 * _FLAT * height
         beyond = (mine[0] < low + 0.1 * (high - low)) & (mine[1] > high - 0.1 * (high - low))
         if flat and beyond[0] and beyond[2]:
@@ -149,13 +157,19 @@ def _ground(corners: Float[ndarray, "faces 3 3"], part: Int[ndarray, " faces"], 
     return found
 
 
+def _least_others(values: Float[ndarray, "parts 3"]) -> Float[ndarray, "parts 3"]:
+    """For each part, the least value of all others, along each axis."""
+    least, next_ = np.sort(values, axis=0)[:2]
+    return np.where(values == least, next_, least)
+
+
 def _samples(
-    area: Float[ndarray, " faces"], mine: Int[ndarray, " mine"]
+    area: Float[ndarray, " faces"], mine: Int[ndarray, " mine"], count: int
 ) -> tuple[Int[ndarray, " points"], Float[ndarray, "points 3"]]:
     """Faces of a part and barycentric coordinates in them, evenly spread over its area."""
     total = np.cumsum(np.maximum(area[mine], 1e-300))
-    owner = faces_by_area(total, _SAMPLES)
-    return mine[owner], points_in_triangle(np.arange(_SAMPLES))
+    owner = faces_by_area(total, count)
+    return mine[owner], points_in_triangle(np.arange(count))
 
 
 def _openness(

@@ -10,8 +10,8 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from svbrdfgan.asset.asset import Asset
-from svbrdfgan.io.gltf.accessors import read_floats
 from svbrdfgan.io.gltf.document import Json
+from svbrdfgan.io.gltf.primitives import vertex_floats
 from svbrdfgan.io.uv_sets import UVSet
 
 
@@ -87,7 +87,7 @@ class Group:
         return can and bool((self._colors(piece) != 1.0).any())
 
     def _colors(self, piece: int) -> Float[ndarray, "vertices 4"]:
-        stored = read_floats(self.asset.document, self.asset.primitive(piece)["attributes"]["COLOR_0"])
+        stored = vertex_floats(self.asset.document, self.asset.primitive(piece), "COLOR_0")
         made = np.ones((len(stored), 4))
         kept = 3 if self.entry.get("alphaMode", "OPAQUE") == "OPAQUE" else stored.shape[1]
         made[:, :kept] = np.clip(stored[:, :kept], 0.0, 1.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
 
 import numpy as np
 import torch
@@ -13,6 +14,20 @@ from numpy import ndarray
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.types import Camera, Environment, Material, Materials, Part, Surface, View
+
+_AXES: Mapping[str, tuple[int, ...]] = MappingProxyType(
+    {
+        **dict.fromkeys(("positions", "normals", "faces", "base_color"), (-1, 3)),
+        **dict.fromkeys(("rotation", "vertical_fov", "width", "height", "embedding_s"), ()),
+        **dict.fromkeys(("texture", "radiance"), (-1, -1, 3)),
+        "uv": (-1, 2),
+        "face_part": (-1,),
+        "repeat": (2,),
+        "camera": (3, 3),
+        "gloss": (-1, -1, 5),
+    }
+)
+"""The shape of each array, where -1 is any number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +145,23 @@ class BenchScene:
         """
         try:
             with np.load(path) as file:
-                return cls(**{field.name: file[field.name] for field in fields(cls)})
-        except (OSError, ValueError, KeyError) as error:
-            raise AssetError(f"{path} cannot be read as a scene of `svbrdfgan bench` ({error}).") from error
+                scene = cls(**{field.name: file[field.name] for field in fields(cls)})
+            scene.require_whole()
+        except Exception as error:  # NumPy and zipfile raise many types
+            reason = " ".join(str(error).split())[:200]
+            raise AssetError(f"{path} cannot be read as a scene of `svbrdfgan bench` ({reason}).") from error
+        return scene
+
+    def require_whole(self) -> None:
+        """Checks the arrays' axes, which a file may have otherwise.
+
+        Raises:
+            AssetError, ValueError, TypeError: one has other axes, is not of numbers, or does not fit the others.
+        """
+        for name, axes in _AXES.items():
+            values = np.asarray(getattr(self, name))
+            fits = len(values.shape) == len(axes) and all(a in (-1, b) for a, b in zip(axes, values.shape, strict=True))
+            if not fits or values.dtype.kind not in "biuf" or not np.isfinite(values).all():
+                raise ValueError(f"{name} has shape {values.shape} of {values.dtype}, or numbers that are not finite")
+        self.surface()
+        self.view()

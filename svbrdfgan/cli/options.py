@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from functools import wraps
@@ -227,10 +228,18 @@ def studio_of(
 
 
 def require_writable(path: Path, *suffixes: str) -> None:
-    """Refuses a path without one of the suffixes, and makes its folder."""
+    """Refuses a path without one of the suffixes, makes its folder, and refuses one in which nothing can be written.
+
+    Raises:
+        ConfigError: the path is one of these.
+    """
     if path.suffix.lower() not in suffixes:
         raise ConfigError(f"{path}: wanted a name that ends in {' or '.join(suffixes)}.")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"{path} cannot be written: {error.strerror}.") from error
+    if path.is_dir():
+        raise ConfigError(f"{path} is a folder; wanted the name of a file.")
+    if not os.access(path.parent, os.W_OK):
+        raise ConfigError(f"{path} cannot be written: {path.parent} may not be written to.")

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from svbrdfgan.cli.display import note, print_json, print_table, progress
-from svbrdfgan.cli.options import PartOptions, json_option, part_options
+from svbrdfgan.cli.options import PartOptions, json_option, part_options, require_writable
 
 if TYPE_CHECKING:
     from svbrdfgan.asset.verdicts import Verdict
@@ -39,6 +39,8 @@ def command(
     """
     if picture is not None and picture.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise click.UsageError(f"--picture is {picture}; wanted a .png or .jpg file.")
+    if picture is not None:
+        require_writable(picture, picture.suffix.lower())
     with progress(f"loading {mesh}") as display:
         from svbrdfgan.asset.asset import load_asset
         from svbrdfgan.asset.masks import Mask, masked_pieces

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,9 +32,8 @@ def results(
     else:
         ends = [""] if draws is None else [f"-{draw}" for draw in draws]
         paths = [[out / f"{mesh.stem}{end}.glb" for end in ends] for mesh in meshes]
-    every = [path for some in paths for path in some]
-    for path in every:
-        if every.count(path) > 1:
+    for path, times in Counter(path for some in paths for path in some).items():
+        if times > 1:
             raise ConfigError(f"two meshes would be written to {path}; weather them one after the other.")
         for mesh in meshes:
             _require_free(mesh, path, force=force)

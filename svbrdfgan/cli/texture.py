@@ -23,6 +23,8 @@ from svbrdfgan.cli.options import (
 from svbrdfgan.cli.results import Done, results
 from svbrdfgan.models.shipped import DEFAULT, model_of
 
+_MOST_LAYERS = 10_000
+
 
 @click.command("texture")
 @click.argument("meshes", metavar="MESH...", nargs=-1, required=True, type=click.Path(path_type=Path))
@@ -44,7 +46,7 @@ from svbrdfgan.models.shipped import DEFAULT, model_of
 )
 @click.option(
     "--count",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, _MOST_LAYERS),
     help="Number of layers, of this seed and the next ones. OUT is then a folder; files are named after mesh and seed.",
 )
 @click.option(
@@ -135,6 +137,7 @@ def command(
                 for path, draw in zip(paths[number], draws, strict=True):
                     yield from scenes.write(workpiece, draw, path, studio, picture)
                 if sheet is not None and studio is not None:
+                    display.stage(f"embedding {meshes[number]} for {sheet}")
                     canvas = prepare(workpiece.mesh, trained, workpiece.selection, resolution)
                     write_sheet(sheet, rows, canvas.thinned(draws[0].shares(workpiece)), studio, maps, display=display)
                     yield sheet

@@ -36,6 +36,10 @@ class DatasetIndex(StrictModel):
         for split in self.config.splits:
             if not self.meshes.get(split) or not self.environments.get(split):
                 raise ValueError(f"it names no meshes or no environments of the split {split!r}")
+        named = {*self.parts.values()} if "parts" in self.config.labels else None
+        for mesh in (mesh for pool in self.meshes.values() for mesh in pool):
+            if named is not None and not named.issuperset(mesh.parts):
+                raise ValueError(f"parts gives no id to {sorted({*mesh.parts} - named)[0]!r} of the mesh {mesh.name!r}")
         return self
 
     def sampler(self, split: Split) -> ConfigSampler:

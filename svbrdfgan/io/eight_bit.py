@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 Bytes = UInt8[ndarray, "rows cols channels"]
 
+MOST_TEXELS = 100_000_000
+"""Of a texture, which as linear values takes twelve times as many bytes; those of 8192 x 8192 are 67 million."""
+
 
 def flipped_bytes(picture: Image) -> Bytes:
     """The bytes of the picture, RGBA if it has any kind of transparency, else RGB."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from svbrdfgan.errors import AssetError
+from svbrdfgan.errors import AssetError, SvbrdfganError
 
 
 def check_file(path: str | os.PathLike[str], suffixes: tuple[str, ...], what: str) -> Path:
@@ -31,6 +33,27 @@ def check_file(path: str | os.PathLike[str], suffixes: tuple[str, ...], what: st
     if path.stat().st_size == 0:
         raise AssetError(f"{path} is empty; export or download it again.")
     return path
+
+
+@contextmanager
+def parsing(path: Path, kind: str) -> Iterator[None]:
+    """Tells what a parser raises in the block as one sentence about the file.
+
+    Args:
+        kind: of file, for error messages.
+
+    Raises:
+        AssetError: the parser raised anything; parsers raise many types, and each means that the file is invalid.
+    """
+    try:
+        yield
+    except SvbrdfganError:
+        raise
+    except FileNotFoundError as error:
+        raise AssetError(f"{path} cannot be read: {error}.") from error
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise AssetError(f"{path} cannot be read as {kind} ({reason}); is it whole?") from error
 
 
 def require_apart(source: Path, out: Path) -> None:

@@ -20,6 +20,7 @@ from torch import Tensor
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.eight_bit import MOST_TEXELS
 from svbrdfgan.io.exr import read_floats, write_floats
 from svbrdfgan.io.files import check_file
 
@@ -155,8 +156,14 @@ def linear_from_picture(image: Image) -> Float[Tensor, "height width channels"]:
     Raises:
         OSError, SyntaxError, ValueError: the image's file is broken (Pillow decodes lazily).
     """
-    values = numbers_from_picture(image)
-    return torch.cat([linear_from_srgb(values[..., :3]), values[..., 3:]], dim=-1)
+    if image.mode.startswith("I"):
+        values = numbers_from_picture(image)
+        return torch.cat([linear_from_srgb(values[..., :3]), values[..., 3:]], dim=-1)
+    codes = _eight_bits(image)
+    linear = np.empty(codes.shape, np.float32)
+    np.take(_LINEAR, codes[..., :3], out=linear[..., :3], mode="clip")
+    np.divide(codes[..., 3:], np.float32(255.0), out=linear[..., 3:])
+    return torch.from_numpy(linear)
 
 
 def numbers_from_picture(image: Image) -> Float[Tensor, "height width channels"]:
@@ -168,9 +175,15 @@ def numbers_from_picture(image: Image) -> Float[Tensor, "height width channels"]
     if image.mode.startswith("I"):  # 16-bit grey: Pillow's convert("RGB") would clip it to 8 bits
         grey = torch.from_numpy(np.asarray(image).astype(np.float32) / 65535.0)
         return grey.clamp(0, 1)[..., None].expand(-1, -1, 3).contiguous()
+    return torch.from_numpy(_eight_bits(image)).float().div_(255.0)
+
+
+def _eight_bits(image: Image) -> UInt8[ndarray, "height width channels"]:
     alpha = "A" in image.getbands() or "transparency" in image.info
-    pixels: UInt8[ndarray, "height width channels"] = np.array(image.convert("RGBA" if alpha else "RGB"))
-    return torch.from_numpy(pixels).float() / 255.0
+    return np.array(image.convert("RGBA" if alpha else "RGB"))
+
+
+_LINEAR: Float[ndarray, " codes"] = linear_from_srgb(torch.arange(256, dtype=torch.float32) / 255.0).numpy()
 
 
 def _load_eight_bit(
@@ -180,6 +193,10 @@ def _load_eight_bit(
 
     try:
         with PillowImage.open(path) as image:
+            if image.width * image.height > MOST_TEXELS:
+                raise ValueError(
+                    f"it has {image.width} x {image.height} pixels; at most {MOST_TEXELS // 10**6} million"
+                )
             return decode(image)
     except Exception as error:  # Pillow's decoders raise many types; each means a broken file
         raise AssetError(f"{path} cannot be read as a picture: {error}.") from error

@@ -13,19 +13,18 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io.files import check_file
+from svbrdfgan.io.files import check_file, parsing
 from svbrdfgan.io.gltf.document import SUFFIXES as DOCUMENTS
 from svbrdfgan.io.gltf.document import read_document
 from svbrdfgan.io.gltf.pieces import document_pieces
 from svbrdfgan.io.mesh_pieces import trimesh_pieces
-from svbrdfgan.io.pieces import Piece
+from svbrdfgan.io.pieces import MAX_FACES, Piece
 from svbrdfgan.io.rows import merge_rows
 from svbrdfgan.types import Mesh, Part
 
 log = logging.getLogger(__name__)
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
-MAX_FACES = 50_000_000
 MAX_COORDINATE = 1e9
 
 
@@ -48,15 +47,8 @@ def load_mesh(path: str | os.PathLike[str]) -> Mesh:
 
 def _read_pieces(path: Path) -> list[Piece]:
     kind = path.suffix.lower()
-    try:
+    with parsing(path, kind[1:].upper()):
         return document_pieces(read_document(path)) if kind in DOCUMENTS else trimesh_pieces(path)
-    except AssetError:
-        raise
-    except FileNotFoundError as error:
-        raise AssetError(f"{path} cannot be read: {error}.") from error
-    except Exception as error:  # parsers raise many types; each means that the file is invalid
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise AssetError(f"{path} cannot be read as {kind[1:].upper()} ({reason}); is it whole?") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,10 +102,11 @@ def _merge_parts(found: Sequence[Part]) -> tuple[tuple[Part, ...], Int[ndarray, 
     """Parts with unique names, and the part of each piece. Equal parts are merged; other namesakes get a number."""
     index: dict[tuple[object, ...], int] = {}
     parts: list[Part] = []
+    numbers: dict[str, int] = {}
     for part in found:
         if _identity(part) not in index:
             index[_identity(part)] = len(parts)
-            parts.append(replace(part, name=_free_name(part.name, {other.name for other in parts})))
+            parts.append(replace(part, name=_free_name(part.name, numbers)))
     return tuple(parts), np.array([index[_identity(part)] for part in found])
 
 
@@ -123,13 +116,13 @@ def _identity(part: Part) -> tuple[object, ...]:
     return part.name, *maps
 
 
-def _free_name(name: str, taken: set[str]) -> str:
-    """`name`, with a number appended if it is taken."""
-    number = 2
+def _free_name(name: str, numbers: dict[str, int]) -> str:
+    """`name`, with a number appended if it is taken; `numbers` holds what is taken, and the last number of each."""
     free = name
-    while free in taken:
-        free = f"{name}_{number}"
-        number += 1
+    while free in numbers:
+        numbers[name] += 1
+        free = f"{name}_{numbers[name]}"
+    numbers[free] = 1
     return free
 
 

@@ -9,6 +9,9 @@ from numpy import ndarray
 
 from svbrdfgan.types import Part
 
+MAX_FACES = 50_000_000
+"""Triangles of one file, each as often as it is shown."""
+
 
 @dataclass(frozen=True)
 class Source:

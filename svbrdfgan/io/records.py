@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from svbrdfgan.config.models import Model, StrictModel, validate
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.utils.named_files import read_text
+from svbrdfgan.utils.named_files import parse_json, read_text
 
 
 def save_record(path: Path, record: StrictModel) -> None:
@@ -39,10 +38,8 @@ def load_json(path: Path) -> Any:
         AssetError: the file is missing or not JSON.
     """
     try:
-        return json.loads(read_text(path))
+        return parse_json(read_text(path))
     except OSError as error:
         raise AssetError(f"{path} cannot be read: {error.strerror or error}.") from error
     except ValueError as error:
         raise AssetError(f"{path} is not valid JSON: {error}.") from error
-    except RecursionError as error:
-        raise AssetError(f"{path} is nested too deeply.") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,7 +23,11 @@ from svbrdfgan.networks.inputs import Inputs, Wholes
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.rendering.compositing import BARE, bare_maps, composite, composite_maps
 from svbrdfgan.types import Layer, Material, Materials, Mesh, Surface
+from svbrdfgan.utils.memory import allowed_bytes, gigabytes
 from svbrdfgan.weathering.mesh_maps import MeshMaps, bake_mesh_maps
+
+_TEXEL = 4 * 4
+"""Bytes of one channel of a part's texel: as baked, under a layer, and as a renderer holds it, all in float32."""
 
 BaseColors = Mapping[str, tuple[float, float, float]]
 """Linear RGB reflectance by the name of a part."""
@@ -168,7 +173,8 @@ def make_subject(
 
     Raises:
         EmbeddingError: the mesh cannot be embedded.
-        AssetError: no part that the selection marks learnable can be seen.
+        AssetError: no part that the selection marks learnable can be seen, or the parts' own textures need more
+            memory than there is.
     """
     subject = bake_subject(mesh, embed_and_rasterize(embedding, mesh, resolution), selection, file_maps=file_maps)
     if not set(subject.buffer.part.unique().tolist()) & set(subject.learnable):
@@ -187,8 +193,9 @@ def bake_subject(mesh: Mesh, fragments: Fragments, selection: PartSelection, *, 
         file_maps: as for `make_subject`.
 
     Raises:
-        AssetError: no face covers a texel.
+        AssetError: no face covers a texel, or the parts' own textures need more memory than there is.
     """
+    _require_memory(mesh, fragments, file_maps=file_maps)
     surface, buffer = fragments.surface, bake(fragments)
     learnable = tuple(i for i, part in enumerate(surface.parts) if selection.selects(part))
     base = bake_base_color(mesh, fragments)
@@ -198,6 +205,25 @@ def bake_subject(mesh: Mesh, fragments: Fragments, selection: PartSelection, *, 
     parts = tuple(replace(part, alpha=_alpha(maps)) for part, maps in zip(surface.parts, baked, strict=True))
     further = tuple({name: values for name, values in maps.items() if name != "alpha"} for maps in baked)
     return Subject(replace(surface, parts=parts), buffer, learnable, base, further)
+
+
+def _require_memory(mesh: Mesh, fragments: Fragments, *, file_maps: bool) -> None:
+    """Checks that the textures of all parts, each as large as the surface's, can be held.
+
+    Raises:
+        AssetError: they cannot.
+    """
+    textured, texels = [], fragments.rows * fragments.cols
+    for part in fragments.surface.parts:
+        maps = part.all_maps.values() if file_maps else [part.all_maps["base_color"]]
+        textured.append(sum(len(m.factor) for m in maps if m.texture is not None and mesh.uv_set(m.uv_set) is not None))
+    needed, allowed = _TEXEL * sum(textured) * texels, allowed_bytes()
+    if needed > allowed:
+        raise AssetError(
+            f"{sum(map(bool, textured))} parts with textures of their own need about {gigabytes(needed)} of memory at "
+            f"{fragments.rows} x {fragments.cols} texels, and {gigabytes(allowed)} are allowed; about "
+            f"{math.isqrt(texels * allowed // needed)} texels along a side would fit."
+        )
 
 
 def _listed(maps: Iterable[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -226,3 +227,15 @@ def test_warnings_name_what_helps(file: Path) -> None:
     pane = trimesh.creation.box((0.01, 0.4, 1.0)).apply_translation((0.8, 1.2, 0))
     glazed = asset_of(file, mesh_of({"a": BODY, "b": WHEELS, "window": pane}))
     assert warnings(judge(glazed), glazed) == []
+
+
+@pytest.mark.full
+def test_thousands_of_pieces_are_judged_in_seconds(file: Path) -> None:
+    """Two thousand instances took minutes."""
+    begun, count = time.process_time(), 2000
+    document = asset_of(file, mesh_of({"body": trimesh.creation.box((1.0, 1.0, 3.0))})).document
+    document.header["nodes"] = [{"mesh": 0, "name": f"n{k}", "translation": [2.0 * k, 0, 0]} for k in range(count)]
+    document.header["scenes"] = [{"nodes": [*range(count)]}]
+    write_document(file, document)
+    assert len(judge(load_asset(file))) == count
+    assert time.process_time() - begun < 60.0

@@ -33,6 +33,25 @@ def test_a_file_of_something_else_is_reported(tmp_path: Path) -> None:
             BenchScene.load(tmp_path / f"{name}.npz")
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"positions": np.zeros((3, 2), np.float32)},
+        {"uv": np.array("words")},
+        {"width": np.array([1, 2])},
+        {"faces": np.full((1, 3), 10**6, np.int32)},
+        {"repeat": np.zeros(1, bool)},
+        {"rotation": np.array(np.nan)},
+        {"texture": np.array(None)},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_a_damaged_file_is_reported(tiny: BenchScene, tmp_path: Path, change: dict[str, np.ndarray]) -> None:
+    np.savez(tmp_path / "scene.npz", **{**{f.name: getattr(tiny, f.name) for f in fields(BenchScene)}, **change})
+    with pytest.raises(AssetError, match=r"scene.npz cannot be read as a scene"):
+        BenchScene.load(tmp_path / "scene.npz")
+
+
 def test_the_standard_scene_is_the_one_that_was_measured_before() -> None:
     """A rippled ellipsoid of a square number of vertices, lit by a small sun; outward unit normals."""
     scene = standard_scene(2500, 256, 64)

@@ -180,3 +180,20 @@ def test_amount_0_changes_no_byte_and_little_is_faint(car: Path, varied_run: Pat
     assert alphas[0] == 0.0
     assert alphas[0] < alphas[1] < 0.05 * alphas[3]
     assert alphas[2] == pytest.approx(0.4 * alphas[3], rel=0.1)
+
+
+def test_more_layers_than_a_folder_should_hold_are_refused_at_once(car: Path, tmp_path: Path) -> None:
+    result = texture(car, "--count", 10**20, "-o", tmp_path / "many")
+    assert result.exit_code == 2
+    assert "1<=x<=10000" in result.stderr
+
+
+def test_a_sheet_that_cannot_be_written_is_told_before_anything_is_made(car: Path, tmp_path: Path) -> None:
+    (tmp_path / "sheet.png").mkdir()
+    result = texture(car, "--sheet", tmp_path / "sheet.png", "-o", tmp_path / "a.glb")
+    assert result.exit_code != 0
+    assert "sheet.png' is a directory" in result.stderr
+    (tmp_path / "file").touch()
+    result = texture(car, "--sheet", tmp_path / "file" / "sheet.png", "-o", tmp_path / "a.glb")
+    assert "sheet.png cannot be written" in result.stderr
+    assert not (tmp_path / "a.glb").exists()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from svbrdfgan.data.estimate import estimate
 from svbrdfgan.data.exemplar_files import exemplar_paths, load_picture
 from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.data.generate import generate, render_scene
-from svbrdfgan.data.index import Dataset
+from svbrdfgan.data.index import Dataset, DatasetIndex
 from svbrdfgan.data.labels import make_labels
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.exr import load_exr
@@ -160,3 +161,11 @@ def test_an_estimate_counts_them(labelled: DatasetConfig) -> None:
 def test_unknown_labels_are_told(dataset_data: Data) -> None:
     with pytest.raises(ConfigError, match=r"labels.*'weathered', 'parts', 'depth' or 'normals'"):
         validate(DatasetConfig, dataset_data(labels=["flow"]), "here")
+
+
+def test_an_index_whose_ids_lack_a_part_is_refused(folder: Path, tmp_path: Path) -> None:
+    data = json.loads((folder / "dataset.json").read_text())
+    del data["parts"]["1"]
+    (tmp_path / "dataset.json").write_text(json.dumps(data))
+    with pytest.raises(ConfigError, match="parts gives no id to"):
+        DatasetIndex.load(tmp_path)

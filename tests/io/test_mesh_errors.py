@@ -2,13 +2,16 @@
 
 import json
 import struct
+import time
 from collections.abc import Callable
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.mesh import load_mesh
@@ -54,6 +57,51 @@ BIG_PLY = (
     b"element face 900000000000\nproperty list uchar int vertex_indices\nend_header\n" + b"\0" * 64
 )
 
+UV = {"bufferView": 1, "componentType": 5126, "count": 2, "type": "VEC2"}
+
+
+def textured(**material: object) -> dict:
+    """The header of a triangle with UVs and a material."""
+    primitive = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0}
+    return gltf(
+        meshes=[{"primitives": [primitive]}],
+        materials=[material],
+        buffers=[{"byteLength": 60}],
+        bufferViews=[{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 24}],
+        accessors=[*gltf()["accessors"], UV | {"count": 3}],
+    )
+
+
+def two_uvs() -> dict:
+    """The header of a triangle with UVs for two of its vertices."""
+    header = textured()
+    return header | {"accessors": [*gltf()["accessors"], UV]}
+
+
+def sets(name: str) -> dict:
+    """A mesh with an attribute of this name."""
+    return {"primitives": [{"attributes": {"POSITION": 0, name: 0}}]}
+
+
+NOT_FINITE: dict[str, dict] = {
+    "alpha cutoff": {"alphaMode": "MASK", "alphaCutoff": float("nan")},
+    "normal scale": {"normalTexture": {"index": 0, "scale": float("inf")}},
+    "occlusion strength": {"occlusionTexture": {"index": 0, "strength": float("nan")}},
+    "factor": {"pbrMetallicRoughness": {"baseColorFactor": [1, float("nan"), 1, 1]}},
+}
+WRONG_MATERIALS: dict[str, dict] = {
+    "texture that is a number": {"occlusionTexture": 3},
+    "texture without index": {"emissiveTexture": {}},
+    "factor of three": {"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1]}},
+    "roughness of three": {"pbrMetallicRoughness": {"roughnessFactor": [1, 1, 1]}},
+    "factor of words": {"emissiveFactor": ["a", "b", "c"]},
+    "extension that is a list": {"extensions": {"KHR_materials_clearcoat": [1]}},
+    "cutoff beyond floats": {"alphaMode": "MASK", "alphaCutoff": 10**400},
+}
+NESTED = {"nodes": [{"children": [k + 1]} for k in range(40_000)] + [{"mesh": 0}]}
+THREE = {"scenes": [{"nodes": [0, 1, 2]}]}
+FAN = {"nodes": [{"children": [1] * 2000}, {"children": [2] * 2000}, {"mesh": 0}]}
+
 BAD: dict[str, tuple[str, Callable[[], bytes], str]] = {
     **{f"empty {s}": (f"a.{s}", lambda: b"", "is empty") for s in ("glb", "gltf", "obj", "ply", "stl")},
     **{f"garbage {s}": (f"a.{s}", lambda: b"\x07\xff garbage" * 99, "") for s in ("glb", "gltf", "obj", "ply", "stl")},
@@ -72,6 +120,31 @@ BAD: dict[str, tuple[str, Callable[[], bytes], str]] = {
         "gone.bin' that it names is missing",
     ),
     "gltf of a trillion vertices": ("a.glb", lambda: glb(gltf(accessors=[HUGE]), CORNERS), "at most"),
+    "gltf of many vertices without bytes": (
+        "a.glb",
+        lambda: glb(gltf(accessors=[HUGE | {"count": 90_000_000}]), CORNERS),
+        "without storing them",
+    ),
+    "gltf of more triangles than are read": (
+        "a.glb",
+        lambda: glb(gltf(accessors=[HUGE | {"count": 60_000_000}], nodes=[{"mesh": 0}] * 3) | THREE, CORNERS),
+        "wanted a mesh of 1 to",
+    ),
+    "gltf with UVs for some vertices": ("a.glb", lambda: glb(two_uvs(), CORNERS + CORNERS), "TEXCOORD_0 of 2"),
+    **{
+        f"gltf with {name}": ("a.glb", lambda name=name: glb(gltf(meshes=[sets(name)]), CORNERS), "wanted TEXCOORD_0")
+        for name in ("TEXCOORD_500", "TEXCOORD_999999999", "TEXCOORD_x")
+    },
+    "gltf of nested nodes": ("a.glb", lambda: glb(gltf(**NESTED), CORNERS), "above one another"),
+    "gltf of nodes named often": ("a.glb", lambda: glb(gltf(**FAN), CORNERS), "shows more than"),
+    **{
+        f"gltf with {what} not finite": ("a.glb", lambda m=m: glb(textured(**m), CORNERS + CORNERS), "not finite")
+        for what, m in NOT_FINITE.items()
+    },
+    **{
+        f"gltf with a {what}": ("a.glb", lambda m=m: glb(textured(**m), CORNERS + CORNERS), "cannot be read as glTF")
+        for what, m in WRONG_MATERIALS.items()
+    },
     "gltf with an index out of range": (
         "a.glb",
         lambda: glb(
@@ -178,3 +251,32 @@ def test_a_picture_that_a_mesh_names_and_that_is_missing_is_told_in_one_sentence
     assert [record.getMessage() for record in caplog.records] == [
         f"{tmp_path / 'a.ply'} names the file 'gone.png', which is missing or outside of its folder"
     ]
+
+
+def test_thousands_of_materials_of_one_name_are_named_apart_at_once(tmp_path: Path) -> None:
+    count = 5_000
+    primitive = {"attributes": {"POSITION": 0}}
+    materials = [{"name": "m", "pbrMetallicRoughness": {"roughnessFactor": k / count}} for k in range(count)]
+    header = gltf(meshes=[{"primitives": [primitive | {"material": k} for k in range(count)]}], materials=materials)
+    path = tmp_path / "a.glb"
+    path.write_bytes(glb(header, CORNERS))
+    begun = time.process_time()
+    names = [part.name for part in load_mesh(path).parts]
+    assert time.process_time() - begun < 10.0
+    assert names == ["m", *(f"m_{k}" for k in range(2, count + 1))]
+
+
+def test_a_texture_of_too_many_texels_is_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    stream = BytesIO()
+    Image.new("1", (13_000, 13_000)).save(stream, "PNG")
+    header = textured(pbrMetallicRoughness={"baseColorTexture": {"index": 0}})
+    header |= {
+        "bufferViews": [*header["bufferViews"], {"buffer": 0, "byteOffset": 72, "byteLength": len(stream.getvalue())}],
+        "buffers": [{"byteLength": 72 + len(stream.getvalue())}],
+        "images": [{"bufferView": 2, "mimeType": "image/png"}],
+        "textures": [{"source": 0}],
+    }
+    path = tmp_path / "a.glb"
+    path.write_bytes(glb(header, CORNERS + CORNERS + stream.getvalue()))
+    assert load_mesh(path).parts[0].texture is None
+    assert "13000 x 13000 texels; wanted at most 100 million" in caplog.text

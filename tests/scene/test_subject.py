@@ -190,3 +190,12 @@ def test_the_file_s_roughness_is_that_of_the_point_that_the_texel_shows(mesh: Me
     u = subject.buffer.position[..., 0] / 2 + 0.5
     inner = seen & (u > 1 / 16) & (u < 15 / 16)
     torch.testing.assert_close(rough[inner], u[inner], atol=1e-4, rtol=0)
+
+
+def test_more_textures_than_memory_holds_are_refused_with_what_would_fit(
+    mesh: Mesh, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("svbrdfgan.scene.subject.allowed_bytes", lambda: 32 * 32 * 4 * 100 // 4)
+    with pytest.raises(AssetError, match=r"parts with textures of their own .* at 32 x 32 texels.* would fit"):
+        subject_of(mesh, file_maps=True)
+    subject_of(mesh, file_maps=False)  # no part has a texture of its colour

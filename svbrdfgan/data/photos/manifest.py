@@ -39,7 +39,7 @@ class LookAtCamera(StrictModel):
 
 def _kind(value: Any) -> str:
     """The tag of the intended camera, so that errors are reported for that one alone."""
-    keys = set(value) if isinstance(value, dict) else type(value).model_fields.keys()
+    keys = set(value) if isinstance(value, dict) else getattr(type(value), "model_fields", {}).keys()
     if "camera_to_world" in keys:
         return "calibrated"
     return "look-at" if {"position", "look_at"} & keys else "orbit"

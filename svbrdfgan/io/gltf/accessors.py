@@ -14,6 +14,9 @@ from svbrdfgan.io.gltf_codecs.plain import COMPONENTS, DTYPES, MAX_ELEMENTS, VER
 
 Matrix = Float[ndarray, "4 4"]
 
+MAX_UNSTORED = 4_000_000
+"""Elements of an accessor without bytes, of zeros or with a few named values: a small file can claim more."""
+
 _ALIGNMENT = 4  # of each vertex's numbers, as glTF demands it
 
 
@@ -30,6 +33,10 @@ def read_accessor(document: Document, index: int) -> Num[ndarray, "count compone
     count, shape = entry["count"], (COMPONENTS[entry["type"]], DTYPES[entry["componentType"]])
     if not (isinstance(count, int) and 0 <= count <= MAX_ELEMENTS):
         raise AssetError(f"{document.path} claims {count} elements in one accessor; wanted at most {MAX_ELEMENTS}.")
+    if "bufferView" not in entry and count > MAX_UNSTORED:
+        raise AssetError(
+            f"{document.path} claims {count} elements without storing them; wanted at most {MAX_UNSTORED}."
+        )
     if "bufferView" in entry:
         values = _strided(document, entry, count, *shape)
     else:

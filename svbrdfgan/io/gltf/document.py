@@ -20,12 +20,13 @@ from urllib.parse import quote
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.io.files import check_file
+from svbrdfgan.io.files import check_file, parsing
+from svbrdfgan.io.gltf.header import check_header
 from svbrdfgan.io.gltf_codecs.plain import Json
 from svbrdfgan.io.neighbours import Neighbours
+from svbrdfgan.utils.named_files import parse_json
 
 SUFFIXES = (".glb", ".gltf")
-_TABLES = ("accessors", "bufferViews", "buffers", "images", "materials", "meshes", "nodes", "scenes", "textures")
 _ALIGNMENT = 4  # of accessors and chunks, as glTF demands it
 _CHUNK_HEAD = 8
 _GLB_HEAD = 12
@@ -78,13 +79,9 @@ def read_document(path: str | os.PathLike[str]) -> Document:
     data = path.read_bytes()
     binary = path.suffix.lower() == ".glb"
     header, chunk = _split_glb(path, data) if binary else (_json(path, data), None)
-    try:
+    with parsing(path, "glTF"):
+        check_header(path, header)
         return _document(path, header, chunk)
-    except AssetError:
-        raise
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError, RecursionError) as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise AssetError(f"{path} cannot be read as glTF ({reason}); is it whole?") from error
 
 
 def write_document(path: str | os.PathLike[str], document: Document) -> list[Path]:
@@ -151,14 +148,6 @@ def _renumber(entry: Any, number: dict[int, int]) -> None:
 
 
 def _document(path: Path, header: Json, chunk: memoryview | None) -> Document:
-    if not isinstance(header, dict) or "asset" not in header:
-        raise AssetError(f"{path} is JSON but not glTF: it has no 'asset'.")
-    version = header["asset"].get("version")
-    if not (isinstance(version, str) and version.startswith("2.")):
-        raise AssetError(f"{path} is glTF version {version}; wanted version 2.")
-    for name in _TABLES:
-        if not isinstance(header.get(name, []), list):
-            raise AssetError(f"{path} cannot be read as glTF: its '{name}' is no list.")
     buffers = [_buffer(path, entry, chunk if k == 0 else None) for k, entry in enumerate(header.get("buffers", []))]
     from svbrdfgan.io.gltf_codecs.decompress import decompressed  # few files need it
 
@@ -232,8 +221,8 @@ def _split_glb(path: Path, data: bytes) -> tuple[Json, memoryview | None]:
 
 def _json(path: Path, text: bytes) -> Json:
     try:
-        header: Json = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        header: Json = parse_json(text)
+    except ValueError as error:
         raise AssetError(f"{path} cannot be read as glTF: its JSON is broken ({error}).") from error
     return header
 

@@ -13,11 +13,15 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.io.gltf.accessors import Matrix, read_floats
 from svbrdfgan.io.gltf.document import Document, Json
 
+_POSE = {"matrix", "translation", "rotation", "scale"}
+
 Vector = Sequence[float] | Float[ndarray, " axes"]
 
 INSTANCING = "EXT_mesh_gpu_instancing"
-MAX_PLACEMENTS = 1_000_000
+MAX_PLACEMENTS = 100_000
 """Nodes visited, GPU instances included. A small file can claim more by naming one node many times."""
+MAX_DEPTH = 1000
+"""Nodes above one another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +44,16 @@ def placements(document: Document) -> list[Placement]:
     """All meshes of the scene that is shown, node after node; of a file without scenes, those of all root nodes.
 
     Raises:
-        AssetError: nodes form a loop, or there are more of them than `MAX_PLACEMENTS`.
+        AssetError: nodes form a loop or lie too deep, or there are more of them than `MAX_PLACEMENTS`.
     """
-    found = []
+    found: list[Placement] = []
     for node, world in world_matrices(document):
         entry = document.table("nodes")[node]
         if "mesh" in entry:
             instances = _gpu_instances(document, entry)
+            if len(found) + len(instances) > MAX_PLACEMENTS:
+                raise AssetError(f"{document.path} shows more than {MAX_PLACEMENTS} meshes; is it whole?")
             found += [Placement(node, entry["mesh"], k, world @ own) for k, own in enumerate(instances)]
-        if len(found) > MAX_PLACEMENTS:
-            raise AssetError(f"{document.path} shows more than {MAX_PLACEMENTS} meshes; is it whole?")
     return found
 
 
@@ -62,10 +66,12 @@ def world_matrices(document: Document) -> Iterator[tuple[int, Matrix]]:
     ]
     while pending:
         node, parent, above = pending.pop()
-        world = parent @ local_matrix(nodes[node])
+        world = parent @ local_matrix(nodes[node]) if _POSE & nodes[node].keys() else parent
         visited += 1
         if visited > MAX_PLACEMENTS:
             raise AssetError(f"{document.path} shows more than {MAX_PLACEMENTS} nodes; is it whole?")
+        if len(above) > MAX_DEPTH:
+            raise AssetError(f"{document.path} has more than {MAX_DEPTH} nodes above one another; is it whole?")
         yield node, world
         for child in reversed(nodes[node].get("children", [])):
             if child in above:
@@ -111,6 +117,8 @@ def _gpu_instances(document: Document, node: Json) -> list[Matrix]:
     if not stored:
         return [np.eye(4)]
     count = len(next(iter(stored.values())))
+    if count > MAX_PLACEMENTS:
+        raise AssetError(f"{document.path} shows more than {MAX_PLACEMENTS} meshes; is it whole?")
     moves = stored.get("TRANSLATION", np.zeros((count, 3)))
     turns = stored.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
     sizes = stored.get("SCALE", np.ones((count, 3)))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import logging
+from collections import Counter
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io.gltf.accessors import read_floats
+from svbrdfgan.io.files import parsing
 from svbrdfgan.io.gltf.document import Document, Json
 from svbrdfgan.io.gltf.materials import DocumentPictures, look_of
 from svbrdfgan.io.gltf.nodes import Placement, placements, world_matrices
@@ -20,9 +21,10 @@ from svbrdfgan.io.gltf.primitives import (
     skin_matrices,
     texture_coordinates,
     triangles,
+    vertex_floats,
 )
 from svbrdfgan.io.materials import Look, Pictures
-from svbrdfgan.io.pieces import Piece, Source
+from svbrdfgan.io.pieces import MAX_FACES, Piece, Source
 from svbrdfgan.io.uv_sets import UVSet
 from svbrdfgan.types import Part
 
@@ -33,36 +35,47 @@ def document_pieces(document: Document) -> list[Piece]:
     """One piece for each primitive with faces and each time that a node shows it, ordered by mesh, primitive and place.
 
     Raises:
-        AssetError: accessors, nodes or indices are broken, or all meshes are points and lines.
+        AssetError: accessors, nodes or indices are broken, all meshes are points and lines, or more faces are shown
+            than `MAX_FACES`.
     """
-    shown = sorted(placements(document), key=lambda place: (place.mesh, place.matrix.tolist()))
+    with parsing(document.path, "glTF"):
+        if (count := count_shown(document)) > MAX_FACES:
+            raise AssetError(f"{document.path} holds {count} faces; wanted a mesh of 1 to {MAX_FACES} triangles.")
+        return _pieces(document)
+
+
+def _pieces(document: Document) -> list[Piece]:
+    shown: dict[int, list[Placement]] = {}
+    for place in sorted(placements(document), key=lambda place: (place.mesh, place.matrix.tolist())):
+        shown.setdefault(place.mesh, []).append(place)
     meshes = document.table("meshes")
     solid = [
         (mesh, number)
-        for mesh in dict.fromkeys(place.mesh for place in shown)
+        for mesh in shown
         for number, primitive in enumerate(meshes[mesh]["primitives"])
         if is_solid(primitive)
     ]
     if shown and not solid:
         raise AssetError(f"{document.path} holds only points or lines, no faces; export it as a mesh.")
     builder = _Builder(document)
-    return [
-        builder.piece(place, number, alone=len(solid) == 1)
-        for mesh, number in solid
-        for place in shown
-        if place.mesh == mesh
-    ]
+    return [builder.piece(place, number, alone=len(solid) == 1) for mesh, number in solid for place in shown[mesh]]
 
 
 def count_shown(document: Document) -> int:
-    """About as many triangles as the pieces have together, found before any is read."""
-    meshes = document.table("meshes")
-    return sum(
-        count_triangles(document, primitive)
-        for place in placements(document)
-        for primitive in meshes[place.mesh]["primitives"]
-        if is_solid(primitive)
-    )
+    """About as many triangles as the pieces have together, found before any is read.
+
+    Raises:
+        AssetError: nodes or accessors are broken.
+    """
+    with parsing(document.path, "glTF"):
+        meshes = document.table("meshes")
+        shown = Counter(place.mesh for place in placements(document))
+        return sum(
+            times * count_triangles(document, primitive)
+            for mesh, times in shown.items()
+            for primitive in meshes[mesh]["primitives"]
+            if is_solid(primitive)
+        )
 
 
 class _Builder:
@@ -109,7 +122,7 @@ class _Builder:
         if "COLOR_0" not in primitive["attributes"]:
             return Look(Part(name))
         log.info("%s: colours of single vertices are averaged over '%s'", self.document.path, name)
-        mean = read_floats(self.document, primitive["attributes"]["COLOR_0"])[:, :3].mean(axis=0)
+        mean = vertex_floats(self.document, primitive, "COLOR_0")[:, :3].mean(axis=0)
         red, green, blue = np.clip(mean, 0.0, 1.0).tolist()
         return Look(Part(name, (red, green, blue)))
 

@@ -83,8 +83,23 @@ def skin_matrices(document: Document, skin: Json, world: dict[int, Matrix]) -> l
 
 
 def texture_coordinates(document: Document, primitive: Json, number: int) -> Float[ndarray, "vertices 2"] | None:
-    """TEXCOORD_n with the origin at the lower left; None if the primitive lacks it."""
-    accessor = primitive["attributes"].get(f"TEXCOORD_{number}")
-    if accessor is None:
+    """TEXCOORD_n with the origin at the lower left; None if the primitive lacks it.
+
+    Raises:
+        AssetError: it is not of the primitive's vertices.
+    """
+    if f"TEXCOORD_{number}" not in primitive["attributes"]:
         return None
-    return read_floats(document, accessor)[:, :2] * (1.0, -1.0) + (0.0, 1.0)
+    return vertex_floats(document, primitive, f"TEXCOORD_{number}")[:, :2] * (1.0, -1.0) + (0.0, 1.0)
+
+
+def vertex_floats(document: Document, primitive: Json, name: str) -> Float[ndarray, "vertices components"]:
+    """An attribute of a primitive's vertices, as `read_floats` reads it.
+
+    Raises:
+        AssetError: it is of more or fewer vertices than the primitive has.
+    """
+    values, accessors = read_floats(document, primitive["attributes"][name]), document.table("accessors")
+    if len(values) != (count := accessors[primitive["attributes"]["POSITION"]]["count"]):
+        raise AssetError(f"{document.path} has a {name} of {len(values)} vertices, of {count}; is it whole?")
+    return values

@@ -7,6 +7,8 @@ from io import BytesIO
 
 from PIL import Image
 
+from svbrdfgan.io.eight_bit import MOST_TEXELS
+
 KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 MODES = {9: "L", 15: "L", 23: "RGB", 29: "RGB", 37: "RGBA", 43: "RGBA"}
 """By Vulkan's number, the formats of 8 bits a channel, linear or sRGB, in Pillow's terms."""
@@ -33,11 +35,22 @@ def decode_picture(data: bytes, mime: str | None) -> Image.Image:
         return _ktx2(data)
     try:
         picture = Image.open(BytesIO(data), formats=("PNG", "JPEG", "WEBP"))
+        _require_size(*picture.size)
         picture.load()
     except (OSError, SyntaxError, ValueError, struct.error, Image.DecompressionBombError) as error:
         reason = f"a picture of type {mime or 'unknown'} cannot be read ({error}); wanted PNG, JPEG or WebP"
         raise UnreadablePicture(f"{reason}.") from error
     return picture
+
+
+def _require_size(width: int, height: int) -> None:
+    """Refuses a picture before it is decoded.
+
+    Raises:
+        UnreadablePicture: it has more than `MOST_TEXELS`.
+    """
+    if width * height > MOST_TEXELS:
+        raise UnreadablePicture(f"it has {width} x {height} texels; wanted at most {MOST_TEXELS // 10**6} million")
 
 
 def _ktx2(data: bytes) -> Image.Image:
@@ -52,6 +65,7 @@ def _ktx2(data: bytes) -> Image.Image:
         raise UnreadablePicture(f"a KTX2 picture has Vulkan's format {format_}; wanted 8 bits a channel, or no KTX2.")
     if depth or layers > 1 or faces != 1 or not width or not height:
         raise UnreadablePicture("a KTX2 picture is not one flat picture.")
+    _require_size(width, height)
     start, length = struct.unpack_from("<2Q", data, 80)
     size = width * height * len(MODES[format_])
     level = data[start : start + length]
