@@ -52,7 +52,7 @@ def own_light(source: BatchSource) -> Demodulator:
 
 
 def painted(source: BatchSource, color: tuple[float, float, float]) -> Tensor:
-    size = source.buffers.shape[-2:]
+    size = source.buffers.geometry.shape[-2:]
     return torch.tensor([*color, 1.0]).expand(len(EVERY), *size, 4)
 
 
