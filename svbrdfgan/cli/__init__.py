@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import logging
 import os
+import signal
 import sys
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -15,6 +16,7 @@ from click.shell_completion import CompletionItem
 
 from svbrdfgan import __version__
 from svbrdfgan.errors import SvbrdfganError
+from svbrdfgan.utils.stopping import stopped_by_sigterm
 
 COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
@@ -92,9 +94,10 @@ class LazyGroup(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         os.environ.setdefault(*_SPIN_COUNT)
         try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            raise click.exceptions.Exit(130) from None
+            with stopped_by_sigterm():
+                return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            raise click.exceptions.Exit(128 + (error.args or (signal.SIGINT,))[0]) from None
         except SvbrdfganError as error:
             if ctx.params["debug"]:
                 raise

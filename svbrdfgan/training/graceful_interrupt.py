@@ -1,4 +1,4 @@
-"""Graceful interrupt: Ctrl-C takes effect between steps."""
+"""Graceful interrupt: Ctrl-C and SIGTERM take effect between steps."""
 
 from __future__ import annotations
 
@@ -8,28 +8,37 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from svbrdfgan.utils.stopping import stop
+
+_RAISING = (signal.default_int_handler, stop)
+"""The handlers that raise `KeyboardInterrupt`."""
+
 
 @contextmanager
-def defer_interrupts(wanted: bool = True) -> Iterator[Callable[[], bool]]:
-    """Only records the first SIGINT within the context; the second raises KeyboardInterrupt.
+def defer_interrupts(wanted: bool = True) -> Iterator[Callable[[], int]]:
+    """Only records the first SIGINT or SIGTERM within the context; the second raises KeyboardInterrupt.
 
-    The context yields a function that says whether a SIGINT was recorded. Nothing changes if not `wanted`, in threads
-    other than the main one, and where SIGINT has a handler of the caller's.
+    The context yields a function that says which signal was recorded, or 0. Nothing changes if not `wanted`, in threads
+    other than the main one, and for a signal that would not raise KeyboardInterrupt.
     """
-    came = False
-    before = signal.getsignal(signal.SIGINT)
+    came = 0
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    main = threading.current_thread() is threading.main_thread()
+    deferred = [number for number, handler in before.items() if wanted and main and handler in _RAISING]
 
     def note(number: int, frame: Any) -> None:
         nonlocal came
-        came = True
-        signal.signal(signal.SIGINT, before)
+        came = number
+        restore()
 
-    main = threading.current_thread() is threading.main_thread()
-    if not (wanted and main and before is signal.default_int_handler):
-        yield lambda: False
-        return
-    signal.signal(signal.SIGINT, note)
+    def restore() -> None:
+        for number in deferred:
+            signal.signal(number, before[number])
+
+    for number in deferred:
+        signal.signal(number, note)
     try:
         yield lambda: came
     finally:
-        signal.signal(signal.SIGINT, before)
+        if deferred:
+            restore()

@@ -51,7 +51,7 @@ def train(
         ConfigError: the folder holds another run, or the renderer or the device cannot do what is asked.
         AssetError: the data set or a checkpoint is missing or damaged.
         TrainingError: a loss is not finite.
-        KeyboardInterrupt: with one process, after the step in which Ctrl-C was pressed; that step is saved.
+        KeyboardInterrupt: with one process, after the step in which Ctrl-C or SIGTERM came; that step is saved.
     """
     fabric = make_fabric(config.device, devices=config.devices, precision=config.precision)
     resolved = resolve_run(config, base)
@@ -179,7 +179,7 @@ def _loop(session: _Session, state: State) -> None:
                 _save(session, state, latest)
         if interrupted():
             _save(session, state, latest)
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt(interrupted())
     _finish(session, state, latest)
 
 

@@ -10,16 +10,20 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import active_children
+from multiprocessing import active_children, current_process, parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any
 
-from svbrdfgan.errors import AssetError
+from svbrdfgan.errors import AssetError, ConfigError
 
 _GRACE_SECONDS = 1.0
 """How long a worker that is stopped may tidy up."""
+_KILL = 9
+"""The signal of that number, which Windows has no name for."""
 _USUAL = 8
 """Worker processes, at most, if nobody says how many: each takes memory, of a GPU, too."""
+_UNGUARDED = 79
+"""The exit code of a worker that would start workers of its own before it has begun."""
 _started: list[bool] = []
 """Holds something in a worker that has begun to take work."""
 
@@ -35,19 +39,37 @@ def worker_pool(
         start: each process calls it with what is `given`.
 
     Raises:
-        AssetError: a process was killed while the block waited for it.
-        KeyboardInterrupt: after Ctrl-C, which ends the processes without a word.
+        AssetError: a process ended while the block waited for it.
+        ConfigError: the main module asks for processes when it is imported, as each of them does.
+        KeyboardInterrupt: after Ctrl-C or SIGTERM, which end the processes without a word.
     """
-    pool = ProcessPoolExecutor(workers, _Context(), _start, (start, given))
+    if getattr(current_process(), "_inheriting", False):  # it still imports the main module
+        os._exit(_UNGUARDED)
+    context = _Context()
+    pool = ProcessPoolExecutor(workers, context, _start, (start, given))
     try:
         yield pool
     except KeyboardInterrupt:
         _end(active_children())
         raise
     except BrokenProcessPool as error:
-        raise AssetError(f"a process that {work} was killed, probably for memory; try fewer {option}.") from error
+        raise _reason(context.made, work, option) from error
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def _reason(processes: list[SpawnProcess], work: str, option: str) -> AssetError | ConfigError:
+    """Why a pool is broken, by how the first of its processes ended that nobody ended."""
+    for process in processes:
+        process.join(_GRACE_SECONDS)
+    codes = [process.exitcode for process in processes if process.exitcode not in (None, 0, -signal.SIGTERM)]
+    code = codes[0] if codes else -signal.SIGTERM
+    if code == _UNGUARDED:
+        return ConfigError(f'a script that asks for several {option} needs its `if __name__ == "__main__":`.')
+    if code == -_KILL:
+        return AssetError(f"a process that {work} was killed, probably for memory; try fewer {option}.")
+    ended = f"signal {-code}" if code < 0 else f"exit code {code}"
+    return AssetError(f"a process that {work} ended with {ended}: run the command again, with {option} 1 to see why.")
 
 
 class _Process(SpawnProcess):
@@ -65,21 +87,36 @@ class _Process(SpawnProcess):
 
 
 class _Context(SpawnContext):
-    """Makes such processes."""
+    """Makes such processes, and remembers them."""
 
-    Process = _Process
+    def __init__(self) -> None:
+        super().__init__()
+        self.made: list[SpawnProcess] = []
+
+    def Process(self, *args: Any, **named: Any) -> SpawnProcess:  # type: ignore[override]  # noqa: N802
+        self.made.append(_Process(*args, **named))
+        return self.made[-1]
 
 
 def _start(start: Callable[..., None] | None, given: tuple[Any, ...]) -> None:
     signal.signal(signal.SIGINT, _stop)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     import torch
 
     torch.set_num_threads(1)
     if start is not None:
         start(*given)
     _started.append(True)
+
+
+def _end_with_parent() -> None:
+    """Ends a worker whose parent was killed."""
+    parent = parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
 
 
 def _stop(number: int, frame: Any) -> None:

@@ -1,4 +1,4 @@
-"""Ctrl-C: every command ends with exit code 130, and a sentence says what is kept and how to go on."""
+"""Ctrl-C and SIGTERM: commands end with exit code 130 or 143, and a sentence says what is kept and how to go on."""
 
 from __future__ import annotations
 
@@ -101,8 +101,12 @@ def test_weather_says_which_meshes_are_written(tmp_path: Path, monkeypatch: pyte
 
 @pytest.mark.full
 @pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
-def test_a_data_set_that_is_stopped_continues(tmp_path: Path) -> None:
-    """Ctrl-C as from a terminal, which tells the worker processes, too."""
+@pytest.mark.parametrize(
+    ("tell", "number"),
+    [(os.killpg, signal.SIGINT), (os.kill, signal.SIGINT), (os.killpg, signal.SIGTERM), (os.kill, signal.SIGTERM)],
+)
+def test_a_data_set_that_is_stopped_continues(tell: Any, number: int, tmp_path: Path) -> None:
+    """Also where the worker processes are told, as by Ctrl-C in a terminal."""
     (tmp_path / "dataset.yaml").write_text(json.dumps({**DATASET, "image": [16, 16], "texture": 16, "spp": 1}))
     out = tmp_path / "out"
     words = [sys.executable, "-m", "svbrdfgan", "dataset", str(tmp_path / "dataset.yaml"), "-o", str(out)]
@@ -112,10 +116,10 @@ def test_a_data_set_that_is_stopped_continues(tmp_path: Path) -> None:
     while len(list(out.glob("train/*.json"))) < 2:
         assert process.poll() is None
         time.sleep(0.01)
-    os.killpg(process.pid, signal.SIGINT)
+    tell(process.pid, number)
     printed, said = process.communicate(timeout=60)
     made = list(out.glob("train/*.json"))
-    assert (process.returncode, printed) == (130, "")
+    assert (process.returncode, printed) == (128 + number, "")
     assert said.splitlines()[-1] == (
         f"stopped; {out} keeps the exemplars that are complete, and the same command makes the others."
     )

@@ -1,4 +1,4 @@
-"""Ctrl-C: a step that was begun is ended and saved."""
+"""Ctrl-C and SIGTERM: a step that was begun is ended and saved."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from svbrdfgan.training.config import train_config
 from svbrdfgan.training.graceful_interrupt import defer_interrupts
 from svbrdfgan.training.state import checkpoints
 from svbrdfgan.training.trainer import train
+from svbrdfgan.utils.stopping import stopped_by_sigterm
 
 Data = Callable[..., dict[str, Any]]
 COMMAND = """
@@ -30,7 +31,7 @@ from svbrdfgan.training import trainer
 step = trainer.training_step
 def interrupted(fabric, config, state, *given):
     if state.step == 5:
-        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.{name})
     return step(fabric, config, state, *given)
 trainer.training_step = interrupted
 main()
@@ -46,12 +47,16 @@ def plain_handler() -> Iterator[None]:
 
 
 @pytest.mark.full
-def test_training_ends_its_step_saves_it_and_goes_on_from_there(training_data: Data, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143)])
+def test_training_ends_its_step_saves_it_and_goes_on_from_there(
+    name: str, code: int, training_data: Data, tmp_path: Path
+) -> None:
     data = training_data(steps=12, save_every=1000, score_every=4)
     (tmp_path / "train.yaml").write_text(json.dumps(data))
-    words = [sys.executable, "-c", COMMAND, "train", str(tmp_path / "train.yaml"), "-o", str(tmp_path / "stopped")]
+    command = COMMAND.replace("{name}", name)
+    words = [sys.executable, "-c", command, "train", str(tmp_path / "train.yaml"), "-o", str(tmp_path / "stopped")]
     done = subprocess.run(words, capture_output=True, text=True)
-    assert done.returncode == 130
+    assert done.returncode == code
     assert done.stderr.splitlines()[-1].endswith(
         "keeps the checkpoint of step 6, and the same command with --resume continues."
     )
@@ -63,15 +68,18 @@ def test_training_ends_its_step_saves_it_and_goes_on_from_there(training_data: D
     assert [name for name in its if not torch.equal(mine[name], its[name])] == []
 
 
-def test_the_second_is_raised() -> None:
-    before = signal.getsignal(signal.SIGINT)
-    with defer_interrupts() as interrupted:
-        assert not interrupted()
-        os.kill(os.getpid(), signal.SIGINT)
-        assert interrupted()
-        with pytest.raises(KeyboardInterrupt):
-            os.kill(os.getpid(), signal.SIGINT)
-    assert signal.getsignal(signal.SIGINT) is before
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_second_is_raised(number: int) -> None:
+    with stopped_by_sigterm():
+        before = signal.getsignal(number)
+        with defer_interrupts() as interrupted:
+            assert not interrupted()
+            os.kill(os.getpid(), number)
+            assert interrupted() == number
+            with pytest.raises(KeyboardInterrupt):
+                os.kill(os.getpid(), number)
+        assert signal.getsignal(number) is before
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 def test_other_threads_and_other_handlers_are_left_alone() -> None:

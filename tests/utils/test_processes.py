@@ -7,21 +7,31 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 POOL = """
 import os, sys, time
+from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.utils.processes import worker_pool
 try:
     with worker_pool(2, "sleeps", "--workers") as pool:
         if sys.argv[1] == "busy":
             pool.submit(os.getpid).result()
         sleeping = [pool.submit(time.sleep, 600) for _ in range(5)]
-        print("begun", flush=True)
+        print("begun", *pool._processes if sys.argv[1] == "busy" else (), flush=True)
         sleeping[0].result()
 except KeyboardInterrupt:
     sys.exit(130)
+except SvbrdfganError as error:
+    sys.exit(f"{type(error).__name__}: {error}")
+"""
+UNGUARDED = """
+from svbrdfgan.utils.processes import worker_pool
+with worker_pool(2, "thinks", "workers") as pool:
+    pool.submit(len, "").result()
 """
 
 
@@ -37,9 +47,57 @@ def test_ctrl_c_ends_workers_without_tracebacks(when: str, to_all: bool) -> None
         start_new_session=True,
     )
     assert process.stdout is not None
-    assert process.stdout.readline() == "begun\n"
+    assert process.stdout.readline().startswith("begun")
     began = time.monotonic()
     (os.killpg if to_all else os.kill)(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=60)  # ends when the workers have, too, which hold the same stderr
     assert (process.returncode, said) == (130, "")
     assert time.monotonic() - began < 30
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+@pytest.mark.full
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_workers_end_with_their_parent(number: int, ended: Callable[[int], bool]) -> None:
+    process = subprocess.Popen([sys.executable, "-c", POOL, "busy"], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    workers = list(map(int, process.stdout.readline().split()[1:]))
+    assert len(workers) == 2
+    process.send_signal(number)
+    process.wait(timeout=60)
+    assert all(map(ended, workers))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+@pytest.mark.full
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [
+        (signal.SIGKILL, "a process that sleeps was killed, probably for memory; try fewer --workers."),
+        (
+            signal.SIGSEGV,
+            "a process that sleeps ended with signal 11: run the command again, with --workers 1 to see why.",
+        ),
+    ],
+)
+def test_how_a_worker_ended_is_told_at_once(number: int, said: str) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", POOL, "busy"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    os.kill(int(process.stdout.readline().split()[1]), number)
+    began = time.monotonic()
+    assert process.communicate(timeout=60)[1].strip() == f"AssetError: {said}"
+    assert time.monotonic() - began < 10
+
+
+@pytest.mark.full
+def test_a_script_without_a_main_guard_is_told(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED)
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert "Traceback" in done.stderr
+    assert done.stderr.strip().endswith(
+        'ConfigError: a script that asks for several workers needs its `if __name__ == "__main__":`.'
+    )
