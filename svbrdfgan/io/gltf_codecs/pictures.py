@@ -14,6 +14,8 @@ UNDEFINED = 0
 """Vulkan's number of a format that only the file's description names: Basis Universal."""
 BASIS_LZ, ZSTANDARD = 1, 2
 """How KTX2 compresses a level once more; 0 is not at all."""
+MOST_PIXELS = 178_956_970
+"""Pixels of a KTX2 picture: as many as Pillow allows others, since a few packed bytes may claim any number."""
 
 
 class UnreadablePicture(ValueError):  # noqa: N818
@@ -52,6 +54,8 @@ def _ktx2(data: bytes) -> Image.Image:
         raise UnreadablePicture(f"a KTX2 picture has Vulkan's format {format_}; wanted 8 bits a channel, or no KTX2.")
     if depth or layers > 1 or faces != 1 or not width or not height:
         raise UnreadablePicture("a KTX2 picture is not one flat picture.")
+    if width * height > MOST_PIXELS:
+        raise UnreadablePicture(f"a KTX2 picture claims {width} x {height} pixels, which is beyond use.")
     start, length = struct.unpack_from("<2Q", data, 80)
     size = width * height * len(MODES[format_])
     level = data[start : start + length]
