@@ -1,5 +1,7 @@
 """The errors this package raises. Every message says what was given, what was wanted and what to do."""
 
+from svbrdfgan.utils.printable import printable
+
 
 class SvbrdfganError(Exception):
     """Base of every error that is about the user's input or installation, not about a bug.
@@ -8,8 +10,7 @@ class SvbrdfganError(Exception):
     """
 
     def __str__(self) -> str:
-        shown = (c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in super().__str__())
-        return "".join(shown)
+        return printable(super().__str__(), breaks=True)
 
 
 class ConfigError(SvbrdfganError):

@@ -16,6 +16,7 @@ from click.shell_completion import CompletionItem
 
 from svbrdfgan import __version__
 from svbrdfgan.errors import SvbrdfganError
+from svbrdfgan.utils.printable import PrintableFormatter, printable
 from svbrdfgan.utils.stopping import stopped_by_sigterm
 
 COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
@@ -101,14 +102,14 @@ class LazyGroup(click.Group):
         except SvbrdfganError as error:
             if ctx.params["debug"]:
                 raise
-            raise click.ClickException(str(error)) from error
+            raise click.ClickException(printable(str(error), breaks=True)) from error
         except BrokenPipeError:
             raise
         except OSError as error:
             if ctx.params["debug"] or error.strerror is None:
                 raise
             where = f" ({error.filename})" if error.filename else ""
-            raise click.ClickException(f"{error.strerror}{where}.") from error
+            raise click.ClickException(printable(f"{error.strerror}{where}.")) from error
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -128,18 +129,23 @@ def main(verbose: int, quiet: bool, debug: bool) -> None:
     """
     if verbose and quiet:
         raise click.UsageError("--verbose and --quiet exclude each other.")
+    if logging.lastResort is not None:  # prints warnings where nothing else is set up
+        logging.lastResort.setFormatter(PrintableFormatter())
     if verbose or debug:
         log_to_terminal(logging.DEBUG if verbose > 1 else logging.INFO, show_path=debug)
 
 
 def log_to_terminal(level: int, show_path: bool) -> None:
     """Logs to stderr: in colour if that is a terminal, else as plain lines that nothing wraps."""
-    if not sys.stderr.isatty():
-        place = " (%(pathname)s:%(lineno)d)" if show_path else ""
-        logging.basicConfig(level=level, format=f"%(asctime)s %(levelname)s %(message)s{place}", datefmt="%X")
-        return
-    from rich.console import Console
-    from rich.logging import RichHandler
+    handler: logging.Handler
+    if sys.stderr.isatty():
+        from rich.console import Console
+        from rich.logging import RichHandler
 
-    handler = RichHandler(console=Console(stderr=True), show_path=show_path)
-    logging.basicConfig(level=level, format="%(message)s", datefmt="[%X]", handlers=[handler])
+        handler = RichHandler(console=Console(stderr=True), show_path=show_path)
+        handler.setFormatter(PrintableFormatter("%(message)s", "[%X]"))
+    else:
+        place = " (%(pathname)s:%(lineno)d)" if show_path else ""
+        handler = logging.StreamHandler()
+        handler.setFormatter(PrintableFormatter(f"%(asctime)s %(levelname)s %(message)s{place}", "%X"))
+    logging.basicConfig(level=level, handlers=[handler])

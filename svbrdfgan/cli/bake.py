@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.display import echo, progress
 from svbrdfgan.cli.options import key_values
 
 
@@ -44,9 +44,9 @@ def command(mesh: Path, embedding: str, options: tuple[str, ...], resolution: in
         display.stage("measuring and drawing the map of what is seen from outside")
         summary = write_summary(out, fragments.surface, f"{embedding}, {mesh.stem}")
     _print(written)
-    click.echo("the map of what is seen from outside:")
+    echo("the map of what is seen from outside:")
     _print(summary.flat())
-    click.echo(f"written to {out}")
+    echo(f"written to {out}")
 
 
 @contextmanager
@@ -63,4 +63,4 @@ def _without_collection() -> Iterator[None]:
 
 def _print(measures: Mapping[str, float]) -> None:
     for name, value in measures.items():
-        click.echo(f"  {name}: {value:.4g}" if isinstance(value, float) else f"  {name}: {value}")
+        echo(f"  {name}: {value:.4g}" if isinstance(value, float) else f"  {name}: {value}")

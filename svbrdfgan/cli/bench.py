@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from svbrdfgan.cli.display import print_table, progress
+from svbrdfgan.cli.display import echo, print_table, progress
+from svbrdfgan.utils.printable import printable
 
 if TYPE_CHECKING:
     from svbrdfgan.bench.bench_scene import BenchScene
@@ -87,10 +88,10 @@ def command(
             display.stage(f"writing {out}")
             report.write_tables_and_plots(out)
     for table in report.tables():
-        click.secho(table.title, bold=True)
+        click.secho(printable(table.title), bold=True)
         print_table(table.rich())
     if out:
-        click.echo(f"written to {out}")
+        echo(f"written to {out}")
 
 
 def _makers(

@@ -13,7 +13,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from svbrdfgan.cli.display import output_console, print_json, print_table, progress
+from svbrdfgan.cli.display import echo, output_console, print_json, print_table, progress
 from svbrdfgan.cli.options import json_option, key_values
 from svbrdfgan.errors import ConfigError, PluginError
 from svbrdfgan.plugins.registry import EMBEDDINGS, RENDERERS, Plugin, find_plugin, list_plugins
@@ -206,6 +206,6 @@ def _show_pairs(name: str | None, profile: str, scenes: Sequence[str], output: s
     else:
         print_table(show.rich_table(rows, output_console().width))
         for line in show.explanations(rows):
-            click.echo(line)
+            echo(line)
     if any(row.failed for row in rows):
         raise click.exceptions.Exit(1)

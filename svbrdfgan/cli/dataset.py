@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.display import echo, progress
 from svbrdfgan.cli.options import completed, read_config
 
 if TYPE_CHECKING:
@@ -96,9 +96,9 @@ def _generate(path: Path, overrides: tuple[str, ...], out: Path, devices: int, w
         config = _read(path, overrides)
         plan = generate(config, out, base=path.parent, devices=devices, workers=workers, display=display)
     for split in config.splits:
-        click.echo(f"{split}: {len(plan.sampler(split))} exemplars of {len(plan.meshes[split])} meshes")
+        echo(f"{split}: {len(plan.sampler(split))} exemplars of {len(plan.meshes[split])} meshes")
     painted = sorted({name for meshes in plan.meshes.values() for mesh in meshes for name in mesh.painted})
-    click.echo(f"parts with a layer: {_summed_up(painted)}")
+    echo(f"parts with a layer: {_summed_up(painted)}")
 
 
 def _summed_up(names: Sequence[str]) -> str:
@@ -112,12 +112,10 @@ def _dry_run(path: Path, overrides: tuple[str, ...]) -> None:
         from svbrdfgan.data.estimate import estimate
 
         needs = estimate(_read(path, overrides), path.parent)
-    click.echo(f"exemplars: {needs.exemplars} of {needs.meshes} meshes")
-    click.echo(f"time:      about {needs.seconds / 60:.1f} minutes on one process")
-    click.echo(
-        f"disk:      about {needs.disk / 2**20:.0f} MiB, and {needs.transport / 2**20:.0f} MiB of transports to train"
-    )
-    click.echo(f"memory:    about {needs.memory / 2**20:.0f} MiB to train on it, besides the networks")
+    echo(f"exemplars: {needs.exemplars} of {needs.meshes} meshes")
+    echo(f"time:      about {needs.seconds / 60:.1f} minutes on one process")
+    echo(f"disk:      about {needs.disk / 2**20:.0f} MiB, and {needs.transport / 2**20:.0f} MiB of transports to train")
+    echo(f"memory:    about {needs.memory / 2**20:.0f} MiB to train on it, besides the networks")
 
 
 def _preview(path: Path, overrides: tuple[str, ...], out: Path) -> None:
@@ -126,4 +124,4 @@ def _preview(path: Path, overrides: tuple[str, ...], out: Path) -> None:
         from svbrdfgan.io.image import save_image
 
         save_image(out / "preview.png", preview(_read(path, overrides), path.parent))
-    click.echo(str(out / "preview.png"))
+    echo(str(out / "preview.png"))

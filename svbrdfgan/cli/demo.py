@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.display import echo, progress
 
 
 @click.command("demo")
@@ -28,10 +28,10 @@ def command(out: Path) -> None:
         from svbrdfgan.experiments.demo import open_demo, run_demo
 
         opening = open_demo(out, display)
-    click.echo(f"rust and road dirt:      {opening}")
+    echo(f"rust and road dirt:      {opening}")
     with progress("making the data set", lambda: kept) as display:
         result = run_demo(out, display)
     for line in result.evaluation.lines():
-        click.echo(line)
-    click.echo(f"a vehicle it never saw:  {result.vehicle}")
-    click.echo(f"report with pictures:    {result.report}")
+        echo(line)
+    echo(f"a vehicle it never saw:  {result.vehicle}")
+    echo(f"report with pictures:    {result.report}")

@@ -23,10 +23,12 @@ from rich.progress import (
     TextColumn,
     TimeElapsedColumn,
 )
+from rich.segment import Segment, Segments
 from rich.text import Text
 
 from svbrdfgan.cli.pace import Pace, duration
 from svbrdfgan.utils.display import Display, SilentDisplay
+from svbrdfgan.utils.printable import printable
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -62,7 +64,7 @@ class ProgressBar:
         self._pace.advance(steps, _clock())
         self._progress.advance(self._task, steps)
         if note:
-            self._progress.update(self._task, note=note)
+            self._progress.update(self._task, note=printable(note))
 
     def end(self) -> None:
         """Removes the bar of a stage; stops any other where it is."""
@@ -81,7 +83,7 @@ class ProgressBar:
     def _start(self, what: str, total: int | None, done: int = 0, *, is_stage: bool) -> None:
         self.end()
         self._pace, self._is_stage = Pace(total, _clock(), done), is_stage
-        self._task = self._progress.add_task(what, total=total, completed=done, note="", pace=self._pace)
+        self._task = self._progress.add_task(printable(what), total=total, completed=done, note="", pace=self._pace)
 
 
 class _TimeLeftColumn(ProgressColumn):
@@ -110,7 +112,7 @@ class ProgressLines:
     def begin(self, what: str, total: int | None = None, done: int = 0) -> None:
         self._start(what, total, done)
         self._silent_since = _clock()
-        click.echo(f"{what} ...", err=True)
+        echo(f"{what} ...", err=True)
 
     def advance(self, steps: int = 1, note: str = "") -> None:
         with self._lock:
@@ -127,7 +129,7 @@ class ProgressLines:
             self._is_told, self._silent_since = True, now
             left = self._pace.left(now) or duration(now - self._pace.began)
             line = f"  {self._what}: {', '.join(filter(None, [self._pace.count(), left, self._note]))}"
-        click.echo(line, err=True)
+        echo(line, err=True)
 
     def tick_until(self, over: Event) -> None:
         while not over.wait(_TICK_SECONDS):
@@ -144,10 +146,15 @@ def is_quiet() -> bool:
     return context is not None and bool(context.find_root().params.get("quiet"))
 
 
+def echo(line: object, *, err: bool = False) -> None:
+    """Prints one line, which names from files can neither end nor make a terminal obey."""
+    click.echo(printable(str(line)), err=err)
+
+
 def note(sentence: str) -> None:
     """Prints on stderr what is good to know; to users who want no notes, if it is a warning."""
     if sentence.startswith("warning:") or not is_quiet():
-        click.echo(sentence, err=True)
+        echo(sentence, err=True)
 
 
 @contextmanager
@@ -164,7 +171,7 @@ def progress(what: str, kept: Callable[[], str] = lambda: "nothing was written."
         with _display(what) as display:
             yield display
     except KeyboardInterrupt:
-        click.echo(f"stopped; {kept()}", err=True)
+        echo(f"stopped; {kept()}", err=True)
         raise
 
 
@@ -219,7 +226,8 @@ def print_table(table: Table) -> None:
     """Prints a table on stdout: on a terminal as it is, elsewhere whole, in plain columns with two spaces between."""
     console = output_console()
     if console.is_terminal:
-        console.print(table)
+        found = console.render(table)
+        console.print(Segments(Segment(printable(each.text, breaks=True), each.style) for each in found), end="")
         return
     table.box, table.pad_edge = None, False
     title, caption = table.title, table.caption
@@ -228,4 +236,4 @@ def print_table(table: Table) -> None:
         console.print(table)
     for line in (title, *captured.get().splitlines(), caption):
         if line is not None:
-            click.echo(str(line).rstrip())
+            echo(str(line).rstrip())

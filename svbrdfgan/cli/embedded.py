@@ -6,9 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import click
-
-from svbrdfgan.cli.display import note
+from svbrdfgan.cli.display import echo, note
 from svbrdfgan.cli.options import PartOptions
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.inference.apply import explain_memory, prepare
@@ -99,4 +97,4 @@ def _report(subject: Subject) -> None:
     carrying, clean = (", ".join(name for name, learnable in parts if learnable is wanted) for wanted in (True, False))
     note(f"layer on: {carrying}; left clean: {clean or 'none'}")
     for warning in subject.overlooked():
-        click.echo(f"warning: {warning}", err=True)
+        echo(f"warning: {warning}", err=True)

@@ -7,7 +7,7 @@ from typing import Literal
 
 import click
 
-from svbrdfgan.cli.display import print_json, progress
+from svbrdfgan.cli.display import echo, print_json, progress
 from svbrdfgan.cli.options import json_option
 from svbrdfgan.utils.processes import cores
 
@@ -103,5 +103,5 @@ def command(
         print_json(evaluated.evaluation.model_dump(mode="json"))
         return
     for line in evaluated.evaluation.lines():
-        click.echo(line)
-    click.echo(str(report))
+        echo(line)
+    echo(str(report))

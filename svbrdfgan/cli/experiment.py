@@ -8,7 +8,7 @@ from typing import Literal
 
 import click
 
-from svbrdfgan.cli.display import print_table, progress
+from svbrdfgan.cli.display import echo, print_table, progress
 
 
 @click.command("experiment")
@@ -79,8 +79,8 @@ def command(
         )
     for each in results:
         for line, run in each.failures:
-            click.echo(f"failed: {line.row}, {line.recipe}, seed {run.seed}: {run.reason}", err=True)
-        click.echo(str(out / each.matrix.name / "table.md"))
+            echo(f"failed: {line.row}, {line.recipe}, seed {run.seed}: {run.reason}", err=True)
+        echo(str(out / each.matrix.name / "table.md"))
     if any(each.failures for each in results):
         raise click.exceptions.Exit(1)
 
@@ -101,7 +101,7 @@ def _list(profile: Literal["cpu", "gpu"]) -> None:
             row = (len(experiment.rows), len(cells), round(minutes))
             table.add_row(name, experiment.figure, *map(str, row), experiment.title)
     print_table(table)
-    click.echo(f"Minutes of training in profile {profile}, one run at a time. Shared runs count in each experiment.")
+    echo(f"Minutes of training in profile {profile}, one run at a time. Shared runs count in each experiment.")
 
 
 def _numbers(text: str | None) -> tuple[int, ...]:

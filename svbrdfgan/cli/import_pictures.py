@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.display import echo, progress
 from svbrdfgan.cli.options import read_config
 
 if TYPE_CHECKING:
@@ -48,11 +48,11 @@ def command(manifest: Path, overrides: tuple[str, ...], out: Path, workers: int 
         )
     for picture in imported:
         _print(picture)
-    click.echo(f"look at {out / OVERLAYS / SHEET}: does the mesh's outline (yellow) lie on every picture?")
+    echo(f"look at {out / OVERLAYS / SHEET}: does the mesh's outline (yellow) lie on every picture?")
     if not preview:
         for split in contents.config().splits:
             count = sum(picture.exemplar.startswith(f"{split}/") for picture in imported)
-            click.echo(f"{split}: {count} exemplars of {len(contents.meshes(split))} meshes")
+            echo(f"{split}: {count} exemplars of {len(contents.meshes(split))} meshes")
 
 
 def _print(picture: ImportedPicture) -> None:
@@ -61,6 +61,6 @@ def _print(picture: ImportedPicture) -> None:
         agreement += f" (was {moved.before:.2f}; camera changed by {moved.degrees:.1f} degrees, {moved.percent:.1f} %)"
     exposure = "" if picture.exposure is None else f", exposure x {picture.exposure:.3g}"
     within = "" if picture.uncertainty is None else f", reflectance within {math.expm1(picture.uncertainty):.0%}"
-    click.echo(f"{picture.overlay}: {picture.file}: {agreement}{exposure}{within}")
+    echo(f"{picture.overlay}: {picture.file}: {agreement}{exposure}{within}")
     for doubt in picture.doubts:
-        click.echo(f"warning: {picture.file}: {doubt} (see {picture.overlay})", err=True)
+        echo(f"warning: {picture.file}: {doubt} (see {picture.overlay})", err=True)

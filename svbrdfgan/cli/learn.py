@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from svbrdfgan.cli.display import note, progress
+from svbrdfgan.cli.display import echo, note, progress
 from svbrdfgan.cli.options import read_config
 
 _OF_MANIFEST = "manifest."
@@ -66,5 +66,5 @@ def command(
         )
         run = take_turns(lessons, out, turns, workers=workers, display=display)
     sheet = run.parent / "exemplars" / OVERLAYS / SHEET
-    click.echo(f"look at {sheet}: do both balls look as if they stood beside each object?")
-    click.echo(f"next: svbrdfgan texture MESH --model {run} -o WEATHERED.glb")
+    echo(f"look at {sheet}: do both balls look as if they stood beside each object?")
+    echo(f"next: svbrdfgan texture MESH --model {run} -o WEATHERED.glb")

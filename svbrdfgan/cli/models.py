@@ -16,6 +16,7 @@ from svbrdfgan.config.error_messages import did_you_mean
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.models.card import ModelCard, Scores
 from svbrdfgan.models.shipped import PICTURE, load_card, shipped_models
+from svbrdfgan.utils.printable import printable
 
 
 @click.command("models")
@@ -39,7 +40,7 @@ def command(name: str | None, as_json: bool) -> None:
         print_table(_table(cards))
     else:
         for line in _lines(shipped[name], cards[shipped[name]]):
-            output_console().print(escape(line), highlight=False)
+            output_console().print(escape(printable(line)), highlight=False)
 
 
 def _table(cards: Mapping[Path, ModelCard]) -> Table:

@@ -11,7 +11,7 @@ import click
 from rich.markup import escape
 from rich.table import Table
 
-from svbrdfgan.cli.display import note, print_json, print_table, progress
+from svbrdfgan.cli.display import echo, note, print_json, print_table, progress
 from svbrdfgan.cli.options import PartOptions, json_option, part_options, require_writable
 
 if TYPE_CHECKING:
@@ -67,9 +67,9 @@ def command(
         print_table(_table(mesh, verdicts))
     note(str(found))
     for doubt in doubts:
-        click.echo(f"warning: {doubt}", err=True)
+        echo(f"warning: {doubt}", err=True)
     if picture is not None:
-        click.echo(str(picture), err=as_json)
+        echo(str(picture), err=as_json)
 
 
 def _table(mesh: Path, verdicts: Sequence[Verdict]) -> Table:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.display import echo, progress
 from svbrdfgan.cli.options import read_config
 
 
@@ -36,4 +36,4 @@ def command(config: Path, overrides: tuple[str, ...], out: Path, blender: str | 
         manifest = stage_photos(staged, out, base=config.parent, blender=blender, jobs=jobs, display=display)
         if truth:
             generate(staged.dataset, out / TRUTH, base=config.parent, display=display)
-    click.echo(f"next: svbrdfgan learn {manifest} train.yaml -o RUN")
+    echo(f"next: svbrdfgan learn {manifest} train.yaml -o RUN")

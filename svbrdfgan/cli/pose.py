@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.display import echo, progress
 
 if TYPE_CHECKING:
     from svbrdfgan.data.photos.pose import PosedPictures
@@ -32,7 +32,7 @@ def command(images: Path, out: Path, masks: Path | None) -> None:
         from svbrdfgan.data.photos.pose import pose_pictures
 
         posed = pose_pictures(images, out, masks, display)
-    click.echo(f"{out}: {_sentence(posed)}")
+    echo(f"{out}: {_sentence(posed)}")
 
 
 def _sentence(posed: PosedPictures) -> str:

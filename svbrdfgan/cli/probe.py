@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from svbrdfgan.cli.display import print_table, progress
+from svbrdfgan.cli.display import echo, print_table, progress
 from svbrdfgan.cli.options import read_config
 
 if TYPE_CHECKING:
@@ -49,9 +49,9 @@ def command(
             probed.save(out)
     print_table(_table(probed.report))
     for line in probed.report.lines():
-        click.echo(line)
+        echo(line)
     if out:
-        click.echo(f"written to {out}")
+        echo(f"written to {out}")
 
 
 def _table(report: LeakageReport) -> Table:

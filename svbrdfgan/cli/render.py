@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.display import echo, progress
 from svbrdfgan.cli.options import key_values
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def command(
         resolved, _ = resolve_renderer(chosen, maps=described.maps)
         display.stage(f"rendering {scene}")
         _save(out, render_scene(loader, resolved, described))
-    click.echo(str(out))
+    echo(str(out))
 
 
 def _save(path: Path, rendering: Rendering) -> None:

@@ -7,9 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import click
-
-from svbrdfgan.cli.display import print_json
+from svbrdfgan.cli.display import echo, print_json
 from svbrdfgan.cli.options import require_writable
 from svbrdfgan.errors import ConfigError, SvbrdfganError
 from svbrdfgan.io.files import require_apart
@@ -81,7 +79,7 @@ class Done:
             except SvbrdfganError as error:
                 if len(self.meshes) == 1:
                     raise
-                click.echo(f"Error: {mesh}: {error}", err=True)
+                echo(f"Error: {mesh}: {error}", err=True)
                 self.errors[number] = str(error)
 
     def kept(self) -> str:
@@ -100,7 +98,7 @@ class Done:
             print_json([self._record(number) for number in range(len(self.meshes))])
         else:
             for path in self._paths:
-                click.echo(path)
+                echo(path)
         if self.errors:
             raise ConfigError(f"{len(self.errors)} of {len(self.meshes)} meshes could not be weathered; see above.")
 

@@ -7,12 +7,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-import click
-
 from svbrdfgan.asset.asset import load_asset
 from svbrdfgan.asset.memory import Plan, require_memory
 from svbrdfgan.asset.weather_document import Edited, Textures
-from svbrdfgan.cli.display import note
+from svbrdfgan.cli.display import echo, note
 from svbrdfgan.cli.options import PartOptions
 from svbrdfgan.inference.file_scene import file_scene
 from svbrdfgan.inference.studio import Studio
@@ -119,4 +117,4 @@ def _report(workpiece: Workpiece) -> None:
     note(f"weathers: {weathering}; kept: {kept}")
     note(str(workpiece.orientation))
     for warning in workpiece.warnings:
-        click.echo(f"warning: {warning}", err=True)
+        echo(f"warning: {warning}", err=True)

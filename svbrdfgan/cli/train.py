@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from svbrdfgan.cli.display import progress
+from svbrdfgan.cli.display import echo, progress
 from svbrdfgan.cli.options import read_config
 
 
@@ -32,7 +32,7 @@ def command(config: Path, overrides: tuple[str, ...], out: Path, resume: bool) -
         state = train(training, out, base=config.parent, resume=resume, display=display)
     scores = state.history[-1].keys() - {"step", "seconds"} if state.history else ()
     best = "".join(f", validation {name} {state.best[0]:.3f} at step {state.best[1]}" for name in scores)
-    click.echo(f"{out}: {state.step} steps in {state.seconds / 60:.1f} minutes{best}")
+    echo(f"{out}: {state.step} steps in {state.seconds / 60:.1f} minutes{best}")
 
 
 def _kept(run: Path) -> str:

@@ -6,11 +6,10 @@ import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import click
 from rich.markup import escape
 from rich.table import Table
 
-from svbrdfgan.cli.display import print_json, print_table, progress
+from svbrdfgan.cli.display import echo, print_json, print_table, progress
 from svbrdfgan.cli.options import key_values
 from svbrdfgan.errors import PluginError
 from svbrdfgan.metrics.uv.compare import Measured, as_json, measure_embedding, mesh_files
@@ -86,11 +85,11 @@ def _show(results: Mapping[str, Measured], meshes: int) -> None:
     table.add_row("meshes that failed", *(f"{len(measured.failures)} of {meshes}" for measured in results.values()))
     print_table(table)
     pairs = max((len(measured.similarities) for measured in results.values()), default=0)
-    click.echo("Stretch and distortion: 1 is none. Shares are of the area that is seen from outside.")
-    click.echo(f"Similarity: pairs of meshes measured: {pairs}, the same ones at every call.")
+    echo("Stretch and distortion: 1 is none. Shares are of the area that is seen from outside.")
+    echo(f"Similarity: pairs of meshes measured: {pairs}, the same ones at every call.")
     for name, measured in results.items():
         for mesh, reason in measured.failures.items():
-            click.echo(f"{name}: {mesh}: {reason}")
+            echo(f"{name}: {mesh}: {reason}")
 
 
 def _cell(row: Mapping[str, float] | None) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from svbrdfgan.cli.display import note, progress
+from svbrdfgan.cli.display import echo, note, progress
 from svbrdfgan.cli.options import PartOptions, completed, known_models, part_options
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def command(
         )
         if page is not None:
             write_page(page, exhibit, display)
-            click.echo(page)
+            echo(page)
             return
         display.stage("unwrapping what weathers")
         exhibit.document("/stand/0")
@@ -80,7 +80,7 @@ def _serve(exhibit: Exhibit, port: int, *, open_browser: bool) -> None:
     from svbrdfgan.viewer.server import serve
 
     with serve(exhibit, port) as address:
-        click.echo(address)
+        echo(address)
         note("Ctrl-C ends the server.")
         if open_browser:
             webbrowser.open(address)

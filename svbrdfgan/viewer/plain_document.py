@@ -6,6 +6,7 @@ from io import BytesIO
 
 from PIL import Image
 
+from svbrdfgan.errors import AssetError
 from svbrdfgan.io.gltf.document import Document, Json, picture_bytes
 from svbrdfgan.io.gltf.materials import SPECULAR_GLOSSINESS, metallic_roughness
 from svbrdfgan.io.gltf_codecs.pictures import KTX2, UnreadablePicture, decode_picture
@@ -16,11 +17,15 @@ _BASIS = "KHR_texture_basisu"
 def make_plain(document: Document) -> None:
     """Turns pictures of KTX2 into PNG, and materials of specular and glossiness into dielectrics, in place.
 
-    Pictures that cannot be read become white. Of specular and glossiness, the factor of glossiness alone counts.
+    Pictures that cannot be read become white, as do those whose files are missing or may not be read: a page would ask
+    for them wherever the document says. Of specular and glossiness, the factor of glossiness alone counts.
     """
     for number, entry in enumerate(document.table("images")):
-        data = picture_bytes(document, number)
-        if data.startswith(KTX2):
+        try:
+            data = picture_bytes(document, number)
+        except (FileNotFoundError, AssetError, ValueError):
+            data = b""
+        if not data or data.startswith(KTX2):
             entry.pop("uri", None)
             entry |= {"bufferView": document.add_view(_png(data)), "mimeType": "image/png"}
     for texture in document.table("textures"):

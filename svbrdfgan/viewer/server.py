@@ -11,20 +11,17 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Lock, Thread
 from typing import TYPE_CHECKING
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs
 
 from svbrdfgan.errors import ConfigError, SvbrdfganError
 from svbrdfgan.viewer.documents import Document, Superseded, Unknown
-from svbrdfgan.viewer.page import live_page
+from svbrdfgan.viewer.page import live_page, live_policy
 
 if TYPE_CHECKING:
     from svbrdfgan.viewer.exhibit import Exhibit
 
 HOST = "127.0.0.1"
-_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self' data: blob:; "
-    "img-src data: blob:; worker-src blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-)
+_POLICY = f"{live_policy()}; frame-ancestors 'none'"
 
 log = logging.getLogger(__name__)
 
@@ -90,18 +87,18 @@ class _Server(ThreadingHTTPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers GET alone: from this machine, for this server's own page, and with the token."""
+    """Answers GET alone: from this machine, for this server's own page, and with the token. No body is ever read."""
 
     server: _Server
     server_version, sys_version = "svbrdfgan", ""
 
     def do_GET(self) -> None:
-        asked = urlsplit(self.path)
-        if refusal := self._refusal(parse_qs(asked.query)):
+        path, _, query = self.path.partition("?")
+        if refusal := self._refusal(parse_qs(query)):
             self._send(HTTPStatus.FORBIDDEN, Document.of({"error": refusal}))
             return
         try:
-            self._send(HTTPStatus.OK, self.server.desk.answer(asked.path))
+            self._send(HTTPStatus.OK, self.server.desk.answer(path))
         except Unknown:
             self._send(HTTPStatus.NOT_FOUND, Document.of({"error": "there is nothing of this name."}))
         except Superseded:
@@ -109,15 +106,20 @@ class _Handler(BaseHTTPRequestHandler):
         except SvbrdfganError as error:
             self._send(HTTPStatus.UNPROCESSABLE_ENTITY, Document.of({"error": str(error)}))
 
+    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
+        """Answers what is no request that is known, with the headers of every answer."""
+        status = HTTPStatus(code)
+        self._send(status, Document.of({"error": f"{message or status.phrase}."}))
+
     def log_message(self, format: str, *args: object) -> None:
         log.debug(format, *args)
 
     def _refusal(self, query: dict[str, list[str]]) -> str:
         """Why a request is not answered; empty if it is."""
         own = {f"{name}:{self.server.server_port}" for name in (HOST, "localhost")}
-        origin = self.headers.get("Origin")
         given = self.headers.get("X-Token") or (query.get("token") or [""])[0]
-        if self.headers.get("Host") not in own or (origin is not None and urlsplit(origin).netloc not in own):
+        origins = {None, *(f"http://{name}" for name in own)}
+        if self.headers.get("Host") not in own or self.headers.get("Origin") not in origins:
             return "this server answers its own page alone."
         if not secrets.compare_digest(given.encode(), self.server.desk.token.encode()):
             return "the address lacks the token; take the one that the command printed."
@@ -139,4 +141,4 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             self.wfile.write(document.data)
         except (BrokenPipeError, ConnectionResetError):
-            log.debug("the browser took no interest in %s", self.path)
+            log.debug("the browser took no interest in %s", self.requestline)

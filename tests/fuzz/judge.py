@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from svbrdfgan.errors import SvbrdfganError
+from svbrdfgan.utils.printable import printable
 
 SECONDS = 5.0
 """What a reader may take."""
@@ -115,17 +116,13 @@ def _tried(reader: Reader, path: Path) -> tuple[str, str]:
         message = str(error)
         if "MemoryError" in message or "llocate" in message:
             return "memory", message
-        return ("refused" if printable(message) else "unprintable"), message
+        plain = message.strip() and printable(message, breaks=True) == message
+        return ("refused" if plain else "unprintable"), message
     except MemoryError:
         return "memory", traceback.format_exc()
     except Exception:
         return "traceback", traceback.format_exc()
     return "read", ""
-
-
-def printable(message: str) -> bool:
-    """Whether a terminal shows a message as it is: one line, or a list of lines of what is wrong with several keys."""
-    return bool(message.strip()) and all(line.isprintable() for line in message.split("\n"))
 
 
 def _status(name: str) -> int:

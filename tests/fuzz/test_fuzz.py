@@ -13,7 +13,7 @@ import pytest
 
 from svbrdfgan.errors import AssetError
 from tests.fuzz.fuzz import fuzz
-from tests.fuzz.judge import SOUND, Judge, printable
+from tests.fuzz.judge import SOUND, Judge
 from tests.fuzz.kinds import Kind
 from tests.fuzz.mutations import damaged
 from tests.fuzz.seeds import all_kinds
@@ -58,7 +58,7 @@ def test_each_way_to_fail_is_told_apart() -> None:
 
 
 def test_a_message_shows_no_more_than_its_letters() -> None:
-    assert printable(str(AssetError("a\x1b[31m\u202eb\ud800.glb is cut short.")))
+    assert str(AssetError("a\x1b[31m\u202eb\ud800.glb")) == r"a\x1b[31m\u202eb\ud800.glb"
     assert str(AssetError("ä ok")) == "ä ok"
 
 

@@ -57,6 +57,18 @@ def test_maps_that_the_layer_leaves_alone_are_written_in_their_own_format(tmp_pa
     assert names == [f"{material}.{name}" for material in ("paint", "paint.1") for name in maps]
 
 
+@pytest.mark.parametrize("name", ["../../out", "/etc/paint", "a\\b", "..", "con\x00trol\x1b[2J\n", "\u202egpj"])
+def test_names_of_materials_do_not_lead_out_of_the_folder(name: str, tmp_path: Path) -> None:
+    document = Document({"asset": {"version": "2.0"}}, [], tmp_path / "a.glb")
+    document.add("images", {"bufferView": document.add_view(png_bytes(np.zeros((2, 2, 3), np.uint8)))})
+    document.add("textures", {"source": 0})
+    document.add("materials", {"name": name, "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})
+    (path,) = write_maps(tmp_path / "maps", Edited(document, materials=[0]))
+    assert path.parent == tmp_path / "maps"
+    assert path.name.isprintable()
+    assert [file for file in tmp_path.rglob("*") if file.is_file()] == [path]
+
+
 def test_python_takes_a_recipe_and_spares_the_source(van: Path, tmp_path: Path) -> None:
     before = van.read_bytes()
     written = write_weathered(tmp_path / "dusty.glb", van, Dust(), SMALL, front="+Z", up="+Y")

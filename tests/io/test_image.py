@@ -1,6 +1,7 @@
 """Pictures: the transfer function, the row order, and what each format keeps."""
 
 import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from PIL import Image
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.exr import load_exr, save_exr
+from svbrdfgan.io.gltf_codecs.pictures import UnreadablePicture, decode_picture
 from svbrdfgan.io.image import (
     linear_from_srgb,
     load_image,
@@ -159,6 +161,18 @@ def test_an_exr_of_absurd_size_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.exr").write_bytes(data.replace(window, absurd))
     with pytest.raises(AssetError, match=r"a\.exr"):
         load_image(tmp_path / "a.exr")
+
+
+def test_a_png_of_absurd_size_is_refused(tmp_path: Path) -> None:
+    save_image(tmp_path / "a.png", torch.rand(4, 4, 3))
+    data = (tmp_path / "a.png").read_bytes()
+    head = b"IHDR" + struct.pack(">2I", 14_000, 14_000) + data[24:29]  # Pillow's limit is 13,377 squared
+    absurd = data[:12] + head + struct.pack(">I", zlib.crc32(head)) + data[33:]
+    (tmp_path / "a.png").write_bytes(absurd)
+    with pytest.raises(AssetError, match=r"a\.png cannot be read as a picture: Image size"):
+        load_image(tmp_path / "a.png")
+    with pytest.raises(UnreadablePicture):
+        decode_picture(absurd, None)
 
 
 @pytest.mark.parametrize(

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import re
+from base64 import b64encode
+from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
 
+import pytest
+
 from svbrdfgan.utils.display import SilentDisplay
 from svbrdfgan.viewer.exhibit import Exhibit
-from svbrdfgan.viewer.page import live_page, write_page
+from svbrdfgan.viewer.page import baked_page, live_page, write_page
 
 STATIC = files("svbrdfgan.viewer") / "static"
 
@@ -34,6 +38,20 @@ def test_a_live_page_holds_nothing_but_itself() -> None:
     page = live_page("</title><script>alert(1)</script>")
     assert stored_in(page) == {}
     assert "<script>alert(1)" not in page
+
+
+@pytest.mark.parametrize("kind", ["live", "baked"])
+def test_pages_run_their_own_scripts_alone(dusty: Exhibit, kind: str) -> None:
+    page = live_page("van") if kind == "live" else baked_page(dusty, SilentDisplay())
+    policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)
+    assert policy is not None
+    told = dict(part.strip().partition(" ")[::2] for part in policy[1].split(";"))
+    scripts = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
+    hashes = {b64encode(sha256(script.encode()).digest()).decode() for script in scripts}
+    assert set(told["script-src"].split()) == {f"'sha256-{digest}'" for digest in hashes}
+    assert told["default-src"] == told["base-uri"] == told["form-action"] == "'none'"
+    assert told["connect-src"] == ("'self' data: blob:" if kind == "live" else "data: blob:")
+    assert told["img-src"] == "data: blob:"
 
 
 def test_pages_load_nothing_from_elsewhere() -> None:

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import struct
+from io import BytesIO
 from pathlib import Path
+
+import pytest
+from PIL import Image
 
 from svbrdfgan.io.gltf.document import Document, picture_bytes, picture_type
 from svbrdfgan.io.gltf_codecs.pictures import KTX2
@@ -54,3 +58,15 @@ def test_specular_and_glossiness_become_a_dielectric() -> None:
     assert made["extensions"] == {}
     assert other == {"name": "other"}
     assert "extensionsUsed" not in header
+
+
+@pytest.mark.parametrize(
+    "uri", ["https://example.com/track.png", "//example.com/a.png", "missing.png", "/etc/passwd", "data:,a", None]
+)
+def test_pictures_that_may_not_be_read_are_not_asked_for(tmp_path: Path, uri: str | None) -> None:
+    header = {"images": [{"uri": uri}], "textures": [{"source": 0}]}
+    document = Document(header, [], tmp_path / "a.gltf")
+    make_plain(document)
+    (entry,) = document.table("images")
+    assert "uri" not in entry
+    assert Image.open(BytesIO(picture_bytes(document, 0))).getpixel((0, 0)) == (255, 255, 255)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import struct
 from collections.abc import Callable
@@ -22,9 +23,10 @@ from svbrdfgan.data.photos.build import import_pictures
 from svbrdfgan.data.photos.calibrated_camera import CalibratedCamera
 from svbrdfgan.data.photos.captures import expand_captures
 from svbrdfgan.data.photos.check import ErrorCollector
+from svbrdfgan.data.photos.colmap import read_colmap
 from svbrdfgan.data.photos.manifest import PictureEntry, read_manifest
 from svbrdfgan.data.photos.rectify import rectified_camera, rectify
-from svbrdfgan.errors import ConfigError
+from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
@@ -326,6 +328,13 @@ def test_what_is_wrong_in_a_model_of_colmap_is_one_line(file: str, content: str 
     (base / folder / file).write_bytes(content if isinstance(content, bytes) else content.encode())
     line = errors(base, capture(folder))[0]
     assert re.match(rf"m.yaml: captures\[0\]: {said}", line), line
+
+
+def test_a_pipe_in_place_of_a_model_is_not_waited_for(tmp_path: Path) -> None:
+    for name in ("cameras.bin", "images.bin"):
+        os.mkfifo(tmp_path / name)
+    with pytest.raises(AssetError, match="holds no COLMAP model"):
+        read_colmap(tmp_path)
 
 
 @pytest.mark.parametrize(

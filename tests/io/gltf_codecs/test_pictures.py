@@ -12,8 +12,8 @@ from svbrdfgan.io.gltf_codecs.pictures import KTX2, UnreadablePicture, decode_pi
 PIXELS = np.random.default_rng(0).integers(0, 256, (3, 5, 4), dtype=np.uint8)
 
 
-def ktx2(level: bytes, format_: int = 43, scheme: int = 0, faces: int = 1) -> bytes:
-    head = KTX2 + struct.pack("<9I", format_, 1, 5, 3, 0, 0, faces, 1, scheme) + bytes(32)
+def ktx2(level: bytes, format_: int = 43, scheme: int = 0, faces: int = 1, width: int = 5, height: int = 3) -> bytes:
+    head = KTX2 + struct.pack("<9I", format_, 1, width, height, 0, 0, faces, 1, scheme) + bytes(32)
     return head + struct.pack("<3Q", 104, len(level), PIXELS.nbytes) + level
 
 
@@ -52,6 +52,7 @@ def test_ktx2_packed_by_zstandard() -> None:
         (ktx2(b"", format_=145), "format 145"),
         (ktx2(b"abc"), "3 bytes; wanted 60"),
         (ktx2(PIXELS.tobytes(), faces=6), "flat"),
+        (ktx2(b"packed", scheme=2, width=2**16, height=2**16), "65536 x 65536 texels; wanted at most 100 million"),
     ],
 )
 def test_what_cannot_be_decoded_is_said(data: bytes, reason: str) -> None:
