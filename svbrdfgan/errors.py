@@ -1,16 +1,11 @@
 """The errors this package raises. Every message says what was given, what was wanted and what to do."""
 
-from svbrdfgan.utils.printable import printable
-
 
 class SvbrdfganError(Exception):
     """Base of every error that is about the user's input or installation, not about a bug.
 
-    What a terminal would obey, or not show, is escaped in its text: files of strangers are quoted there.
+    A message may quote files of strangers as they are; the command line prints it by `svbrdfgan.utils.printable`.
     """
-
-    def __str__(self) -> str:
-        return printable(super().__str__(), breaks=True)
 
 
 class ConfigError(SvbrdfganError):

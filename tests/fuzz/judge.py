@@ -32,7 +32,7 @@ Reader = Callable[[Path], Any]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a file: `read`, `refused`, `unprintable`, `traceback`, `memory`, `hang` or `killed`, and why."""
+    """What came of a file: `read`, `refused`, `wordless`, `traceback`, `memory`, `hang` or `killed`, and why."""
 
     name: str
     why: str = ""
@@ -113,11 +113,10 @@ def _tried(reader: Reader, path: Path) -> tuple[str, str]:
     try:
         reader(path)
     except SvbrdfganError as error:
-        message = str(error)
+        message = printable(str(error), breaks=True)
         if "MemoryError" in message or "llocate" in message:
             return "memory", message
-        plain = message.strip() and printable(message, breaks=True) == message
-        return ("refused" if plain else "unprintable"), message
+        return ("refused" if message.strip() else "wordless"), message
     except MemoryError:
         return "memory", traceback.format_exc()
     except Exception:
