@@ -20,7 +20,9 @@ from svbrdfgan.cli import main
 DATASET: dict[str, Any] = {"splits": {"train": {"meshes": {"procedural": {"count": 2}}, "views": 40}}}
 MANY: dict[str, Any] = {
     "splits": {"train": {"meshes": {"procedural": {"count": 2}}, "views": 160}},
-    **{"image": [16, 16], "texture": 16, "spp": 1},
+    "image": [16, 16],
+    "texture": 16,
+    "spp": 1,
 }
 """So many exemplars that a busy machine does not end them before a test tells it to stop."""
 
