@@ -84,7 +84,7 @@ def test_further_maps_are_learned_and_decide(toy: tuple[list[Target], Scorer]) -
     }
     scorer = Scorer(toy[1].inputs, targets, errors)
     oracle, seen = trained((targets, scorer), rate=1e-2, every=20, steps=60)
-    each = scorer.each_recovered_by(scorer.layers(oracle.generator))
+    each = scorer.each_recovered_by(scorer.layers(oracle.generator.paint))
     assert each["metallic"] is not None
     assert each["metallic"] > 0.2
     assert oracle.score == pytest.approx(sum(value or 0.0 for value in each.values()) / 2)
