@@ -252,6 +252,11 @@ class DatasetConfig(SharedConfig):
         return self
 
     @property
+    def windowed(self) -> bool:
+        """Whether the pictures of all splits show windows."""
+        return all((near := self.camera_of(split).close_ups) and near.window for split in self.splits)
+
+    @property
     def window(self) -> int | None:
         """Texels along a side of the windows that training sees; None if it sees whole maps."""
         near = self.camera_of("train").close_ups

@@ -149,8 +149,10 @@ def _from_model(config: TrainConfig, init: str, base: Path, dataset: DatasetConf
 def _refining(config: TrainConfig, refines: str, base: Path, dataset: DatasetConfig) -> TrainConfig:
     """The configuration of a run that refines a model's layers, with the settings of that model's generator."""
     model, own = TrainedModel.open(model_folder(refines, base), "refines"), config.generator
-    if dataset.window is None:
-        raise ConfigError("refines: layers are refined in windows: make a data set with camera.close_ups.window.")
+    if not dataset.windowed:
+        raise ConfigError(
+            "refines: layers are refined in windows: make a data set with camera.close_ups.window in every split."
+        )
     texels = min(dataset.texture, WHOLE)
     if dataset.texture % texels:
         raise ConfigError(

@@ -80,11 +80,16 @@ class RunConfig(StrictModel):
         """The same run as if it had learned from another data set, so that it can be scored there.
 
         Raises:
-            ConfigError: layers of that data set have other maps, or the generator is told what does not vary there.
+            ConfigError: layers of that data set have other maps or no windows, or the generator is told what does not
+                vary there.
         """
         if tuple(dataset.config.maps) != tuple(self.dataset.maps):
             here, there = (", ".join(("base_color", *maps)) for maps in (self.dataset.maps, dataset.config.maps))
             raise ConfigError(f"the run paints {here}, and the layers of {dataset.folder} have {there}.")
+        if self.train.generator.refined is not None and not dataset.config.windowed:
+            raise ConfigError(
+                f"the run refines layers in windows, and not all close-ups of {dataset.folder} have them."
+            )
         generator = self.train.generator.model_copy(update={"conditions": self.conditions.size > 0})
         train = self.train.model_copy(update={"generator": generator})
         found = self.model_copy(

@@ -15,6 +15,7 @@ from svbrdfgan.config.distributions import Fixed
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.data.generate import generate
+from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.evaluated import by_subject, pictures
@@ -26,7 +27,7 @@ from svbrdfgan.training import step
 from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, resolve_config, resolve_run
-from svbrdfgan.training.run import load_model
+from svbrdfgan.training.run import RunConfig, load_model
 from svbrdfgan.training.trainer import train
 from svbrdfgan.utils.display import SilentDisplay
 
@@ -149,6 +150,8 @@ def test_detail_is_learned_over_the_layers_of_a_model(
     found = evaluate(detail, split="train", device="cpu", oracle=False)
     assert found.source.buffers.wholes is not None
     assert len(found.source.buffers.wholes.geometry) == 2, "one for each mesh"
+    with pytest.raises(ConfigError, match=r"in windows, and not all close-ups of .*whole have them"):
+        RunConfig.load(detail).scored_on(Dataset.open(tmp_path / "whole"))
 
 
 def test_what_cannot_be_refined_is_told(
@@ -162,6 +165,9 @@ def test_what_cannot_be_refined_is_told(
     assert config.camera.close_ups is not None
     far = config.camera.model_copy(update={"close_ups": None})
     refused("make a data set with camera.close_ups.window", config.model_copy(update={"camera": far}))
+    train_split = config.splits["train"]
+    tested = {"train": train_split, "test": train_split.model_copy(update={"camera": far})}
+    refused("in every split", config.model_copy(update={"splits": tested}))
     refused(
         "the model learned from maps of 64 texels; wanted .* whole maps of 32",
         config.model_copy(update={"texture": 32}),
