@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import logging
 import os
-import signal
 import sys
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -17,7 +16,7 @@ from click.shell_completion import CompletionItem
 from svbrdfgan import __version__
 from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.utils.printable import PrintableFormatter, printable
-from svbrdfgan.utils.stopping import stopped_by_sigterm
+from svbrdfgan.utils.stopping import exit_code, stopped_by_sigterm
 
 COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
@@ -98,7 +97,7 @@ class LazyGroup(click.Group):
             with stopped_by_sigterm():
                 return super().invoke(ctx)
         except KeyboardInterrupt as error:
-            raise click.exceptions.Exit(128 + (error.args or (signal.SIGINT,))[0]) from None
+            raise click.exceptions.Exit(exit_code(error)) from None
         except SvbrdfganError as error:
             if ctx.params["debug"]:
                 raise

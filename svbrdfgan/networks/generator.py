@@ -32,7 +32,6 @@ _NO_METAL = -3.0
 _HEIGHT = 2e-4
 """Height of the relief, in units of half a vehicle length, where the last convolution gives 1. So training starts with
 normals that lean by a few degrees, as those of relief do."""
-
 _LEAST_SLANT = 0.1
 """Least z of a refined normal, so that its slopes are bounded."""
 _LEAST = 1e-3

@@ -60,7 +60,6 @@ class GeneratorConfig(StrictModel):
         description="whether generator and discriminator are told each exemplar's amount and recipe, where they vary "
         "in the data set, so that they can be chosen later; `null`: if it reads random fields",
     )
-
     refined: GeneratorConfig | None = Field(
         default=None,
         description="the network whose layers it refines, if `refines` names one, which fills this in",

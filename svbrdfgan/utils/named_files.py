@@ -12,8 +12,6 @@ from typing import Any
 
 MOST_TEXT = 100_000_000
 """Bytes of a text: a manifest of 10,000 pictures has 10 million."""
-
-
 MOST_CONTAINERS = 3_000_000
 """Lists and objects of a JSON text; an index of 40,000 meshes, each with 64 viewpoints, has as many."""
 

@@ -18,6 +18,11 @@ def stop(number: int, frame: Any) -> None:
     raise KeyboardInterrupt(number)
 
 
+def exit_code(stopped: KeyboardInterrupt) -> int:
+    """The shells' code of a program that was stopped so: 143 by SIGTERM, else 130."""
+    return 128 + (signal.SIGTERM if stopped.args == (signal.SIGTERM,) else signal.SIGINT)
+
+
 @contextmanager
 def stopped_by_sigterm() -> Iterator[None]:
     """Within the context, SIGTERM is as Ctrl-C; but not in other threads, or where the caller has a handler for it."""

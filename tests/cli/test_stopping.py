@@ -16,6 +16,7 @@ import trimesh
 from click.testing import CliRunner
 
 from svbrdfgan.cli import main
+from svbrdfgan.utils.stopping import exit_code
 
 DATASET: dict[str, Any] = {"splits": {"train": {"meshes": {"procedural": {"count": 2}}, "views": 40}}}
 MANY: dict[str, Any] = {
@@ -92,6 +93,14 @@ def test_a_sentence_says_what_is_kept(
     result = CliRunner().invoke(main, ["--quiet", *words.format(**paths).split()])
     assert (result.exit_code, result.stdout) == (130, "")
     assert result.stderr == f"stopped; {sentence.format(**paths)}\n"
+
+
+@pytest.mark.parametrize(
+    ("given", "code"), [((), 130), (("",), 130), ((signal.SIGINT,), 130), ((signal.SIGTERM,), 143)]
+)
+def test_the_exit_code_says_what_stopped_it(given: tuple[Any, ...], code: int) -> None:
+    """Libraries raise it with words of their own."""
+    assert exit_code(KeyboardInterrupt(*given)) == code
 
 
 def test_weather_says_which_meshes_are_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
