@@ -26,8 +26,8 @@ from svbrdfgan.types import Layer, Material, Materials, Mesh, Surface
 from svbrdfgan.utils.memory import allowed_bytes, gigabytes
 from svbrdfgan.weathering.mesh_maps import MeshMaps, bake_mesh_maps
 
-_TEXEL = 4 * 4
-"""Bytes of one channel of a part's texel: as baked, under a layer, and as a renderer holds it, all in float32."""
+_TEXEL = 16
+"""Bytes of one channel of a part's texel while it is baked: 13 to 17 for 30 and 60 parts at 512 texels."""
 
 BaseColors = Mapping[str, tuple[float, float, float]]
 """Linear RGB reflectance by the name of a part."""
