@@ -21,6 +21,7 @@ from svbrdfgan.io.gltf.primitives import texture_coordinates
 from svbrdfgan.io.gltf.surface_files import mesh_document
 from svbrdfgan.io.mesh import SUFFIXES, Joined, join_pieces, load_mesh
 from svbrdfgan.io.pieces import Piece, Source
+from svbrdfgan.io.rows import members
 from svbrdfgan.types import Mesh
 from svbrdfgan.utils.memory import allowed_bytes, gigabytes
 
@@ -80,11 +81,16 @@ class Asset:
     @cached_property
     def corner_vertices(self) -> Int[ndarray, "faces 3"]:
         """For each corner of the mesh's faces, the vertex of its primitive."""
-        found = np.zeros_like(self.mesh.faces)
-        for index, piece in enumerate(self.pieces):
-            mine = self.face_piece == index
-            found[mine] = piece.faces[self.joined.piece_face[mine]]
-        return found
+        starts = np.cumsum([0] + [len(piece.faces) for piece in self.pieces])[:-1]
+        return np.concatenate([piece.faces for piece in self.pieces])[starts[self.face_piece] + self.joined.piece_face]
+
+    def faces(self, piece: int) -> Int[ndarray, " faces"]:
+        """The mesh's faces that come from a piece, in their order."""
+        return self._faces[piece]
+
+    @cached_property
+    def _faces(self) -> list[Int[ndarray, " faces"]]:
+        return members(self.face_piece, len(self.pieces))
 
     def uv(self, piece: int, number: int) -> Float[ndarray, "vertices 2"] | None:
         """TEXCOORD_n of a piece's vertices, origin at the lower left; None if it has none."""

@@ -80,7 +80,7 @@ class Mask:
             )
         corners = np.zeros((len(asset.mesh.faces), 3, 1 if self.picture is None else 2))
         for piece in covered:
-            mine = asset.face_piece == piece
+            mine = asset.faces(piece)
             corners[mine] = self._values(asset, piece)[asset.corner_vertices[mine]]
         return MeshMask(np.isin(asset.face_piece, covered), corners, self.picture)
 

@@ -16,6 +16,7 @@ from svbrdfgan.io.rows import merge_rows
 
 _STEP = 0.95  # the ratio of the scales that are tried
 _TRIES = 40  # to a scale of an eighth of the first guess
+_DOUBTFUL = 3  # tries after which the last one is made, since where that fails all do: gutters alone fill the square
 _LONGEST = 1.2  # of the side of a square of the charts' area: about the side of the texture that they fill
 _GROWTHS = 4  # further scales after the first that fits
 _SHRUNK = 0.97  # xatlas shrinks charts that are longer than the square
@@ -72,7 +73,10 @@ def pack(
         *_spread(flat * texels, chart),
         chart,
     )  # xatlas' tolerances are absolute: it needs numbers near those of texels
-    for scale in _STEP ** np.arange(_TRIES) if texels > 0.0 else ():
+    scales = _STEP ** np.arange(_TRIES)
+    for number, scale in enumerate(scales) if texels > 0.0 else ():
+        if number == _DOUBTFUL and _placed(mesh, (size, gutter, scales[-1])) is None:
+            break
         if (placed := _placed(mesh, (size, gutter, scale))) is not None:
             return _grown(mesh, (size, gutter, scale), placed) / size
     raise ChartsError(

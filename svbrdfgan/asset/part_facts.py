@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from svbrdfgan.asset.part_looks import Looks, PartLooks
 from svbrdfgan.asset.wheels import find_wheels
 from svbrdfgan.geometry.normals import face_areas, face_normals
 from svbrdfgan.geometry.sampling import faces_by_area, points_in_triangle
+from svbrdfgan.io.rows import members
 from svbrdfgan.types import Part, Surface
 from svbrdfgan.weathering.occlusion import ambient_visibility
 
@@ -68,21 +69,23 @@ def part_facts(asset: Asset, orientation: Orientation | None = None) -> tuple[Fa
     positions = mesh.positions if orientation is None else mesh.positions @ orientation.T
     corners, area = positions[mesh.faces], face_areas(positions, mesh.faces)
     part = np.array([place_of[_key(asset, piece)] for piece in range(len(asset.pieces))])[asset.face_piece]
-    used = np.unique(part).tolist()
+    members_of = members(part, len(groups))
+    used = [number for number, mine in enumerate(members_of) if len(mine)]
     ground = np.zeros(len(groups), bool)
-    ground[_ground(corners, part, used)] = True
+    ground[_ground(corners, members_of, used)] = True
     standing = ~ground[part]
     box = _box(corners[standing])
     low, size = box[0], np.maximum(box[1] - box[0], 1e-12)
     wheels = find_wheels(positions, mesh.faces, np.where(standing, asset.face_piece, -1), low[1], size[1])
     points = max(1, min(_SAMPLES, _ALL_SAMPLES // len(used)))
-    samples = {number: _samples(area, np.flatnonzero(part == number), points) for number in used}
+    samples = {number: _samples(area, members_of[number], points) for number in used}
     opened = _openness(positions, mesh.faces, samples)
     looks, total = PartLooks(asset), max(float(area.sum()), 1e-300)
     without_ground = max(float(area[standing].sum()), 1e-300)
     found = []
     for number in used:
-        mine, pieces = part == number, _pieces(asset, part, number)
+        mine = members_of[number]
+        pieces = tuple(np.unique(asset.face_piece[mine]).tolist())
         own, place = max(float(area[mine].sum()), 1e-300), (_box(corners[mine]) - low) / size
         facts = Facts(
             pieces,
@@ -93,8 +96,8 @@ def part_facts(asset: Asset, orientation: Orientation | None = None) -> tuple[Fa
             place[0],
             place[1],
             looks.of(pieces[0], *samples[number]),
-            float(area[mine & wheels.inside].sum()) / own,
-            float(area[mine & wheels.tread].sum()) / own,
+            float(area[mine[wheels.inside[mine]]].sum()) / own,
+            float(area[mine[wheels.tread[mine]]].sum()) / own,
             opened[number],
             bool(ground[number]),
         )
@@ -122,10 +125,6 @@ def _groups(asset: Asset) -> list[_Key]:
     return list(dict.fromkeys(_key(asset, piece) for piece in range(len(asset.pieces))))
 
 
-def _pieces(asset: Asset, part: Int[ndarray, " faces"], number: int) -> tuple[int, ...]:
-    return tuple(np.unique(asset.face_piece[part == number]).tolist())
-
-
 def _shared_names(asset: Asset) -> set[str]:
     """Names of nodes that stand above all pieces."""
     return set.intersection(*(set(asset.node_names(index)) for index in range(len(asset.pieces))))
@@ -141,9 +140,11 @@ def _box(corners: Float[ndarray, "faces 3 3"]) -> Float[ndarray, "2 3"]:
     return np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
 
 
-def _ground(corners: Float[ndarray, "faces 3 3"], part: Int[ndarray, " faces"], used: list[int]) -> list[int]:
+def _ground(
+    corners: Float[ndarray, "faces 3 3"], members_of: Sequence[Int[ndarray, " faces"]], used: list[int]
+) -> list[int]:
     """The parts that are flat sheets under all others, at least about as large as these."""
-    boxes = np.array([_box(corners[part == number]) for number in used])
+    boxes = np.array([_box(corners[members_of[number]]) for number in used])
     found = []
     if len(used) < 2:
         return []

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from svbrdfgan.asset.part_facts import Facts
-from svbrdfgan.asset.part_words import WEATHERED, Telling, telling
+from svbrdfgan.asset.part_words import WEATHERED, Shades, Telling, telling
 
 _MOST = {"glass": 0.6, "tyre": 0.6, "rim": 0.4, "wheel": 0.6, "chrome": 0.4, "lamp": 0.25, "mirror": 0.2, "plate": 0.1}
 _MOST |= {"interior": 0.6, "ground": 0.0, "decal": 0.3, "rubber": 0.4}
@@ -33,11 +33,11 @@ class Context:
     """What rules need to know of the other parts.
 
     Attributes:
-        names: all names of the file.
+        shades: of all names of the file.
         wheels: whether wheels were found by their shape.
     """
 
-    names: tuple[str, ...]
+    shades: Shades
     wheels: bool
 
 
@@ -149,7 +149,7 @@ def _weathered(facts: Facts, context: Context) -> Judgement:
 
 def _said(facts: Facts, context: Context) -> Telling | None:
     """What the most telling name says: the material's, then the mesh's and the node's, then those above."""
-    told = [found for name in (*facts.names, *facts.above) if (found := telling(name, context.names)) is not None]
+    told = [found for name in (*facts.names, *facts.above) if (found := telling(name, context.shades)) is not None]
     return told[0] if told else None
 
 

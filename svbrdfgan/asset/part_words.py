@@ -127,11 +127,21 @@ def split_words(name: str) -> tuple[str, ...]:
     return tuple(word.lower() for word in found)
 
 
-def telling(name: str, others: Iterable[str] = ()) -> Telling | None:
+Shades = frozenset[tuple[str, ...]]
+"""The words of names besides "dark"."""
+
+
+def shades(names: Iterable[str]) -> Shades:
+    """Of all names of a file, those that are a dark shade of something."""
+    found = (split_words(name) for name in names)
+    return frozenset(_without(words, "dark") for words in found if "dark" in words)
+
+
+def telling(name: str, others: Shades = frozenset()) -> Telling | None:
     """What a name says of its part; None if nothing.
 
     Args:
-        others: the other names of the file. Next to "Main_Dark", "Main_Light" is a shade and no lamp.
+        others: the file's shades. Next to "Main_Dark", "Main_Light" is a shade and no lamp.
     """
     words = split_words(name)
     said = [found for position in range(len(words)) if (found := _said(words, position)) is not None]
@@ -168,10 +178,10 @@ def _kind(word: str) -> str | None:
     return next((kind for end, kind in _ENDS.items() if word.endswith(end) and len(word) > len(end) + 2), None)
 
 
-def _is_shade(words: tuple[str, ...], others: Iterable[str]) -> bool:
+def _is_shade(words: tuple[str, ...], others: Shades) -> bool:
     """Whether "light" is a brightness: the same name occurs with "dark" in its place."""
-    if "light" not in words:
-        return False
-    base = tuple(word for word in words if word != "light")
-    rest = [split_words(other) for other in others]
-    return any("dark" in other and tuple(word for word in other if word != "dark") == base for other in rest)
+    return "light" in words and _without(words, "light") in others
+
+
+def _without(words: tuple[str, ...], word: str) -> tuple[str, ...]:
+    return tuple(each for each in words if each != word)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import copy
+from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,7 +23,7 @@ from svbrdfgan.io.rows import merge_rows
 
 @dataclass(frozen=True, eq=False)
 class NewUVSet:
-    """A UV set for some pieces: its number, the pieces' faces in the asset's mesh, and UVs at their corners."""
+    """A UV set for some pieces: its number, the pieces' faces in the asset's mesh in their order, and UVs at their corners."""
 
     number: int
     faces: Int[ndarray, " faces"]
@@ -80,18 +82,24 @@ class PieceEditor:
         """The document's primitive of a piece; of a copy of its mesh, if other nodes show that mesh and must differ."""
         document, source = self.document, self.asset.source(piece)
         node = document.table("nodes")[source.node]
-        users = [number for number, other in enumerate(document.table("nodes")) if other.get("mesh") == node["mesh"]]
-        if not alone and len(users) > 1:
+        if not alone and self._users[node["mesh"]] > 1:
+            self._users[node["mesh"]] -= 1
             mesh = copy.deepcopy(document.table("meshes")[node["mesh"]])
             node["mesh"] = document.add("meshes", mesh)
+            self._users[node["mesh"]] = 1
             self.told.append(f"'{mesh.get('name', 'a mesh')}' is copied for a node that must differ from others.")
         primitive: Json = document.table("meshes")[node["mesh"]]["primitives"][source.primitive]
         return primitive
 
+    @cached_property
+    def _users(self) -> Counter[int]:
+        """How many nodes show each mesh."""
+        return Counter(node["mesh"] for node in self.document.table("nodes") if "mesh" in node)
+
     def _add_uv(self, piece: int, primitive: Json, uv_set: NewUVSet) -> None:
         """Gives a primitive a further UV set, for which vertices are split; all its other arrays are gathered anew."""
-        number, uv = uv_set.number, uv_set.uv[self.asset.face_piece[uv_set.faces] == piece]
-        mine = self.asset.face_piece == piece
+        number, mine = uv_set.number, self.asset.faces(piece)
+        uv = uv_set.uv[np.searchsorted(uv_set.faces, mine)]
         vertex = self.asset.corner_vertices[mine].reshape(-1)
         # glTF's origin is at the upper left
         rows, corner = merge_rows(np.column_stack([vertex, uv.reshape(-1, 2) * (1.0, -1.0) + (0.0, 1.0)]))

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from svbrdfgan.asset.asset import Asset
-from svbrdfgan.io.gltf.document import Json
+from svbrdfgan.io.gltf.document import Document, Json
 from svbrdfgan.io.gltf.primitives import vertex_floats
 from svbrdfgan.io.uv_sets import UVSet
 
@@ -49,7 +49,7 @@ class Group:
             uv = self.asset.uv(piece, uv_set.number)
             if uv is None:
                 return None
-            mine = self.asset.face_piece == piece
+            mine = self.asset.faces(piece)
             made[mine] = uv_set.moved(uv)[self.asset.corner_vertices[mine]]
         return made[self.faces]
 
@@ -75,7 +75,7 @@ class Group:
             return None
         made = np.ones((len(self.asset.mesh.faces), 3, 4), np.float32)
         for piece in pieces:
-            mine = self.asset.face_piece == piece
+            mine = self.asset.faces(piece)
             made[mine] = self._colors(piece)[self.asset.corner_vertices[mine]]
         return made
 
@@ -100,10 +100,12 @@ def groups(asset: Asset, weathers: Collection[int]) -> Iterator[Group]:
     for piece in range(len(asset.pieces)):
         if piece in weathers and asset.source(piece).instance == 0:
             of_material.setdefault(asset.primitive(piece).get("material"), []).append(piece)
+    shown = _showings(asset.document)
     for material, pieces in of_material.items():
-        faces = np.flatnonzero(np.isin(asset.face_piece, pieces))
+        faces = np.sort(np.concatenate([asset.faces(piece) for piece in pieces]))
         if len(faces):
-            shared = material is not None and any(_shows(other, material) for other in _others(asset, pieces))
+            own = {(asset.source(piece).node, asset.source(piece).mesh, asset.source(piece).primitive) for piece in pieces}
+            shared = material is not None and not own.issuperset(shown[material])
             yield Group(asset, material, tuple(pieces), faces, shared)
 
 
@@ -124,18 +126,17 @@ def variants(primitive: Json) -> list[Json]:
     return found
 
 
-def _others(asset: Asset, pieces: Collection[int]) -> Iterator[Json]:
-    """The primitives that are more than these pieces: of other nodes, even outside of the scene, or of no node."""
-    own = {(asset.source(piece).node, asset.source(piece).primitive) for piece in pieces}
+def _showings(document: Document) -> dict[int, list[tuple[int, int, int]]]:
+    """For each material all primitives that have it, or one of whose variants does: by node, even outside of the scene
+    and -1 if there is none, mesh and number.
+    """
     users: dict[int, list[int]] = {}
-    for number, node in enumerate(asset.document.table("nodes")):
+    for number, node in enumerate(document.table("nodes")):
         users.setdefault(node.get("mesh", -1), []).append(number)
-    for mesh, entry in enumerate(asset.document.table("meshes")):
+    found: dict[int, list[tuple[int, int, int]]] = {}
+    for mesh, entry in enumerate(document.table("meshes")):
         for number, primitive in enumerate(entry["primitives"]):
-            if any((node, number) not in own for node in users.get(mesh, [-1])):
-                yield primitive
-
-
-def _shows(primitive: Json, material: int) -> bool:
-    """Whether a primitive has the material, or one of its variants does."""
-    return material in (primitive.get("material"), *(mapping["material"] for mapping in variants(primitive)))
+            for material in {primitive.get("material"), *(mapping["material"] for mapping in variants(primitive))}:
+                places = found.setdefault(material, [])
+                places += [(node, mesh, number) for node in users.get(mesh, [-1])]
+    return found

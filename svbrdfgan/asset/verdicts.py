@@ -10,6 +10,7 @@ from types import MappingProxyType
 from svbrdfgan.asset.asset import Asset
 from svbrdfgan.asset.part_facts import Facts, Orientation, part_facts
 from svbrdfgan.asset.part_rules import Context, Judgement, judge_part
+from svbrdfgan.asset.part_words import shades
 from svbrdfgan.geometry.normals import face_areas
 
 _PAINTED = 0.8
@@ -60,7 +61,8 @@ def judge(
         masked: of pieces that a mask of the user's lies on, whether it lets them weather.
     """
     parts = part_facts(asset, orientation)
-    context = Context(tuple({name for facts in parts for name in facts.names}), any(facts.wheel for facts in parts))
+    names = {name for facts in parts for name in facts.names}
+    context = Context(shades(names), any(facts.wheel for facts in parts))
     judged = {
         piece: (facts, _masked(judgement, masked.get(piece)))
         for facts in parts
@@ -131,4 +133,4 @@ def _match(names: Iterable[str], patterns: Sequence[str]) -> str | None:
 def _shares(asset: Asset) -> list[float]:
     area = face_areas(asset.mesh.positions, asset.mesh.faces)
     total = max(float(area.sum()), 1e-300)
-    return [float(area[asset.face_piece == piece].sum()) / total for piece in range(len(asset.pieces))]
+    return [float(area[asset.faces(piece)].sum()) / total for piece in range(len(asset.pieces))]

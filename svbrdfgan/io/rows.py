@@ -18,3 +18,9 @@ def merge_rows(rows: Float[ndarray, "rows columns"]) -> tuple[Float[ndarray, "me
     index = np.empty(len(rows), dtype=np.int64)
     index[order] = rank[np.cumsum(fresh) - 1]
     return rows[np.sort(first)], index
+
+
+def members(owner: Int[ndarray, " rows"], count: int) -> list[Int[ndarray, " members"]]:
+    """The rows of each of `count` owners, in order; all together as long as `owner`, so that loops over owners are."""
+    order = np.argsort(owner, kind="stable")
+    return np.split(order, np.searchsorted(owner[order], np.arange(1, count)))

@@ -13,7 +13,7 @@ import pytest
 import trimesh
 
 from svbrdfgan.asset.asset import Asset, load_asset
-from svbrdfgan.asset.part_words import split_words, telling
+from svbrdfgan.asset.part_words import shades, split_words, telling
 from svbrdfgan.asset.verdicts import Verdict, judge, warnings
 from svbrdfgan.asset.wheels import find_wheels
 from svbrdfgan.io.gltf.document import read_document, write_document
@@ -110,8 +110,8 @@ def test_words_are_cut_at_camel_case_signs_and_digits() -> None:
 
 
 def test_light_beside_dark_is_a_shade() -> None:
-    assert telling("Main_Light", ("Main", "Main_Dark")) is None
-    assert telling("Main_Light", ("Main",)) is not None
+    assert telling("Main_Light", shades(("Main", "Main_Dark"))) is None
+    assert telling("Main_Light", shades(("Main",))) is not None
 
 
 def test_a_lamp_that_is_the_whole_object_weathers(file: Path) -> None:
