@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import torch
 
 from svbrdfgan.asset.asset import BYTES_PER_TRIANGLE, Asset
-from svbrdfgan.asset.weather_document import DEFAULT_SIZE, Textures
+from svbrdfgan.asset.weather_document import DEFAULT_SIZE, Textures, enough_texels
 from svbrdfgan.asset.weathered_maps import BAND
 from svbrdfgan.asset.weathered_material import WeatheredMaterial
 from svbrdfgan.errors import ConfigError
+from svbrdfgan.geometry.normals import face_areas
 from svbrdfgan.io.gltf.materials import DocumentPictures
 from svbrdfgan.types import FURTHER_MAPS
 from svbrdfgan.utils.memory import allowed_bytes, gigabytes
@@ -59,27 +60,33 @@ class Plan:
         triangles: of the whole model.
         materials: of each weathered material, rows and columns of its textures.
         textures: how large new ones will be.
+        enough: of each of them, the size of its textures if it has none; by default as large as they become.
     """
 
     triangles: int
     materials: tuple[tuple[tuple[int, int], ...], ...]
     textures: Textures
+    enough: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, asset: Asset, weathers: Collection[int], textures: Textures) -> Plan:
         """The plan for the pieces of these numbers."""
-        numbers = {asset.primitive(piece).get("material") for piece in weathers}
-        return cls(len(asset.mesh.faces), tuple(_old(asset, number) for number in numbers), textures)
+        areas, shares = face_areas(asset.mesh.positions, asset.mesh.faces), dict[int | None, float]()
+        for piece in weathers:
+            number = asset.primitive(piece).get("material")
+            shares[number] = shares.get(number, 0.0) + float(areas[asset.faces(piece)].sum() / areas.sum())
+        enough = tuple(enough_texels(share, textures.painted) for share in shares.values())
+        return cls(len(asset.mesh.faces), tuple(_old(asset, number) for number in shares), textures, enough)
 
     def as_overlay(self) -> Plan:
         """The plan of one layer beside the file, over all that weathers."""
-        return replace(self, materials=((),))
+        return replace(self, materials=((),), enough=())
 
     def peak_bytes(self) -> int:
         """What the process holds at most, files in memory included; never much less than it is."""
         most, stored = 0, 0.0
-        for old in self.materials:
-            side = self.textures.size or max((max(size) for size in old), default=DEFAULT_SIZE)
+        for old, enough in zip(self.materials, self.enough or [DEFAULT_SIZE] * len(self.materials), strict=True):
+            side = self.textures.size or max((max(size) for size in old), default=enough)
             texels = [rows * cols for rows, cols in old]
             maps = max(3, len(old))
             stored += _STORED * maps * side * side

@@ -153,7 +153,8 @@ def _places(edited: Edited, model: Model, group: Group, changed: WeatheredMateri
     own = group.uv(changed.uv_set())
     positions = model.mesh.positions[model.mesh.faces[group.faces]]
     flaw = uv_fitness(positions, own).reason or _border_flaw(own, changed)
-    enough = textures.size or _enough(model.mesh, group, textures.painted)
+    areas = face_areas(model.mesh.positions, model.mesh.faces)
+    enough = textures.size or enough_texels(float(areas[group.faces].sum() / areas.sum()), textures.painted)
     rows, cols = changed.size(textures.size) or (enough, enough)
     if own is not None and not flaw:
         return _Places(Canvas(model.mesh, group.faces, wrapped(own), model.reversed), rows, cols)
@@ -166,10 +167,11 @@ def _places(edited: Edited, model: Model, group: Group, changed: WeatheredMateri
     return _Places(Canvas(model.mesh, group.faces, uv, model.reversed), size, size, number)
 
 
-def _enough(mesh: Mesh, group: Group, painted: int) -> int:
-    """The size at which a texture is as fine as the layer, where no texture of the file says how fine it should be."""
-    areas = face_areas(mesh.positions, mesh.faces)
-    side = painted * float(np.sqrt(areas[group.faces].sum() / areas.sum()))
+def enough_texels(share: float, painted: int) -> int:
+    """The size at which a texture over a share of the model is as fine as the layer, where no texture of the file says
+    how fine it should be.
+    """
+    side = painted * float(np.sqrt(share))
     return int(min(max(2 ** np.ceil(np.log2(max(side, 1.0))), _LEAST_SIZE), DEFAULT_SIZE))
 
 

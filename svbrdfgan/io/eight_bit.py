@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 Bytes = UInt8[ndarray, "rows cols channels"]
 
 MOST_TEXELS = 100_000_000
-"""Of a texture, which as linear values takes twelve times as many bytes; those of 8192 x 8192 are 67 million."""
+"""Of a texture that stays in bytes."""
+MOST_LINEAR = 8192 * 8192
+"""Of a picture that becomes linear values, which take twelve bytes each: 0.8 GB, and 0.2 GB as it is decoded."""
 
 
 def flipped_bytes(picture: Image) -> Bytes:

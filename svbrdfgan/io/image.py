@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -20,7 +20,7 @@ from torch import Tensor
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.io.eight_bit import MOST_TEXELS
+from svbrdfgan.io.eight_bit import MOST_LINEAR
 from svbrdfgan.io.exr import read_floats, write_floats
 from svbrdfgan.io.files import check_file
 
@@ -33,6 +33,8 @@ EIGHT_BIT = (".png", ".jpg", ".jpeg")
 FLOAT = (".exr", ".hdr")
 LUMINANCE = ("Y",)  # EXR's names of channels
 COLOR = ("R", "G", "B", "A")
+
+_STRIP = 256  # rows at a time
 
 Encoding = Literal["srgb", "raw"]
 """How 8-bit files store values: colours as sRGB, and numbers that are no colours as they are."""
@@ -156,13 +158,14 @@ def linear_from_picture(image: Image) -> Float[Tensor, "height width channels"]:
     Raises:
         OSError, SyntaxError, ValueError: the image's file is broken (Pillow decodes lazily).
     """
-    if image.mode.startswith("I"):
-        values = numbers_from_picture(image)
-        return torch.cat([linear_from_srgb(values[..., :3]), values[..., 3:]], dim=-1)
-    codes = _eight_bits(image)
-    linear = np.empty(codes.shape, np.float32)
-    np.take(_LINEAR, codes[..., :3], out=linear[..., :3], mode="clip")
-    np.divide(codes[..., 3:], np.float32(255.0), out=linear[..., 3:])
+    linear = np.empty(_shape(image), np.float32)
+    for rows, part in _strips(image):
+        if image.mode.startswith("I"):
+            linear[rows] = linear_from_srgb(torch.from_numpy(_sixteen_bits(part))).numpy()
+            continue
+        codes = _eight_bits(part)
+        np.take(_LINEAR, codes[..., :3], out=linear[rows, :, :3], mode="clip")
+        np.divide(codes[..., 3:], np.float32(255.0), out=linear[rows, :, 3:])
     return torch.from_numpy(linear)
 
 
@@ -172,15 +175,37 @@ def numbers_from_picture(image: Image) -> Float[Tensor, "height width channels"]
     Raises:
         OSError, SyntaxError, ValueError: the image's file is broken (Pillow decodes lazily).
     """
-    if image.mode.startswith("I"):  # 16-bit grey: Pillow's convert("RGB") would clip it to 8 bits
-        grey = torch.from_numpy(np.asarray(image).astype(np.float32) / 65535.0)
-        return grey.clamp(0, 1)[..., None].expand(-1, -1, 3).contiguous()
-    return torch.from_numpy(_eight_bits(image)).float().div_(255.0)
+    numbers = np.empty(_shape(image), np.float32)
+    for rows, part in _strips(image):
+        if image.mode.startswith("I"):
+            numbers[rows] = _sixteen_bits(part)
+        else:
+            np.divide(_eight_bits(part), np.float32(255.0), out=numbers[rows])
+    return torch.from_numpy(numbers)
+
+
+def _strips(image: Image) -> Iterator[tuple[slice, Image]]:
+    """Some rows of the picture after others, so that it is in memory in bytes and in what they become, and no more."""
+    for top in range(0, image.height, _STRIP):
+        rows = slice(top, min(top + _STRIP, image.height))
+        yield rows, image.crop((0, rows.start, image.width, rows.stop))
+
+
+def _shape(image: Image) -> tuple[int, int, int]:
+    return image.height, image.width, 4 if _has_alpha(image) else 3
+
+
+def _has_alpha(image: Image) -> bool:
+    return not image.mode.startswith("I") and ("A" in image.getbands() or "transparency" in image.info)
+
+
+def _sixteen_bits(image: Image) -> Float[ndarray, "height width 1"]:
+    """Grey in [0, 1], which Pillow's convert("RGB") would clip to 8 bits."""
+    return np.clip(np.asarray(image).astype(np.float32) / 65535.0, 0.0, 1.0)[..., None]
 
 
 def _eight_bits(image: Image) -> UInt8[ndarray, "height width channels"]:
-    alpha = "A" in image.getbands() or "transparency" in image.info
-    return np.array(image.convert("RGBA" if alpha else "RGB"))
+    return np.asarray(image.convert("RGBA" if _has_alpha(image) else "RGB"))
 
 
 _LINEAR: Float[ndarray, " codes"] = linear_from_srgb(torch.arange(256, dtype=torch.float32) / 255.0).numpy()
@@ -193,9 +218,10 @@ def _load_eight_bit(
 
     try:
         with PillowImage.open(path) as image:
-            if image.width * image.height > MOST_TEXELS:
+            if image.width * image.height > MOST_LINEAR:
                 raise ValueError(
-                    f"it has {image.width} x {image.height} pixels; at most {MOST_TEXELS // 10**6} million"
+                    f"it has {image.width} x {image.height} pixels; at most {MOST_LINEAR // 10**6} million are kept "
+                    "as linear values"
                 )
             return decode(image)
     except Exception as error:  # Pillow's decoders raise many types; each means a broken file

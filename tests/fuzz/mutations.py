@@ -255,4 +255,5 @@ _STRUCTURED: dict[str, Callable[[bytes, Random], bytes]] = {
     ".mtl": _words,
     ".ply": _words,
     ".stl": _words,
+    ".txt": _words,
 }

@@ -14,6 +14,7 @@ from svbrdfgan.data.config import dataset_config
 from svbrdfgan.data.generate import generate
 from tests.fuzz.kinds import Kind, kinds
 from tests.fuzz.mutations import packed_glb
+from tests.fuzz.stored import stored_kinds
 
 _FLOAT, _BYTE, _SHORT = 5126, 5121, 5123
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
@@ -68,7 +69,7 @@ def all_kinds(folder: Path) -> dict[str, Kind]:
     generate(dataset_config(data, "seed"), folder / "dataset", base=folder)
     files = folder / "files"
     files.mkdir()
-    return kinds(files, folder / "dataset", samples())
+    return kinds(files, folder / "dataset", samples()) | stored_kinds(files)
 
 
 def samples() -> dict[str, bytes]:
