@@ -15,6 +15,8 @@ MOST_TEXT = 100_000_000
 MOST_CONTAINERS = 3_000_000
 """Lists and objects of a JSON text; an index of 40,000 meshes, each with 64 viewpoints, has as many."""
 
+_LONGEST_NAME = 255  # bytes, of Linux, macOS and Windows
+
 
 def parse_json(text: str | bytes) -> Any:
     """The contents of a JSON text.
@@ -53,6 +55,13 @@ def read_text(path: Path) -> str:
     if len(content) > MOST_TEXT:
         raise OSError(errno.EFBIG, f"it has more than {MOST_TEXT // 1_000_000} MB")
     return content.decode("utf-8")
+
+
+def is_file_name(name: str) -> bool:
+    """Whether a file can be called so, with or without folders."""
+    parts = Path(name).parts
+    known = bool(Path(name).name) and "\0" not in name
+    return known and max(len(part.encode("utf-8", "surrogatepass")) for part in parts) <= _LONGEST_NAME
 
 
 def expanded(path: str | os.PathLike[str]) -> Path:

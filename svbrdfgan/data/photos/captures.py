@@ -16,6 +16,7 @@ from svbrdfgan.data.photos.manifest import Capture, Manifest, PictureEntry
 from svbrdfgan.data.photos.photo import SUFFIXES, find_mask, find_photo
 from svbrdfgan.data.photos.transforms import read_transforms
 from svbrdfgan.errors import AssetError, ConfigError
+from svbrdfgan.utils.named_files import is_file_name
 
 log = logging.getLogger(__name__)
 
@@ -51,6 +52,8 @@ def _read(capture: Capture, base: Path) -> tuple[Path, Sequence[Frame]]:
         images, frames = Path(capture.images), read_colmap(source)
     if not frames:
         raise ConfigError(f"{source} has no picture; calibrate again, or choose another of the program's models.")
+    if strange := [frame.name for frame in frames if not is_file_name(frame.name)]:
+        raise ConfigError(f"{source} has a picture called {strange[0][:40]!r}, which no file can be.")
     counts = Counter(str(Path(frame.name)) for frame in frames)
     repeated = sorted(name for name, count in counts.items() if count > 1)
     if repeated:

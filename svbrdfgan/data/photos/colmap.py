@@ -65,7 +65,7 @@ def _parsed(path: Path, read: Callable[[bytes], Iterator[Item]]) -> list[Item]:
         return list(read(path.read_bytes()))
     except OSError as error:
         raise AssetError(f"{path} cannot be read: {error.strerror or error}.") from error
-    except (ValueError, IndexError, struct.error) as error:  # UnicodeDecodeError is a ValueError
+    except (ValueError, IndexError, OverflowError, struct.error) as error:  # UnicodeDecodeError is a ValueError
         raise AssetError(f"{path} is not a file of COLMAP, or is cut off: {error}.") from error
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
@@ -123,6 +123,8 @@ def _text_poses(data: bytes) -> Iterator[_Pose]:
         if line.strip() and not line.startswith("#"):
             _, *pose, camera, name = line.split(maxsplit=9)
             values = tuple(map(float, pose))
+            if len(values) != 7:
+                raise ValueError(f"{name.strip()} has a pose of {len(values)} numbers; wanted 7")
             yield _Pose(name.strip(), int(camera), values[:4], values[4:])
             next(lines, None)  # the picture's points, a line that may be empty
 

@@ -315,6 +315,14 @@ def errors(base: Path, *captures: dict[str, Any]) -> list[str]:
         ("cameras.txt", "9 PINHOLE 240 160 9 9 9 9", ".*has no camera 1, which a.png is taken with"),
         ("images.txt", "# none", ".*text has no picture"),
         ("images.txt", "8 0 0 0 0 0 0 0 1 a.png", r".*camera_to_world\[0\]\[0\]: nan is not allowed"),
+        ("images.txt", "8 1 0 0 0 0 0 1 a.png", ".*images.txt is not a file of COLMAP, or is cut off"),
+        ("images.txt", "8 1 0 0 0 0 0 0 1 /", ".*text has a picture called '/', which no file can be"),
+        ("images.txt", f"8 1 0 0 0 0 0 0 1 {'a' * 300}.png", ".*text has a picture called 'aaa"),
+        (
+            "images.bin",
+            struct.pack("<QI7dI", 2, 8, 1, *[0] * 6, 1) + b"a.png\0" + struct.pack("<Q", 2**63),
+            ".*images.bin is not a file of COLMAP, or is cut off",
+        ),
         ("images.bin", struct.pack("<QI", 3, 8), ".*images.bin is not a file of COLMAP, or is cut off"),
         (
             "cameras.bin",
