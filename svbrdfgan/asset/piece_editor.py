@@ -23,7 +23,7 @@ from svbrdfgan.io.rows import merge_rows
 
 @dataclass(frozen=True, eq=False)
 class NewUVSet:
-    """A UV set for some pieces: its number, the pieces' faces in the asset's mesh in their order, and UVs at their corners."""
+    """A UV set for some pieces: its number, their faces in the asset's mesh in their order, and UVs at the corners."""
 
     number: int
     faces: Int[ndarray, " faces"]

@@ -104,7 +104,9 @@ def groups(asset: Asset, weathers: Collection[int]) -> Iterator[Group]:
     for material, pieces in of_material.items():
         faces = np.sort(np.concatenate([asset.faces(piece) for piece in pieces]))
         if len(faces):
-            own = {(asset.source(piece).node, asset.source(piece).mesh, asset.source(piece).primitive) for piece in pieces}
+            own = {
+                (asset.source(piece).node, asset.source(piece).mesh, asset.source(piece).primitive) for piece in pieces
+            }
             shared = material is not None and not own.issuperset(shown[material])
             yield Group(asset, material, tuple(pieces), faces, shared)
 

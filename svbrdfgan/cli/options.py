@@ -14,6 +14,7 @@ from click.shell_completion import CompletionItem
 
 from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
 from svbrdfgan.errors import ConfigError, PluginError
+from svbrdfgan.utils.printable import printable
 
 if TYPE_CHECKING:
     from svbrdfgan.inference.studio import Studio
@@ -34,7 +35,7 @@ def completed(
     """What a shell offers for a parameter: names, and paths if it takes those, too ("file" or "dir")."""
 
     def complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        found = [CompletionItem(name) for name in names() if name.startswith(incomplete)]
+        found = [CompletionItem(name) for name in names() if name.startswith(incomplete) and printable(name) == name]
         return [*found, CompletionItem(incomplete, type=paths)] if paths else found
 
     return complete

@@ -11,6 +11,7 @@ from svbrdfgan.experiments.columns import Column
 from svbrdfgan.experiments.contact_strip import CONTACT_STRIP, write_contact_sheet
 from svbrdfgan.experiments.results import Results, TableLine
 from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.utils.printable import printable
 
 TABLE = "table.md"
 RESULTS = "results.json"
@@ -69,7 +70,8 @@ def _table(columns: Sequence[Column], lines: Iterable[TableLine]) -> str:
         if line.outcomes
     ]
     ruler = ["---", "---", *["---:"] * (len(head) - 2)]
-    return "\n".join("| " + " | ".join(row) + " |" for row in [head, ruler, *rows])
+    shown = [[printable(cell).replace("|", r"\|") for cell in row] for row in [head, ruler, *rows]]
+    return "\n".join("| " + " | ".join(row) + " |" for row in shown)
 
 
 def _cell(column: Column, line: TableLine) -> str:
@@ -124,7 +126,7 @@ def _runs(lines: Iterable[TableLine]) -> Iterable[str]:
             result = (
                 f"[report](../runs/{run.folder.name}/report.html)" if run.reason is None else f"failed: {run.reason}"
             )
-            yield f"- {_label(line)}, seed {run.seed}: {result}"
+            yield printable(f"- {_label(line)}, seed {run.seed}: {result}")
 
 
 def _label(line: TableLine) -> str:
@@ -145,4 +147,4 @@ def _strips(folder: Path, lines: Iterable[TableLine]) -> dict[str, Path]:
 
 def _write(path: Path, text: str) -> None:
     with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(printable(text, breaks=True), encoding="utf-8")

@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from svbrdfgan import __version__, cli
+from svbrdfgan.cli.options import completed
 from svbrdfgan.errors import AssetError
 
 HELP = "import sys; sys.argv = ['svbrdfgan', '--help']\nfrom svbrdfgan.cli import main\n"
@@ -64,6 +65,11 @@ def test_the_package_is_the_program() -> None:
     """From a file `__main__.py`, click would call the program `python -m svbrdfgan`."""
     done = subprocess.run([sys.executable, "-m", "svbrdfgan", "--help"], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("Usage: svbrdfgan [OPTIONS] COMMAND ")
+
+
+def test_names_that_terminals_obey_are_not_completed() -> None:
+    complete = completed(lambda: ["rust", "ru\x1b[31m", "ru\nst"])
+    assert [item.value for item in complete(click.Context(cli.main), click.Argument(["name"]), "ru")] == ["rust"]
 
 
 @pytest.mark.parametrize(

@@ -88,6 +88,13 @@ def test_what_is_missing_is_reported(make_matrix: MakeMatrix, outcome: MakeOutco
     assert "Not run yet: none, thesis; some, thesis; fewer, default." in text
 
 
+def test_names_and_reasons_of_strangers_stay_in_their_line(make_matrix: MakeMatrix, outcome: MakeOutcome) -> None:
+    found = {("none", "default"): [replace(outcome(), device="a\x1b[31m"), "no\n# Title\x1b]0;a\x07"]}
+    text = page(results(make_matrix(), found), pictures=False)
+    assert r"failed: no\n# Title\x1b]0;a\x07" in text
+    assert "\x1b" not in text
+
+
 def test_what_cannot_be_compared_is_reported(make_matrix: MakeMatrix, outcome: MakeOutcome) -> None:
     found = {("none", "default"): [outcome(jobs=1)], ("some", "default"): [outcome(jobs=4, plateau=False)]}
     text = page(results(make_matrix(), found), pictures=False)
