@@ -89,7 +89,7 @@ def test_what_is_missing_is_reported(make_matrix: MakeMatrix, outcome: MakeOutco
 
 
 def test_names_and_reasons_of_strangers_stay_in_their_line(make_matrix: MakeMatrix, outcome: MakeOutcome) -> None:
-    found = {("none", "default"): [replace(outcome(), device="a\x1b[31m"), "no\n# Title\x1b]0;a\x07"]}
+    found = {("none", "default"): [outcome().model_copy(update={"device": "a\x1b[31m"}), "no\n# Title\x1b]0;a\x07"]}
     text = page(results(make_matrix(), found), pictures=False)
     assert r"failed: no\n# Title\x1b]0;a\x07" in text
     assert "\x1b" not in text
