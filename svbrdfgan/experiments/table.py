@@ -59,7 +59,7 @@ def page(results: Results, *, pictures: bool) -> str:
         "## The runs",
         "\n".join(_runs(results.lines)),
     ]
-    return "\n\n".join(part for part in parts if part) + "\n"
+    return printable("\n\n".join(part for part in parts if part) + "\n", breaks=True)
 
 
 def _table(columns: Sequence[Column], lines: Iterable[TableLine]) -> str:
@@ -147,4 +147,4 @@ def _strips(folder: Path, lines: Iterable[TableLine]) -> dict[str, Path]:
 
 def _write(path: Path, text: str) -> None:
     with atomic_path(path) as temporary:
-        temporary.write_text(printable(text, breaks=True), encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8")

@@ -34,7 +34,7 @@ FLOAT = (".exr", ".hdr")
 LUMINANCE = ("Y",)  # EXR's names of channels
 COLOR = ("R", "G", "B", "A")
 
-_STRIP = 256  # rows at a time
+_STRIP = 1 << 20  # pixels at a time, about
 
 Encoding = Literal["srgb", "raw"]
 """How 8-bit files store values: colours as sRGB, and numbers that are no colours as they are."""
@@ -186,8 +186,9 @@ def numbers_from_picture(image: Image) -> Float[Tensor, "height width channels"]
 
 def _strips(image: Image) -> Iterator[tuple[slice, Image]]:
     """Some rows of the picture after others, so that it is in memory in bytes and in what they become, and no more."""
-    for top in range(0, image.height, _STRIP):
-        rows = slice(top, min(top + _STRIP, image.height))
+    height = max(1, _STRIP // image.width)
+    for top in range(0, image.height, height):
+        rows = slice(top, min(top + height, image.height))
         yield rows, image.crop((0, rows.start, image.width, rows.stop))
 
 
