@@ -16,7 +16,7 @@ from click.shell_completion import CompletionItem
 from svbrdfgan import __version__
 from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.utils.printable import PrintableFormatter, printable
-from svbrdfgan.utils.stopping import exit_code, stopped_by_sigterm
+from svbrdfgan.utils.stopping import exit_code, stopped_by_signals
 
 COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
@@ -94,7 +94,7 @@ class LazyGroup(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         os.environ.setdefault(*_SPIN_COUNT)
         try:
-            with stopped_by_sigterm():
+            with stopped_by_signals():
                 return super().invoke(ctx)
         except KeyboardInterrupt as error:
             raise click.exceptions.Exit(exit_code(error)) from None
