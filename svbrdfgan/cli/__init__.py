@@ -107,8 +107,20 @@ class LazyGroup(click.Group):
         except OSError as error:
             if ctx.params["debug"] or error.strerror is None:
                 raise
-            where = f" ({error.filename})" if error.filename else ""
-            raise click.ClickException(printable(f"{error.strerror}{where}.")) from error
+            raise _sentence(error) from error
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        try:
+            return super().parse_args(ctx, args)
+        except BrokenPipeError:
+            raise
+        except OSError as error:  # of writing help or version
+            raise _sentence(error) from error
+
+
+def _sentence(error: OSError) -> click.ClickException:
+    where = f" ({error.filename})" if error.filename else ""
+    return click.ClickException(printable(f"{error.strerror}{where}."))
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
