@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+_LATER_SECONDS = 0.05
+
 
 def stop(number: int, frame: Any) -> None:
     """A handler of SIGTERM with which it is as Ctrl-C.
@@ -64,5 +66,16 @@ def _is_stop(lost: Any) -> bool:
 
 
 def _again(lost: BaseException | None) -> None:
-    """Raises it once more in the main thread: it came in a destructor or a callback, from which nothing is raised."""
-    _thread.interrupt_main(_number(lost))
+    """Sends the signal once more, later: it came in a destructor or a callback, from which nothing is raised."""
+    timer = threading.Timer(_LATER_SECONDS, _send, [_number(lost)])
+    timer.daemon = True
+    timer.start()
+
+
+def _send(number: int) -> None:
+    """Sends this process a signal, as from outside."""
+    main = threading.main_thread().ident
+    if hasattr(signal, "pthread_kill") and main is not None:
+        signal.pthread_kill(main, number)
+    else:  # Windows
+        _thread.interrupt_main(number)

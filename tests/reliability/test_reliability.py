@@ -1,4 +1,4 @@
-"""Each command under each disturbance ends with one sentence, leaves nothing behind, and goes on when it is called again.
+"""Each command, however it is disturbed, ends with one sentence, leaves nothing, and goes on when it is called again.
 
 SVBRDFGAN_MOMENTS says at how many random moments each signal comes; `python -m tests.reliability` prints a table.
 """
