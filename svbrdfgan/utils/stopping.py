@@ -27,7 +27,7 @@ def exit_code(stopped: KeyboardInterrupt) -> int:
     return 128 + _number(stopped)
 
 
-def _number(stopped: BaseException | None) -> int:
+def _number(stopped: BaseException | None) -> signal.Signals:
     given = () if stopped is None else stopped.args
     return signal.SIGTERM if given == (signal.SIGTERM,) else signal.SIGINT
 
@@ -72,7 +72,7 @@ def _again(lost: BaseException | None) -> None:
     timer.start()
 
 
-def _send(number: int) -> None:
+def _send(number: signal.Signals) -> None:
     """Sends this process a signal, as from outside."""
     main = threading.main_thread().ident
     if hasattr(signal, "pthread_kill") and main is not None:

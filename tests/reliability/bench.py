@@ -151,7 +151,9 @@ class Bench:
                 until = time.monotonic() + _PATIENCE
                 while process.poll() is None and time.monotonic() < until and not _is_claimed(place / command.claims):
                     time.sleep(0.01)
+                process.send_signal(signal.SIGSTOP)  # else it may have ended before the other has begun
                 second.append(run(command.again or command.words, place))
+                process.send_signal(signal.SIGCONT)
 
             first, troubles = watch(command.words, place, 0.0, disturb)
             troubles += [] if first.code == 0 else [f"the first ended with {first}"]
