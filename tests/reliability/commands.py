@@ -133,7 +133,10 @@ _EXPERIMENT: dict[str, Any] = {
     "thesis": "None.",
     "recipes": {"default": [0]},
     "rows": {"small": {"about": "All is small."}},
-    "cpu": {"dataset": {**_SHARED, "splits": _SPLITS}, "train": {**_TRAIN, "minutes": None, "steps": 8}},
+    "cpu": {
+        "dataset": {**_SHARED, "image": [32, 32], "splits": _SPLITS},
+        "train": {**_TRAIN, "minutes": None, "steps": 8},
+    },
 }
 _MANIFEST: dict[str, Any] = {
     "pictures": [
