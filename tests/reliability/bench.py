@@ -28,7 +28,7 @@ _LONG = 8.0
 """Seconds within which a command of minutes is disturbed."""
 _GRACE = 2.0
 """Seconds after which no process may be left."""
-_PATIENCE = 120.0
+_PATIENCE = 300.0
 _DROP, _OVERRIDE = 24, 1  # PR_CAPBSET_DROP, CAP_DAC_OVERRIDE
 _TORCH = "torchinductor_"
 """How the name of a folder begins that torch makes among temporary ones, and uses again."""
