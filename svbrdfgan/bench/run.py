@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.plugins.probe import probe_all
 from svbrdfgan.plugins.registry import RENDERERS, find_plugin, list_plugins
 from svbrdfgan.utils.display import Display
+from svbrdfgan.utils.leftovers import scratch_folder
 
 SLOW = ("numpy",)
 """Renderers that take minutes on the standard scene, and are measured only if named."""
@@ -79,8 +79,8 @@ class Bench:
                     "of the scene's file, and --spp {spp}."
                 )
         display.begin("programs", sum(self._runs(case) for case in cases))
-        with tempfile.TemporaryDirectory(prefix="svbrdfgan-bench-") as folder:
-            scenes = _Scenes(Path(folder), self.makers)
+        with scratch_folder() as folder:
+            scenes = _Scenes(folder, self.makers)
             for first in {case.scene: case for case in reversed(cases)}.values():
                 scenes.get(first)  # a mesh that cannot be used fails here, before anything is measured
             for case in cases:

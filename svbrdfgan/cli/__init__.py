@@ -16,7 +16,7 @@ from click.shell_completion import CompletionItem
 from svbrdfgan import __version__
 from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.utils.printable import PrintableFormatter, printable
-from svbrdfgan.utils.stopping import exit_code, stopped_by_sigterm
+from svbrdfgan.utils.stopping import exit_code, stopped_by_signals
 
 COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
@@ -94,7 +94,7 @@ class LazyGroup(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         os.environ.setdefault(*_SPIN_COUNT)
         try:
-            with stopped_by_sigterm():
+            with stopped_by_signals():
                 return super().invoke(ctx)
         except KeyboardInterrupt as error:
             raise click.exceptions.Exit(exit_code(error)) from None
@@ -107,8 +107,20 @@ class LazyGroup(click.Group):
         except OSError as error:
             if ctx.params["debug"] or error.strerror is None:
                 raise
-            where = f" ({error.filename})" if error.filename else ""
-            raise click.ClickException(printable(f"{error.strerror}{where}.")) from error
+            raise _sentence(error) from error
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        try:
+            return super().parse_args(ctx, args)
+        except BrokenPipeError:
+            raise
+        except OSError as error:  # of writing help or version
+            raise _sentence(error) from error
+
+
+def _sentence(error: OSError) -> click.ClickException:
+    where = f" ({error.filename})" if error.filename else ""
+    return click.ClickException(printable(f"{error.strerror}{where}."))
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

@@ -77,28 +77,31 @@ def command(
     with progress(f"opening {run}", lambda: kept) as display:
         from svbrdfgan.evaluation.evaluate import evaluate
         from svbrdfgan.evaluation.relight import Relight
+        from svbrdfgan.io.claims import claimed
+        from svbrdfgan.models.shipped import CONFIG
         from svbrdfgan.report.page import write_report
 
-        live = None
-        if view:
-            from svbrdfgan.viewer.open import exhibit_of
-            from svbrdfgan.viewer.page import baked_page
+        with claimed(run / CONFIG, f"{run} is being evaluated by another process"):
+            live = None
+            if view:
+                from svbrdfgan.viewer.open import exhibit_of
+                from svbrdfgan.viewer.page import baked_page
 
-            shown = exhibit_of(run, dataset=on or dataset, split=split, fine=_TEXELS, baked=_BAKED)
-            live = baked_page(shown, display)
-        evaluated = evaluate(
-            run,
-            split=split,
-            oracle=not no_oracle,
-            device=device,
-            dataset=dataset,
-            on=on,
-            relight=Relight(relight),
-            workers=workers or cores(),
-            display=display,
-        )
-        display.stage("writing the report")
-        report = write_report(run, evaluated, live)
+                shown = exhibit_of(run, dataset=on or dataset, split=split, fine=_TEXELS, baked=_BAKED)
+                live = baked_page(shown, display)
+            evaluated = evaluate(
+                run,
+                split=split,
+                oracle=not no_oracle,
+                device=device,
+                dataset=dataset,
+                on=on,
+                relight=Relight(relight),
+                workers=workers or cores(),
+                display=display,
+            )
+            display.stage("writing the report")
+            report = write_report(run, evaluated, live)
     if as_json:
         print_json(evaluated.evaluation.model_dump(mode="json"))
         return

@@ -46,7 +46,7 @@ def command(
     The command can be stopped at any time, also by --until. Run again, it continues, and tries what failed again. The
     exit code is 1 if a run failed. `--until 0` only writes the tables.
 
-    Experiments in one OUT share equal data sets, oracles and runs. Do not run two commands on one OUT at once; give
+    Experiments in one OUT share equal data sets, oracles and runs. A second command on one OUT is refused; give
     several names to one command instead.
 
     --only takes names as in OUT/NAME/table.md, or shell patterns. Parts left out at the end match everything:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.scene.loader import SceneLoader
+from svbrdfgan.utils.leftovers import scratch_folder
 
 _FEW = 4
 """Exemplars that are timed, after one that is not: the first one also compiles."""
@@ -47,8 +47,7 @@ def estimate(config: DatasetConfig, base: Path) -> Needs:
     """Bakes one mesh, renders a few exemplars of it, and multiplies each cost by the number in the data set."""
     config = with_model(config, None, base)
     renderer, _ = resolve_plugins(config)
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
+    with scratch_folder() as folder:
         index = make_index(config, folder, base)
         samplers = [index.sampler(split) for split in config.splits]
         exemplars, meshes = sum(map(len, samplers)), sum(len(sampler.meshes) for sampler in samplers)
@@ -91,8 +90,7 @@ def preview(config: DatasetConfig, base: Path) -> Float[Tensor, "height width 3"
     """The first exemplar next to its unweathered twin, linear, before grey."""
     config = with_model(config, None, base)
     renderer, _ = resolve_renderer(config.renderer, maps=config.maps)
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
+    with scratch_folder() as folder:
         scene = make_index(config, folder, base).sampler("train").scene(0)
         loader = SceneLoader(folder, keep=False)
         pair = [render_scene(loader, renderer, s) for s in (scene, scene.model_copy(update={"weathering": None}))]

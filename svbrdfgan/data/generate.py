@@ -21,6 +21,7 @@ from svbrdfgan.data.make_index import make_index
 from svbrdfgan.data.prebake import prebake
 from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.errors import ConfigError
+from svbrdfgan.io.claims import claimed_folder
 from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
@@ -60,13 +61,14 @@ def generate(
     fabric = Fabric(accelerator="auto", devices=devices, strategy="ddp_spawn" if devices > 1 else "auto")
     config = with_model(config, folder, base)
     renderer, choice = resolve_plugins(config, fabric.device)
-    dataset = Dataset(folder, make_index(config, folder, base, workers))
-    job = _Job(dataset, choice, _missing_by_mesh(dataset), max(1, workers // devices))
-    if devices > 1:
-        fabric.launch(partial(_render_on_device, job=job))
-    else:
-        _render_share(fabric, job, renderer, display or SilentDisplay())
-    return dataset.index
+    with claimed_folder(folder):
+        dataset = Dataset(folder, make_index(config, folder, base, workers))
+        job = _Job(dataset, choice, _missing_by_mesh(dataset), max(1, workers // devices))
+        if devices > 1:
+            fabric.launch(partial(_render_on_device, job=job))
+        else:
+            _render_share(fabric, job, renderer, display or SilentDisplay())
+        return dataset.index
 
 
 def missing(index: DatasetIndex, folder: Path) -> Iterator[tuple[Split, int]]:

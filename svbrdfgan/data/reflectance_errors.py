@@ -14,12 +14,13 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file, save
 from torch import Tensor
 
 from svbrdfgan.data.config import Split
 from svbrdfgan.data.exemplar_files import exemplar_paths
 from svbrdfgan.errors import AssetError
+from svbrdfgan.io.atomic import atomic_path
 from svbrdfgan.utils.copy_async import copy_async
 
 MAX_REFLECTANCE = 1.5
@@ -85,8 +86,8 @@ def errors_path(folder: Path, split: Split, index: int) -> Path:
 
 def save_errors(path: Path, values: Float[Tensor, "draws height width 8"]) -> None:
     """Writes an exemplar's errors in half precision."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    save_file({"errors": values.half().contiguous()}, path)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(save({"errors": values.half().contiguous()}))
 
 
 def load_errors(folder: Path, split: Split, count: int) -> ReflectanceErrors | None:

@@ -6,7 +6,6 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -29,6 +28,7 @@ from svbrdfgan.scene.subject import Subject
 from svbrdfgan.scene.window import bordered
 from svbrdfgan.types import Layer, View
 from svbrdfgan.utils.display import Display
+from svbrdfgan.utils.leftovers import scratch_folder
 
 _SEED = 7919
 """Seed of the scenes and of the procedural lights: far from the seeds that data sets use."""
@@ -134,9 +134,9 @@ class Relighter:
             ConfigError: a pattern matches nothing, or a light is one that training used.
             AssetError: a file cannot be read.
         """
-        with TemporaryDirectory() as folder:
-            pool = _lights(config.files, index, Path(folder))
-            radiance = {light.asset.path: load_environment(Path(folder) / light.asset.path) for light in pool}
+        with scratch_folder() as folder:
+            pool = _lights(config.files, index, folder)
+            radiance = {light.asset.path: load_environment(folder / light.asset.path) for light in pool}
         return cls(pool, SceneLoader(Path(), keep=False, _lights=radiance), config.scenes)
 
     def relit(

@@ -17,6 +17,7 @@ from svbrdfgan.experiments.run_matrix import Cell, DatasetSpec, OracleSpec, RunM
 from svbrdfgan.experiments.run_store import RunStore, record_provenance
 from svbrdfgan.experiments.table import write_results
 from svbrdfgan.experiments.tasks import DatasetTask, OracleTask, RunTask
+from svbrdfgan.io.claims import claimed_folder
 from svbrdfgan.utils.display import Display, SilentDisplay
 from svbrdfgan.utils.processes import cores
 
@@ -61,20 +62,21 @@ def run_experiments(
     until = time.monotonic() + 60 * minutes
     cells = select_cells([cell for matrix in matrices for cell in matrix.cells(seeds)], only)
     _require_assets(cells, assets)
-    for matrix in matrices:
-        record_provenance(matrix, root)
-    runs = RunStore(root / "runs", RunSpec)
-    work = [each for each in _work(cells, root, runs, assets or Path(), jobs) if not each.run.done()]
-    schedule = Schedule(_missing(work, jobs))
-    results = [_report(matrix, root, runs) for matrix in matrices]
-    display = display or SilentDisplay()
-    display.begin("data sets, oracles and runs", len(schedule))
-    with closing(execute(schedule, jobs, until, display)) as ended:
-        for task, reason in ended:
-            display.advance(1, task.title if reason is None else f"{task.title} FAILED")
-            _note(task.path / FAILED, reason)
-            results = [_report(matrix, root, runs) for matrix in matrices]
-    return results
+    with claimed_folder(root):
+        for matrix in matrices:
+            record_provenance(matrix, root)
+        runs = RunStore(root / "runs", RunSpec)
+        work = [each for each in _work(cells, root, runs, assets or Path(), jobs) if not each.run.done()]
+        schedule = Schedule(_missing(work, jobs))
+        results = [_report(matrix, root, runs) for matrix in matrices]
+        display = display or SilentDisplay()
+        display.begin("data sets, oracles and runs", len(schedule))
+        with closing(execute(schedule, jobs, until, display)) as ended:
+            for task, reason in ended:
+                display.advance(1, task.title if reason is None else f"{task.title} FAILED")
+                _note(task.path / FAILED, reason)
+                results = [_report(matrix, root, runs) for matrix in matrices]
+        return results
 
 
 def _work(cells: Sequence[Cell], root: Path, runs: RunStore[RunSpec], assets: Path, jobs: int) -> Iterator[_Work]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import secrets
-import tempfile
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from svbrdfgan.errors import AssetError
+from svbrdfgan.utils.leftovers import temporary_name
 
 
 @contextmanager
@@ -23,17 +23,28 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         AssetError: the file cannot be written there.
     """
     target = Path(path)
-    temporary = target.with_name(f".{target.stem}.{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
+    temporary = temporary_name(target)
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        yield temporary
-        os.replace(temporary, target)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise AssetError(f"{target} cannot be written ({reason}); check the folder and its free space.") from error
+        with writing(target):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            yield temporary
+            os.replace(temporary, target)
     finally:
         with suppress(OSError):
             temporary.unlink()
+
+
+@contextmanager
+def atomic_folder(target: Path) -> Iterator[Path]:
+    """A temporary folder next to `target`, which it replaces if the block succeeds; otherwise it is deleted.
+
+    Raises:
+        AssetError: files cannot be written there.
+    """
+    with folder_beside(target) as temporary, writing(target):
+        yield temporary
+        shutil.rmtree(target, ignore_errors=True)
+        os.replace(temporary, target)
 
 
 @contextmanager
@@ -43,9 +54,24 @@ def folder_beside(folder: Path) -> Iterator[Path]:
     Raises:
         AssetError: files cannot be written there.
     """
+    stage = temporary_name(folder)
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as stage:
-            yield Path(stage)
+        with writing(folder):
+            stage.mkdir(parents=True)
+            yield stage
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Within the context, errors of the system are those of writing this file or folder.
+
+    Raises:
+        AssetError: instead of an OSError.
+    """
+    try:
+        yield
     except OSError as error:
-        raise AssetError(f"{folder} cannot be written ({error.strerror or error}); choose another place.") from error
+        reason = error.strerror or str(error)
+        raise AssetError(f"{path} cannot be written ({reason}); check the folder and its free space.") from error

@@ -24,6 +24,7 @@ from typing import IO, Any, Literal
 from svbrdfgan.config.models import default_options
 from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.plugins.registry import RENDERERS, MissingDependencyError, Plugin, find_plugin, import_factory, make
+from svbrdfgan.utils.leftovers import scratch_folder
 from svbrdfgan.utils.processes import import_path
 
 TIMEOUT_SECONDS = 120.0
@@ -59,11 +60,11 @@ def probe_all(
 ) -> tuple[Probe, ...]:
     """The probes of all plugins, tried at once; each has `timeout` seconds."""
     deadline = time.monotonic() + timeout
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder, ExitStack() as stack:
+    with scratch_folder() as folder, ExitStack() as stack:
         trials = [
             Probe("broken", plugin.problem)
             if plugin.problem
-            else stack.enter_context(_trial(plugin, device, Path(folder) / f"{number}.json"))
+            else stack.enter_context(_trial(plugin, device, folder / f"{number}.json"))
             for number, plugin in enumerate(plugins)
         ]
         return tuple(trial if isinstance(trial, Probe) else trial.outcome(deadline, timeout) for trial in trials)

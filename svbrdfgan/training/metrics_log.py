@@ -11,7 +11,7 @@ from typing import Any
 from jaxtyping import Float
 from torch import Tensor
 
-from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.atomic import atomic_path, writing
 from svbrdfgan.training.run import LOG
 
 _MOST = 20_000
@@ -32,8 +32,12 @@ class MetricsLog:
         self.board = _board(run, step)
 
     def write(self, step: int, values: dict[str, float]) -> None:
-        """Logs numbers."""
-        with self.path.open("a", encoding="utf-8") as file:
+        """Logs numbers.
+
+        Raises:
+            AssetError: the file cannot be written.
+        """
+        with writing(self.path), self.path.open("a", encoding="utf-8") as file:
             file.write(json.dumps({"step": step, **values}) + "\n")
         if self.board is not None:
             for name, value in values.items():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import json
-import os
 import re
 import shutil
 from collections.abc import Iterator
@@ -17,12 +16,13 @@ import torch
 from jaxtyping import Float
 from pydantic import Field, field_validator
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file, save
 from torch import Tensor, nn
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from svbrdfgan.config.models import StrictModel
 from svbrdfgan.errors import AssetError, ConfigError, TrainingError
+from svbrdfgan.io.atomic import atomic_folder
 from svbrdfgan.io.records import load_record
 from svbrdfgan.networks.discriminator import Discriminator
 from svbrdfgan.networks.generator import Generator
@@ -160,16 +160,16 @@ class State:
         self.augmented.add_(change).clamp_(0.0, 1.0)
 
     def save(self, folder: Path) -> None:
-        """Writes a checkpoint, a folder that appears whole or not at all, and keeps the latest two."""
-        target = checkpoint_path(folder, self.step)
-        temporary = target.with_name(f".{target.name}.{os.getpid()}")
-        shutil.rmtree(temporary, ignore_errors=True)
-        temporary.mkdir(parents=True)
-        save_file(self._tensors(), temporary / "state.safetensors")
+        """Writes a checkpoint, a folder that appears whole or not at all, and keeps the latest two.
+
+        Raises:
+            AssetError: it cannot be written.
+        """
         counters = {"step": self.step, "seconds": self.seconds, "best": self.best, "history": self.history}
-        (temporary / _COUNTERS).write_text(json.dumps(counters), encoding="utf-8")
-        shutil.rmtree(target, ignore_errors=True)
-        os.replace(temporary, target)
+        with atomic_folder(checkpoint_path(folder, self.step)) as temporary:
+            # not save_file, which reports a full disk as an error of its own
+            (temporary / "state.safetensors").write_bytes(save(self._tensors()))
+            (temporary / _COUNTERS).write_text(json.dumps(counters), encoding="utf-8")
         for old in checkpoints(folder)[:-_KEEP]:
             shutil.rmtree(old, ignore_errors=True)
 

@@ -15,6 +15,7 @@ from lightning_fabric import Fabric
 
 from svbrdfgan.data.index import INDEX
 from svbrdfgan.errors import ConfigError, TrainingError
+from svbrdfgan.io.claims import claimed_folder
 from svbrdfgan.networks.saved import save_generator
 from svbrdfgan.plugins.registry import RENDERERS, find_plugin
 from svbrdfgan.plugins.select import resolve_renderer
@@ -56,14 +57,15 @@ def train(
     fabric = make_fabric(config.device, devices=config.devices, precision=config.precision)
     resolved = resolve_run(config, base)
     record = RunConfig.of(resolved)
-    _prepare_folder(run, record, resume)
-    if config.devices > 1:
-        # `partial` binds the records, since Fabric refuses frozen dataclasses among the arguments of a launch
-        fabric.launch(partial(_train_in_process, resolved=resolved, record=record, run=run))
-        state = _fresh_state(config, record, torch.device("cpu"))
-        state.load(checkpoints(run)[-1])
-        return state
-    return _train(fabric, resolved, record, run, display or SilentDisplay())
+    with claimed_folder(run):
+        _prepare_folder(run, record, resume)
+        if config.devices > 1:
+            # `partial` binds the records, since Fabric refuses frozen dataclasses among the arguments of a launch
+            fabric.launch(partial(_train_in_process, resolved=resolved, record=record, run=run))
+            state = _fresh_state(config, record, torch.device("cpu"))
+            state.load(checkpoints(run)[-1])
+            return state
+        return _train(fabric, resolved, record, run, display or SilentDisplay())
 
 
 @dataclass(frozen=True, eq=False)

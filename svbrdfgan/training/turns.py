@@ -22,6 +22,7 @@ from svbrdfgan.data.photos.build import import_pictures
 from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.claims import claimed_folder
 from svbrdfgan.io.records import load_json
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.resolve import make_fabric, resolve_config
@@ -102,22 +103,23 @@ def take_turns(
         KeyboardInterrupt: after Ctrl-C; the same call goes on.
     """
     display, before = display or SilentDisplay(), None
-    _require_free(out, lessons)
-    # faults of the run are found before the pictures are imported, which takes long
-    make_fabric(lessons.config.device, devices=lessons.config.devices, precision=lessons.config.precision)
-    resolve_config(lessons.config, lessons.manifest.config(), lessons.config_base)
-    for number in range(1, turns + 1):
-        run = run_folder(out, number)
-        if not (run / MODEL).is_file():  # a run without a validation split writes its model when it is finished
-            display.begin(f"turn {number} of {turns}")
-            exemplars = _exemplars(out, number)
-            if not (exemplars / INDEX).is_file():
-                with _begun(out, exemplars, lessons):
-                    _import(lessons, before, exemplars, workers, display)
-            config = lessons.config_of(before, exemplars)
-            train(config, run, base=lessons.config_base, resume=bool(checkpoints(run)), display=display)
-        before = run
-    return run
+    with claimed_folder(out):
+        _require_free(out, lessons)
+        # faults of the run are found before the pictures are imported, which takes long
+        make_fabric(lessons.config.device, devices=lessons.config.devices, precision=lessons.config.precision)
+        resolve_config(lessons.config, lessons.manifest.config(), lessons.config_base)
+        for number in range(1, turns + 1):
+            run = run_folder(out, number)
+            if not (run / MODEL).is_file():  # a run without a validation split writes its model when it is finished
+                display.begin(f"turn {number} of {turns}")
+                exemplars = _exemplars(out, number)
+                if not (exemplars / INDEX).is_file():
+                    with _begun(out, exemplars, lessons):
+                        _import(lessons, before, exemplars, workers, display)
+                config = lessons.config_of(before, exemplars)
+                train(config, run, base=lessons.config_base, resume=bool(checkpoints(run)), display=display)
+            before = run
+        return run
 
 
 def run_folder(out: Path, number: int) -> Path:

@@ -24,6 +24,8 @@ _USUAL = 8
 """Worker processes, at most, if nobody says how many: each takes memory, of a GPU, too."""
 _UNGUARDED = 79
 """The exit code of a worker that would start workers of its own before it has begun."""
+_UNTOLD = "ignore:resource_tracker:UserWarning"
+"""What Python's own process prints after it has tidied up behind a program that was killed."""
 _started: list[bool] = []
 """Holds something in a worker that has begun to take work."""
 
@@ -45,6 +47,8 @@ def worker_pool(
     """
     if getattr(current_process(), "_inheriting", False):  # it still imports the main module
         os._exit(_UNGUARDED)
+    if _UNTOLD not in sys.warnoptions:  # which Python hands on to the processes that it starts
+        sys.warnoptions.append(_UNTOLD)
     context = _Context()
     pool = ProcessPoolExecutor(workers, context, _start, (start, given))
     try:

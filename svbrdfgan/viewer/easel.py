@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 from jaxtyping import Float
@@ -26,6 +24,7 @@ from svbrdfgan.inference.weatherings import Weathering
 from svbrdfgan.inference.workpiece import Workpiece
 from svbrdfgan.io.eight_bit import png_bytes
 from svbrdfgan.io.gltf.document import write_document
+from svbrdfgan.utils.leftovers import scratch_folder
 from svbrdfgan.viewer.documents import COARSE, LAYER, Superseded
 from svbrdfgan.viewer.plain_document import make_plain
 from svbrdfgan.weathering.edges import SharpEdges
@@ -102,8 +101,8 @@ class Easel:
             elif verdict.kind == "ground" and not verdict.weathers and self._alone(piece):
                 node.pop("mesh", None)
         make_plain(document)
-        with TemporaryDirectory() as folder:
-            path = Path(folder) / "model.glb"
+        with scratch_folder() as folder:
+            path = folder / "model.glb"
             write_document(path, document)
             return path.read_bytes()
 

@@ -20,7 +20,7 @@ from svbrdfgan.training.config import train_config
 from svbrdfgan.training.graceful_interrupt import defer_interrupts
 from svbrdfgan.training.state import checkpoints
 from svbrdfgan.training.trainer import train
-from svbrdfgan.utils.stopping import stopped_by_sigterm
+from svbrdfgan.utils.stopping import stopped_by_signals
 
 Data = Callable[..., dict[str, Any]]
 COMMAND = """
@@ -70,7 +70,7 @@ def test_training_ends_its_step_saves_it_and_goes_on_from_there(
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_second_is_raised(number: int) -> None:
-    with stopped_by_sigterm():
+    with stopped_by_signals():
         before = signal.getsignal(number)
         with defer_interrupts() as interrupted:
             assert not interrupted()

@@ -113,3 +113,11 @@ def test_a_log_that_cannot_be_rewritten_stays_as_it_was(tmp_path: Path, monkeypa
     with pytest.raises(AssetError, match="No space left"):
         MetricsLog(tmp_path, 1)
     assert (tmp_path / "log.jsonl").read_text() == before
+
+
+def test_a_full_disk_is_one_sentence(tmp_path: Path) -> None:
+    log = MetricsLog(tmp_path, 0)
+    (tmp_path / "log.jsonl").unlink()
+    (tmp_path / "log.jsonl").symlink_to("/dev/full")
+    with pytest.raises(AssetError, match=r"log\.jsonl cannot be written \(No space left on device\)"):
+        log.write(1, {"d_loss": 1.0})

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+import errno
 import json
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -169,6 +171,24 @@ def test_moments_from_a_file_lie_as_the_weights_do(
     run_steps(config(), loaded, source, 1)
     one, other = weights(state), weights(loaded)
     assert all(torch.equal(one[name], other[name]) for name in one)
+
+
+def test_a_checkpoint_on_a_full_disk_is_one_sentence_and_leaves_the_one_before(
+    config: Callable[..., TrainConfig], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state = State.fresh(config(), CPU)
+    state.save(tmp_path)
+    state.step = 7
+
+    def full(path: Path, data: bytes) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(
+        AssetError, match=r"step_00000007 cannot be written \(No space left on device\); check the folder"
+    ):
+        state.save(tmp_path)
+    assert [path.name for path in (tmp_path / "checkpoints").iterdir()] == ["step_00000000"]
 
 
 def test_penalties_come_when_told(config: Callable[..., TrainConfig], source: BatchSource) -> None:

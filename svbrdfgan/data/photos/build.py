@@ -30,6 +30,7 @@ from svbrdfgan.data.sampler import EnvironmentAsset
 from svbrdfgan.data.trained_model import TrainedModel
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.io.atomic import folder_beside
+from svbrdfgan.io.claims import claimed_folder
 from svbrdfgan.models.shipped import model_folder
 from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.scene.description import Scene
@@ -92,41 +93,42 @@ def import_pictures(
         ConfigError: the manifest or files that it names have errors, one line each; or the folder is in use.
         AssetError: the folder cannot be written, or the manifest's model cannot be read.
     """
-    _require_free(folder)
-    errors = ErrorCollector(source)
-    manifest, labels = expand_captures(manifest, base, errors)
-    model = _expected(manifest, base)
-    job = ImportJob(manifest, base, errors, display or SilentDisplay(), labels)
-    with folder_beside(folder) as stage:
-        meshes = check_meshes(job)
-        check_environments(job)
-        with errors.context("embedding"):
-            load_embedding(manifest.embedding.name, manifest.embedding.options)
-        pool: tuple[EnvironmentAsset, ...] = ()
-        with errors.context("environments"):
-            files = match_files(manifest.environments.files, base)
-            pool = gather_environments(manifest.environments, files, manifest.environment_rows, stage)
-        usable = check_pictures(job, meshes, workers)
-        job.require_some(usable)
-        photos = list(usable.values())
-        _warn(job)
-        job = replace(
-            job, manifest=manifest.keeping(usable), labels=tuple(labels[number] for number in usable), unusable={}
-        )
-        found: Mapping[int, Imported | None] = dict.fromkeys(range(len(photos)))
-        if not preview:
-            found = convert_photos(job, meshes, pool, photos, stage, model, workers)
+    with claimed_folder(folder):
+        _require_free(folder)
+        errors = ErrorCollector(source)
+        manifest, labels = expand_captures(manifest, base, errors)
+        model = _expected(manifest, base)
+        job = ImportJob(manifest, base, errors, display or SilentDisplay(), labels)
+        with folder_beside(folder) as stage:
+            meshes = check_meshes(job)
+            check_environments(job)
+            with errors.context("embedding"):
+                load_embedding(manifest.embedding.name, manifest.embedding.options)
+            pool: tuple[EnvironmentAsset, ...] = ()
+            with errors.context("environments"):
+                files = match_files(manifest.environments.files, base)
+                pool = gather_environments(manifest.environments, files, manifest.environment_rows, stage)
+            usable = check_pictures(job, meshes, workers)
+            job.require_some(usable)
+            photos = list(usable.values())
             _warn(job)
-        manifest, photos = job.manifest.keeping(found), [photos[number] for number in sorted(found)]
-        records = _records(manifest, photos, [found[number] for number in sorted(found)])
-        job.display.stage("drawing overlays", len(photos))
-        _draw(stage, photos, records, job.display)
-        kept = [OVERLAYS] if preview else [OVERLAYS, RECORD, "assets", "cache", *manifest.config().splits, INDEX]
-        (stage / RECORD).write_text(
-            json.dumps([asdict(record) for record in records], indent=1) + "\n", encoding="utf-8"
-        )
-        _publish(stage, folder, kept)
-    return records
+            job = replace(
+                job, manifest=manifest.keeping(usable), labels=tuple(labels[number] for number in usable), unusable={}
+            )
+            found: Mapping[int, Imported | None] = dict.fromkeys(range(len(photos)))
+            if not preview:
+                found = convert_photos(job, meshes, pool, photos, stage, model, workers)
+                _warn(job)
+            manifest, photos = job.manifest.keeping(found), [photos[number] for number in sorted(found)]
+            records = _records(manifest, photos, [found[number] for number in sorted(found)])
+            job.display.stage("drawing overlays", len(photos))
+            _draw(stage, photos, records, job.display)
+            kept = [OVERLAYS] if preview else [OVERLAYS, RECORD, "assets", "cache", *manifest.config().splits, INDEX]
+            (stage / RECORD).write_text(
+                json.dumps([asdict(record) for record in records], indent=1) + "\n", encoding="utf-8"
+            )
+            _publish(stage, folder, kept)
+        return records
 
 
 def _warn(job: ImportJob) -> None:

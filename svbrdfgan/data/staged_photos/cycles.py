@@ -8,13 +8,13 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.types.view import Vector
+from svbrdfgan.utils.leftovers import scratch_folder
 
 _SCRIPT = Path(__file__).with_name("blender_script.py")
 _PLAIN = "-P"  # lets Python find no modules beside the script
@@ -114,10 +114,10 @@ def take(shots: Sequence[Shot], blender: Sequence[str]) -> Iterator[int]:
     Raises:
         AssetError: Blender does not start, or ended before all were done.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        jobs = Path(folder) / "jobs.json"
+    with scratch_folder() as folder:
+        jobs = folder / "jobs.json"
         jobs.write_text(json.dumps([asdict(shot) for shot in shots]), encoding="utf-8")
-        said = Path(folder) / "said"
+        said = folder / "said"
         with said.open("w+", encoding="utf-8") as errors:
             process = subprocess.Popen(
                 [*blender, str(_SCRIPT), *([] if _PLAIN in blender else ["--"]), str(jobs)],

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import shutil
-import tempfile
 import zlib
 from collections.abc import Iterator, Sequence
 from concurrent.futures import as_completed
@@ -37,7 +36,8 @@ from svbrdfgan.data.staged_photos.cycles import Second, Shot, find_blender, take
 from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.geometry.camera_hits import camera_hits
-from svbrdfgan.io.atomic import atomic_path
+from svbrdfgan.io.atomic import atomic_path, folder_beside
+from svbrdfgan.io.claims import claimed_folder
 from svbrdfgan.io.image import save_image
 from svbrdfgan.io.records import load_record, save_record
 from svbrdfgan.plugins.registry import load_embedding
@@ -111,17 +111,18 @@ def stage_photos(
     """
     shown, program = display or SilentDisplay(), find_blender(blender)
     load_embedding(config.embedding.name, config.embedding.options)
-    truth = folder / TRUTH
-    _require_same(config.photography, truth / _RECORD)
-    index = make_index(with_model(config.dataset, truth, base), truth, base)
-    save_record(truth / _RECORD, config.photography)
-    stage = _Stage(config, folder, index, max(1, cores() // jobs) if jobs > 1 else None)
-    photos = stage.photos()
-    taken_before = sum(stage.photo(number, photo).is_file() for number, photo in enumerate(photos))
-    shown.begin("photographs", len(photos), taken_before)
-    for taken in stage.take_missing(photos, program, jobs):
-        shown.advance(taken)
-    return stage.write_manifest(photos, base)
+    with claimed_folder(folder):
+        truth = folder / TRUTH
+        _require_same(config.photography, truth / _RECORD)
+        index = make_index(with_model(config.dataset, truth, base), truth, base)
+        save_record(truth / _RECORD, config.photography)
+        stage = _Stage(config, folder, index, max(1, cores() // jobs) if jobs > 1 else None)
+        photos = stage.photos()
+        taken_before = sum(stage.photo(number, photo).is_file() for number, photo in enumerate(photos))
+        shown.begin("photographs", len(photos), taken_before)
+        for taken in stage.take_missing(photos, program, jobs):
+            shown.advance(taken)
+        return stage.write_manifest(photos, base)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,8 +213,8 @@ class _Stage:
     def take(self, numbers: Sequence[int], photos: Sequence[StagedPhoto], program: Sequence[str]) -> Iterator[int]:
         """Photographs of one mesh, each of which appears whole, after its mask and its truth; yields their numbers."""
         (self.folder / "photos").mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=self.folder, prefix=".taking-") as place:
-            shots = [self._shot(photo, Path(place), number) for number, photo in zip(numbers, photos, strict=True)]
+        with folder_beside(self.folder / "taking") as place:
+            shots = [self._shot(photo, place, number) for number, photo in zip(numbers, photos, strict=True)]
             for done in take(shots, program):
                 number, photo = numbers[done], photos[done]
                 save_record(self.folder / TRUTH / "photos" / f"{number:06d}.json", photo)

@@ -1,0 +1,49 @@
+"""Signals stop a command, and are not lost where nothing can be raised."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from svbrdfgan.utils.stopping import stopped_by_signals
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+
+LOST = """
+import os, signal, sys, time
+from svbrdfgan.utils.stopping import end_by_signals, exit_code, stopped_by_signals
+
+class Stubborn:
+    def __del__(self):
+        os.kill(os.getpid(), int(sys.argv[1]))
+        time.sleep(1)
+
+end_by_signals()
+try:
+    with stopped_by_signals():
+        Stubborn()
+        time.sleep(30)
+except KeyboardInterrupt as stopped:
+    print(exit_code(stopped))
+os.kill(os.getpid(), int(sys.argv[1]))
+time.sleep(30)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_a_destructor_is_raised_again_and_outside_of_a_command_it_ends_the_process(number: int) -> None:
+    code = [sys.executable, "-u", "-c", LOST, str(int(number))]
+    ended = subprocess.run(code, capture_output=True, text=True, timeout=25)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (-number, f"{128 + number}\n", "")
+
+
+def test_handlers_of_others_are_left_alone() -> None:
+    before, hook = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)], sys.unraisablehook
+    with stopped_by_signals():
+        assert signal.getsignal(signal.SIGINT) is before[0]
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+    assert sys.unraisablehook is hook
