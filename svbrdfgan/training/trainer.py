@@ -243,24 +243,28 @@ def _score(session: _Session, state: State) -> None:
     save_generator(session.run / MODEL, state.averaged, session.config.generator, score)
 
 
-def _save(session: _Session, state: State, diagnostics: Diagnostics) -> None:
+def _save(session: _Session, state: State, diagnostics: Diagnostics, *, scored: bool = False) -> None:
+    """Writes a checkpoint. While no score has chosen a model, the generator of the checkpoint is the model.
+
+    Args:
+        scored: since the checkpoint of this step was written, if it was.
+    """
     _require_finite(session, state, diagnostics)
-    if session.first and not checkpoint_path(session.run, state.step).is_dir():
+    if not session.first:
+        return
+    if session.validation is None or not state.history:
+        save_generator(session.run / MODEL, state.averaged, session.config.generator, None)
+    if scored or not checkpoint_path(session.run, state.step).is_dir():
         state.save(session.run)
 
 
 def _finish(session: _Session, state: State, diagnostics: Diagnostics) -> None:
-    """Writes the last score and checkpoint. Without a validation split the last generator becomes the model."""
+    """Writes the last score and checkpoint."""
     _require_finite(session, state, diagnostics)
-    if not session.first:
-        return
     scores = len(state.history)
-    if not state.history or state.history[-1]["step"] != state.step:
+    if session.first and (not state.history or state.history[-1]["step"] != state.step):
         _score(session, state)
-    if session.validation is None:
-        save_generator(session.run / MODEL, state.averaged, session.config.generator, None)
-    if len(state.history) > scores or not checkpoint_path(session.run, state.step).is_dir():
-        state.save(session.run)
+    _save(session, state, diagnostics, scored=len(state.history) > scores)
 
 
 def _require_finite(session: _Session, state: State, diagnostics: Diagnostics) -> None:

@@ -18,6 +18,7 @@ from safetensors.torch import load_file
 
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.graceful_interrupt import defer_interrupts
+from svbrdfgan.training.run import load_model
 from svbrdfgan.training.state import checkpoints
 from svbrdfgan.training.trainer import train
 from svbrdfgan.utils.stopping import stopped_by_signals
@@ -51,7 +52,7 @@ def plain_handler() -> Iterator[None]:
 def test_training_ends_its_step_saves_it_and_goes_on_from_there(
     name: str, code: int, training_data: Data, tmp_path: Path
 ) -> None:
-    data = training_data(steps=12, save_every=1000, score_every=4)
+    data = training_data(steps=12, save_every=1000, score_every=100)
     (tmp_path / "train.yaml").write_text(json.dumps(data))
     command = COMMAND.replace("{name}", name)
     words = [sys.executable, "-c", command, "train", str(tmp_path / "train.yaml"), "-o", str(tmp_path / "stopped")]
@@ -61,6 +62,7 @@ def test_training_ends_its_step_saves_it_and_goes_on_from_there(
         "keeps the checkpoint of step 6, and the same command with --resume continues."
     )
     assert [path.name for path in checkpoints(tmp_path / "stopped")] == ["step_00000006"]
+    load_model(tmp_path / "stopped")  # although no score has chosen it
     config = train_config(data, "here")
     train(config, tmp_path / "stopped", resume=True)
     train(config, tmp_path / "whole")
