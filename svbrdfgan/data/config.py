@@ -63,6 +63,8 @@ class EnvironmentSource(StrictModel):
 ELEVATION = (-89.0, 89.0)
 """Degrees: a camera straight above or below would have no direction that is up."""
 DISTANCE = (0.05, math.inf)
+CLOSE_DISTANCE = (0.005, math.inf)
+"""Of close-ups, which look at the surface itself: 4 cm from a car."""
 FIELD_OF_VIEW = (1.0, 170.0)
 """Degrees."""
 BRIGHTNESS = (1e-6, math.inf)
@@ -73,9 +75,9 @@ class CloseUps(StrictModel):
     """Pictures from near, of a point of the learnable surface that is seen from within 30 degrees of its normal."""
 
     share: float = Field(default=0.5, gt=0.0, le=1.0, description="of the pictures; the others show the whole")
-    distance: Annotated[Number, within(*DISTANCE)] = Field(
+    distance: Annotated[Number, within(*CLOSE_DISTANCE)] = Field(
         default=LogUniform(log_uniform=(0.06, 0.4)),
-        description="from the point, in the units of the camera's own `distance`",
+        description="from the point, in the units of the camera's own `distance`, at least 0.005",
     )
     window: int | None = Field(
         default=None,

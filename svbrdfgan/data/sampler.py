@@ -14,6 +14,7 @@ from pydantic import Field
 from svbrdfgan.config.models import StrictModel
 from svbrdfgan.data.config import (
     BRIGHTNESS,
+    CLOSE_DISTANCE,
     DISTANCE,
     ELEVATION,
     FIELD_OF_VIEW,
@@ -135,7 +136,7 @@ class ConfigSampler:
             camera = OrbitCamera(
                 azimuth_degrees=azimuth,
                 elevation_degrees=clamped(elevation, ELEVATION),
-                distance=clamped(declared.close_ups.distance.sample(rng), DISTANCE) * fit,
+                distance=clamped(declared.close_ups.distance.sample(rng), CLOSE_DISTANCE) * fit,
                 target=(x, y, z),
                 vertical_fov_degrees=fov,
             )

@@ -208,7 +208,17 @@ def make_scenes(
     if run.deferred:
         shown = (config.discriminator.light_buffer, config.discriminator.clean_picture)
         return DeferredRendering(
-            exemplars, perturbation, renderer, spp, config.hits, pool, device, seed, *shown, cache_bytes
+            exemplars,
+            perturbation,
+            renderer,
+            spp,
+            config.hits,
+            pool,
+            device,
+            seed,
+            *shown,
+            cache_bytes,
+            config.clean_spp,
         )
     options = config.renderer.options
     return CachedRendering(exemplars, perturbation, renderer, spp, pool, device, seed, options, cache_bytes)

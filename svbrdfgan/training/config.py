@@ -186,6 +186,14 @@ class TrainConfig(StrictModel):
         description="only where light of whole materials is stored: the most samples kept in each pixel, 20 bytes "
         "each; fakes have the exemplars' noise if it is at least `spp`",
     )
+    clean_spp: int | None = Field(
+        default=None,
+        ge=1,
+        le=MOST_SAMPLES,
+        description="only where light of whole materials is stored: samples per pixel of each scene without the layer, "
+        "by whose ratio to a picture of its own samples a fake is multiplied, so that it has hardly more noise than "
+        "that: for photographs, and other exemplars of as many samples; `null`: fakes keep their noise",
+    )
     spp_grad: int | None = Field(
         default=None,
         ge=1,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import torch
@@ -32,10 +33,11 @@ from svbrdfgan.training.scene_batch import (
     seen_in_gradient,
     with_progress,
 )
-from svbrdfgan.types import CHANNELS, Layer, Material, Materials
+from svbrdfgan.types import CHANNELS, Layer, Material
 from svbrdfgan.utils.copy_async import copy_async
 
-_BLACK = (0.0, 0.0, 0.0)
+_MOST = 100.0
+"""The largest ratio of a clean picture to one of a few samples."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +47,7 @@ class DeferredScene:
     Attributes:
         light: of the learnable parts.
         background: the picture of all other parts, premultiplied.
+        lit: that of the learnable parts without a layer, with little noise; None if pictures keep their noise.
         coverage: share of each pixel that shows the surface.
         gbuffer: position and normal of the learnable parts, premultiplied; half precision.
         light_buffer: see `ReferencePictures.light_buffer`; None if the discriminator is not shown it.
@@ -54,6 +57,7 @@ class DeferredScene:
 
     light: CheckedLight
     background: Float[Tensor, "height width 3"]
+    lit: Float[Tensor, "height width 3"] | None
     coverage: Float[Tensor, "height width"]
     gbuffer: Float[Tensor, "height width 6"]
     light_buffer: Float[Tensor, "height width 9"] | None
@@ -62,7 +66,7 @@ class DeferredScene:
 
     @property
     def nbytes(self) -> int:
-        tensors = (self.background, self.coverage, self.gbuffer, self.light_buffer, self.clean, self.base)
+        tensors = (self.background, self.lit, self.coverage, self.gbuffer, self.light_buffer, self.clean, self.base)
         return self.light.nbytes + sum(tensor.nbytes for tensor in tensors if tensor is not None)
 
     @property
@@ -110,10 +114,13 @@ class DeferredSceneBatch:
         return torch.stack([scene.coverage for scene in self.scenes])
 
     def render(self, layers: Layers) -> tuple[Images, Coverage]:
-        painted = Layer(layers.float().index_select(0, self._owner), self.maps[1:])
-        textures = composite_values(self._base, painted)
+        painted, base = Layer(layers.float().index_select(0, self._owner), self.maps[1:]), self._base
         lights = [scene.light for scene in self.scenes]
-        shown = shade(self.renderer, lights, textures, maps=self.maps, visit=self.visit, seed=self.seed)
+        samples: Any = {"maps": self.maps, "visit": self.visit, "seed": self.seed}
+        shown = shade(self.renderer, lights, composite_values(base, painted), **samples)
+        lit = [scene.lit for scene in self.scenes if scene.lit is not None]
+        if lit:
+            shown = shown * _ratio(torch.stack(lit), self.renderer.shade(lights, base, **samples)[0])
         return shown + torch.stack([scene.background for scene in self.scenes]), self.coverage
 
     @property
@@ -149,6 +156,8 @@ class DeferredRendering:
         shows_light: whether the discriminator is shown a light buffer.
         shows_clean: whether it is shown clean pictures.
         cache_bytes: memory for stored scenes; None takes half of the device's, and 0 keeps only the last one.
+        clean_spp: samples per pixel of clean pictures, by whose ratio to ones of the same samples pictures are
+            multiplied (ratio estimator; Heitz et al. 2018), so that they have hardly more noise than those; None: not.
     """
 
     exemplars: Exemplars
@@ -162,6 +171,7 @@ class DeferredRendering:
     shows_light: bool = False
     shows_clean: bool = False
     cache_bytes: int | None = None
+    clean_spp: int | None = None
 
     def __post_init__(self) -> None:
         if not self.renderer.capabilities.deferred:
@@ -235,27 +245,32 @@ class DeferredRendering:
         subject, view = self.exemplars.subject(index), self.exemplars.loader.view(scene)
         renderer, prepared = self.renderer, self._surfaces.of(index)
         bare = subject.materials(None, scene.maps, base_colors=scene.materials)
-        others = _blackened(bare, subject.learnable)
-        beside = renderer.render(prepared, others, view, spp=self.spp, seed=scene.seed)
+        shown = ReferencePictures(renderer, prepared, subject, scene, view, self.spp, self.clean_spp)
+        clean = shown.clean().to(self.device) if self.shows_clean or self.clean_spp else None
+        if self.clean_spp is None:
+            beside, lit = renderer.render(prepared, shown.others, view, spp=self.spp, seed=scene.seed), None
+        else:
+            assert clean is not None
+            beside = shown.beside()
+            lit = (clean - beside.image.to(self.device)).clamp(min=0.0)
         light = renderer.store_light(
             prepared, view, learnable=subject.learnable, hits=self.hits, spp=self.spp, seed=scene.seed
         )
-        shown = ReferencePictures(renderer, prepared, subject, scene, view, self.spp)
         return DeferredScene(
             light=light,
             background=beside.image.to(self.device),
+            lit=lit,
             coverage=beside.coverage.to(self.device),
             gbuffer=shown.gbuffer().half().to(self.device),
             light_buffer=shown.light_buffer().to(self.device) if self.shows_light else None,
-            clean=shown.clean().to(self.device) if self.shows_clean else None,
+            clean=clean if self.shows_clean else None,
             base=_stacked([bare[part] for part in subject.learnable], self.maps).to(self.device),
         )
 
 
-def _blackened(materials: Materials, parts: Sequence[int]) -> Materials:
-    """The materials with these parts black: under direct light they add nothing to a picture."""
-    black = Material.lambertian(_BLACK)
-    return Materials(tuple(black if number in parts else m for number, m in enumerate(materials.parts)))
+def _ratio(clean: Images, own: Images) -> Images:
+    """What takes away the noise of a clean picture's samples; they may miss all light."""
+    return torch.where(own > 0.0, clean / own, 1.0).clamp(max=_MOST)
 
 
 def _stacked(materials: Sequence[Material], names: Sequence[str]) -> Float[Tensor, "materials *#size values"]:

@@ -36,7 +36,8 @@ REFERENCES = MappingProxyType(
 LIGHT_CHANNELS = 3 * len(REFERENCES)
 
 _CLEAN_SAMPLES = 4
-"""The noise of a clean picture is half that of what is compared with it."""
+"""Unless something else is asked for, the noise of a clean picture is half that of what is compared with it."""
+_BLACK = (0.0, 0.0, 0.0)
 
 _DARK = 1e-3
 """Scales base colours that stand for numbers, so that light which is scattered twice hardly counts."""
@@ -65,6 +66,7 @@ class ReferencePictures:
     Attributes:
         prepared: the subject's surface, as the renderer prepared it.
         spp: samples per pixel.
+        clean_spp: those of `clean` and `beside`; None: `_CLEAN_SAMPLES` times as many.
     """
 
     renderer: CheckedRenderer
@@ -73,6 +75,7 @@ class ReferencePictures:
     scene: Scene
     view: View
     spp: int
+    clean_spp: int | None = None
 
     def light_buffer(self) -> Float[Tensor, "height width 9"]:
         """Diffuse irradiance (divided by pi), and reflections at roughness 0.3 and 0.6, as `REFERENCES` show them.
@@ -80,19 +83,34 @@ class ReferencePictures:
         RGB each, linear, premultiplied, in half precision as exemplars are stored. Other parts look as in the scene.
         The buffer depends on geometry, camera and light, and not on the material of the learnable parts.
         """
-        others = self.subject.materials(None, self.scene.maps, base_colors=self.scene.materials).parts
         painted = self.subject.with_hidden_halves
         images = [
-            self._render([white if part in painted else other for part, other in enumerate(others)]).image
+            self._render([white if part in painted else other for part, other in enumerate(self._bare)]).image
             for white in REFERENCES.values()
         ]
         return torch.cat(images, dim=-1).clamp(max=BRIGHTEST).half()
 
     def clean(self) -> Float[Tensor, "height width 3"]:
-        """The picture without the layer, with `_CLEAN_SAMPLES` times the samples: linear, premultiplied, float16."""
-        materials = self.subject.materials(None, self.scene.maps, base_colors=self.scene.materials)
-        image = replace(self, spp=_CLEAN_SAMPLES * self.spp)._render(list(materials.parts)).image
-        return image.clamp(max=BRIGHTEST).half()
+        """The picture without the layer: linear, premultiplied, float16."""
+        return self._clean(self._bare).image.clamp(max=BRIGHTEST).half()
+
+    def beside(self) -> Rendering:
+        """What the other parts add to `clean`, by the same samples."""
+        return self._clean(list(self.others.parts))
+
+    @property
+    def others(self) -> Materials:
+        """The scene's materials with black learnable parts, which under direct light add nothing to a picture."""
+        black = Material.lambertian(_BLACK)
+        parts = self._bare
+        return Materials(tuple(black if n in self.subject.learnable else part for n, part in enumerate(parts)))
+
+    @property
+    def _bare(self) -> list[Material]:
+        return list(self.subject.materials(None, self.scene.maps, base_colors=self.scene.materials).parts)
+
+    def _clean(self, materials: list[Material]) -> Rendering:
+        return replace(self, spp=self.clean_spp or _CLEAN_SAMPLES * self.spp)._render(materials)
 
     def gbuffer(self) -> Float[Tensor, "height width 6"]:
         """Mean position and normal over a pixel's learnable samples, times their share of the pixel; for any renderer.

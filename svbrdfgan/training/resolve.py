@@ -181,6 +181,8 @@ def _require_divisible(config: TrainConfig, dataset: DatasetConfig) -> None:
                 f"discriminator.{name}: rendering: stored of base_color has discriminator.compares: reflectance "
                 f"instead; set discriminator.{name}: false, or rendering: online."
             )
+    if config.clean_spp is not None and not (config.rendering == "stored" and dataset.maps):
+        raise ConfigError("clean_spp is for rendering: stored of whole materials: leave it out, or name `maps`.")
     if dataset.maps and config.discriminator.compares == "reflectance":
         raise ConfigError(
             "discriminator.compares: reflectance is for base_color alone, and the data set's layers paint "

@@ -116,6 +116,41 @@ def test_pictures_are_differentiable_in_the_layers(rendering: DeferredRendering)
     assert all(layer.grad[..., channel].any() for channel in range(CHANNELS))
 
 
+def test_noise_that_clean_pictures_share_is_divided_out(rendering: DeferredRendering) -> None:
+    """As with many more samples of their own, on average over visits, and with gradients of the same picture."""
+    few = replace(rendering, spp=32, hits=32)
+    rust = torch.tensor([0.3, 0.1, 0.03, 0.0, 0.9, 0.0, 0.0, 0.0, 1.0])
+    painted, many = rust.repeat(1, 32, 32, 1), replace(rendering, spp=1024, hits=1024)
+    painted[..., 3] = torch.linspace(0.0, 1.0, 32)
+    wanted = many.scenes([0], rng()).render(painted)[0]
+    quiet = replace(few, clean_spp=1024)
+    errors = {}
+    for name, each in {"noisy": few, "quiet": quiet}.items():
+        found = torch.cat([each.scenes([0], rng(visit), visit).render(painted)[0] for visit in range(0, 160, 10)])
+        errors[name] = float((found - wanted).square().mean().sqrt())
+        assert float(found.mean()) == pytest.approx(float(wanted.mean()), rel=0.03), name
+    assert errors["quiet"] < 0.5 * errors["noisy"], errors
+    layer = painted.requires_grad_()
+    batch, grad = quiet.scenes([0], rng()), torch.randn(wanted.shape, generator=torch.Generator().manual_seed(1))
+    images, _ = batch.render(layer)
+    (images * grad).sum().backward()
+    step = torch.zeros_like(layer)
+    step[..., :3] = 1.0
+    moved = float(((batch.render((layer + step).detach())[0] - images.detach()) * grad).double().sum())
+    assert layer.grad is not None
+    assert float((layer.grad * step).double().sum()) == pytest.approx(moved, rel=1e-3)
+
+
+@pytest.mark.parametrize("changes", [{"rendering": "online"}, {}])
+def test_clean_samples_for_other_fakes_are_told(
+    changes: dict[str, Any], training_data: Data, glossy_training: Data
+) -> None:
+    make = glossy_training if changes else training_data
+    config = train_config(make(clean_spp=4, **changes), "here")
+    with pytest.raises(ConfigError, match=r"clean_spp is for rendering: stored of whole materials"):
+        resolve_run(config)
+
+
 @pytest.mark.parametrize("pool", [0, 1, 2])
 def test_a_pool_holds_so_many_scenes_of_each_exemplar(pool: int, rendering: DeferredRendering) -> None:
     pooled = replace(rendering, pool=pool)
