@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
+import platform
 import re
 import secrets
 import shutil
-import socket
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -58,7 +58,7 @@ def _remove_leftovers(folder: Path) -> None:
 @cache
 def _machine() -> str:
     """Tells machines and containers apart, whose processes may have equal numbers."""
-    return sha256(socket.gethostname().encode()).hexdigest()[:4]
+    return sha256(platform.node().encode()).hexdigest()[:4]
 
 
 def _is_running(pid: int) -> bool:
