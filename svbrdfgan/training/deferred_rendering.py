@@ -36,7 +36,7 @@ from svbrdfgan.training.scene_batch import (
 from svbrdfgan.types import CHANNELS, Layer, Material
 from svbrdfgan.utils.copy_async import copy_async
 
-_MOST = 100.0
+_MOST = 4.0
 """The largest ratio of a clean picture to one of a few samples."""
 
 

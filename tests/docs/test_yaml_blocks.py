@@ -50,24 +50,25 @@ def test_a_distribution_has_random_fields_and_conditions(quickstart: Blocks, com
 
 
 def test_close_ups_have_texels_to_show(quickstart: Blocks, commands: Blocks) -> None:
-    close, train, refining = commands[2:5]
+    close, train, refining, quiet = commands[2:6]
     near = dataset_of(quickstart, **close)
     assert near.camera.close_ups is not None
     assert near.texture >= 2048
     for each in (train, refining):
         assert train_config({"dataset": "data/cars", **each}, "train.yaml").generator.norm in LOCAL_NORMS
     assert refining["refines"] in shipped_models()
+    assert train_config({"dataset": "data/cars", **refining, **quiet}, "train.yaml").clean_spp == 256
 
 
 def test_fakes_of_whole_materials_have_the_samples_of_their_exemplars(quickstart: Blocks, commands: Blocks) -> None:
-    materials, train = commands[5:7]
+    materials, train = commands[6:8]
     whole, fakes = dataset_of(quickstart, **materials), train_config(train, "train.yaml")
     assert set(whole.maps) == {"roughness", "metallic", "normal"}
     assert fakes.hits >= fakes.spp == whole.spp  # else their noise would tell them from exemplars
 
 
 def test_pictures_of_a_model_have_labels(quickstart: Blocks, commands: Blocks) -> None:
-    (painted,) = commands[7:]
+    (painted,) = commands[8:]
     labelled = dataset_of(quickstart, **painted)
     assert labelled.weathering is not None
     assert (labelled.weathering.model, len(labelled.labels)) == ("runs/cars", 4)
