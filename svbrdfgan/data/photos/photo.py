@@ -60,8 +60,6 @@ def load_photo(path: Path, mask: Path | None) -> Photo:
     if not torch.isfinite(image).all():
         raise AssetError(f"{path} holds values that are not finite; export it again.")
     height, width = image.shape[:2]
-    if min(height, width) < _LEAST:
-        raise AssetError(f"{path} is {width} x {height} pixels; wanted at least {_LEAST} x {_LEAST}.")
     color, alpha = image[..., :3].clamp(min=0), image[..., 3:].clamp(0, 1)
     if alpha.numel() and path.suffix.lower() == ".exr":
         color = color / alpha.clamp(min=1e-6)  # EXR is premultiplied
@@ -137,11 +135,19 @@ def _require_object(mask: Float[Tensor, "height width"] | None, path: Path) -> F
 def _load(path: Path) -> Float[Tensor, "height width channels"]:
     check_file(path, SUFFIXES, "picture")
     if path.suffix.lower() == ".exr":
-        return load_image(path)
+        values = load_image(path)
+        _require_size(path, values.shape[1], values.shape[0])
+        return values
     from PIL import ImageOps
 
     with opened(path) as image:
+        _require_size(path, *image.size)
         return linear_from_picture(ImageOps.exif_transpose(reduced(image)))
+
+
+def _require_size(path: Path, width: int, height: int) -> None:
+    if min(width, height) < _LEAST:
+        raise AssetError(f"{path} is {width} x {height} pixels; wanted at least {_LEAST} x {_LEAST}.")
 
 
 @contextmanager
