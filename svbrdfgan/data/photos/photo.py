@@ -141,8 +141,9 @@ def _load(path: Path) -> Float[Tensor, "height width channels"]:
     from PIL import ImageOps
 
     with opened(path) as image:
-        _require_size(path, *image.size)
-        return linear_from_picture(ImageOps.exif_transpose(reduced(image)))
+        smaller = reduced(image)
+        _require_size(path, *smaller.size)
+        return linear_from_picture(ImageOps.exif_transpose(smaller))
 
 
 def _require_size(path: Path, width: int, height: int) -> None:
@@ -182,6 +183,7 @@ def reduced(image: Image) -> Image:
     factor = math.ceil(math.sqrt(image.width * image.height / _KEPT_PIXELS))
     if factor < 2:
         return image
-    smaller = eight_bit(image).reduce(factor)
+    plain = image.mode in ("L", "LA", "RGB", "RGBA") and "transparency" not in image.info
+    smaller = eight_bit(image.reduce(factor)) if plain else eight_bit(image).reduce(factor)
     smaller.getexif().update(image.getexif())  # which says how the camera was held
     return smaller
