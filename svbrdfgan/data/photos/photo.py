@@ -56,7 +56,7 @@ def load_photo(path: Path, mask: Path | None) -> Photo:
     Raises:
         AssetError: a file cannot be read, is too small or has values that are not finite, or the mask does not fit.
     """
-    image = _load(path)
+    image = _load(path, _LEAST)
     if not torch.isfinite(image).all():
         raise AssetError(f"{path} holds values that are not finite; export it again.")
     height, width = image.shape[:2]
@@ -132,23 +132,24 @@ def _require_object(mask: Float[Tensor, "height width"] | None, path: Path) -> F
     return mask
 
 
-def _load(path: Path) -> Float[Tensor, "height width channels"]:
+def _load(path: Path, least: int = 1) -> Float[Tensor, "height width channels"]:
+    """The picture in a file, if it has so many pixels each way."""
     check_file(path, SUFFIXES, "picture")
     if path.suffix.lower() == ".exr":
         values = load_image(path)
-        _require_size(path, values.shape[1], values.shape[0])
+        _require_size(path, values.shape[1], values.shape[0], least)
         return values
     from PIL import ImageOps
 
     with opened(path) as image:
         smaller = reduced(image)
-        _require_size(path, *smaller.size)
+        _require_size(path, *smaller.size, least)
         return linear_from_picture(ImageOps.exif_transpose(smaller))
 
 
-def _require_size(path: Path, width: int, height: int) -> None:
-    if min(width, height) < _LEAST:
-        raise AssetError(f"{path} is {width} x {height} pixels; wanted at least {_LEAST} x {_LEAST}.")
+def _require_size(path: Path, width: int, height: int, least: int) -> None:
+    if min(width, height) < least:
+        raise AssetError(f"{path} is {width} x {height} pixels; wanted at least {least} x {least}.")
 
 
 @contextmanager
