@@ -49,27 +49,30 @@ def stopped_by_signals() -> Iterator[None]:
         return
     handlers = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: stop}
     ending = [number for number in handlers if signal.getsignal(number) is signal.SIG_DFL]
-    before = sys.unraisablehook
-    sys.unraisablehook = lambda lost: _again(lost.exc_value) if _is_stop(lost) else before(lost)
+    before, again = sys.unraisablehook, list[threading.Timer]()
+    sys.unraisablehook = lambda lost: again.append(_again(lost.exc_value)) if _is_stop(lost) else before(lost)
     for number in ending:
         signal.signal(number, handlers[number])
     try:
         yield
     finally:
+        sys.unraisablehook = before
+        for timer in again:  # else it would end a process that is already stopping, or has all but ended
+            timer.cancel()
         for number in ending:
             signal.signal(number, signal.SIG_DFL)
-        sys.unraisablehook = before
 
 
 def _is_stop(lost: Any) -> bool:
     return issubclass(lost.exc_type, KeyboardInterrupt)
 
 
-def _again(lost: BaseException | None) -> None:
+def _again(lost: BaseException | None) -> threading.Timer:
     """Sends the signal once more, later: it came in a destructor or a callback, from which nothing is raised."""
     timer = threading.Timer(_LATER_SECONDS, _send, [_number(lost)])
     timer.daemon = True
     timer.start()
+    return timer
 
 
 def _send(number: signal.Signals) -> None:

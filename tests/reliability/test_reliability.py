@@ -1,6 +1,7 @@
 """Each command, however it is disturbed, ends with one sentence, leaves nothing, and goes on when it is called again.
 
-SVBRDFGAN_MOMENTS says at how many random moments each signal comes; `python -m tests.reliability` prints a table.
+SVBRDFGAN_MOMENTS says at how many random moments each signal comes; `python -m tests.reliability` prints a table. The
+commands that are used seldom, and all limits of a full disk but one, are tried with `-m slow`.
 """
 
 from __future__ import annotations
@@ -9,7 +10,9 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,9 +21,18 @@ from tests.reliability.__main__ import LIMITS, SIGNALS, by_signals
 from tests.reliability.bench import Bench
 from tests.reliability.commands import COMMANDS, OFTEN
 
-MOMENTS = int(os.environ.get("SVBRDFGAN_MOMENTS", "2"))
-WRITING = [name for name, command in COMMANDS.items() if command.writes and not command.long]
-CLAIMING = [name for name, command in COMMANDS.items() if command.claims and not command.long]
+MOMENTS = int(os.environ.get("SVBRDFGAN_MOMENTS", "1"))
+
+
+def tried(names: Iterable[str]) -> list[Any]:
+    """The commands, those that are used seldom as slow ones."""
+    return [name if name in OFTEN else pytest.param(name, marks=pytest.mark.slow) for name in names]
+
+
+ALL_COMMANDS = tried(COMMANDS)
+WRITING = tried(name for name, command in COMMANDS.items() if command.writes and not command.long)
+CLAIMING = tried(name for name, command in COMMANDS.items() if command.claims and not command.long)
+FULL = [each if each == LIMITS[1] else pytest.param(each, marks=pytest.mark.slow) for each in LIMITS]
 
 pytestmark = [
     pytest.mark.full,
@@ -45,13 +57,13 @@ def test_every_command_is_disturbed() -> None:
 
 
 @pytest.mark.parametrize("number", SIGNALS, ids=lambda number: number.name)
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", ALL_COMMANDS)
 def test_signals_at_random_moments(bench: Bench, name: str, number: signal.Signals) -> None:
     tries = MOMENTS if name in OFTEN else min(MOMENTS, 2)
     assert [trouble for each in by_signals(bench, COMMANDS[name], number, tries, seed=1) for trouble in each] == []
 
 
-@pytest.mark.parametrize("most", LIMITS)
+@pytest.mark.parametrize("most", FULL)
 @pytest.mark.parametrize("name", WRITING)
 def test_a_full_disk(bench: Bench, name: str, most: int) -> None:
     assert bench.on_full_disk(COMMANDS[name], most) == []

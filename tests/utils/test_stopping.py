@@ -41,6 +41,30 @@ def test_a_signal_in_a_destructor_is_raised_again_and_outside_of_a_command_it_en
     assert (ended.returncode, ended.stdout, ended.stderr) == (-number, f"{128 + number}\n", "")
 
 
+ENDING = """
+import os, signal, time
+from svbrdfgan.utils.stopping import end_by_signals, exit_code, stopped_by_signals
+
+class Stubborn:
+    def __del__(self):
+        raise KeyboardInterrupt
+
+end_by_signals()
+try:
+    with stopped_by_signals():
+        Stubborn()
+        os.kill(os.getpid(), signal.SIGTERM)
+except KeyboardInterrupt as stopped:
+    time.sleep(0.3)
+    print(exit_code(stopped))
+"""
+
+
+def test_what_was_lost_does_not_end_a_process_that_is_stopping() -> None:
+    ended = subprocess.run([sys.executable, "-c", ENDING], capture_output=True, text=True, timeout=25)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "143\n", "")
+
+
 def test_handlers_of_others_are_left_alone() -> None:
     before, hook = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)], sys.unraisablehook
     with stopped_by_signals():
