@@ -101,6 +101,18 @@ def write_floats(
         done = target.open(str(temporary), spec) and target.write_image(np.ascontiguousarray(values, dtype=np.float32))
         if not (target.close() and done):
             raise OSError(_sentence(_message(target.geterror) or _message(oiio.geterror), path))
+        if not _ends(temporary, height):  # the library may say nothing when the disk is full
+            raise OSError("it was cut off")
+
+
+def _ends(path: Path, height: int) -> bool:
+    """Whether the file has its last row."""
+    import OpenImageIO as oiio  # noqa: N813
+
+    source = oiio.ImageInput.open(str(path))
+    last = None if source is None else source.read_scanline(height - 1, 0, "float")
+    oiio.geterror()  # else a later message begins with it
+    return last is not None
 
 
 def _message(error: Callable[[], str]) -> str:

@@ -1,6 +1,9 @@
 """Pictures: the transfer function, the row order, and what each format keeps."""
 
+import os
 import struct
+import subprocess
+import sys
 import zlib
 from pathlib import Path
 from typing import Any
@@ -221,3 +224,29 @@ def test_pictures_of_too_many_pixels_are_refused_before_they_are_decoded(tmp_pat
     Image.new("1", (13_000, 13_000)).save(tmp_path / "a.png")
     with pytest.raises(AssetError, match="it has 13000 x 13000 pixels; at most 67 million"):
         load_image(tmp_path / "a.png")
+
+
+CUT_OFF = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+from svbrdfgan.errors import AssetError
+from svbrdfgan.io.exr import write_floats
+
+resource.setrlimit(resource.RLIMIT_FSIZE, (300, 300))
+for name in ("a.exr", "a.hdr"):
+    try:
+        write_floats(Path(sys.argv[1]) / name, ("R", "G", "B"), np.random.default_rng(1).random((8, 16, 3), np.float32))
+    except AssetError as error:
+        sys.stderr.write(f"{error}\\n")
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the limit is that of POSIX")
+def test_small_files_that_a_full_disk_cuts_off_are_told(tmp_path: Path) -> None:
+    """OpenImageIO says nothing of them."""
+    ended = subprocess.run([sys.executable, "-c", CUT_OFF, str(tmp_path)], capture_output=True, text=True)
+    assert [line.rpartition(" cannot be written ")[2] for line in ended.stderr.splitlines()] == [
+        "(it was cut off); check the folder and its free space."
+    ] * 2
+    assert list(tmp_path.iterdir()) == []

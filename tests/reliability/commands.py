@@ -60,9 +60,9 @@ OFTEN = {
         "experiment small.yaml -o out", needs=("small.yaml",), results=("out/small/table.md",), claims="out"
     ),
     "texture": Command(
-        "texture van.glb --resolution 64 -o out/van.glb",
-        "texture van.glb --resolution 64 -o out/van.glb --force",
-        needs=("van.glb",),
+        "texture van.glb --model run --resolution 64 -o out/van.glb",
+        "texture van.glb --model run --resolution 64 -o out/van.glb --force",
+        needs=("van.glb", "run"),
         results=_ALL,
     ),
     "weather": Command(
