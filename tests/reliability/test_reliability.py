@@ -25,8 +25,10 @@ MOMENTS = int(os.environ.get("SVBRDFGAN_MOMENTS", "1"))
 
 
 def tried(names: Iterable[str]) -> list[Any]:
-    """The commands, those that are used seldom as slow ones."""
-    return [name if name in OFTEN else pytest.param(name, marks=pytest.mark.slow) for name in names]
+    """The commands; slow are those that are used seldom, and `experiment`, which takes a minute each time."""
+    return [
+        name if name in OFTEN and name != "experiment" else pytest.param(name, marks=pytest.mark.slow) for name in names
+    ]
 
 
 ALL_COMMANDS = tried(COMMANDS)
