@@ -41,7 +41,7 @@ def atomic_folder(target: Path) -> Iterator[Path]:
     Raises:
         AssetError: files cannot be written there.
     """
-    with folder_beside(target) as temporary, writing(target):
+    with folder_beside(target) as temporary:
         yield temporary
         shutil.rmtree(target, ignore_errors=True)
         os.replace(temporary, target)

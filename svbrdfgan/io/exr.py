@@ -111,7 +111,9 @@ def _ends(path: Path, height: int) -> bool:
 
     source = oiio.ImageInput.open(str(path))
     last = None if source is None else source.read_scanline(height - 1, 0, "float")
-    oiio.geterror()  # else a later message begins with it
+    if source is not None:
+        source.close()  # else Windows would not rename it
+    _message(oiio.geterror)  # else a later message begins with it
     return last is not None
 
 

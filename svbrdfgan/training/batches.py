@@ -206,7 +206,6 @@ def make_scenes(
         return OnlineRendering(exemplars, perturbation, RenderLayer(renderer, config.spp, config.spp_grad))
     pool, spp, seed = config.scenes.pool, config.spp, config.seed
     if run.deferred:
-        shown = (config.discriminator.light_buffer, config.discriminator.clean_picture)
         return DeferredRendering(
             exemplars,
             perturbation,
@@ -216,9 +215,10 @@ def make_scenes(
             pool,
             device,
             seed,
-            *shown,
-            cache_bytes,
-            config.clean_spp,
+            shows_light=config.discriminator.light_buffer,
+            shows_clean=config.discriminator.clean_picture,
+            cache_bytes=cache_bytes,
+            clean_spp=config.clean_spp,
         )
     options = config.renderer.options
     return CachedRendering(exemplars, perturbation, renderer, spp, pool, device, seed, options, cache_bytes)

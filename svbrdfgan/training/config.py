@@ -190,9 +190,10 @@ class TrainConfig(StrictModel):
         default=None,
         ge=1,
         le=MOST_SAMPLES,
-        description="only where light of whole materials is stored: samples per pixel of each scene without the layer, "
-        "by whose ratio to a picture of its own samples a fake is multiplied, so that it has hardly more noise than "
-        "that: for photographs, and other exemplars of as many samples; `null`: fakes keep their noise",
+        description="samples per pixel of a clean picture of each scene, without the layer. A fake is multiplied by "
+        "the ratio of that to a clean picture by its own samples, which takes away the noise that both share: for "
+        "photographs, and exemplars of as many samples; only where light of whole materials is stored; `null`: fakes "
+        "keep their noise",
     )
     spp_grad: int | None = Field(
         default=None,

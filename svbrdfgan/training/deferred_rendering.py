@@ -244,15 +244,13 @@ class DeferredRendering:
     def _trace(self, index: int, scene: Scene) -> DeferredScene:
         subject, view = self.exemplars.subject(index), self.exemplars.loader.view(scene)
         renderer, prepared = self.renderer, self._surfaces.of(index)
-        bare = subject.materials(None, scene.maps, base_colors=scene.materials)
         shown = ReferencePictures(renderer, prepared, subject, scene, view, self.spp, self.clean_spp)
-        clean = shown.clean().to(self.device) if self.shows_clean or self.clean_spp else None
-        if self.clean_spp is None:
-            beside, lit = renderer.render(prepared, shown.others, view, spp=self.spp, seed=scene.seed), None
-        else:
-            assert clean is not None
-            beside = shown.beside()
-            lit = (clean - beside.image.to(self.device)).clamp(min=0.0)
+        bare, quiet = shown.bare, self.clean_spp is not None
+        clean = shown.clean().to(self.device) if self.shows_clean or quiet else None
+        beside = (
+            shown.beside() if quiet else renderer.render(prepared, shown.others, view, spp=self.spp, seed=scene.seed)
+        )
+        lit = (clean - beside.image.to(self.device)).clamp(min=0.0) if quiet and clean is not None else None
         light = renderer.store_light(
             prepared, view, learnable=subject.learnable, hits=self.hits, spp=self.spp, seed=scene.seed
         )

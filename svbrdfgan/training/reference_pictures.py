@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -85,14 +86,14 @@ class ReferencePictures:
         """
         painted = self.subject.with_hidden_halves
         images = [
-            self._render([white if part in painted else other for part, other in enumerate(self._bare)]).image
+            self._render([white if part in painted else other for part, other in enumerate(self.bare)]).image
             for white in REFERENCES.values()
         ]
         return torch.cat(images, dim=-1).clamp(max=BRIGHTEST).half()
 
     def clean(self) -> Float[Tensor, "height width 3"]:
         """The picture without the layer: linear, premultiplied, float16."""
-        return self._clean(self._bare).image.clamp(max=BRIGHTEST).half()
+        return self._clean(self.bare).image.clamp(max=BRIGHTEST).half()
 
     def beside(self) -> Rendering:
         """What the other parts add to `clean`, by the same samples."""
@@ -102,11 +103,11 @@ class ReferencePictures:
     def others(self) -> Materials:
         """The scene's materials with black learnable parts, which under direct light add nothing to a picture."""
         black = Material.lambertian(_BLACK)
-        parts = self._bare
-        return Materials(tuple(black if n in self.subject.learnable else part for n, part in enumerate(parts)))
+        return Materials(tuple(black if n in self.subject.learnable else part for n, part in enumerate(self.bare)))
 
-    @property
-    def _bare(self) -> list[Material]:
+    @cached_property
+    def bare(self) -> list[Material]:
+        """The materials without the layer."""
         return list(self.subject.materials(None, self.scene.maps, base_colors=self.scene.materials).parts)
 
     def _clean(self, materials: list[Material]) -> Rendering:

@@ -247,6 +247,16 @@ def step_of(checkpoint: Path) -> int:
     return int(checkpoint.name.removeprefix("step_"))
 
 
+def progress_of(checkpoint: Path) -> tuple[int, float]:
+    """The steps and seconds of training before the checkpoint.
+
+    Raises:
+        AssetError: it is damaged.
+    """
+    counters = load_record(_Counters, checkpoint / _COUNTERS)
+    return counters.step, counters.seconds
+
+
 def _read(checkpoint: Path) -> tuple[dict[str, Tensor], _Counters]:
     """The tensors and the counters of a checkpoint."""
     try:

@@ -25,7 +25,7 @@ from svbrdfgan.training.graceful_interrupt import defer_interrupts
 from svbrdfgan.training.metrics_log import MetricsLog
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, resolve_run
 from svbrdfgan.training.run import CONFIG, MODEL, ORACLE, ORACLE_NOTES, RunConfig, load_model
-from svbrdfgan.training.state import State, checkpoint_path, checkpoints, step_of
+from svbrdfgan.training.state import State, checkpoint_path, checkpoints, progress_of, step_of
 from svbrdfgan.training.step import Diagnostics, batch_indices, step_rng, training_step
 from svbrdfgan.training.validation import Validation
 from svbrdfgan.utils.display import Display, SilentDisplay
@@ -199,6 +199,19 @@ def _prefetch(session: _Session, step: int, batches: Sequence[Sequence[int]]) ->
     """Starts to read the scenes of a step while the step before it runs."""
     for critic, indices in enumerate(batches):
         session.source.prefetch(indices, step_rng(session.fabric, session.config, step, critic))
+
+
+def is_finished(run: Path) -> bool:
+    """Whether a run has made all its steps, or its minutes are over. One that was stopped may have a model, too.
+
+    Raises:
+        AssetError: the run's records are damaged.
+    """
+    found = checkpoints(run)
+    if not found or not (run / CONFIG).is_file():
+        return False
+    config, (step, seconds) = RunConfig.load(run).train, progress_of(found[-1])
+    return step >= config.steps or (config.minutes is not None and seconds >= 60 * config.minutes)
 
 
 def _out_of_time(session: _Session, state: State) -> bool:

@@ -28,7 +28,7 @@ from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.resolve import make_fabric, resolve_config
 from svbrdfgan.training.run import FREE, MODEL
 from svbrdfgan.training.state import checkpoints
-from svbrdfgan.training.trainer import train
+from svbrdfgan.training.trainer import is_finished, train
 from svbrdfgan.utils.display import Display, SilentDisplay
 
 RECORD = "turns.json"
@@ -110,7 +110,7 @@ def take_turns(
         resolve_config(lessons.config, lessons.manifest.config(), lessons.config_base)
         for number in range(1, turns + 1):
             run = run_folder(out, number)
-            if not (run / MODEL).is_file():  # a run without a validation split writes its model when it is finished
+            if not ((run / MODEL).is_file() and is_finished(run)):
                 display.begin(f"turn {number} of {turns}")
                 exemplars = _exemplars(out, number)
                 if not (exemplars / INDEX).is_file():

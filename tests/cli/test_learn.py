@@ -88,16 +88,20 @@ def test_a_turn_goes_on_from_the_run_before(learned: tuple[Path, Result]) -> Non
     ).any()  # fitted to what the run paints
 
 
+@pytest.mark.parametrize("model", [False, True])
 def test_what_is_there_is_not_made_again(
-    files: tuple[Path, Path], copied: Path, imports: list[Path], monkeypatch: pytest.MonkeyPatch
+    model: bool, files: tuple[Path, Path], copied: Path, imports: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A run that was stopped goes on from its checkpoint, on exemplars that are there."""
-    (copied / "turn-2" / "run" / "model.safetensors").unlink()
-    shutil.rmtree(checkpoints(copied / "turn-2" / "run")[-1])
+    """A run that was stopped goes on from its checkpoint, on exemplars that are there, even if it has a model."""
+    if not model:
+        (copied / "turn-2" / "run" / "model.safetensors").unlink()
+    last = checkpoints(copied / "turn-2" / "run")[-1]
+    shutil.rmtree(last)
     kept = {path: path.stat().st_mtime_ns for path in (copied / "turn-1").rglob("*") if path.is_file()}
     result = learn(*files, "-o", copied, "--turns", 2)
     assert result.exit_code == 0, result.output
     assert (copied / "turn-2" / "run" / "model.safetensors").is_file()
+    assert last.is_dir()
     assert imports == []
     assert {path: path.stat().st_mtime_ns for path in (copied / "turn-1").rglob("*") if path.is_file()} == kept
 

@@ -20,7 +20,7 @@ from svbrdfgan.training.config import train_config
 from svbrdfgan.training.graceful_interrupt import defer_interrupts
 from svbrdfgan.training.run import load_model
 from svbrdfgan.training.state import checkpoints
-from svbrdfgan.training.trainer import train
+from svbrdfgan.training.trainer import is_finished, train
 from svbrdfgan.utils.stopping import stopped_by_signals
 
 Data = Callable[..., dict[str, Any]]
@@ -63,9 +63,11 @@ def test_training_ends_its_step_saves_it_and_goes_on_from_there(
     )
     assert [path.name for path in checkpoints(tmp_path / "stopped")] == ["step_00000006"]
     load_model(tmp_path / "stopped")  # although no score has chosen it
+    assert not is_finished(tmp_path / "stopped")  # so that `svbrdfgan learn` goes on with it
     config = train_config(data, "here")
     train(config, tmp_path / "stopped", resume=True)
     train(config, tmp_path / "whole")
+    assert is_finished(tmp_path / "stopped")
     mine, its = (load_file(checkpoints(tmp_path / run)[-1] / "state.safetensors") for run in ("stopped", "whole"))
     assert [name for name in its if not torch.equal(mine[name], its[name])] == []
 

@@ -184,6 +184,7 @@ def reduced(image: Image) -> Image:
     factor = math.ceil(math.sqrt(image.width * image.height / _KEPT_PIXELS))
     if factor < 2:
         return image
+    # bytes of a palette have no mean; others have, and are fewer before grey becomes RGB
     plain = image.mode in ("L", "LA", "RGB", "RGBA") and "transparency" not in image.info
     smaller = eight_bit(image.reduce(factor)) if plain else eight_bit(image).reduce(factor)
     smaller.getexif().update(image.getexif())  # which says how the camera was held
