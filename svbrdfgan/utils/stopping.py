@@ -49,36 +49,51 @@ def stopped_by_signals() -> Iterator[None]:
         return
     handlers = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: stop}
     ending = [number for number in handlers if signal.getsignal(number) is signal.SIG_DFL]
-    before, again = sys.unraisablehook, list[threading.Timer]()
-    sys.unraisablehook = lambda lost: again.append(_again(lost.exc_value)) if _is_stop(lost) else before(lost)
+    before, again = sys.unraisablehook, _Again()
+    sys.unraisablehook = lambda lost: again.send(lost.exc_value) if _is_stop(lost) else before(lost)
     for number in ending:
         signal.signal(number, handlers[number])
     try:
         yield
     finally:
         sys.unraisablehook = before
-        for timer in again:  # else it would end a process that is already stopping, or has all but ended
-            timer.cancel()
-        for number in ending:
-            signal.signal(number, signal.SIG_DFL)
+        try:
+            again.end()
+        finally:
+            for number in ending:
+                signal.signal(number, signal.SIG_DFL)
 
 
 def _is_stop(lost: Any) -> bool:
     return issubclass(lost.exc_type, KeyboardInterrupt)
 
 
-def _again(lost: BaseException | None) -> threading.Timer:
-    """Sends the signal once more, later: it came in a destructor or a callback, from which nothing is raised."""
-    timer = threading.Timer(_LATER_SECONDS, _send, [_number(lost)])
-    timer.daemon = True
-    timer.start()
-    return timer
+class _Again:
+    """Sends signals once more, later: they came in destructors or callbacks, from which nothing is raised.
 
+    After `end` none is sent: it would end a process that is already stopping, or has all but ended.
+    """
 
-def _send(number: signal.Signals) -> None:
-    """Sends this process a signal, as from outside."""
-    main = threading.main_thread().ident
-    if hasattr(signal, "pthread_kill") and main is not None:
-        signal.pthread_kill(main, number)
-    else:  # Windows
-        _thread.interrupt_main(number)
+    def __init__(self) -> None:
+        self._sending = threading.Lock()
+        self._over = False
+
+    def send(self, lost: BaseException | None) -> None:
+        timer = threading.Timer(_LATER_SECONDS, self._send, [_number(lost)])
+        timer.daemon = True
+        timer.start()
+
+    def end(self) -> None:
+        with self._sending:
+            self._over = True
+
+    def _send(self, number: signal.Signals) -> None:
+        """Sends this process a signal, as from outside."""
+        main = threading.main_thread().ident
+        with self._sending:
+            if self._over:
+                return
+            if hasattr(signal, "pthread_kill") and main is not None:
+                signal.pthread_kill(main, number)
+            else:  # Windows
+                _thread.interrupt_main(number)

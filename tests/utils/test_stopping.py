@@ -65,6 +65,39 @@ def test_what_was_lost_does_not_end_a_process_that_is_stopping() -> None:
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "143\n", "")
 
 
+RACING = """
+import os, signal, sys, time
+from svbrdfgan.utils.stopping import end_by_signals, exit_code, stopped_by_signals
+
+kill = signal.pthread_kill
+
+def slow(thread, number):
+    sys.stdout.write("sent\\n")
+    time.sleep(0.5)
+    kill(thread, number)
+
+signal.pthread_kill = slow
+
+class Stubborn:
+    def __del__(self):
+        raise KeyboardInterrupt
+
+end_by_signals()
+try:
+    with stopped_by_signals():
+        Stubborn()
+        time.sleep(0.2)
+except KeyboardInterrupt as stopped:
+    print(exit_code(stopped))
+time.sleep(1)
+"""
+
+
+def test_what_is_sent_while_a_command_ends_does_not_end_the_process() -> None:
+    ended = subprocess.run([sys.executable, "-c", RACING], capture_output=True, text=True, timeout=25)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "sent\n130\n", "")
+
+
 def test_handlers_of_others_are_left_alone() -> None:
     before, hook = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)], sys.unraisablehook
     with stopped_by_signals():
