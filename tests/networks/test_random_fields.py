@@ -74,6 +74,15 @@ def test_numbers_are_nearly_gaussian_and_independent() -> None:
     assert 0.0015 < (numbers.abs() > 3).float().mean() < 0.0035
 
 
+def test_tables_of_large_maps_give_the_same_bits() -> None:
+    smooth = torch.nn.functional.interpolate(positions(2, 3), (150, 140), mode="bilinear", align_corners=True)
+    position = torch.cat([smooth, 0.02 * smooth, positions(1, 150)[..., :140]])  # of the last no table is made
+    seeds = torch.tensor([0, 7, 2**40, 2**62, 2**63 - 1])
+    whole = random_fields(position, seeds, MOST_FIELDS)
+    strips = [random_fields(strip, seeds, MOST_FIELDS) for strip in position.split(50, dim=2)]  # too small for tables
+    assert torch.equal(whole, torch.cat(strips, dim=2))
+
+
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
 def test_a_gpu_gives_the_same_bits() -> None:
     position, seeds = positions(2), torch.tensor([3, 2**40])
