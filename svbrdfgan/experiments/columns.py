@@ -232,13 +232,31 @@ _MEASURES: dict[Measure, Column] = {
     ),
 }
 
+_MOST_OCTAVES = 8
+
+
+def _of_octave(kind: str, what: str, of: Callable[[DrawFigures], tuple[float, ...]], number: int) -> Column:
+    def value(figures: DrawFigures) -> float | None:
+        ratios = of(figures)
+        return ratios[number] if number < len(ratios) else None
+
+    meaning = f"{what} over that of true draws, in octave {number + 1} of the texture, of which 1 is the finest"
+    return _of_draws(f"{kind}_{number + 1}", f"{kind} {number + 1}", meaning, value)
+
+
+_OCTAVES = (
+    *(_of_octave("power", "power of alpha", lambda figures: figures.power, n) for n in range(_MOST_OCTAVES)),
+    *(_of_octave("relief", "power of normals' slopes", lambda figures: figures.relief, n) for n in range(_MOST_OCTAVES)),
+)
+
 
 def verdicts(measures: Sequence[Measure], outcomes: Sequence[RunOutcome] = ()) -> list[Column]:
     """Columns for the quality of the learned layers. Of maps, relit pictures and draws, what some outcome has."""
     names = dict.fromkeys(name for o in outcomes for name in o.evaluation.generated.maps if name != "base_color")
-    optional = [*(column for name in names for column in _of_map(name)), *_RELIT, *_RESEMBLANCE]
+    octaves = _OCTAVES if "octaves" in measures else ()
+    optional = [*(column for name in names for column in _of_map(name)), *_RELIT, *_RESEMBLANCE, *octaves]
     known = [column for column in optional if column.over(outcomes) is not None]
-    return [*_VERDICTS, *known, *(_MEASURES[name] for name in measures)]
+    return [*_VERDICTS, *known, *(_MEASURES[name] for name in measures if name in _MEASURES)]
 
 
 def _of_map(name: str) -> tuple[Column, ...]:

@@ -17,7 +17,7 @@ from svbrdfgan.errors import ConfigError
 
 Recipe = Literal["default", "thesis"]
 ProfileName = Literal["cpu", "gpu"]
-Measure = Literal["shown", "unseen", "gradient_noise"]
+Measure = Literal["shown", "unseen", "gradient_noise", "octaves"]
 
 Record = TypeVar("Record", bound=StrictModel)
 
@@ -68,7 +68,7 @@ class Experiment(_Changed):
     measures: tuple[Measure, ...] = Field(
         default=(),
         description="further columns of the table: `recovered` on the part of the learnable area that the training's "
-        "cameras would see, on the rest of it, and the noise of the gradient",
+        "cameras would see, on the rest of it, the noise of the gradient, and the power in each octave",
     )
     rows: dict[str, ExperimentRow] = Field(min_length=1, description="the rows of the table by name")
 

@@ -88,3 +88,9 @@ def test_draws_have_columns_where_there_are_any(outcome) -> None:
         "relief_least": 0.7, "relief_greatest": 1.5, "relit_of_truth": 1.2,
     }  # fmt: skip
     assert {key: numbers.get(key) for key in wanted} == pytest.approx(wanted)
+    octaves = [column for column in verdicts(["octaves"], outcomes) if column.key[-1].isdigit()]
+    assert [column.key for column in octaves] == [
+        *(f"power_{n}" for n in range(1, 1 + len(FIGURES.power))),
+        *(f"relief_{n}" for n in range(1, 1 + len(FIGURES.relief))),
+    ]
+    assert [column.value(outcomes[0]) for column in octaves] == [*FIGURES.power, *FIGURES.relief]
