@@ -116,7 +116,8 @@ _SPLITS: dict[str, Any] = {
     split: {"meshes": {"procedural": {"count": count, "seed": seed}}, "views": 3}
     for seed, (split, count) in enumerate({"train": 2, "validation": 1, "test": 1}.items())
 }
-_TRAIN: dict[str, Any] = {
+DATASET: dict[str, Any] = {**_SHARED, "splits": _SPLITS}
+TRAIN: dict[str, Any] = {
     "steps": 40,
     "batch_size": 2,
     "generator": {"width": 4, "blocks": 1},
@@ -135,7 +136,7 @@ _EXPERIMENT: dict[str, Any] = {
     "rows": {"small": {"about": "All is small."}},
     "cpu": {
         "dataset": {**_SHARED, "image": [32, 32], "splits": _SPLITS},
-        "train": {**_TRAIN, "minutes": None, "steps": 8},
+        "train": {**TRAIN, "minutes": None, "steps": 8},
     },
 }
 _MANIFEST: dict[str, Any] = {
@@ -154,8 +155,8 @@ _MANIFEST: dict[str, Any] = {
 def write_inputs(folder: Path) -> None:
     """Files alone; `data` and `run` are made of them by commands."""
     for name, data in {
-        "dataset": {**_SHARED, "splits": _SPLITS},
-        "train": {"dataset": "data", **_TRAIN},
+        "dataset": DATASET,
+        "train": {"dataset": "data", **TRAIN},
         "small": _EXPERIMENT,
         "manifest": _MANIFEST,
     }.items():
