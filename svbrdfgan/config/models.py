@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import json
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 from pydantic_core import PydanticUndefined
@@ -27,6 +27,16 @@ class StrictModel(BaseModel):
     """Base of configuration models: frozen, without unknown keys, conversions or infinities."""
 
     model_config = _STRICT
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy in which some values are others.
+
+        Raises:
+            TypeError: the model has no such key, which pydantic itself would not notice.
+        """
+        if unknown := set(update or ()) - set(type(self).model_fields):
+            raise TypeError(f"{type(self).__name__} has no {', '.join(sorted(unknown))}")
+        return super().model_copy(update=update, deep=deep)
 
 
 def validate(model: type[Model], data: object, source: str) -> Model:

@@ -168,8 +168,8 @@ def train_adversarial_oracle(
 
 
 def _fresh_state(config: TrainConfig, truth: TrueLayers) -> State:
-    """The initial state of a run which judges layers: textures have no light buffer. It refines no other's layers."""
-    discriminator = config.discriminator.model_copy(update={"light": False})
+    """The initial state of a run which judges layers, and refines no other's: what only pictures have is not shown."""
+    discriminator = config.discriminator.model_copy(update={"light_buffer": False, "clean_picture": False})
     generator = config.generator.model_copy(update={"refined": None})
     labels = 0 if truth.labels is None else truth.labels.shape[1]
     return State.fresh(

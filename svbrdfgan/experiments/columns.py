@@ -246,7 +246,10 @@ def _of_octave(kind: str, what: str, of: Callable[[DrawFigures], tuple[float, ..
 
 _OCTAVES = (
     *(_of_octave("power", "power of alpha", lambda figures: figures.power, n) for n in range(_MOST_OCTAVES)),
-    *(_of_octave("relief", "power of normals' slopes", lambda figures: figures.relief, n) for n in range(_MOST_OCTAVES)),
+    *(
+        _of_octave("relief", "power of normals' slopes", lambda figures: figures.relief, n)
+        for n in range(_MOST_OCTAVES)
+    ),
 )
 
 

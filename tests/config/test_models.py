@@ -190,6 +190,13 @@ class TestYaml:
             load_yaml(tmp_path / "latin.yaml")
 
 
+def test_a_copy_has_no_other_keys() -> None:
+    config = Config(name="x")
+    assert config.model_copy(update={"name": "y"}) == Config(name="y")
+    with pytest.raises(TypeError, match="Config has no nam"):
+        config.model_copy(update={"nam": "y"})
+
+
 class TestOverrides:
     def test_puts_values_in_and_leaves_the_original(self) -> None:
         data = {"name": "x", "training": {"seed": 1}}

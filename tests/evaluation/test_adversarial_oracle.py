@@ -119,6 +119,13 @@ def test_the_same_seed_is_the_same_oracle(even: TrueLayers, fabric: Fabric) -> N
     assert all(torch.equal(one[name], other[name]) for name in one)
 
 
+@pytest.mark.parametrize("shown", ["light_buffer", "clean_picture"])
+def test_what_only_pictures_have_is_not_shown(even: TrueLayers, fabric: Fabric, shown: str) -> None:
+    discriminator = CONFIG.discriminator.model_copy(update={shown: True})
+    config = CONFIG.model_copy(update={"discriminator": discriminator})
+    assert train_adversarial_oracle(fabric, config, even, Budget(1))[1] == 1
+
+
 def test_time_ends_it(even: TrueLayers, fabric: Fabric) -> None:
     assert train_adversarial_oracle(fabric, CONFIG, even, Budget(10**6, minutes=1e-9))[1] <= 1
 
