@@ -11,12 +11,13 @@ import pytest
 
 from svbrdfgan.asset import packing, part_words, uv_fitness
 from svbrdfgan.asset.asset import Asset, load_asset
-from svbrdfgan.asset.memory import Plan, require_memory
+from svbrdfgan.asset.memory import Plan, require_plan
 from svbrdfgan.asset.orientation import find_orientation
 from svbrdfgan.asset.packing import ChartsError, pack
 from svbrdfgan.asset.piece_groups import groups
 from svbrdfgan.asset.verdicts import judge
 from svbrdfgan.asset.weather_document import Textures
+from svbrdfgan.utils.memory import limited
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1], [1, 1, 0]], "<f4")
 FACES = np.array([0, 1, 2, 1, 3, 2], "<u2")
@@ -114,4 +115,5 @@ def test_charts_whose_gutters_fill_the_square_are_not_tried_at_every_scale(monke
 def test_many_small_materials_need_no_memory_for_large_textures(many: Asset) -> None:
     plan = Plan.of(many, range(len(many.pieces)), Textures(None, 2048))
     assert set(plan.enough) == {128}
-    require_memory(plan, 4 << 30)
+    with limited(4 << 30):
+        require_plan(plan)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from svbrdfgan.asset.painted_texture import ALPHA, Canvas, paint_texture
+from svbrdfgan.asset.painted_texture import ALPHA, Canvas, Model, paint_texture
 from svbrdfgan.asset.painters import RecipePainter
 from svbrdfgan.asset.surroundings import Surroundings
 from svbrdfgan.asset.texture_bands import TILE
@@ -26,7 +26,7 @@ def test_threads_do_not_show(restored_threads: None) -> None:
     faces = np.array([[0, 2, 1], [0, 3, 2]])
     mesh = Mesh(corners, faces, np.zeros(2, np.int64), (Part("paint", (0.5, 0.5, 0.5)),))
     around = Surroundings.of(mesh)
-    canvas = Canvas(mesh, np.arange(2), corners[faces][..., [0, 2]], around.reversed)
+    canvas = Canvas(Model(mesh, around.reversed), np.arange(2), corners[faces][..., [0, 2]])
     made = []
     for threads in (1, 3):
         torch.set_num_threads(threads)
