@@ -106,11 +106,12 @@ class Plan:
         return max((max(size) for old in self.materials for size in old), default=DEFAULT_SIZE)
 
 
-def require_plan(plan: Plan, further: int = 0) -> int:
+def require_plan(plan: Plan, further: int = 0, *, sized: bool = True) -> int:
     """Checks that a plan may run, and gives the bytes that it takes at most.
 
     Args:
         further: bytes that are held besides, such as a model's layers.
+        sized: whether the size of textures is the user's choice, besides how fine the layer is.
 
     Raises:
         ConfigError: the plan needs more than is allowed.
@@ -118,7 +119,7 @@ def require_plan(plan: Plan, further: int = 0) -> int:
 
     def fitting(allowed: int) -> str | None:
         others = (other.textures for other in plan.smaller() if other.peak_bytes() + further <= allowed)
-        return next((f"--size {other.size} --resolution {other.painted}" for other in others), None)
+        return next((f"{f'--size {it.size} ' * sized}--resolution {it.painted}" for it in others), None)
 
     instead = "no smaller textures fit either: allow more by --memory"
     return require_memory("weathering needs", plan.peak_bytes() + further, fitting, instead=instead)

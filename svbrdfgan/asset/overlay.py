@@ -18,6 +18,7 @@ from svbrdfgan.asset.painted_texture import (
     NORMAL,
     ROUGHNESS,
     Canvas,
+    Model,
     paint_texture,
     painted_scale,
 )

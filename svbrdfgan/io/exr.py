@@ -20,7 +20,7 @@ from svbrdfgan.utils.memory import require_memory
 MAX_PIXELS = 2**28
 """A header that claims more RGBA pixels than this is rejected as broken before memory is allocated."""
 _NUMBER = 12
-"""Bytes of a number of a picture while it is read: as float32, and twice more as channels are picked and put in order."""
+"""Bytes of a number of a picture while it is read: as float32, and as its channels are picked and put in order."""
 
 
 def load_exr(path: str | os.PathLike[str], *, uv_map: bool = False) -> dict[str, Float[Tensor, "rows cols"]]:
