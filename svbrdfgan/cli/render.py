@@ -53,7 +53,9 @@ def command(
         chosen = described.renderer if renderer is None else PluginChoice(name=renderer, options=key_values(options))
         if spp is not None:
             described = validate(Scene, described.model_dump() | {"spp": spp}, str(scene))
-        require_picture(described.width, described.height, out.suffix, surface_bytes(described.texture))
+        require_picture(
+            described.width, described.height, out.suffix, surface_bytes(described.texture) - surface_bytes(0)
+        )
         loader = SceneLoader(assets or _asset_folder(scene, described), keep=False)
         resolved, _ = resolve_renderer(chosen, maps=described.maps)
         display.stage(f"rendering {scene}")

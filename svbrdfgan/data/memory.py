@@ -32,7 +32,7 @@ def require_dataset(config: DatasetConfig, exemplars: int, processes: int = 1, w
     width, height = config.image
 
     def needed(rows: int = height, texels: int = config.texture, count: int = exemplars, beside: int = workers) -> int:
-        surface = surface_bytes(texels)
+        surface = surface_bytes(texels) - surface_bytes(0)
         one = picture_bytes(max(1, rows * width // height), rows) + surface
         return processes * one + _SCENE * count + (beside - 1) * (_WORKER + surface)
 
@@ -46,8 +46,8 @@ def require_dataset(config: DatasetConfig, exemplars: int, processes: int = 1, w
         fits = most_that_fits(lambda n: needed(count=n, beside=1), exemplars, allowed)
         return None if fits is None else f"{fits} exemplars with --workers 1"
 
-    what = f"{exemplars or 'some'} exemplars of {width} x {height} pixels and textures of {config.texture} texels a side need"
-    return require_memory(what, needed(), fitting)
+    size = f"{width} x {height} pixels and textures of {config.texture} texels a side"
+    return require_memory(f"{exemplars or 'some'} exemplars of {size} need", needed(), fitting)
 
 
 def exemplar_bytes(config: DatasetConfig, exemplars: int, meshes: int, channels: int = 0) -> int:

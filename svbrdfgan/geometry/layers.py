@@ -19,7 +19,8 @@ TOLERANCE = 0.02
 """A face this far beneath the outermost surface still counts as outermost; in bounding-box diagonals."""
 _ROUNDS = 2
 _WORTH_CUTTING = 8  # texels: faces that cover fewer are not cut
-_TEXEL = 300  # bytes of a texel: fragments of all layers, and the buffers that are baked of them
+_BAKING = 130 << 20  # bytes of libraries that are loaded for it, and of batches of fragments
+_TEXEL = 250  # bytes of a texel: fragments of all layers, and the buffers that are baked of them
 
 
 def embed_and_rasterize(embedding: UVEmbedding, mesh: Mesh, resolution: int) -> Fragments:
@@ -31,8 +32,8 @@ def embed_and_rasterize(embedding: UVEmbedding, mesh: Mesh, resolution: int) -> 
     """
     require_memory(
         f"a surface of {resolution} x {resolution} texels needs",
-        PROGRAM + surface_bytes(resolution),
-        lambda allowed: _side(most_that_fits(lambda n: PROGRAM + surface_bytes(n), resolution, allowed, 16)),
+        surface_bytes(resolution),
+        lambda allowed: _side(most_that_fits(surface_bytes, resolution, allowed, 16)),
     )
     surface = embedding.embed(mesh)
     if embedding.capabilities.injective:
@@ -41,11 +42,11 @@ def embed_and_rasterize(embedding: UVEmbedding, mesh: Mesh, resolution: int) -> 
 
 
 def surface_bytes(resolution: int) -> int:
-    """What rasterising and baking a surface at resolution x resolution texels takes at most.
+    """What the process holds at most while it rasterises and bakes a surface at resolution x resolution texels.
 
     Measured as the peak of processes that bake vehicles of two layers a texel at 1,024 and 2,048 texels a side.
     """
-    return _TEXEL * resolution**2
+    return PROGRAM + _BAKING + _TEXEL * resolution**2
 
 
 def _side(texels: int | None) -> str | None:

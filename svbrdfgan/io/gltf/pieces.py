@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -12,6 +13,7 @@ from numpy import ndarray
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.files import parsing
+from svbrdfgan.io.gltf.accessors import Matrix
 from svbrdfgan.io.gltf.document import Document, Json
 from svbrdfgan.io.gltf.materials import DocumentPictures, look_of
 from svbrdfgan.io.gltf.nodes import Placement, placements, world_matrices
@@ -41,14 +43,15 @@ def document_pieces(document: Document) -> list[Piece]:
             than `MAX_FACES`.
     """
     with parsing(document.path, "glTF"):
-        if (count := count_shown(document)) > MAX_FACES:
+        places = placements(document)
+        if (count := _count(document, places)) > MAX_FACES:
             raise AssetError(f"{document.path} holds {count} faces; wanted a mesh of 1 to {MAX_FACES} triangles.")
-        return _pieces(document)
+        return _pieces(document, places)
 
 
-def _pieces(document: Document) -> list[Piece]:
+def _pieces(document: Document, places: Sequence[Placement]) -> list[Piece]:
     shown: dict[int, list[Placement]] = {}
-    for place in sorted(placements(document), key=lambda place: (place.mesh, place.matrix.tolist())):
+    for place in sorted(places, key=lambda place: (place.mesh, place.matrix.tolist())):
         shown.setdefault(place.mesh, []).append(place)
     meshes = document.table("meshes")
     solid = [
@@ -72,14 +75,17 @@ def count_shown(document: Document) -> int:
         AssetError: nodes or accessors are broken.
     """
     with parsing(document.path, "glTF"):
-        meshes = document.table("meshes")
-        shown = Counter(place.mesh for place in placements(document))
-        return sum(
-            times * count_triangles(document, primitive)
-            for mesh, times in shown.items()
-            for primitive in meshes[mesh]["primitives"]
-            if is_solid(primitive)
-        )
+        return _count(document, placements(document))
+
+
+def _count(document: Document, places: Sequence[Placement]) -> int:
+    meshes = document.table("meshes")
+    return sum(
+        times * count_triangles(document, primitive)
+        for mesh, times in Counter(place.mesh for place in places).items()
+        for primitive in meshes[mesh]["primitives"]
+        if is_solid(primitive)
+    )
 
 
 class _Builder:
@@ -87,8 +93,12 @@ class _Builder:
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self.world = dict(world_matrices(document))
         self.pictures, self.decoded = DocumentPictures(document), Pictures(document.path)
+
+    @cached_property
+    def world(self) -> dict[int, Matrix]:
+        """Of each node, which skins ask for."""
+        return dict(world_matrices(self.document))
 
     def pieces(self, mesh: int, number: int, places: Sequence[Placement], *, alone: bool) -> Iterator[Piece]:
         """A primitive as each placement shows it; what they share is decoded once, and in memory once."""
