@@ -43,7 +43,6 @@ def command(
         from svbrdfgan.config.choices import PluginChoice
         from svbrdfgan.config.models import validate
         from svbrdfgan.data.generate import render_scene
-        from svbrdfgan.geometry.layers import surface_bytes
         from svbrdfgan.plugins.select import resolve_renderer
         from svbrdfgan.rendering.picture_memory import require_picture
         from svbrdfgan.scene.description import Scene
@@ -53,9 +52,7 @@ def command(
         chosen = described.renderer if renderer is None else PluginChoice(name=renderer, options=key_values(options))
         if spp is not None:
             described = validate(Scene, described.model_dump() | {"spp": spp}, str(scene))
-        require_picture(
-            described.width, described.height, out.suffix, surface_bytes(described.texture) - surface_bytes(0)
-        )
+        require_picture(described.width, described.height, described.texture, out.suffix)
         loader = SceneLoader(assets or _asset_folder(scene, described), keep=False)
         resolved, _ = resolve_renderer(chosen, maps=described.maps)
         display.stage(f"rendering {scene}")

@@ -32,9 +32,9 @@ def require_dataset(config: DatasetConfig, exemplars: int, processes: int = 1, w
     width, height = config.image
 
     def needed(rows: int = height, texels: int = config.texture, count: int = exemplars, beside: int = workers) -> int:
-        surface = surface_bytes(texels) - surface_bytes(0)
-        one = picture_bytes(max(1, rows * width // height), rows) + surface
-        return processes * one + _SCENE * count + (beside - 1) * (_WORKER + surface)
+        one = picture_bytes(max(1, rows * width // height), rows, texels)
+        baked = _WORKER + surface_bytes(texels) - surface_bytes(0)
+        return processes * one + _SCENE * count + (beside - 1) * baked
 
     def fitting(allowed: int) -> str | None:
         if (fits := most_that_fits(lambda n: needed(beside=n), workers, allowed)) is not None:
