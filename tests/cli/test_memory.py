@@ -116,7 +116,7 @@ def test_a_layer(car: Path, tmp_path: Path) -> None:
     assert "--size" in refused(out, *weather, "--size", 8192, "-o", out / "a.glb", gigabytes=1)
     refused(out, *weather, "--embedding-uvs", "-o", out / "a.glb", gigabytes=1)
     texture = ("texture", car, "--count", 3, "--resolution", 4096)
-    assert "--size" in refused(out, *texture, "--size", 8192, "-o", out, gigabytes=1)
+    assert "--size" in refused(out, *texture, "--size", 8192, "-o", out, gigabytes=4.5)
     view = ("view", car, "--recipe", "dust", "--resolution", 4096, "--page", out / "a.html")
     assert re.fullmatch(r"--resolution \d+ would fit\.", refused(out, *view, gigabytes=1))
     refused(out, "parts", car, "--picture", out / "a.png", gigabytes=0.001)
