@@ -8,7 +8,7 @@ from svbrdfgan.bench.cases import Case
 from svbrdfgan.utils.memory import PROGRAM, most_that_fits, require_memory
 
 _PROGRAMS = 2 * PROGRAM + (130 << 20)  # bytes of both processes with the renderer's libraries
-_VERTEX = 2200  # bytes of a vertex and its two faces while the scene is made, in float64
+_VERTEX = 1500  # bytes of a vertex and its two faces while the scene is made, in float64
 _TEXEL = 100  # bytes of a texel of the scene and, for each picture of a batch, of all maps and their gradients
 _PIXEL = 300  # bytes of a pixel and picture of a batch: the picture, its gradient, and its stored light transport
 _SAMPLE = 36  # bytes of a sample that is kept for a gradient

@@ -89,7 +89,7 @@ def evaluate(
         config = model.config.scored_on(opened)
     relighter = Relighter.make(relight or Relight(), opened.index)  # its mistakes are found before anything slow
     resolved = ResolvedRun(config.train, opened).unperturbed()
-    require_run(resolved, (split, *({"train"} - {split})), fabric.device, learns=False)
+    require_run(resolved, ("train",) if split == "train" else ("train", split), fabric.device, learns=False)
     if resolved.deferred:  # pictures are compared with exemplars, and have all of their samples
         resolved = resolved.with_config(rendering="online")
     renderer, _ = resolve_renderer(config.train.renderer, fabric.device, config.maps, differentiable=True)

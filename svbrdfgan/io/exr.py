@@ -20,8 +20,8 @@ from svbrdfgan.utils.memory import require_memory
 MAX_PIXELS = 2**28
 """A header that claims more RGBA pixels than this is rejected as broken before memory is allocated."""
 _NUMBER = 14
-"""Bytes of a number while a picture is read, its channels are picked and, of an environment, checked. Measured as the peak
-of a process that loads an environment of 6,000 x 3,000 pixels."""
+"""Bytes of a number while a picture is read, its channels are picked and, of an environment, checked. Measured as the
+peak of a process that loads an environment of 6,000 x 3,000 pixels."""
 
 
 def load_exr(path: str | os.PathLike[str], *, uv_map: bool = False) -> dict[str, Float[Tensor, "rows cols"]]:
