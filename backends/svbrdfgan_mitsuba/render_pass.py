@@ -45,7 +45,8 @@ class RenderPass:
         """
         room = KEPT[self.device.type] if keep and self._direct else 0
         height, width = self.view.height, self.view.width
-        image, coverage = (torch.empty(height * width, *channels, device=self.device) for channels in ((3,), ()))
+        image = torch.empty(height * width, 3, dtype=torch.float32, device=self.device)
+        coverage = torch.empty(height * width, dtype=torch.float32, device=self.device)
         for chunk in self.chunks:
             room -= chunk.pixels * chunk.spp
             if room >= 0:

@@ -12,17 +12,23 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 import yaml
 from click.testing import CliRunner
 
 from svbrdfgan.bench.cases import STANDARD, Case
 from svbrdfgan.bench.memory import case_bytes
 from svbrdfgan.cli import main
+from svbrdfgan.data.config import dataset_config
+from svbrdfgan.data.memory import require_dataset
 from svbrdfgan.geometry.layers import surface_bytes
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.rendering.picture_memory import picture_bytes
+from svbrdfgan.training.config import train_config
+from svbrdfgan.training.memory import require_run
+from svbrdfgan.training.resolve import resolve_run
 
 SENTENCE = r"needs? about [\d.]+ GiB of memory and [\d.]+ GiB are allowed; .+\."
 DATA = {
@@ -151,6 +157,28 @@ def test_the_estimate_of_a_picture_is_near_its_peak(
 def test_the_estimate_of_a_surface_is_near_its_peak(car: Path, tmp_path: Path, side: int) -> None:
     peak = peak_bytes("bake", car, "--resolution", side, "-o", tmp_path / "baked")
     assert 0.7 <= surface_bytes(side) / peak <= 1.6
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("side", [32, 1024])
+def test_the_estimate_of_a_data_set_is_near_its_peak(tmp_path: Path, side: int) -> None:
+    config = tmp_path / "data.yaml"
+    config.write_text(yaml.safe_dump({**DATA, "image": [side, side], "spp": 1}))
+    peak = peak_bytes("dataset", config, "--workers", 1, "-o", tmp_path / "out")
+    estimate = require_dataset(dataset_config({**DATA, "image": [side, side]}, "test"), 4)
+    assert 0.7 <= estimate / peak <= 1.6
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("batch", [1, 8])
+def test_the_estimate_of_a_run_is_near_its_peak(tmp_path: Path, batch: int) -> None:
+    data, run = tmp_path / "data", tmp_path / "train.yaml"
+    (tmp_path / "data.yaml").write_text(yaml.safe_dump({**DATA, "texture": 128, "spp": 1}))
+    peak_bytes("dataset", tmp_path / "data.yaml", "--workers", 1, "-o", data)
+    config = {"dataset": str(data), "steps": 2, "batch_size": batch, "generator": {"width": 16}, "spp": 1}
+    run.write_text(yaml.safe_dump(config))
+    estimate = require_run(resolve_run(train_config(config, "test")), ("train",), torch.device("cpu"))
+    assert 0.7 <= estimate / peak_bytes("train", run, "-o", tmp_path / "run") <= 1.6
 
 
 def peak_bytes(*words: object) -> int:
