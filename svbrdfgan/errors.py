@@ -4,8 +4,12 @@
 class SvbrdfganError(Exception):
     """Base of every error that is about the user's input or installation, not about a bug.
 
-    A message may quote files of strangers as they are; the command line prints it by `svbrdfgan.utils.printable`.
+    Each argument is a sentence. It may quote files of strangers as they are: the command line prints each on one line
+    by `svbrdfgan.utils.printable`, even where a name has line feeds.
     """
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.args))
 
 
 class ConfigError(SvbrdfganError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -145,10 +146,32 @@ class FilmChunk:
         return given / dr.opaque(mi.Float, self.spp)
 
 
-def film_chunks(pixels: int, spp: int, seed: int, bounces: int, device: torch.device) -> list[FilmChunk]:
+@dataclass(frozen=True)
+class FilmChunks(Sequence[Any]):
+    """A film in chunks, each made when it is asked for, since there may be millions.
+
+    Attributes:
+        firsts: the first pixel of each.
+        pixels: of the whole film.
+    """
+
+    firsts: range
+    pixels: int
+    spp: int
+    seed: int
+
+    def __len__(self) -> int:
+        return len(self.firsts)
+
+    def __getitem__(self, number: Any) -> Any:
+        first = self.firsts[number]
+        return FilmChunk(first, min(self.firsts.step, self.pixels - first), self.spp, self.seed)
+
+
+def film_chunks(pixels: int, spp: int, seed: int, bounces: int, device: torch.device) -> FilmChunks:
     """A film of this many pixels, cut into chunks of at most `VERTICES` path vertices, or of one pixel."""
     size = max(1, VERTICES[device.type] // (spp * bounces))
-    return [FilmChunk(first, min(size, pixels - first), spp, seed) for first in range(0, pixels, size)]
+    return FilmChunks(range(0, pixels, size), pixels, spp, seed)
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ class RenderPass:
 
     integrator: PathIntegrator
     view: View
-    chunks: list[FilmChunk]
+    chunks: Sequence[FilmChunk]
     device: torch.device
     wrt: frozenset[str] = frozenset()
     kept: dict[FilmChunk, DirectSamples] = field(default_factory=dict)
@@ -44,18 +44,18 @@ class RenderPass:
                 for the gradient of the base colour alone.
         """
         room = KEPT[self.device.type] if keep and self._direct else 0
-        pieces = []
+        height, width = self.view.height, self.view.width
+        image = torch.empty(height * width, 3, dtype=torch.float32, device=self.device)
+        coverage = torch.empty(height * width, dtype=torch.float32, device=self.device)
         for chunk in self.chunks:
             room -= chunk.pixels * chunk.spp
             if room >= 0:
                 self.kept[chunk] = self.integrator.trace_direct(chunk)
-                pieces.append(self.integrator.forward_direct(chunk, self.kept[chunk]))
+                made = self.integrator.forward_direct(chunk, self.kept[chunk])
             else:
-                pieces.append(self.integrator.forward(chunk))
-        image, coverage = (_joined(part) for part in zip(*pieces, strict=True))
-        return Rendering(
-            image.view(self.view.height, self.view.width, 3), coverage.view(self.view.height, self.view.width)
-        )
+                made = self.integrator.forward(chunk)
+            image[chunk.span], coverage[chunk.span] = made
+        return Rendering(image.view(height, width, 3), coverage.view(height, width))
 
     def backward(self, grad_image: Float[Tensor, "height width 3"]) -> Gradients:
         """The gradient of sum(image * grad_image), from the same samples."""
@@ -76,7 +76,3 @@ class RenderPass:
     @property
     def _direct(self) -> bool:
         return self.integrator.linear and self.wrt == {"base_color"}
-
-
-def _joined(pieces: Sequence[Tensor]) -> Tensor:
-    return pieces[0] if len(pieces) == 1 else torch.cat(tuple(pieces))

@@ -16,7 +16,7 @@ from svbrdfgan_mitsuba import variant
 from svbrdfgan_mitsuba.environment import EnvironmentEmitter
 from svbrdfgan_mitsuba.integrator import PathIntegrator
 from svbrdfgan_mitsuba.interop import wait_for_torch
-from svbrdfgan_mitsuba.prepared_scene import FilmChunk, PreparedCamera, PreparedSurface, film_chunks, prepare
+from svbrdfgan_mitsuba.prepared_scene import FilmChunks, PreparedCamera, PreparedSurface, film_chunks, prepare
 from svbrdfgan_mitsuba.render_pass import RenderPass
 from svbrdfgan_mitsuba.textures import NEUTRAL, MaterialMaps, snapshot
 from svbrdfgan_mitsuba.vertex import PathTracer
@@ -104,7 +104,7 @@ class MitsubaRenderer:
         integrator, chunks = self._integrator(prepared, materials, view), self._chunks(view, spp, seed)
         return RenderPass(integrator, view, chunks, self.device, wrt)
 
-    def _chunks(self, view: View, spp: int, seed: int) -> list[FilmChunk]:
+    def _chunks(self, view: View, spp: int, seed: int) -> FilmChunks:
         return film_chunks(view.height * view.width, spp, seed, self.max_bounces, self.device)
 
     def _integrator(self, prepared: PreparedSurface, materials: Materials, view: View) -> PathIntegrator:

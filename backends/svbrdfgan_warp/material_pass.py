@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -32,12 +32,12 @@ class MaterialPass:
 
     tracer: LightTracer
     view: View
-    chunks: list[FilmChunk]
+    chunks: Sequence[FilmChunk]
     maps: PackedMaps
     kept: dict[FilmChunk, LightRecords] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, tracer: LightTracer, view: View, chunks: list[FilmChunk], materials: Materials) -> MaterialPass:
+    def of(cls, tracer: LightTracer, view: View, chunks: Sequence[FilmChunk], materials: Materials) -> MaterialPass:
         """The pass that renders these materials. The first in a process loads or compiles the kernels."""
         surface = tracer.surface
         with quiet():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Set
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -32,14 +32,14 @@ class RenderPass:
 
     tracer: Tracer
     view: View
-    chunks: list[FilmChunk]
+    chunks: Sequence[FilmChunk]
     materials: Materials
     atlas: texture_kernels.Atlas
     texels: Float[Tensor, "texels 3"]
     kept: dict[FilmChunk, SampleRecords] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, tracer: Tracer, view: View, chunks: list[FilmChunk], materials: Materials) -> RenderPass:
+    def of(cls, tracer: Tracer, view: View, chunks: Sequence[FilmChunk], materials: Materials) -> RenderPass:
         """The pass that renders these materials."""
         surface = tracer.surface
         atlas = _atlas(materials, surface.surface.repeat, surface.device)

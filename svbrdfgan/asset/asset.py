@@ -23,7 +23,7 @@ from svbrdfgan.io.mesh import SUFFIXES, Joined, join_pieces, load_mesh
 from svbrdfgan.io.pieces import Piece, Source
 from svbrdfgan.io.rows import members
 from svbrdfgan.types import Mesh
-from svbrdfgan.utils.memory import allowed_bytes, gigabytes
+from svbrdfgan.utils.memory import require_memory
 
 BYTES_PER_TRIANGLE = 3000
 """What an asset, its surroundings and a second UV set take."""
@@ -110,22 +110,17 @@ class Asset:
         return {child: parent for parent, node in enumerate(nodes) for child in node.get("children", [])}
 
 
-def load_asset(path: str | os.PathLike[str], memory: int | None = None) -> Asset:
+def load_asset(path: str | os.PathLike[str]) -> Asset:
     """The asset in a mesh file: glTF as it is, and OBJ, PLY and STL as the document that a GLB of them would hold.
-
-    Args:
-        memory: bytes that may be taken; None allows a share of what is free.
 
     Raises:
         AssetError: the file is missing, broken or of another kind, has no faces, or has invalid coordinates, or shows
-            more triangles than that memory holds.
+            more triangles than the memory holds that may be taken.
     """
     path = check_file(path, SUFFIXES, "mesh")
     document = read_document(path) if path.suffix.lower() in DOCUMENTS else mesh_document(path, load_mesh(path))
-    if (needed := BYTES_PER_TRIANGLE * (count := count_shown(document))) > allowed_bytes(memory):
-        raise AssetError(
-            f"{path} shows {count:,} triangles, which need about {gigabytes(needed)} of memory; "
-            f"{gigabytes(allowed_bytes(memory))} are allowed. Make it simpler."
-        )
+    count = count_shown(document)
+    needs = f"{path} shows {count:,} triangles, which need"
+    require_memory(needs, BYTES_PER_TRIANGLE * count, instead="make it simpler", error=AssetError)
     pieces = document_pieces(document)
     return Asset(path, document, tuple(pieces), join_pieces(path, pieces))

@@ -12,16 +12,14 @@ from svbrdfgan.asset.asset import BYTES_PER_TRIANGLE, Asset
 from svbrdfgan.asset.weather_document import DEFAULT_SIZE, Textures, enough_texels
 from svbrdfgan.asset.weathered_maps import BAND
 from svbrdfgan.asset.weathered_material import WeatheredMaterial
-from svbrdfgan.errors import ConfigError
 from svbrdfgan.geometry.normals import face_areas
 from svbrdfgan.io.gltf.materials import DocumentPictures
 from svbrdfgan.types import FURTHER_MAPS
-from svbrdfgan.utils.memory import allowed_bytes, gigabytes
+from svbrdfgan.utils.memory import PROGRAM, require_memory
 
 _LEAST = 256
 """Texels along a side: no smaller textures are suggested."""
 
-_PROGRAM = 460 << 20  # the interpreter, NumPy and torch, and the tiles that are being painted
 _PAINTED = 19  # a layer's texel: nine channels of 16 bits, and whether it is known
 _FILLING = 20  # more while the texels around the faces are filled
 _OLD = 32  # a texel of an old texture: its bytes, as part of the looks, and as float32 when it is looked up
@@ -49,7 +47,7 @@ def peak_bytes(
     blending = (
         _PAINTED * painted + _OLD * sum(old) + (_NEW * maps + _ENCODING) * texels + _BLENDING * bands * BAND * cols
     )
-    return _PROGRAM + BYTES_PER_TRIANGLE * triangles + max(painting, blending)
+    return PROGRAM + BYTES_PER_TRIANGLE * triangles + max(painting, blending)
 
 
 @dataclass(frozen=True)
@@ -108,25 +106,23 @@ class Plan:
         return max((max(size) for old in self.materials for size in old), default=DEFAULT_SIZE)
 
 
-def require_memory(plan: Plan, limit: int | None = None, further: int = 0) -> int:
+def require_plan(plan: Plan, further: int = 0, *, sized: bool = True) -> int:
     """Checks that a plan may run, and gives the bytes that it takes at most.
 
     Args:
-        limit: bytes that the process may hold; None allows a share of what is free.
         further: bytes that are held besides, such as a model's layers.
+        sized: whether the size of textures is the user's choice, besides how fine the layer is.
 
     Raises:
-        ConfigError: the plan needs more.
+        ConfigError: the plan needs more than is allowed.
     """
-    limit = allowed_bytes(limit)
-    needed = plan.peak_bytes() + further
-    if needed <= limit:
-        return needed
-    given = f"weathering needs about {gigabytes(needed)} of memory and {gigabytes(limit)} are allowed"
-    fitting = next((other.textures for other in plan.smaller() if other.peak_bytes() + further <= limit), None)
-    if fitting is None:
-        raise ConfigError(f"{given}; no smaller textures fit either: allow more by --memory.")
-    raise ConfigError(f"{given}; --size {fitting.size} --resolution {fitting.painted} would fit.")
+
+    def fitting(allowed: int) -> str | None:
+        others = (other.textures for other in plan.smaller() if other.peak_bytes() + further <= allowed)
+        return next((f"{f'--size {it.size} ' * sized}--resolution {it.painted}" for it in others), None)
+
+    instead = "no smaller textures fit either: allow more by --memory"
+    return require_memory("weathering needs", plan.peak_bytes() + further, fitting, instead=instead)
 
 
 def _old(asset: Asset, number: int | None) -> tuple[tuple[int, int], ...]:

@@ -18,6 +18,7 @@ from svbrdfgan.asset.painted_texture import (
     NORMAL,
     ROUGHNESS,
     Canvas,
+    Model,
     paint_texture,
     painted_scale,
 )
@@ -25,7 +26,7 @@ from svbrdfgan.asset.painters import Painter
 from svbrdfgan.asset.piece_editor import NewUVSet, PieceEditor
 from svbrdfgan.asset.piece_groups import free_uv_set, groups
 from svbrdfgan.asset.second_uv_set import fitting_uv_set
-from svbrdfgan.asset.weather_document import DEFAULT_SIZE, Edited, Model, Textures
+from svbrdfgan.asset.weather_document import DEFAULT_SIZE, Edited, Textures
 from svbrdfgan.asset.weathered_maps import Layer, layer_bands
 from svbrdfgan.geometry.normals import unit
 from svbrdfgan.io.image import Encoding, picture
@@ -78,7 +79,7 @@ class OverlayCanvas:
         positions = model.mesh.positions[model.mesh.faces[faces]]
         uv, size = fitting_uv_set(positions, None if own is None else own[faces], size)
         PieceEditor(edited.document, asset, edited.told).add_uv_set(pieces, NewUVSet(number, faces, uv))
-        return cls(edited, Canvas(model.mesh, faces, uv, model.reversed), number, size)
+        return cls(edited, Canvas(model, faces, uv), number, size)
 
 
 def overlay_document(

@@ -12,7 +12,7 @@ from numpy import ndarray
 from svbrdfgan.asset.painters import Paint, Painter
 from svbrdfgan.asset.points import SurfacePoints
 from svbrdfgan.asset.texture_bands import TILE, TexelGrid
-from svbrdfgan.geometry.normals import face_areas, unit, uv_areas
+from svbrdfgan.geometry.normals import corner_normals, face_areas, unit, uv_areas
 from svbrdfgan.geometry.split import surface_over
 from svbrdfgan.geometry.tangents import Tangents, corner_tangents
 from svbrdfgan.types import Mesh
@@ -27,24 +27,50 @@ _SAME_SHEET = 4.0  # texels: neighbours in UV that are further apart on the surf
 
 
 @dataclass(frozen=True, eq=False)
+class Model:
+    """What a painter paints; what all of its textures need is computed once.
+
+    Attributes:
+        mesh: the asset's, nose at +Z.
+        reversed: of all faces: those that are seen from the side that their winding calls the back.
+    """
+
+    mesh: Mesh
+    reversed: Bool[ndarray, " mesh_faces"]
+
+    @cached_property
+    def areas(self) -> Float[ndarray, " mesh_faces"]:
+        """Square metres of each face."""
+        return face_areas(self.mesh.positions, self.mesh.faces)
+
+    @cached_property
+    def normals(self) -> Float[ndarray, "mesh_faces 3 3"]:
+        """Unit normals at face corners."""
+        return corner_normals(self.mesh.positions, self.mesh.faces)
+
+
+@dataclass(frozen=True, eq=False)
 class Canvas:
     """The faces that share one texture.
 
     Attributes:
-        mesh: the whole model, nose at +Z.
-        faces: numbers of the faces in the mesh.
+        model: the whole model.
+        faces: numbers of the faces in its mesh, in ascending order.
         uv: of their corners, in [0, 1], origin lower left; no two faces overlap.
-        reversed: of all faces of the mesh: those that are seen from the side that their winding calls the back.
     """
 
-    mesh: Mesh
+    model: Model
     faces: Int[ndarray, " faces"]
     uv: Float[ndarray, "faces 3 2"]
-    reversed: Bool[ndarray, " mesh_faces"]
+
+    @property
+    def mesh(self) -> Mesh:
+        """The model's."""
+        return self.model.mesh
 
     def texel(self, rows: int, cols: int) -> float:
         """Metres along a texel's side, of the mean over the area."""
-        area = face_areas(self.mesh.positions, self.mesh.faces[self.faces]).sum()
+        area = self.model.areas[self.faces].sum()
         texels = np.abs(uv_areas(self.uv)).sum() * rows * cols
         return float(np.sqrt(area / max(texels, 1e-12)))
 
@@ -52,17 +78,15 @@ class Canvas:
         self, points: SurfacePoints, normals: Float[ndarray, "points 3"]
     ) -> Float[ndarray, "points 3"]:
         """Unit normals of the mesh's axes, in the tangent frames of the canvas's UVs."""
-        tangents, corners = self._tangents
-        axes = tangents.frames(corners, points.face, points.barycentric)
+        own = np.searchsorted(self.faces, points.face)
+        axes = self._tangents.frames(self.model.normals[self.faces], own, points.barycentric)
         return np.stack([(normals * axis).sum(axis=1) for axis in axes], axis=1)
 
     @cached_property
-    def _tangents(self) -> tuple[Tangents, Float[ndarray, "mesh_faces 3 3"]]:
-        """Tangents, and normals at face corners; those of other faces mean nothing."""
-        uv = np.zeros((len(self.mesh.faces), 3, 2))
-        uv[self.faces] = self.uv
-        surface = surface_over(self.mesh, uv)
-        return corner_tangents(surface), surface.normals[surface.faces]
+    def _tangents(self) -> Tangents:
+        """Of the canvas's faces alone, under the normals that they have in the whole model."""
+        mesh = Mesh(self.mesh.positions, self.mesh.faces[self.faces], self.mesh.face_part[self.faces], self.mesh.parts)
+        return corner_tangents(surface_over(mesh, self.uv, normals=self.model.normals[self.faces]))
 
 
 def paint_texture(
@@ -98,7 +122,7 @@ def paint_texture(
 
 def painted_scale(canvas: Canvas, painted: int, rows: int, cols: int) -> int:
     """The power of two by which the layer is painted coarser than the texture, nearest to the density asked for."""
-    area = face_areas(canvas.mesh.positions, canvas.mesh.faces).sum()
+    area = canvas.model.areas.sum()
     coarsest, scale = float(np.sqrt(2.0 * area)) / painted, 1
     while scale < 64 and canvas.texel(rows // (2 * scale), cols // (2 * scale)) <= coarsest:
         scale *= 2
@@ -130,7 +154,7 @@ def _relief(
         return normal
     heights, places = np.zeros(shape), np.full((*shape, 3), np.nan)
     # relief rises from the side that is seen, and tangent space belongs to the winding's front
-    side = np.where(canvas.reversed[points.face], -1.0, 1.0)
+    side = np.where(canvas.model.reversed[points.face], -1.0, 1.0)
     heights[covered], places[covered] = height * side, points.positions(canvas.mesh)
     slopes = [_slope(heights, places, axis) for axis in (1, 0)]
     normal[..., 0], normal[..., 1] = -slopes[0], -slopes[1]

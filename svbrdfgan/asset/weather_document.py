@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.asset.asset import Asset
@@ -14,7 +14,7 @@ from svbrdfgan.asset.clean_variants import has_variants, list_variants
 from svbrdfgan.asset.freed_places import take_freed_places
 from svbrdfgan.asset.material_rules import NORMAL_MAP
 from svbrdfgan.asset.packing import ChartsError
-from svbrdfgan.asset.painted_texture import Canvas, paint_texture, painted_scale
+from svbrdfgan.asset.painted_texture import Canvas, Model, paint_texture, painted_scale
 from svbrdfgan.asset.painters import Painter
 from svbrdfgan.asset.piece_editor import NewUVSet, PieceEditor
 from svbrdfgan.asset.piece_groups import Group, free_uv_set, groups
@@ -23,10 +23,8 @@ from svbrdfgan.asset.sheet import Sheet
 from svbrdfgan.asset.tangent_turns import turn_layer, turns_of_file
 from svbrdfgan.asset.uv_fitness import uv_fitness, wrapped
 from svbrdfgan.asset.weathered_material import WeatheredMaterial
-from svbrdfgan.geometry.normals import face_areas
 from svbrdfgan.io.gltf.document import Document
 from svbrdfgan.io.gltf.materials import DocumentPictures
-from svbrdfgan.types import Mesh
 from svbrdfgan.utils.display import Display
 
 DEFAULT_SIZE = 2048
@@ -35,14 +33,6 @@ DEFAULT_SIZE = 2048
 _LEAST_SIZE = 128
 
 _BEYOND = 1e-3  # of a tile: how far UVs may pass its border
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """What a painter paints: the asset's mesh with its nose at +Z, and which faces are seen from behind."""
-
-    mesh: Mesh
-    reversed: Bool[ndarray, " faces"]
 
 
 @dataclass(frozen=True)
@@ -153,18 +143,18 @@ def _places(edited: Edited, model: Model, group: Group, changed: WeatheredMateri
     own = group.uv(changed.uv_set())
     positions = model.mesh.positions[model.mesh.faces[group.faces]]
     flaw = uv_fitness(positions, own).reason or _border_flaw(own, changed)
-    areas = face_areas(model.mesh.positions, model.mesh.faces)
-    enough = textures.size or enough_texels(float(areas[group.faces].sum() / areas.sum()), textures.painted)
+    share = float(model.areas[group.faces].sum() / model.areas.sum())
+    enough = textures.size or enough_texels(share, textures.painted)
     rows, cols = changed.size(textures.size) or (enough, enough)
     if own is not None and not flaw:
-        return _Places(Canvas(model.mesh, group.faces, wrapped(own), model.reversed), rows, cols)
+        return _Places(Canvas(model, group.faces, wrapped(own)), rows, cols)
     wanted = textures.size or max(rows, cols, enough)  # a palette's own size says nothing
     uv, size = fitting_uv_set(positions, own, wanted)
     number = free_uv_set(group.asset, group.pieces)
     edited.told.append(f"'{group.name}' gets a second UV set, TEXCOORD_{number}: {flaw}.")
     if size > wanted:
         edited.told.append(f"'{group.name}' gets textures of {size} texels a side: its charts do not fit {wanted}.")
-    return _Places(Canvas(model.mesh, group.faces, uv, model.reversed), size, size, number)
+    return _Places(Canvas(model, group.faces, uv), size, size, number)
 
 
 def enough_texels(share: float, painted: int) -> int:

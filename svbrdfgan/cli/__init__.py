@@ -101,7 +101,7 @@ class LazyGroup(click.Group):
         except SvbrdfganError as error:
             if ctx.params["debug"]:
                 raise
-            raise click.ClickException(printable(str(error), breaks=True)) from error
+            raise click.ClickException("\n".join(printable(str(line)) for line in error.args)) from error
         except BrokenPipeError:
             raise
         except OSError as error:

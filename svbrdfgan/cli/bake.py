@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from svbrdfgan.cli.display import echo, progress
-from svbrdfgan.cli.options import key_values
+from svbrdfgan.cli.options import key_values, memory_option
 
 
 @click.command("bake")
@@ -20,6 +20,7 @@ from svbrdfgan.cli.options import key_values
 @click.option(
     "--resolution", default=256, show_default=True, type=click.IntRange(16, 8192), help="Texels along a side."
 )
+@memory_option
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder to write.")
 def command(mesh: Path, embedding: str, options: tuple[str, ...], resolution: int, out: Path) -> None:
     """Unwrap MESH and write its geometry buffer: EXR, PNG previews, the mesh with its UVs as GLB, and metrics.json.

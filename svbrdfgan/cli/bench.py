@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from svbrdfgan.cli.display import echo, print_table, progress
+from svbrdfgan.cli.options import memory_option
 from svbrdfgan.utils.printable import printable
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
 @click.option("--pixels", default=256, show_default=True, type=click.IntRange(1), help="Along a side of the picture.")
 @click.option("--texels", default=512, show_default=True, type=click.IntRange(1), help="Along a side of the texture.")
 @click.option("-o", "--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for JSON, table and plots.")
+@memory_option
 def command(
     spps: tuple[int, ...],
     repeats: int,
@@ -73,11 +75,13 @@ def command(
         raise click.UsageError("--mesh and --environment go together.")
     kept = f"{out} keeps the figures that are complete." if out else "no figures were kept, since --out is missing."
     with progress("trying the renderers", lambda: kept) as display:
+        from svbrdfgan.bench.memory import require_bench
         from svbrdfgan.bench.programs import Program
         from svbrdfgan.bench.run import Bench, backend_programs, working_backends
 
         makers = _makers(mesh, environment, embedding, material, texels)
         report = _report(list(makers), spps, vertices, pixels, repeats, scaling)
+        require_bench(report.all_cases(), texels)
         programs = backend_programs(names or working_backends())
         bench = Bench(makers, programs, tuple(map(Program.peer, peers)), repeats, report.cases[0].spp)
         for result in bench.results(report.all_cases(), display):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from svbrdfgan.cli.display import echo, progress
-from svbrdfgan.cli.options import completed, read_config
+from svbrdfgan.cli.options import completed, memory_option, read_config
 
 if TYPE_CHECKING:
     from svbrdfgan.data.config import DatasetConfig
@@ -57,6 +57,7 @@ class _Dataset(click.Command):
 @click.option(
     "--preview", is_flag=True, help="Write one exemplar next to its unweathered twin as preview.png, and stop."
 )
+@memory_option
 def command(
     config: Path,
     overrides: tuple[str, ...],

@@ -8,7 +8,7 @@ from typing import Literal
 import click
 
 from svbrdfgan.cli.display import echo, print_json, progress
-from svbrdfgan.cli.options import json_option
+from svbrdfgan.cli.options import json_option, memory_option
 from svbrdfgan.utils.processes import cores
 
 _BAKED, _TEXELS = ((0, 1, 2), (0.5, 1.0)), 1024
@@ -55,6 +55,7 @@ _BAKED, _TEXELS = ((0, 1, 2), (0.5, 1.0)), 1024
     type=click.IntRange(1),
     help="Processes that paint true layers, for draws.  [default: one for each core]",
 )
+@memory_option
 def command(
     run: Path,
     split: Literal["train", "validation", "test"],

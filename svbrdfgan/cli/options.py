@@ -14,6 +14,7 @@ from click.shell_completion import CompletionItem
 
 from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
 from svbrdfgan.errors import ConfigError, PluginError
+from svbrdfgan.utils.memory import limited
 from svbrdfgan.utils.printable import printable
 
 if TYPE_CHECKING:
@@ -94,10 +95,26 @@ def part_options(command: Command) -> Command:
     return gathered  # type: ignore[return-value]
 
 
+def memory_option(command: Command) -> Command:
+    """Adds `--memory`, which limits what `require_memory` allows while the command runs; no parameter."""
+
+    def limit(context: click.Context, _option: click.Parameter, given: float | None) -> None:
+        context.with_resource(limited(None if given is None else round(given * 2**30)))
+
+    return click.option(
+        "--memory",
+        type=click.FloatRange(min=0, min_open=True),
+        callback=limit,
+        expose_value=False,
+        metavar="GIB",
+        help="Memory that may be taken; what needs more is refused.  [default: 80 % of what is free]",
+    )(command)
+
+
 def delivery_options(command: Command) -> Command:
     """Adds what decides which files are written.
 
-    Parameters are `size`, `maps_folder`, `variants`, `overlay`, `memory`, `force` and `embedding_uvs`.
+    Parameters are `size`, `maps_folder`, `variants`, `overlay`, `force` and `embedding_uvs`; `memory_option` is added.
     """
     folder = click.Path(path_type=Path, file_okay=False)
     for option in (
@@ -107,13 +124,7 @@ def delivery_options(command: Command) -> Command:
             help="For research: write the surface over the UVs of the embedding and the layer beside it, and nothing "
             "else of the scene.",
         ),
-        click.option(
-            "--memory",
-            type=click.FloatRange(min=0, min_open=True),
-            callback=lambda _context, _option, gigabytes: gigabytes and round(gigabytes * 2**30),
-            metavar="GIB",
-            help="Memory that may be taken; what needs more is refused.  [default: 80 % of what is free]",
-        ),
+        memory_option,
         click.option("--force", is_flag=True, help="Overwrite an earlier result."),
         click.option(
             "--overlay",
@@ -149,7 +160,7 @@ def check_delivery(meshes: tuple[Path, ...], parts: PartOptions, given: Mapping[
             raise click.UsageError(f"--{name} is of one MESH.")
     options = {**given, "mask": parts.masks, "front": parts.front, "up": parts.up, "maps": given["maps_folder"]}
     exclusive = [("overlay", other) for other in ("maps", "variants", "picture", "sheet", "count")]
-    scene = ("overlay", "maps", "variants", "mask", "front", "up", "size", "memory")
+    scene = ("overlay", "maps", "variants", "mask", "front", "up", "size")
     for pair in [*exclusive, *((option, "embedding_uvs") for option in scene)]:
         if all(options.get(option) for option in pair):
             raise click.UsageError(f"--{pair[0]} and --{pair[1].replace('_', '-')} exclude each other.")

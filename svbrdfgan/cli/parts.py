@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from svbrdfgan.cli.display import echo, note, print_json, print_table, progress
-from svbrdfgan.cli.options import PartOptions, json_option, part_options, require_writable
+from svbrdfgan.cli.options import PartOptions, json_option, memory_option, part_options, require_writable
 
 if TYPE_CHECKING:
     from svbrdfgan.asset.verdicts import Verdict
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path, dir_okay=False),
     help="Also draw the mesh from four sides, coloured by verdict, to a .png or .jpg file.",
 )
+@memory_option
 def command(
     mesh: Path,
     parts: PartOptions,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from svbrdfgan.cli.display import echo, progress
-from svbrdfgan.cli.options import key_values
+from svbrdfgan.cli.options import key_values, memory_option
 
 if TYPE_CHECKING:
     from svbrdfgan.scene.description import Scene
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 @click.option("--renderer", help="See `svbrdfgan backends`.  [default: the scene's own]")
 @click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of --renderer; repeatable.")
 @click.option("--spp", type=click.IntRange(1), help="Samples per pixel.  [default: the scene's own]")
+@memory_option
 @click.option(
     "--assets",
     type=click.Path(path_type=Path),
@@ -40,14 +41,18 @@ def command(
         raise click.UsageError("--option is an option of --renderer: name the renderer.")
     with progress(f"loading {scene}") as display:
         from svbrdfgan.config.choices import PluginChoice
+        from svbrdfgan.config.models import validate
         from svbrdfgan.data.generate import render_scene
         from svbrdfgan.plugins.select import resolve_renderer
+        from svbrdfgan.rendering.picture_memory import require_picture
         from svbrdfgan.scene.description import Scene
         from svbrdfgan.scene.loader import SceneLoader
 
         described = Scene.load(scene)
         chosen = described.renderer if renderer is None else PluginChoice(name=renderer, options=key_values(options))
-        described = described.model_copy(update={"spp": spp or described.spp})
+        if spp is not None:
+            described = validate(Scene, described.model_dump() | {"spp": spp}, str(scene))
+        require_picture(described.width, described.height, described.texture, out.suffix)
         loader = SceneLoader(assets or _asset_folder(scene, described), keep=False)
         resolved, _ = resolve_renderer(chosen, maps=described.maps)
         display.stage(f"rendering {scene}")

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from svbrdfgan.asset.asset import load_asset
-from svbrdfgan.asset.memory import Plan, require_memory
+from svbrdfgan.asset.memory import Plan, require_plan
 from svbrdfgan.asset.weather_document import Edited, Textures
 from svbrdfgan.cli.display import echo, note
 from svbrdfgan.cli.options import PartOptions
@@ -33,7 +33,6 @@ class Scenes:
         maps_folder: gets the weathered textures, too; None if they are not wanted.
         variants: whether clean materials are kept, too.
         overlay: gets the layer, which the scene then does not have; None if the scene is weathered.
-        memory: bytes that may be taken; None allows a share of what is free.
         parts: where it weathers.
     """
 
@@ -42,13 +41,12 @@ class Scenes:
     maps_folder: Path | None
     variants: bool
     overlay: Path | None
-    memory: int | None
     parts: PartOptions
 
     def open(self, mesh: Path, settles_on: Mapping[Substance, float] = MappingProxyType({})) -> Workpiece:
         """The workpiece in a file, on which such matter is to lie. Which parts weather is printed on stderr."""
         self.display.stage(f"loading {mesh}")
-        workpiece = open_workpiece(mesh, memory=self.memory, **asdict(self.parts)).settled(settles_on)
+        workpiece = open_workpiece(mesh, **asdict(self.parts)).settled(settles_on)
         _report(workpiece)
         return workpiece
 
@@ -86,7 +84,7 @@ class Scenes:
         return self._write(path, overlay.edited) + write_layer(folder, overlay)
 
     def _require(self, plan: Plan, weathering: Weathering) -> None:
-        needed = require_memory(plan, self.memory, weathering.peak_bytes)
+        needed = require_plan(plan, weathering.peak_bytes)
         note(f"takes at most about {gigabytes(needed)} of memory")
 
     def _write(self, path: Path, edited: Edited) -> list[Path]:

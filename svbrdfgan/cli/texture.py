@@ -80,7 +80,6 @@ def command(
     maps_folder: Path | None,
     variants: bool,
     overlay: Path | None,
-    memory: int | None,
     force: bool,
     embedding_uvs: bool,
     picture: Path | None,
@@ -130,7 +129,7 @@ def command(
             from svbrdfgan.report.sheet import write_sheet
 
             textures = Textures(size, max(DENSITY, resolution or 0))
-            scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
+            scenes = Scenes(display, textures, maps_folder, variants, overlay, parts)
 
             def work(number: int) -> Iterator[Path]:
                 workpiece = scenes.open(meshes[number], draws[0].settles_on)

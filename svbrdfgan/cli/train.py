@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from svbrdfgan.cli.display import echo, progress
-from svbrdfgan.cli.options import read_config
+from svbrdfgan.cli.options import memory_option, read_config
 
 
 @click.command("train")
@@ -19,6 +19,7 @@ from svbrdfgan.cli.options import read_config
     is_flag=True,
     help="Continue from the latest checkpoint; on a CPU, to the same weights as without the interruption.",
 )
+@memory_option
 def command(config: Path, overrides: tuple[str, ...], out: Path, resume: bool) -> None:
     """Train a generator as the YAML file CONFIG says.
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from svbrdfgan.cli.display import echo, note, progress
-from svbrdfgan.cli.options import PartOptions, completed, known_models, part_options
+from svbrdfgan.cli.options import PartOptions, completed, known_models, memory_option, part_options
 
 if TYPE_CHECKING:
     from svbrdfgan.viewer.exhibit import Exhibit
@@ -44,6 +44,7 @@ _SEEDS, _AMOUNTS = (0, 1, 2), (0.25, 0.5, 0.75, 1.0)
 )
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Of the server.  [default: a free one]")
 @click.option("--no-browser", is_flag=True, help="Print the address, and open nothing.")
+@memory_option
 def command(
     shown: Path,
     model: str | None,

@@ -87,7 +87,6 @@ def command(
     maps_folder: Path | None,
     variants: bool,
     overlay: Path | None,
-    memory: int | None,
 ) -> None:
     """Weather each MESH by a recipe: its scene comes back, and only the textures of what weathers differ."""
     check_delivery(meshes, parts, click.get_current_context().params)
@@ -120,7 +119,7 @@ def command(
             from svbrdfgan.inference.weatherings import RecipeWeathering
 
             textures = Textures(size, resolution or _DENSITY)
-            scenes = Scenes(display, textures, maps_folder, variants, overlay, memory, parts)
+            scenes = Scenes(display, textures, maps_folder, variants, overlay, parts)
             weathering = RecipeWeathering(chosen, tuple(maps))
             done.each_alone(
                 lambda k: scenes.write(

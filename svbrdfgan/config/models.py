@@ -53,7 +53,7 @@ def validate(model: type[Model], data: object, source: str) -> Model:
             f"{source}: {path}: {message}" if path else f"{source}: {message}"
             for path, message in explain(error, model, data)
         ]
-        raise ConfigError("\n".join(lines)) from error
+        raise ConfigError(*lines) from error
     except ConfigError as error:
         raise ConfigError(f"{source}: {error}") from error
 
@@ -74,7 +74,7 @@ def build(factory: Callable[..., Made], options: Mapping[str, object], path: str
             f"{path}.{key}: {message}" if key else f"{path}: {message}"
             for key, message in explain(error, model, options)
         ]
-        raise ConfigError("\n".join(lines)) from error
+        raise ConfigError(*lines) from error
     given = {name: getattr(checked, field) for field, name in names.items() if field in checked.model_fields_set}
     try:
         return factory(**given)

@@ -18,6 +18,7 @@ from svbrdfgan.data.exemplar_files import exemplar_paths, save_exemplar
 from svbrdfgan.data.index import Dataset, DatasetIndex
 from svbrdfgan.data.labels import make_labels, save_labels
 from svbrdfgan.data.make_index import make_index
+from svbrdfgan.data.memory import require_dataset
 from svbrdfgan.data.prebake import prebake
 from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.errors import ConfigError
@@ -53,14 +54,15 @@ def generate(
         display: shows progress; with several devices, the progress of the first process's share.
 
     Raises:
-        ConfigError: the folder holds another data set, a pattern matches nothing, or the renderer, the embedding, the
-            recipe or the model cannot do what is asked.
+        ConfigError: the folder holds another data set, a pattern matches nothing, the renderer, the embedding, the
+            recipe or the model cannot do what is asked, or it needs more memory than may be taken.
         AssetError: an asset or the model cannot be read, or the disk cannot be written.
         PluginError: the renderer or the embedding is unknown, or does not work here.
     """
     fabric = Fabric(accelerator="auto", devices=devices, strategy="ddp_spawn" if devices > 1 else "auto")
     config = with_model(config, folder, base)
     renderer, choice = resolve_plugins(config, fabric.device)
+    require_dataset(config, 0, devices, workers)
     with claimed_folder(folder):
         dataset = Dataset(folder, make_index(config, folder, base, workers))
         job = _Job(dataset, choice, _missing_by_mesh(dataset), max(1, workers // devices))

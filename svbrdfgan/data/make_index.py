@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from svbrdfgan.config.models import differences
-from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, MeshSource, Split
+from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, MeshSource, Split, SplitConfig
 from svbrdfgan.data.gather import gather_environments, gather_meshes, match_files
 from svbrdfgan.data.index import INDEX, DatasetIndex
+from svbrdfgan.data.memory import require_dataset
 from svbrdfgan.data.sampler import MeshAsset
 from svbrdfgan.data.trained_model import gather_model, warn_of_new_model
 from svbrdfgan.errors import ConfigError
@@ -30,7 +31,8 @@ def make_index(config: DatasetConfig, folder: Path, base: Path, workers: int = 1
         workers: processes that gather meshes, at most.
 
     Raises:
-        ConfigError: the folder holds a data set of another configuration, or a pattern matches nothing.
+        ConfigError: the folder holds a data set of another configuration, a pattern matches nothing, or more memory is
+            needed than may be taken.
         AssetError: an asset cannot be read, or the model; or close-ups are wanted of what no camera sees.
     """
     if (folder / _RUN).is_file():
@@ -48,6 +50,9 @@ def make_index(config: DatasetConfig, folder: Path, base: Path, workers: int = 1
             )
         (folder / INDEX).unlink()  # it has no exemplar yet
     files = _match_all(config, base)  # all of them before the first asset is stored
+    counts = {split: _mesh_count(source, files[f"splits.{split}.meshes"]) for split, source in config.splits.items()}
+    exemplars = sum(count * config.splits[split].views for split, count in counts.items())
+    require_dataset(config, exemplars, workers=min(workers, sum(counts.values())))
     meshes = {
         split: gather_meshes(
             source.meshes,
@@ -75,6 +80,11 @@ def make_index(config: DatasetConfig, folder: Path, base: Path, workers: int = 1
     )
     index.save(folder)
     return index
+
+
+def _mesh_count(source: SplitConfig, files: Sequence[Path]) -> int:
+    made = source.meshes.procedural
+    return len(files) + (0 if made is None else made.count)
 
 
 def _part_ids(meshes: Mapping[Split, tuple[MeshAsset, ...]]) -> dict[int, str]:

@@ -37,6 +37,7 @@ from svbrdfgan.networks.generator import Generator
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
+from svbrdfgan.training.memory import require_run
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, seeds_vary
 from svbrdfgan.training.run import RunConfig, load_model
 from svbrdfgan.types import Layer
@@ -75,7 +76,7 @@ def evaluate(
     Raises:
         AssetError: the folder is no run or has no model yet, or its data set or that split is missing.
         ConfigError: the data set is another one, or `on` has other maps or conditions; training used a light to relight
-            with; or torch finds no such device.
+            with; torch finds no such device; or more memory is needed than may be taken.
     """
     shown = display or SilentDisplay()
     fabric = make_fabric(device)
@@ -88,6 +89,7 @@ def evaluate(
         config = model.config.scored_on(opened)
     relighter = Relighter.make(relight or Relight(), opened.index)  # its mistakes are found before anything slow
     resolved = ResolvedRun(config.train, opened).unperturbed()
+    require_run(resolved, ("train",) if split == "train" else ("train", split), fabric.device, learns=False)
     if resolved.deferred:  # pictures are compared with exemplars, and have all of their samples
         resolved = resolved.with_config(rendering="online")
     renderer, _ = resolve_renderer(config.train.renderer, fabric.device, config.maps, differentiable=True)

@@ -13,11 +13,14 @@ from svbrdfgan.geometry.split import cut_faces, with_parts
 from svbrdfgan.geometry.texels import centroid_texels
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.types import Mesh, Surface
+from svbrdfgan.utils.memory import PROGRAM, most_that_fits, require_memory
 
 TOLERANCE = 0.02
 """A face this far beneath the outermost surface still counts as outermost; in bounding-box diagonals."""
 _ROUNDS = 2
 _WORTH_CUTTING = 8  # texels: faces that cover fewer are not cut
+_BAKING = 130 << 20  # bytes of libraries that are loaded for it, and of batches of fragments
+_TEXEL = 250  # bytes of a texel: fragments of all layers, and the buffers that are baked of them
 
 
 def embed_and_rasterize(embedding: UVEmbedding, mesh: Mesh, resolution: int) -> Fragments:
@@ -25,11 +28,29 @@ def embed_and_rasterize(embedding: UVEmbedding, mesh: Mesh, resolution: int) -> 
 
     Raises:
         EmbeddingError: the mesh cannot be embedded.
+        ConfigError: that many texels need more memory than may be taken.
     """
+    require_memory(
+        f"a surface of {resolution} x {resolution} texels needs",
+        surface_bytes(resolution),
+        lambda allowed: _side(most_that_fits(surface_bytes, resolution, allowed, 16)),
+    )
     surface = embedding.embed(mesh)
     if embedding.capabilities.injective:
         return Fragments.of(surface, resolution, resolution)
     return hide_and_rasterize(surface, resolution)
+
+
+def surface_bytes(resolution: int) -> int:
+    """What the process holds at most while it rasterises and bakes a surface at resolution x resolution texels.
+
+    Measured as the peak of processes that bake vehicles of two layers a texel at 1,024 and 2,048 texels a side.
+    """
+    return PROGRAM + _BAKING + _TEXEL * resolution**2
+
+
+def _side(texels: int | None) -> str | None:
+    return None if texels is None else f"{texels} x {texels}"
 
 
 def hide_inner_layers(surface: Surface, resolution: int) -> Surface:

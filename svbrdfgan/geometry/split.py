@@ -33,14 +33,19 @@ def split_corners(
 
 
 def surface_over(
-    mesh: Mesh, uv: Float[ndarray, "faces 3 2"], distinct: Float[ndarray, "faces 3 _"] | None = None
+    mesh: Mesh,
+    uv: Float[ndarray, "faces 3 2"],
+    distinct: Float[ndarray, "faces 3 _"] | None = None,
+    normals: Float[ndarray, "faces 3 3"] | None = None,
 ) -> Surface:
     """The mesh as it is, over UVs that may leave the unit square.
 
     Args:
         distinct: what corners of one vertex must have in common, besides position, normal and part; by default `uv`.
+        normals: at face corners, unit; by default the mesh's own, which take as long as all else.
     """
-    normals = corner_normals(mesh.positions, mesh.faces)
+    if normals is None:
+        normals = corner_normals(mesh.positions, mesh.faces)
     corner, faces = split_corners(mesh.faces, mesh.face_part, normals, uv if distinct is None else distinct)
     return Surface(
         positions=mesh.positions[mesh.faces.ravel()[corner]],

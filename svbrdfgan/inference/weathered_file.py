@@ -12,8 +12,9 @@ from typing import Any
 
 from svbrdfgan.asset.masks import MaskedPainter
 from svbrdfgan.asset.overlay import Overlay, overlay_document
+from svbrdfgan.asset.painted_texture import Model
 from svbrdfgan.asset.painters import Painter
-from svbrdfgan.asset.weather_document import Edited, Model, Textures, weather_document
+from svbrdfgan.asset.weather_document import Edited, Textures, weather_document
 from svbrdfgan.inference.weatherings import RecipeWeathering, Weathering
 from svbrdfgan.inference.workpiece import Workpiece, open_workpiece
 from svbrdfgan.io.atomic import atomic_path

@@ -72,7 +72,6 @@ def open_workpiece(
     front: str | None = None,
     up: str | None = None,
     length: float | None = None,
-    memory: int | None = None,
 ) -> Workpiece:
     """The workpiece in a mesh file.
 
@@ -81,7 +80,6 @@ def open_workpiece(
         masks: words, as for `Mask.read`: where a layer may lie. What they lie on weathers wherever they let it.
         front, up: nose and roof, as for `find_orientation`; by default they are found.
         length: of the model in metres, by which recipes size their patterns; by default as `likely_length` says.
-        memory: as for `load_asset`.
 
     Raises:
         AssetError: as for `load_asset`, or a mask's picture cannot be read.
@@ -89,7 +87,7 @@ def open_workpiece(
     """
     front, up = axes(front, up)
     read = [Mask.read(word) for word in masks]
-    asset = load_asset(path, memory)
+    asset = load_asset(path)
     orientation = find_orientation(asset.mesh, front=front, up=up)
     masked = masked_pieces(asset, read)
     verdicts = judge(asset, orientation=orientation.matrix(), learnable=learnable, keep=keep, masked=masked)

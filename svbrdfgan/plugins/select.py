@@ -98,8 +98,9 @@ def select_renderer(
                 log.info("renderer: %s on %s", plugin.title, wanted)
                 return PluginChoice(name=plugin.name, options=dict(outcome.options))
             log.info("renderer %r is not used on %s: %s", plugin.name, wanted, reason)
-            reasons.append(f"\n  {plugin.name} on {wanted}: {reason}")
-    raise PluginError(f"no installed renderer works on {device!r}:{''.join(reasons) or ' none is installed.'}")
+            reasons.append(f"  {plugin.name} on {wanted}: {reason}")
+    none = "" if reasons else " none is installed."
+    raise PluginError(f"no installed renderer works on {device!r}:{none}", *reasons)
 
 
 def _lack(outcome: Probe, maps: Collection[str], differentiable: bool, deferred: bool) -> str | None:

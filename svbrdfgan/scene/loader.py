@@ -218,7 +218,7 @@ class SceneLoader:
         try:
             made = make_subject(mesh, embedding, scene.texture, scene.learnable, file_maps=bool(scene.maps))
         except (AssetError, EmbeddingError) as error:
-            raise type(error)(f"{scene.mesh.path}: {error}") from error
+            raise type(error)(*(f"{scene.mesh.path}: {line}" for line in error.args)) from error
         for warning in made.overlooked():
             log.warning("%s: %s", scene.mesh.path, warning)
         return made

@@ -23,7 +23,7 @@ from svbrdfgan.networks.inputs import Inputs, Wholes
 from svbrdfgan.protocols import UVEmbedding
 from svbrdfgan.rendering.compositing import BARE, bare_maps, composite, composite_maps
 from svbrdfgan.types import Layer, Material, Materials, Mesh, Surface
-from svbrdfgan.utils.memory import allowed_bytes, gigabytes
+from svbrdfgan.utils.memory import require_memory
 from svbrdfgan.weathering.mesh_maps import MeshMaps, bake_mesh_maps
 
 _TEXEL = 16
@@ -217,13 +217,14 @@ def _require_memory(mesh: Mesh, fragments: Fragments, *, file_maps: bool) -> Non
     for part in fragments.surface.parts:
         maps = part.all_maps.values() if file_maps else [part.all_maps["base_color"]]
         textured.append(sum(len(m.factor) for m in maps if m.texture is not None and mesh.uv_set(m.uv_set) is not None))
-    needed, allowed = _TEXEL * sum(textured) * texels, allowed_bytes()
-    if needed > allowed:
-        raise AssetError(
-            f"{sum(map(bool, textured))} parts with textures of their own need about {gigabytes(needed)} of memory at "
-            f"{fragments.rows} x {fragments.cols} texels, and {gigabytes(allowed)} are allowed; about "
-            f"{math.isqrt(texels * allowed // needed)} texels along a side would fit."
-        )
+    needed = _TEXEL * sum(textured) * texels
+    size = f"{fragments.rows} x {fragments.cols} texels"
+    require_memory(
+        f"{sum(map(bool, textured))} parts with textures of their own at {size} need",
+        needed,
+        lambda allowed: f"about {math.isqrt(texels * allowed // needed)} texels along a side",
+        error=AssetError,
+    )
 
 
 def _listed(maps: Iterable[str]) -> str:

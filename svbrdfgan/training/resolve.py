@@ -49,6 +49,11 @@ class ResolvedRun:
         return conditions_of(self.config.generator, self.dataset.config)
 
     @property
+    def layer_texels(self) -> int:
+        """Texels along a side of the layers that are trained on."""
+        return _layer_texels(self.dataset.config, "train")
+
+    @property
     def fake_spp(self) -> int:
         """Samples in each pixel of a fake's learnable parts; the noise of a fake is that of this number."""
         return min(self.config.spp, self.config.hits) if self.deferred else self.config.spp

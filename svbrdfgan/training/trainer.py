@@ -22,6 +22,7 @@ from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.training.batches import BatchSource, load_seen_texels, make_batch_source
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.graceful_interrupt import defer_interrupts
+from svbrdfgan.training.memory import require_run
 from svbrdfgan.training.metrics_log import MetricsLog
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, resolve_run
 from svbrdfgan.training.run import CONFIG, MODEL, ORACLE, ORACLE_NOTES, RunConfig, load_model
@@ -49,7 +50,8 @@ def train(
         The last state; with several processes, as its checkpoint stores it.
 
     Raises:
-        ConfigError: the folder holds another run, or the renderer or the device cannot do what is asked.
+        ConfigError: the folder holds another run, the renderer or the device cannot do what is asked, or more memory is
+            needed than may be taken.
         AssetError: the data set or a checkpoint is missing or damaged.
         TrainingError: a loss is not finite.
         KeyboardInterrupt: with one process, after the step in which Ctrl-C or SIGTERM came; that step is saved.
@@ -57,6 +59,7 @@ def train(
     fabric = make_fabric(config.device, devices=config.devices, precision=config.precision)
     resolved = resolve_run(config, base)
     record = RunConfig.of(resolved)
+    require_run(resolved, ("train", "validation"), fabric.device)
     with claimed_folder(run):
         _prepare_folder(run, record, resume)
         if config.devices > 1:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
+from typing import Any
 
 _OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """Control characters other than tabs and line feeds, what changes the direction of a line, and half characters."""
@@ -16,7 +17,10 @@ def printable(text: str, *, breaks: bool = False) -> str:
 
 
 class PrintableFormatter(logging.Formatter):
-    """Formats records as its base does, and keeps their line feeds alone."""
+    """Formats records as its base does, each message on one line; tracebacks keep their line feeds."""
 
-    def format(self, record: logging.LogRecord) -> str:
-        return printable(super().format(record), breaks=True)
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802
+        return printable(super().formatMessage(record))
+
+    def formatException(self, ei: Any) -> str:  # noqa: N802
+        return printable(super().formatException(ei), breaks=True)

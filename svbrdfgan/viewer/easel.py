@@ -12,11 +12,10 @@ from scipy.ndimage import gaussian_filter
 
 from svbrdfgan.asset.masks import MaskedPainter
 from svbrdfgan.asset.overlay import Maps, OverlayCanvas, layer_maps
-from svbrdfgan.asset.painted_texture import paint_texture
+from svbrdfgan.asset.painted_texture import Model, paint_texture
 from svbrdfgan.asset.painters import Paint, Painter, RecipePainter
 from svbrdfgan.asset.points import SurfacePoints
 from svbrdfgan.asset.surroundings import Surroundings
-from svbrdfgan.asset.weather_document import Model
 from svbrdfgan.errors import AssetError
 from svbrdfgan.geometry.split import surface_over
 from svbrdfgan.inference.learned import LearnedWeathering

@@ -7,6 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from svbrdfgan.asset.memory import Plan, require_plan
+from svbrdfgan.asset.weather_document import Textures
 from svbrdfgan.data.config import DatasetConfig, Split
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError, ConfigError
@@ -56,11 +58,11 @@ def exhibit_of(
     if shown.is_dir():
         if model is not None or recipe is not None:
             raise ConfigError("--model and --recipe are for mesh files: a run shows what it learned, and the truth.")
-        pieces = list(_of_run(shown, dataset, split, parts))
+        pieces = list(_of_run(shown, dataset, split, fine, parts))
     else:
         check_file(shown, SUFFIXES, "mesh")
         choices = _asked(model, recipe, str(shown)) or offered(str(shown))
-        pieces = [_piece(shown.name, shown, choices[:1] if baked else choices, parts)]
+        pieces = [_piece(shown.name, shown, choices[:1] if baked else choices, fine, parts)]
     lights = usual_lights()
     if environment is not None:
         lights.insert(0, Light.of(environment.stem, load_environment(environment)))
@@ -81,14 +83,14 @@ def _asked(model: str | None, recipe: str | None, path: str) -> list[Choice]:
     return [] if recipe is None else [recipe_choice(recipe, path)]
 
 
-def _of_run(run: Path, folder: Path | None, split: Split | None, parts: dict[str, Any]) -> Iterator[Piece]:
+def _of_run(run: Path, folder: Path | None, split: Split | None, fine: int, parts: dict[str, Any]) -> Iterator[Piece]:
     config = RunConfig.load(run)
     dataset = Dataset.open(folder or Path(config.dataset_folder))
     splits: tuple[Split, ...] = ("test", "validation", "train") if split is None else (split,)
     meshes = next(filter(None, map(dataset.index.meshes.get, splits)), ())
     for mesh in meshes[:_MOST]:
         path = dataset.folder / mesh.asset.path
-        yield _piece(path.stem, path, of_run(run, dataset, str(path)), _selected(config.dataset, parts))
+        yield _piece(path.stem, path, of_run(run, dataset, str(path)), fine, _selected(config.dataset, parts))
 
 
 def _selected(config: DatasetConfig, parts: dict[str, Any]) -> dict[str, Any]:
@@ -98,9 +100,12 @@ def _selected(config: DatasetConfig, parts: dict[str, Any]) -> dict[str, Any]:
     return {**parts, **{key: value for key, value in named.items() if not parts.get(key)}}
 
 
-def _piece(name: str, path: Path, choices: Sequence[Choice], parts: dict[str, Any]) -> Piece:
-    return Piece(name, partial(_easel, path, choices[0].make(0, 0.5), parts), choices)
+def _piece(name: str, path: Path, choices: Sequence[Choice], fine: int, parts: dict[str, Any]) -> Piece:
+    return Piece(name, partial(_easel, path, choices[0].make(0, 0.5), fine, parts), choices)
 
 
-def _easel(path: Path, weathering: Weathering, parts: dict[str, Any]) -> Easel:
-    return Easel.of(open_workpiece(path, **parts).settled(weathering.settles_on))
+def _easel(path: Path, weathering: Weathering, fine: int, parts: dict[str, Any]) -> Easel:
+    workpiece = open_workpiece(path, **parts).settled(weathering.settles_on)
+    further = weathering.peak_bytes
+    require_plan(Plan.of(workpiece.asset, workpiece.weathered, Textures(fine, fine)).as_overlay(), further, sized=False)
+    return Easel.of(workpiece)

@@ -16,9 +16,10 @@ from permissions import weathering
 from PIL import Image
 
 from svbrdfgan.asset.asset import Asset, load_asset
+from svbrdfgan.asset.painted_texture import Model
 from svbrdfgan.asset.painters import Paint
 from svbrdfgan.asset.points import SurfacePoints
-from svbrdfgan.asset.weather_document import Edited, Model, Textures, weather_document
+from svbrdfgan.asset.weather_document import Edited, Textures, weather_document
 from svbrdfgan.io.gltf.accessors import append_accessor
 from svbrdfgan.io.gltf.document import Document, write_document
 from svbrdfgan.io.gltf_codecs.plain import INDICES

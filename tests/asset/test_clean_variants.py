@@ -10,7 +10,8 @@ import pytest
 from squares import LEFT, RIGHT, Halves, altered, shown, two_squares
 
 from svbrdfgan.asset.asset import Asset
-from svbrdfgan.asset.weather_document import Edited, Model, Textures, weather_document
+from svbrdfgan.asset.painted_texture import Model
+from svbrdfgan.asset.weather_document import Edited, Textures, weather_document
 from svbrdfgan.io.gltf.accessors import append_accessor
 from svbrdfgan.io.gltf.document import Document
 

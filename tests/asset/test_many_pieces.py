@@ -11,12 +11,15 @@ import pytest
 
 from svbrdfgan.asset import packing, part_words, uv_fitness
 from svbrdfgan.asset.asset import Asset, load_asset
-from svbrdfgan.asset.memory import Plan, require_memory
+from svbrdfgan.asset.memory import Plan, require_plan
 from svbrdfgan.asset.orientation import find_orientation
 from svbrdfgan.asset.packing import ChartsError, pack
 from svbrdfgan.asset.piece_groups import groups
 from svbrdfgan.asset.verdicts import judge
 from svbrdfgan.asset.weather_document import Textures
+from svbrdfgan.io.gltf import primitives
+from svbrdfgan.io.gltf.pieces import document_pieces
+from svbrdfgan.utils.memory import limited
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1], [1, 1, 0]], "<f4")
 FACES = np.array([0, 1, 2, 1, 3, 2], "<u2")
@@ -114,4 +117,23 @@ def test_charts_whose_gutters_fill_the_square_are_not_tried_at_every_scale(monke
 def test_many_small_materials_need_no_memory_for_large_textures(many: Asset) -> None:
     plan = Plan.of(many, range(len(many.pieces)), Textures(None, 2048))
     assert set(plan.enough) == {128}
-    require_memory(plan, 4 << 30)
+    with limited(4 << 30):
+        require_plan(plan)
+
+
+def test_a_primitive_is_decoded_once_however_often_it_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    document = crowd(tmp_path / "a.glb", 60, materials=1).document
+    for number, node in enumerate(document.table("nodes")):
+        node |= {"mesh": 0, "scale": [1 if number % 2 else -1, 1, 1]}
+    read, counted = primitives.read_accessor, list[int]()
+    monkeypatch.setattr(primitives, "read_accessor", lambda *given: (counted.append(given[1]), read(*given))[1])
+    pieces = document_pieces(document)
+    assert len(pieces) == 60
+    assert counted == [1]  # the indices
+    assert len({piece.positions.tobytes() for piece in pieces}) == 60
+    for piece in pieces:
+        assert piece.source is not None
+        np.testing.assert_array_equal(
+            piece.faces[:, ::-1] if piece.source.mirrored else piece.faces, FACES.reshape(-1, 3)
+        )
+    assert sum(piece.source.mirrored for piece in pieces if piece.source is not None) == 30

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from svbrdfgan.asset.memory import Plan, peak_bytes, require_memory
+from svbrdfgan.asset.memory import Plan, peak_bytes, require_plan
 from svbrdfgan.asset.weather_document import Textures
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.utils.memory import free_bytes
+from svbrdfgan.utils.memory import free_bytes, limited
 
 PLAN = Plan(50_000, (((4096, 4096),) * 3,) * 4, Textures(4096, 4096))
 
@@ -31,28 +31,30 @@ def test_the_estimate_is_near_what_a_process_holds(
 
 
 def test_a_plan_that_fits_passes() -> None:
-    require_memory(PLAN, PLAN.peak_bytes())
+    with limited(PLAN.peak_bytes()):
+        assert require_plan(PLAN) == PLAN.peak_bytes()
 
 
 def test_a_plan_that_does_not_fit_says_what_would() -> None:
     limit = PLAN.peak_bytes() * 3 // 4
-    with pytest.raises(ConfigError, match=r"needs about .* GiB .* are allowed") as error:
-        require_memory(PLAN, limit)
+    with limited(limit), pytest.raises(ConfigError, match=r"needs about .* GiB .* are allowed") as error:
+        require_plan(PLAN)
     found = re.search(r"--size (\d+) --resolution (\d+) would fit", str(error.value))
     assert found is not None
-    require_memory(replace(PLAN, textures=Textures(*map(int, found.groups()))), limit)
+    with limited(limit):
+        require_plan(replace(PLAN, textures=Textures(*map(int, found.groups()))))
 
 
 def test_where_nothing_fits_nothing_is_suggested() -> None:
-    with pytest.raises(ConfigError, match="no smaller textures fit"):
-        require_memory(PLAN, 1 << 20)
+    with limited(1 << 20), pytest.raises(ConfigError, match="no smaller textures fit"):
+        require_plan(PLAN)
 
 
 def test_the_default_limit_is_what_is_free() -> None:
     assert free_bytes() > 0
-    require_memory(Plan(10, ((),), Textures(256, 256)), None)
+    require_plan(Plan(10, ((),), Textures(256, 256)))
     with pytest.raises(ConfigError, match="weathering needs about"):
-        require_memory(replace(PLAN, triangles=free_bytes() // 1000))
+        require_plan(replace(PLAN, triangles=free_bytes() // 1000))
 
 
 def test_more_of_anything_takes_more() -> None:

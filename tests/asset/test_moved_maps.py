@@ -12,9 +12,10 @@ from numpy import ndarray
 from squares import LEFT, RIGHT, UNIT, add_picture, altered, shown, two_squares, weathered
 
 from svbrdfgan.asset.asset import Asset
+from svbrdfgan.asset.painted_texture import Model
 from svbrdfgan.asset.painters import Paint
 from svbrdfgan.asset.points import SurfacePoints
-from svbrdfgan.asset.weather_document import Model, Textures, weather_document
+from svbrdfgan.asset.weather_document import Textures, weather_document
 from svbrdfgan.io.gltf.accessors import append_accessor, read_floats
 from svbrdfgan.io.gltf.document import Document
 from svbrdfgan.types import FURTHER_MAPS, Mesh

@@ -16,10 +16,11 @@ from svbrdfgan.asset.asset import Asset, load_asset
 from svbrdfgan.asset.islands import signed_areas
 from svbrdfgan.asset.overlay import Overlay, overlay_document
 from svbrdfgan.asset.packing import ChartsError
+from svbrdfgan.asset.painted_texture import Model
 from svbrdfgan.asset.painters import Paint
 from svbrdfgan.asset.points import SurfacePoints
 from svbrdfgan.asset.shared_texels import texel_use
-from svbrdfgan.asset.weather_document import Model, Textures
+from svbrdfgan.asset.weather_document import Textures
 from svbrdfgan.io.gltf.document import write_document
 
 pytest.importorskip("xatlas")

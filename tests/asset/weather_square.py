@@ -13,9 +13,10 @@ from PIL import Image
 
 from svbrdfgan.asset.asset import load_asset
 from svbrdfgan.asset.memory import Plan
+from svbrdfgan.asset.painted_texture import Model
 from svbrdfgan.asset.painters import RecipePainter
 from svbrdfgan.asset.surroundings import Surroundings
-from svbrdfgan.asset.weather_document import Model, Textures, weather_document
+from svbrdfgan.asset.weather_document import Textures, weather_document
 from svbrdfgan.io.gltf.accessors import append_accessor
 from svbrdfgan.io.gltf.document import Document, write_document
 from svbrdfgan.io.gltf_codecs.plain import INDICES

@@ -14,10 +14,11 @@ from references import Item, Resolver, tree
 
 from svbrdfgan.asset.asset import Asset, load_asset
 from svbrdfgan.asset.orientation import find_orientation
+from svbrdfgan.asset.painted_texture import Model
 from svbrdfgan.asset.painters import RecipePainter
 from svbrdfgan.asset.surroundings import Surroundings
 from svbrdfgan.asset.verdicts import judge
-from svbrdfgan.asset.weather_document import Edited, Model, Textures, weather_document
+from svbrdfgan.asset.weather_document import Edited, Textures, weather_document
 from svbrdfgan.io.gltf.document import write_document
 from svbrdfgan.io.gltf_codecs import draco, meshopt
 from svbrdfgan.weathering.recipes import Recipe, RoadDirt

@@ -68,6 +68,11 @@ def run(tmp_path_factory: pytest.TempPathFactory, training_data: Data) -> Path:
     return folder / "run"
 
 
+def test_an_evaluation_that_needs_too_much_memory_is_refused(run: Path) -> None:
+    failed(invoke("evaluate", run, "--no-oracle", "--memory", 0.1), "GiB of memory and 0.1 GiB are allowed")
+    assert not (run / "evaluation.json").exists()
+
+
 EMBEDDED = ("--embedding-uvs", "--force")
 
 

@@ -16,6 +16,7 @@ from click.testing import CliRunner
 
 from svbrdfgan import cli
 from svbrdfgan.cli import main
+from svbrdfgan.errors import ConfigError
 from svbrdfgan.utils.printable import PrintableFormatter, printable
 
 if TYPE_CHECKING:
@@ -79,6 +80,31 @@ def test_errors_that_name_files_are_shown(hostile_mesh: Path, tmp_path: Path, wo
     assert done.exit_code == 1
     assert SHOWN in done.stderr
     assert not obeyed(done.output)
+
+
+def test_an_error_that_names_parts_is_one_line(hostile_mesh: Path, tmp_path: Path) -> None:
+    words = ["weather", str(hostile_mesh), "--embedding-uvs", "--resolution", "16", "--learnable", "nothing"]
+    done = CliRunner().invoke(main, [*words, "-o", str(tmp_path / "out.glb")])
+    assert done.exit_code == 1
+    (line,) = [line for line in done.stderr.splitlines() if "no visible part is learnable" in line]
+    assert r"\nwarning: " in line
+    assert not [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
+
+
+def test_an_error_of_several_sentences_has_a_line_for_each() -> None:
+    error = ConfigError("a\nb", "c")
+    assert str(error) == "a\nb\nc"
+    assert error.args == ("a\nb", "c")
+
+
+def test_a_message_is_logged_on_one_line_and_its_traceback_on_several() -> None:
+    try:
+        raise ValueError("x\x1b")
+    except ValueError:
+        record = logging.LogRecord("svbrdfgan", logging.WARNING, "a.py", 1, "%s\nwarning: b", ("a",), sys.exc_info())
+    first, *traceback = PrintableFormatter().format(record).splitlines()
+    assert first == r"a\nwarning: b"
+    assert traceback[-1] == r"ValueError: x\x1b"
 
 
 @pytest.mark.full

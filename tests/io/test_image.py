@@ -25,6 +25,7 @@ from svbrdfgan.io.image import (
     save_texture,
     srgb_from_linear,
 )
+from svbrdfgan.utils.memory import limited
 
 
 def test_the_transfer_function_has_its_known_values() -> None:
@@ -250,3 +251,14 @@ def test_small_files_that_a_full_disk_cuts_off_are_told(tmp_path: Path) -> None:
         "(it was cut off); check the folder and its free space."
     ] * 2
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".hdr"])
+def test_a_float_picture_is_refused_if_it_needs_more_memory_than_is_allowed(tmp_path: Path, suffix: str) -> None:
+    path, bytes_of_values = tmp_path / f"a{suffix}", 64 * 32 * 3 * 4
+    save_image(path, torch.rand(32, 64, 3))
+    said = r"64 x 32 pixels of 3 channels, which need about .* are allowed; make it smaller\.$"
+    with limited(bytes_of_values), pytest.raises(AssetError, match=said):
+        load_image(path)
+    with limited(5 * bytes_of_values):
+        assert load_image(path).shape == (32, 64, 3)

@@ -19,6 +19,7 @@ from svbrdfgan.scene.cache import load_subject, save_subject
 from svbrdfgan.scene.loader import subject_key
 from svbrdfgan.scene.subject import Subject, make_subject
 from svbrdfgan.types import FileMap, Layer, Mesh, Part
+from svbrdfgan.utils.memory import limited
 
 DECLARED = {"roughness": 0.25, "metallic": 0.5, "normal": 0.0}
 RAMP = ((np.arange(8) + 0.5) / 8).astype(np.float32)[None, :, None]
@@ -192,10 +193,8 @@ def test_the_file_s_roughness_is_that_of_the_point_that_the_texel_shows(mesh: Me
     torch.testing.assert_close(rough[inner], u[inner], atol=1e-4, rtol=0)
 
 
-def test_more_textures_than_memory_holds_are_refused_with_what_would_fit(
-    mesh: Mesh, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("svbrdfgan.scene.subject.allowed_bytes", lambda: 32 * 32 * 4 * 100 // 4)
-    with pytest.raises(AssetError, match=r"parts with textures of their own .* at 32 x 32 texels.* would fit"):
+def test_more_textures_than_memory_holds_are_refused_with_what_would_fit(mesh: Mesh) -> None:
+    said = r"parts with textures of their own at 32 x 32 texels need about .* would fit"
+    with limited(32 * 32 * 4 * 100 // 4), pytest.raises(AssetError, match=said):
         subject_of(mesh, file_maps=True)
     subject_of(mesh, file_maps=False)  # no part has a texture of its colour

@@ -65,7 +65,7 @@ class ErrorCollector:
         try:
             yield
         except SvbrdfganError as error:
-            self.messages += [f"{self.source}: {what}: {line}" for line in str(error).splitlines()]
+            self.messages += [f"{self.source}: {what}: {line}" for line in error.args]
 
     def raise_if_any(self) -> None:
         """Raises ConfigError with a line for each error collected, at most 30 and the number of others."""
@@ -74,7 +74,7 @@ class ErrorCollector:
             further = f"{self.source}: and {len(messages) - _MOST_ERRORS} further errors."
             messages = [*messages[:_MOST_ERRORS], further]
         if messages:
-            raise ConfigError("\n".join(messages))
+            raise ConfigError(*messages)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,7 @@ class ImportJob:
         except SvbrdfganError as error:
             start = f"{self.errors.source}: {self.labels[number]}: "
             file = self.manifest.pictures[number].file
-            lines = [line if file in line else f"{file}: {line}" for line in str(error).splitlines()]
+            lines = [line if file in line else f"{file}: {line}" for line in map(str, error.args)]
             self.unusable.setdefault(number, []).extend(start + line for line in lines)
 
     def require_some(self, usable: Collection[int]) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
+from collections.abc import Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -11,14 +13,16 @@ from numpy import ndarray
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.files import parsing
+from svbrdfgan.io.gltf.accessors import Matrix
 from svbrdfgan.io.gltf.document import Document, Json
 from svbrdfgan.io.gltf.materials import DocumentPictures, look_of
 from svbrdfgan.io.gltf.nodes import Placement, placements, world_matrices
 from svbrdfgan.io.gltf.primitives import (
     count_triangles,
     is_solid,
-    posed_positions,
+    morphed_positions,
     skin_matrices,
+    skinned_positions,
     texture_coordinates,
     triangles,
     vertex_floats,
@@ -39,14 +43,15 @@ def document_pieces(document: Document) -> list[Piece]:
             than `MAX_FACES`.
     """
     with parsing(document.path, "glTF"):
-        if (count := count_shown(document)) > MAX_FACES:
+        places = placements(document)
+        if (count := _count(document, places)) > MAX_FACES:
             raise AssetError(f"{document.path} holds {count} faces; wanted a mesh of 1 to {MAX_FACES} triangles.")
-        return _pieces(document)
+        return _pieces(document, places)
 
 
-def _pieces(document: Document) -> list[Piece]:
+def _pieces(document: Document, places: Sequence[Placement]) -> list[Piece]:
     shown: dict[int, list[Placement]] = {}
-    for place in sorted(placements(document), key=lambda place: (place.mesh, place.matrix.tolist())):
+    for place in sorted(places, key=lambda place: (place.mesh, place.matrix.tolist())):
         shown.setdefault(place.mesh, []).append(place)
     meshes = document.table("meshes")
     solid = [
@@ -58,7 +63,9 @@ def _pieces(document: Document) -> list[Piece]:
     if shown and not solid:
         raise AssetError(f"{document.path} holds only points or lines, no faces; export it as a mesh.")
     builder = _Builder(document)
-    return [builder.piece(place, number, alone=len(solid) == 1) for mesh, number in solid for place in shown[mesh]]
+    return [
+        piece for mesh, number in solid for piece in builder.pieces(mesh, number, shown[mesh], alone=len(solid) == 1)
+    ]
 
 
 def count_shown(document: Document) -> int:
@@ -68,54 +75,57 @@ def count_shown(document: Document) -> int:
         AssetError: nodes or accessors are broken.
     """
     with parsing(document.path, "glTF"):
-        meshes = document.table("meshes")
-        shown = Counter(place.mesh for place in placements(document))
-        return sum(
-            times * count_triangles(document, primitive)
-            for mesh, times in shown.items()
-            for primitive in meshes[mesh]["primitives"]
-            if is_solid(primitive)
-        )
+        return _count(document, placements(document))
+
+
+def _count(document: Document, places: Sequence[Placement]) -> int:
+    meshes = document.table("meshes")
+    return sum(
+        times * count_triangles(document, primitive)
+        for mesh, times in Counter(place.mesh for place in places).items()
+        for primitive in meshes[mesh]["primitives"]
+        if is_solid(primitive)
+    )
 
 
 class _Builder:
-    """Makes pieces of a document, each picture and look once."""
+    """Makes pieces of a document, each picture once."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self.world = dict(world_matrices(document))
         self.pictures, self.decoded = DocumentPictures(document), Pictures(document.path)
-        self.looks: dict[tuple[int, int], Look] = {}
 
-    def piece(self, place: Placement, number: int, *, alone: bool) -> Piece:
-        """A primitive as a placement shows it. Mirroring transforms reverse the winding, as glTF specifies."""
-        mesh, node = (self.document.table(name)[k] for name, k in (("meshes", place.mesh), ("nodes", place.node)))
-        primitive = mesh["primitives"][number]
-        faces, matrix, skin = triangles(self.document, primitive), place.matrix, None
-        if "skin" in node:
-            skin = skin_matrices(self.document, self.document.table("skins")[node["skin"]], self.world)
-            matrix = np.eye(4)  # glTF ignores the node's own transform
-        mirrored = bool(np.isfinite(matrix).all() and np.linalg.det(matrix[:3, :3]) < 0)
-        if mirrored:
-            faces = faces[:, ::-1]
-        positions = posed_positions(self.document, primitive, mesh, skin)
-        positions = positions @ matrix[:3, :3].T + matrix[:3, 3]
-        look = self._look(place.mesh, number, alone=alone)
+    @cached_property
+    def world(self) -> dict[int, Matrix]:
+        """Of each node, which skins ask for."""
+        return dict(world_matrices(self.document))
+
+    def pieces(self, mesh: int, number: int, places: Sequence[Placement], *, alone: bool) -> Iterator[Piece]:
+        """A primitive as each placement shows it; what they share is decoded once, and in memory once."""
+        entry = self.document.table("meshes")[mesh]
+        primitive, stored = entry["primitives"][number], entry.get("name")
+        name = stored if isinstance(stored, str) and stored and not alone else self.document.path.stem
+        look, faces = self._look(primitive, name), triangles(self.document, primitive)
+        resting = morphed_positions(self.document, primitive, entry)
         own = texture_coordinates(self.document, primitive, 0)
-        uv_sets = (own, *(self._further(primitive, uv_set, len(positions)) for uv_set in look.further))
-        return Piece(
-            positions, faces, uv_sets, look.part, Source(place.node, place.mesh, number, place.instance, mirrored)
-        )
+        uv_sets = (own, *(self._further(primitive, uv_set, len(resting)) for uv_set in look.further))
+        for place in places:
+            positions, mirrored = self._placed(place, primitive, resting)
+            source = Source(place.node, mesh, number, place.instance, mirrored)
+            yield Piece(positions, faces[:, ::-1] if mirrored else faces, uv_sets, look.part, source)
 
-    def _look(self, mesh: int, number: int, *, alone: bool) -> Look:
-        if (mesh, number) not in self.looks:
-            entry = self.document.table("meshes")[mesh]
-            primitive, stored = entry["primitives"][number], entry.get("name")
-            name = stored if isinstance(stored, str) and stored and not alone else self.document.path.stem
-            self.looks[mesh, number] = self._made(primitive, name)
-        return self.looks[mesh, number]
+    def _placed(
+        self, place: Placement, primitive: Json, positions: Float[ndarray, "vertices 3"]
+    ) -> tuple[Float[ndarray, "vertices 3"], bool]:
+        """Positions in the world, and whether they are mirrored, which reverses the winding, as glTF specifies."""
+        node, matrix = self.document.table("nodes")[place.node], place.matrix
+        if "skin" in node:  # glTF ignores the node's own transform
+            skin = skin_matrices(self.document, self.document.table("skins")[node["skin"]], self.world)
+            positions, matrix = skinned_positions(self.document, primitive, positions, skin), np.eye(4)
+        mirrored = bool(np.isfinite(matrix).all() and np.linalg.det(matrix[:3, :3]) < 0)
+        return positions @ matrix[:3, :3].T + matrix[:3, 3], mirrored
 
-    def _made(self, primitive: Json, name: str) -> Look:
+    def _look(self, primitive: Json, name: str) -> Look:
         if "material" in primitive:
             material = self.document.table("materials")[primitive["material"]]
             return look_of(self.pictures, self.decoded, name, material)

@@ -49,19 +49,27 @@ def triangles(document: Document, primitive: Json) -> Int[ndarray, "faces 3"]:
     return np.stack([index[first], index[first + 1 + odd], index[first + 2 - odd]], axis=1)
 
 
-def posed_positions(
-    document: Document, primitive: Json, mesh: Json, skin: list[Matrix] | None
-) -> Float[ndarray, "vertices 3"]:
-    """Positions under the mesh's default morph weights; with a skin, in the world, else in the mesh's coordinates.
-
-    Args:
-        skin: for each joint, the matrix that takes the mesh's coordinates to the world.
-    """
+def morphed_positions(document: Document, primitive: Json, mesh: Json) -> Float[ndarray, "vertices 3"]:
+    """Positions under the mesh's default morph weights, in its coordinates."""
     positions = read_floats(document, primitive["attributes"]["POSITION"])
     for weight, target in zip(mesh.get("weights", ()), primitive.get("targets", ()), strict=False):
         if weight and "POSITION" in target:
             positions = positions + weight * read_floats(document, target["POSITION"])
-    if skin is None or "JOINTS_0" not in primitive["attributes"]:
+    return positions
+
+
+def skinned_positions(
+    document: Document, primitive: Json, positions: Float[ndarray, "vertices 3"], skin: list[Matrix]
+) -> Float[ndarray, "vertices 3"]:
+    """Positions in the world; as they are if the primitive names no joints.
+
+    Args:
+        skin: for each joint, the matrix that takes the mesh's coordinates to the world.
+
+    Raises:
+        AssetError: a vertex names a joint that does not exist.
+    """
+    if "JOINTS_0" not in primitive["attributes"]:
         return positions
     joints = read_accessor(document, primitive["attributes"]["JOINTS_0"]).astype(np.int64)
     weights = read_floats(document, primitive["attributes"]["WEIGHTS_0"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, MutableMapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -13,11 +12,10 @@ from typing import Generic, Protocol, TypeVar
 import torch
 
 from svbrdfgan.rendering.transport.light_transport import LightTransport
+from svbrdfgan.utils.memory import allowed_bytes
 
 _SHARE = 0.25
 """The default budget is this share of the memory: the networks and their activations need the rest."""
-_UNKNOWN = 8 << 30
-"""Bytes of memory assumed where the system does not say."""
 _THREADS = 4
 
 
@@ -153,10 +151,7 @@ class TransportStore(Generic[Key]):
 
 
 def _memory(device: torch.device) -> int:
-    """The bytes of a device's memory."""
+    """The bytes of a GPU's memory, or of main memory that may be taken."""
     if device.type == "cuda":
         return int(torch.cuda.get_device_properties(device).total_memory)
-    try:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, OSError, ValueError):  # Windows has no sysconf
-        return _UNKNOWN
+    return allowed_bytes()

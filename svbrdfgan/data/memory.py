@@ -1,0 +1,61 @@
+"""How much memory it takes to make a data set, and to hold the exemplars of one."""
+
+from __future__ import annotations
+
+from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.geometry.layers import surface_bytes
+from svbrdfgan.rendering.picture_memory import picture_bytes
+from svbrdfgan.utils.memory import most_that_fits, require_memory
+
+_SCENE = 8192  # bytes of an exemplar's scene, and of its place in the list of what is missing
+_WORKER = 200 << 20  # bytes of a process that bakes, besides the libraries that it shares
+_PICTURE = 20  # bytes of an exemplar's pixel in half precision, twice while all are joined, and of one in float32
+_BUFFER = 6  # bytes of a pixel and channel of a buffer in half precision, as one in float32 joins the others
+_SUBJECT = 160  # bytes of a texel of a subject that is held
+
+
+def require_dataset(config: DatasetConfig, exemplars: int, processes: int = 1, workers: int = 1) -> int:
+    """The bytes that making a data set takes at most, if they may be taken.
+
+    Each process renders one picture at a time, and each worker beside them embeds one mesh. The main process lists the
+    scenes of all exemplars. Measured as the peak of processes that make data sets of pictures of 64 to 4,096 pixels a
+    side and of textures of 64 to 2,048 texels.
+
+    Args:
+        exemplars: in all splits.
+        processes: that render.
+        workers: that embed and bake, together.
+
+    Raises:
+        ConfigError: more are needed than are allowed; it says how many pixels, texels or processes would fit.
+    """
+    width, height = config.image
+
+    def needed(rows: int = height, texels: int = config.texture, count: int = exemplars, beside: int = workers) -> int:
+        one = picture_bytes(max(1, rows * width // height), rows, texels)
+        baked = _WORKER + surface_bytes(texels) - surface_bytes(0)
+        return processes * one + _SCENE * count + (beside - 1) * baked
+
+    def fitting(allowed: int) -> str | None:
+        if (fits := most_that_fits(lambda n: needed(beside=n), workers, allowed)) is not None:
+            return f"--workers {fits}"
+        if (fits := most_that_fits(lambda n: needed(rows=n, beside=1), height, allowed)) is not None:
+            return f"image=[{max(1, fits * width // height)},{fits}] with --workers 1"
+        if (fits := most_that_fits(lambda n: needed(texels=n, beside=1), config.texture, allowed, 16)) is not None:
+            return f"texture={fits} with --workers 1"
+        fits = most_that_fits(lambda n: needed(count=n, beside=1), exemplars, allowed)
+        return None if fits is None else f"{fits} exemplars with --workers 1"
+
+    size = f"{width} x {height} pixels and textures of {config.texture} texels a side"
+    return require_memory(f"{exemplars or 'some'} exemplars of {size} need", needed(), fitting)
+
+
+def exemplar_bytes(config: DatasetConfig, exemplars: int, meshes: int, channels: int = 0) -> int:
+    """What the exemplars of a split and their subjects take in memory once they are loaded.
+
+    Args:
+        channels: of buffers that the discriminator is shown with each picture.
+    """
+    pixels = config.image[0] * config.image[1]
+    subjects = _SUBJECT * meshes * config.texture**2
+    return exemplars * (_SCENE + pixels * (_PICTURE + _BUFFER * channels)) + subjects

@@ -1,0 +1,75 @@
+"""How much memory a run takes while it trains or is scored."""
+
+from __future__ import annotations
+
+import torch
+
+from svbrdfgan.data.config import Split
+from svbrdfgan.data.memory import exemplar_bytes
+from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.resolve import ResolvedRun
+from svbrdfgan.utils.memory import PROGRAM, most_that_fits, require_memory
+
+_RENDERER = 130 << 20  # bytes of a renderer's libraries and kernels
+_TEXEL = 400  # bytes of a texel of a layer, of its gradients, and of what the generator reads
+_FEATURE = 100  # bytes of a texel for each channel of the generator's width, without its blocks
+_BLOCK_FEATURE = 32  # bytes of a texel of the coarsest features, for each channel of the width and block
+_PATCH_FEATURE = 12  # bytes of a pixel for each channel of the discriminator's width
+_COPIES = 5  # of a generator's weight in float32: itself, its gradient, Adam's two means, and the average
+
+
+def run_bytes(run: ResolvedRun, splits: tuple[Split, ...], device: torch.device, *, learns: bool = True) -> int:
+    """What the process holds at most in main memory, without stored light, which takes what is left of its share.
+
+    On a GPU, features and weights are not in main memory. Fitted to the peaks of processes that train generators of 16
+    to 64 channels and 6 to 16 blocks on batches of 1 and 4 at 64 to 512 texels, on a CPU.
+
+    Args:
+        splits: whose exemplars are held.
+        learns: whether gradients are taken; without, a batch is one layer.
+    """
+    config, index = run.config, run.dataset.index
+    shown = config.discriminator
+    channels = 6 * shown.gbuffer + 9 * shown.light_buffer + 3 * shown.clean_picture
+    held = sum(
+        exemplar_bytes(index.config, len(index.sampler(split)), len(index.meshes[split]), channels)
+        for split in splits
+        if split in index.config.splits
+    )
+    networks = 0 if device.type == "cuda" else _network_bytes(config, index.config.image, run.layer_texels, learns)
+    return config.devices * (PROGRAM + _RENDERER + held) + networks
+
+
+def require_run(run: ResolvedRun, splits: tuple[Split, ...], device: torch.device, *, learns: bool = True) -> int:
+    """The bytes of `run_bytes`, if they may be taken.
+
+    Raises:
+        ConfigError: more are needed than are allowed; it says which batch would fit.
+    """
+
+    def needed(batch: int) -> int:
+        return run_bytes(run.with_config(batch_size=batch), splits, device, learns=learns)
+
+    def fitting(allowed: int) -> str | None:
+        fits = most_that_fits(needed, run.config.batch_size, allowed) if learns else None
+        return None if fits is None else f"batch_size={fits}"
+
+    exemplars = sum(len(run.dataset.index.sampler(split)) for split in splits if split in run.dataset.config.splits)
+    doing = f"training on batches of {run.config.batch_size} with" if learns else "scoring"
+    instead = "allow more by --memory, or make a data set with fewer or smaller pictures"
+    return require_memory(
+        f"{doing} {exemplars} exemplars needs", needed(run.config.batch_size), fitting, instead=instead
+    )
+
+
+def _network_bytes(config: TrainConfig, image: tuple[int, int], texels: int, learns: bool) -> int:
+    """Of features and weights."""
+    generator, discriminator = config.generator, config.discriminator
+    deep = generator.width << generator.downsamplings
+    weights = 4 * 9 * (2 * generator.blocks + 2) * deep**2
+    if not learns:
+        return weights + texels**2 * (_TEXEL + _FEATURE * generator.width)
+    blocks = _BLOCK_FEATURE * generator.blocks / 2**generator.downsamplings
+    features = texels**2 * (_TEXEL + generator.width * (_FEATURE + blocks))
+    patches = image[0] * image[1] * discriminator.width * _PATCH_FEATURE
+    return round(config.batch_size * (features + patches)) + _COPIES * weights
