@@ -22,8 +22,8 @@ def command(folders: tuple[Path, ...], out: Path | None) -> None:
     """
     kept = "the shards are as they were, and the same command merges them."
     with progress("looking for the exemplars", lambda: kept) as display:
-        from svbrdfgan.data.merge import merge
+        from svbrdfgan.data.merge import merge_shards
 
-        index = merge(folders, out, display=display)
+        index = merge_shards(folders, out, display=display)
     for split in index.config.splits:
         echo(f"{split}: {len(index.sampler(split))} exemplars of {len(index.meshes[split])} meshes")

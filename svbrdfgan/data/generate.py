@@ -54,7 +54,7 @@ def generate(
         workers: processes that gather meshes, and then embed and bake them ahead of the renderer, divided among the
             devices. More than one are spawned, so a script that asks for them needs its `if __name__ == "__main__"`.
         shard: the share to write; None writes the whole. Several may write into one folder at once, or each into its
-            own. `svbrdfgan.data.merge.merge` makes the whole of them.
+            own. `merge_shards` makes the whole of them.
         display: shows progress; with several devices, the progress of the first process's share.
 
     Raises:

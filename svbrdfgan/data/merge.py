@@ -29,7 +29,7 @@ _TOLD = 6
 """Shards that a message lists."""
 
 
-def merge(folders: Sequence[Path], out: Path | None = None, *, display: Display | None = None) -> DatasetIndex:
+def merge_shards(folders: Sequence[Path], out: Path | None = None, *, display: Display | None = None) -> DatasetIndex:
     """Makes one data set of shards: the same files as if one machine had made the whole, caches aside.
 
     Args:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
+import re
 import shutil
 import signal
 import subprocess
@@ -22,6 +22,7 @@ from svbrdfgan.data.index import DatasetIndex
 from svbrdfgan.data.shards import MARKS, Shard
 
 Data = Callable[..., dict[str, Any]]
+REPOSITORY = Path(__file__).parents[2]
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -37,8 +38,14 @@ def assert_same(one: Path, other: Path) -> None:
     assert not (one / MARKS).exists()
 
 
+def command(*words: object) -> list[str]:
+    """The words of a command that starts no processes, which would take longer than the work."""
+    alone = [] if words[0] == "merge" else ["--workers", "1"]
+    return ["--quiet", "dataset", *map(str, words), *alone]
+
+
 def run(*words: object) -> Result:
-    return CliRunner().invoke(main, ["--quiet", "dataset", *map(str, words)])
+    return CliRunner().invoke(main, command(*words))
 
 
 def done(*words: object) -> str:
@@ -245,9 +252,10 @@ def test_shards_of_something_else_are_told(
 class Process(subprocess.Popen[str]):
     """The program, at work."""
 
-    def __init__(self, *words: object) -> None:
-        command = [sys.executable, "-m", "svbrdfgan", "--quiet", "dataset", *map(str, words)]
-        super().__init__(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    def __init__(self, *words: object, doing: str = "") -> None:
+        code = f"{doing}\nimport sys\nfrom svbrdfgan.cli import main\nmain(sys.argv[1:])"
+        program = [sys.executable, "-c", code, *command(*words)]
+        super().__init__(program, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
 
     def until(self, happened: Callable[[], bool]) -> None:
         while not happened():
@@ -284,20 +292,32 @@ def test_shards_and_who_wants_the_whole_exclude_each_other(many: Path, tmp_path:
         whole.kill()
 
 
+DIES = """
+import os, signal
+from pathlib import Path
+import {module} as module
+from {module} import {name} as before
+def dies(*words, **named):
+    before(*words, **named)
+    if any(Path(word).name == "000002.exr" for word in words if isinstance(word, (Path, str))):
+        os.kill(os.getpid(), signal.SIGKILL)
+module.{name} = dies
+"""
+"""Lets a process be killed after it has called a function with the third picture of a split."""
+
+
 @pytest.mark.full
 def test_two_shards_at_once_one_of_them_killed(config: Path, tmp_path: Path, tiny_dataset: Path) -> None:
-    folder = tmp_path / "out"
-    share = [exemplar_paths(folder, *each)[1] for each in Shard(1, 2).of(DatasetIndex.load(tiny_dataset).exemplars())]
+    folder, dies = tmp_path / "out", DIES.format(module="svbrdfgan.data.generate", name="save_exemplar")
     with (
-        Process(config, "-o", folder, "--shard", "1/2") as killed,
+        Process(config, "-o", folder, "--shard", "1/2", doing=dies) as killed,
         Process(config, "-o", folder, "--shard", "2/2") as other,
     ):
-        killed.until(lambda: any(record.is_file() for record in share))
-        os.kill(killed.pid, signal.SIGKILL)
-        assert other.communicate() == ("shard 2/2: 4 of the 8 exemplars\n", "")
+        assert other.communicate() == ("shard 2/2: 4 of the 8 exemplars\n", None)
+        assert killed.wait() == -signal.SIGKILL
     before = {path: path.stat().st_mtime_ns for path in folder.glob("*/0*.json")}
-    assert not set(share) <= before.keys(), "it was not killed in the middle"
-    assert "of the shards 1/2" in refused("merge", folder)
+    assert len(before) == 6
+    assert "lacks 2 of 8 exemplars, of the shards 1/2" in refused("merge", folder)
     done(config, "-o", folder, "--shard", "1/2")
     assert {path: path.stat().st_mtime_ns for path in before} == before, "what is whole is not made again"
     done("merge", folder)
@@ -305,14 +325,31 @@ def test_two_shards_at_once_one_of_them_killed(config: Path, tmp_path: Path, tin
 
 
 @pytest.mark.full
-def test_a_merge_that_is_killed_leaves_the_shards(
-    halves: tuple[Path, Path], tmp_path: Path, tiny_dataset: Path
-) -> None:
-    out = tmp_path / "joined" / "out"
-    with Process("merge", *halves, "-o", out) as merging:
-        merging.until(lambda: any(out.parent.glob(".out*")))
-        os.kill(merging.pid, signal.SIGKILL)
-    assert not out.exists()
+def test_a_merge_that_is_killed_changes_nothing(halves: tuple[Path, Path], tmp_path: Path, tiny_dataset: Path) -> None:
+    out, dies = tmp_path / "joined" / "out", DIES.format(module="shutil", name="copyfile")
+    before = [files(half) for half in halves]
+    with Process("merge", *halves, "-o", out, doing=dies) as merging:
+        assert merging.wait() == -signal.SIGKILL
+    (left,) = out.parent.iterdir()
+    assert left.name.startswith(".out.")
     done("merge", *halves, "-o", out)
     assert_same(out, tiny_dataset)
-    assert [path.name for path in out.parent.iterdir()] == ["out"]
+    assert [files(half) for half in halves] == before
+
+
+@pytest.mark.full
+def test_shards_by_xargs(config: Path, tmp_path: Path, tiny_dataset: Path) -> None:
+    """The line of docs/many-machines.md for one machine, with its numbers and paths put in."""
+    page = (REPOSITORY / "docs" / "many-machines.md").read_text(encoding="utf-8")
+    (line,) = re.findall(r"^seq .*\| xargs .*$", page, re.MULTILINE)
+    for there, here in (("8", "3"), ("dataset.yaml", str(config)), ("data/cars", str(tmp_path / "out"))):
+        assert there in line
+        line = line.replace(there, here)
+    line = line.replace("svbrdfgan ", f"{sys.executable} -m svbrdfgan --quiet ")
+    ended = subprocess.run(["sh", "-ec", line], capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
+    assert sorted(ended.stdout.splitlines()) == [
+        f"shard {shard}: {len(shard.of(range(8)))} of the 8 exemplars" for shard in Shard.all(3)
+    ]
+    done("merge", tmp_path / "out")
+    assert_same(tmp_path / "out", tiny_dataset)
