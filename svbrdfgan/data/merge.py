@@ -113,11 +113,10 @@ def _check(index: DatasetIndex, makers: dict[_Exemplar, Path], assets: Path, dis
         AssetError: something is missing or damaged.
     """
     loader = SceneLoader(assets, keep=False)
-    for pool in (*index.meshes.values(), *index.environments.values()):
-        for asset in pool:
-            loader.file(asset.asset)
-    if index.model is not None:
-        loader.file(index.model.asset)
+    lights = [light.asset for pool in index.environments.values() for light in pool]
+    model = [] if index.model is None else [index.model.asset]
+    for asset in [*(mesh.asset for pool in index.meshes.values() for mesh in pool), *lights, *model]:
+        loader.file(asset)
     display.begin("checking the exemplars", len(makers))
     samplers, renderers = {split: index.sampler(split) for split in index.config.splits}, set[str]()
     for (split, number), folder in makers.items():

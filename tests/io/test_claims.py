@@ -49,3 +49,12 @@ def test_a_file_in_place_of_the_folder_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "data").touch()
     with pytest.raises(AssetError, match="data cannot be written"), claimed_folder(tmp_path / "data"):
         pass
+
+
+def test_a_shared_claim_keeps_away_who_wants_the_folder_alone(tmp_path: Path) -> None:
+    with claimed_folder(tmp_path, shared=True), claimed_folder(tmp_path, shared=True):
+        with pytest.raises(AssetError, match="it is in use; wait"), claimed(tmp_path, "it is in use", patience=0.0):
+            raise AssertionError
+    with claimed_folder(tmp_path):
+        with pytest.raises(AssetError, match="is being written"), claimed_folder(tmp_path, shared=True):
+            raise AssertionError

@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -19,10 +20,11 @@ import torch
 from safetensors.torch import load_file
 from torch import Tensor
 
-from svbrdfgan.errors import ConfigError
+from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.training.config import train_config
+from svbrdfgan.training.resolve import make_fabric
 from svbrdfgan.training.state import checkpoints, step_of
-from svbrdfgan.training.trainer import _among
+from svbrdfgan.training.trainer import _among, _require_shared
 from svbrdfgan.utils.torchrun import Rank, torchrun_rank
 
 Data = Callable[..., dict[str, Any]]
@@ -96,6 +98,20 @@ def test_settings_that_do_not_suit_the_processes_are_told(
 def test_processes_count_as_devices(changes: dict[str, Any], training_data: Data) -> None:
     config = train_config(training_data(batch_size=8, **changes), "here")
     assert _among(Rank(0, 4, 2), config).devices == 4
+
+
+def test_machines_must_share_the_run() -> None:
+    fabric: Any = SimpleNamespace(broadcast=lambda mine: ["step_00000002"])
+    _require_shared(fabric, Path("run"), ["step_00000002"])
+    with pytest.raises(AssetError, match="run has other checkpoints here than for the first process: name a folder"):
+        _require_shared(fabric, Path("run"), [])
+
+
+def test_more_processes_than_gpus_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 1)
+    with pytest.raises(ConfigError, match="torchrun started 2 processes here, and torch sees 1 GPUs: wanted at most"):
+        make_fabric("auto", devices=4, rank=Rank(0, 4, 2))
 
 
 class Nodes:
