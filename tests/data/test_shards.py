@@ -138,6 +138,7 @@ def test_shards_in_folders_of_their_own(config: Path, tmp_path: Path, tiny_datas
     assert_same(tmp_path / "out", tiny_dataset)
 
 
+@pytest.mark.full
 def test_labels_are_merged(tmp_path: Path, dataset_data: Data) -> None:
     splits = {"train": {"meshes": {"procedural": {"count": 1}}, "views": 2}, "validation": {"views": 1}}
     data = dataset_data(image=[8, 8], spp=1, labels=["weathered", "parts", "depth"], splits=splits)
