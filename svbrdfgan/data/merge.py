@@ -97,7 +97,8 @@ def _makers(index: DatasetIndex, folders: Sequence[Path]) -> dict[_Exemplar, Pat
         counts = shard_counts(folders)
         if len(counts) != 1:
             raise AssetError(f"{lacking}: `svbrdfgan dataset CONFIG -o {folders[0]}` makes them.")
-        absent = [shard for shard in Shard.all(counts.pop()) if any(each not in makers for each in shard.of(exemplars))]
+        count, places = counts.pop(), [place for place, each in enumerate(exemplars) if each not in makers]
+        absent = list(dict.fromkeys(Shard.holding(place, len(exemplars), count) for place in places))
         named = ", ".join(map(str, absent[:_TOLD])) + (f" and {len(absent) - _TOLD} more" if absent[_TOLD:] else "")
         raise AssetError(
             f"{lacking}, of the shards {named}: make them, such as by `svbrdfgan dataset CONFIG -o {folders[0]} "

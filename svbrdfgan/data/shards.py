@@ -43,6 +43,11 @@ class Shard:
         """All of so many shards, in order."""
         return [cls(number, count) for number in range(1, count + 1)]
 
+    @classmethod
+    def holding(cls, position: int, items: int, count: int) -> Shard:
+        """The shard, of so many, whose share of so many items has that of the position, from 0 on."""
+        return cls(-(-(position + 1) * count // items), count)
+
     def __str__(self) -> str:
         return f"{self.number}/{self.count}"
 
@@ -83,6 +88,7 @@ def mark_shard(folder: Path, shard: Shard) -> Path:
         )
     mark = folder / MARKS / f"{shard.number}-of-{shard.count}"
     with writing(mark):
+        mark.parent.mkdir(exist_ok=True)  # another shard that failed may have removed it
         mark.touch()
     return mark
 

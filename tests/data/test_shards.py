@@ -96,6 +96,7 @@ def test_shards_are_a_partition_into_equal_shares(count: int, items: int) -> Non
     shares = [shard.of(range(items)) for shard in Shard.all(count)]
     assert [item for share in shares for item in share] == list(range(items))
     assert max(map(len, shares)) - min(map(len, shares)) <= 1
+    assert all(item in Shard.holding(item, items, count).of(range(items)) for item in range(items))
 
 
 @pytest.mark.parametrize("text", ["0/3", "4/3", "x/y", "3", "1/0", "-1/3", "1/3/5", "", "1.0/3", "²/3"])
