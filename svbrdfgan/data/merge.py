@@ -25,6 +25,8 @@ from svbrdfgan.utils.leftovers import remove_leftovers
 
 log = logging.getLogger(__name__)
 
+_Exemplar = tuple[Split, int]
+
 _TOLD = 6
 """Shards that a message lists."""
 
@@ -58,9 +60,6 @@ def merge_shards(folders: Sequence[Path], out: Path | None = None, *, display: D
             _join(index, makers, folders, stage, display)
             os.rename(stage, out)
         return index
-
-
-_Exemplar = tuple[Split, int]
 
 
 def _common_index(folders: Sequence[Path]) -> DatasetIndex:
