@@ -6,6 +6,8 @@ from svbrdfgan.config.yaml_files import load_yaml as load_yaml
 from svbrdfgan.data.config import DatasetConfig as DatasetConfig
 from svbrdfgan.data.config import dataset_config as dataset_config
 from svbrdfgan.data.generate import generate as generate
+from svbrdfgan.data.merge import merge_shards as merge_shards
+from svbrdfgan.data.shards import Shard as Shard
 from svbrdfgan.errors import ConfigError as ConfigError
 from svbrdfgan.errors import SvbrdfganError as SvbrdfganError
 from svbrdfgan.evaluation.evaluate import evaluate as evaluate

@@ -15,7 +15,7 @@ from click.shell_completion import CompletionItem
 
 from svbrdfgan import __version__
 from svbrdfgan.errors import SvbrdfganError
-from svbrdfgan.utils.printable import PrintableFormatter, printable
+from svbrdfgan.utils.printable import PrintableFormatter, printable, sentences
 from svbrdfgan.utils.stopping import exit_code, stopped_by_signals
 
 COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
@@ -101,7 +101,7 @@ class LazyGroup(click.Group):
         except SvbrdfganError as error:
             if ctx.params["debug"]:
                 raise
-            raise click.ClickException("\n".join(printable(str(line)) for line in error.args)) from error
+            raise click.ClickException(sentences(error)) from error
         except BrokenPipeError:
             raise
         except OSError as error:

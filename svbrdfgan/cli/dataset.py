@@ -15,14 +15,14 @@ from svbrdfgan.cli.options import completed, memory_option, read_config
 if TYPE_CHECKING:
     from svbrdfgan.data.config import DatasetConfig
 
-_FURTHER = {"import": "import_pictures", "pose": "pose", "photograph": "photograph"}
+_FURTHER = {"import": "import_pictures", "pose": "pose", "photograph": "photograph", "merge": "merge"}
 """The modules of further commands, by the word that follows `dataset`."""
 _NAMES = 7
 """Names of parts that are listed where there are many."""
 
 
 class _Dataset(click.Command):
-    """The command `dataset`, or `dataset import`, `dataset pose` or `dataset photograph` if that is the first word.
+    """The command `dataset`, or `dataset import` or another of `_FURTHER` if that is the first word.
 
     A group would take CONFIG for the name of a command. A CONFIG of such a name is given as `./import`.
     """
@@ -40,7 +40,8 @@ class _Dataset(click.Command):
     "dataset",
     cls=_Dataset,
     epilog="`svbrdfgan dataset import MANIFEST` makes a data set of your own pictures. `svbrdfgan dataset pose IMAGES` "
-    "finds their cameras by COLMAP. `svbrdfgan dataset photograph CONFIG` lets Blender photograph the scenes of one.",
+    "finds their cameras by COLMAP. `svbrdfgan dataset photograph CONFIG` lets Blender photograph the scenes of one. "
+    "`svbrdfgan dataset merge DIR` makes one of the shards that several machines made.",
 )
 @click.argument(
     "config", type=click.Path(path_type=Path, dir_okay=False), shell_complete=completed(lambda: _FURTHER, "file")
@@ -50,6 +51,9 @@ class _Dataset(click.Command):
 @click.option("--devices", default=1, show_default=True, type=click.IntRange(1), help="Processes, one for each GPU.")
 @click.option(
     "--workers", type=click.IntRange(1), help="Processes that unwrap and bake meshes.  [default: one for each core]"
+)
+@click.option(
+    "--shard", metavar="I/N", help="Make only the share I of N (from 1). `svbrdfgan dataset merge` completes the whole."
 )
 @click.option(
     "--dry-run", is_flag=True, help="Estimate time, disk and memory from a few exemplars; write nothing into OUT."
@@ -64,6 +68,7 @@ def command(
     out: Path,
     devices: int,
     workers: int | None,
+    shard: str | None,
     dry_run: bool,
     preview: bool,
 ) -> None:
@@ -75,12 +80,14 @@ def command(
 
     if dry_run and preview:
         raise click.UsageError("--dry-run and --preview each stop before the data set is made: choose one.")
+    if shard is not None and (dry_run or preview):
+        raise click.UsageError(f"--shard and {'--dry-run' if dry_run else '--preview'} exclude each other.")
     if dry_run:
         _dry_run(config, overrides)
     elif preview:
         _preview(config, overrides, out)
     else:
-        _generate(config, overrides, out, devices, workers or cores())
+        _generate(config, overrides, out, devices, workers or cores(), shard)
 
 
 def _read(config: Path, overrides: tuple[str, ...]) -> DatasetConfig:
@@ -89,13 +96,19 @@ def _read(config: Path, overrides: tuple[str, ...]) -> DatasetConfig:
     return dataset_config(read_config(config, overrides), str(config))
 
 
-def _generate(path: Path, overrides: tuple[str, ...], out: Path, devices: int, workers: int) -> None:
+def _generate(path: Path, overrides: tuple[str, ...], out: Path, devices: int, workers: int, named: str | None) -> None:
     kept = f"{out} keeps the exemplars that are complete, and the same command makes the others."
     with progress("unwrapping and baking the meshes", lambda: kept) as display:
         from svbrdfgan.data.generate import generate
+        from svbrdfgan.data.shards import Shard
 
+        shard = None if named is None else Shard.parse(named)
         config = _read(path, overrides)
-        plan = generate(config, out, base=path.parent, devices=devices, workers=workers, display=display)
+        plan = generate(config, out, base=path.parent, devices=devices, workers=workers, shard=shard, display=display)
+    if shard is not None:
+        exemplars = plan.exemplars()
+        echo(f"shard {shard}: {len(shard.of(exemplars)) or 'none'} of the {len(exemplars)} exemplars")
+        return
     for split in config.splits:
         echo(f"{split}: {len(plan.sampler(split))} exemplars of {len(plan.meshes[split])} meshes")
     painted = sorted({name for meshes in plan.meshes.values() for mesh in meshes for name in mesh.painted})

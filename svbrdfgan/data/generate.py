@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,9 +21,10 @@ from svbrdfgan.data.labels import make_labels, save_labels
 from svbrdfgan.data.make_index import make_index
 from svbrdfgan.data.memory import require_dataset
 from svbrdfgan.data.prebake import prebake
+from svbrdfgan.data.shards import Shard, gathering, mark_shard, remove_marks
 from svbrdfgan.data.trained_model import with_model
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.io.claims import claimed_folder
+from svbrdfgan.io.claims import claimed, claimed_folder
 from svbrdfgan.plugins.registry import load_embedding
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
@@ -42,6 +44,7 @@ def generate(
     base: Path,
     devices: int = 1,
     workers: int = 1,
+    shard: Shard | None = None,
     display: Display | None = None,
 ) -> DatasetIndex:
     """Writes the data set's exemplars that are not there yet.
@@ -51,21 +54,23 @@ def generate(
         devices: processes, one for each GPU where there are any. They share the work by mesh.
         workers: processes that gather meshes, and then embed and bake them ahead of the renderer, divided among the
             devices. More than one are spawned, so a script that asks for them needs its `if __name__ == "__main__"`.
+        shard: the share to write; None writes the whole. Several may write into one folder at once, or each into its
+            own. `merge_shards` makes the whole of them.
         display: shows progress; with several devices, the progress of the first process's share.
 
     Raises:
-        ConfigError: the folder holds another data set, a pattern matches nothing, the renderer, the embedding, the
-            recipe or the model cannot do what is asked, or it needs more memory than may be taken.
-        AssetError: an asset or the model cannot be read, or the disk cannot be written.
+        ConfigError: the folder holds another data set, or shards of another number; a pattern matches nothing; the
+            renderer, the embedding, the recipe or the model cannot do what is asked; or it needs more memory than may
+            be taken.
+        AssetError: an asset or the model cannot be read, the disk cannot be written, or another process works there.
         PluginError: the renderer or the embedding is unknown, or does not work here.
     """
     fabric = Fabric(accelerator="auto", devices=devices, strategy="ddp_spawn" if devices > 1 else "auto")
     config = with_model(config, folder, base)
     renderer, choice = resolve_plugins(config, fabric.device)
     require_dataset(config, 0, devices, workers)
-    with claimed_folder(folder):
-        dataset = Dataset(folder, make_index(config, folder, base, workers))
-        job = _Job(dataset, choice, _missing_by_mesh(dataset), max(1, workers // devices))
+    with _opened(config, folder, base, workers, shard) as dataset:
+        job = _Job(dataset, choice, _missing_by_mesh(dataset, shard), max(1, workers // devices))
         if devices > 1:
             fabric.launch(partial(_render_on_device, job=job))
         else:
@@ -73,12 +78,12 @@ def generate(
         return dataset.index
 
 
-def missing(index: DatasetIndex, folder: Path) -> Iterator[tuple[Split, int]]:
-    """Split and number of each exemplar that is not rendered yet; those of a mesh follow each other."""
-    for split in index.config.splits:
-        for number in range(len(index.sampler(split))):
-            if not exemplar_paths(folder, split, number)[1].is_file():
-                yield split, number
+def missing(index: DatasetIndex, folder: Path, shard: Shard | None = None) -> Iterator[tuple[Split, int]]:
+    """Split and number of each exemplar, of the shard or of all, that is not rendered yet; in the index's order."""
+    exemplars = index.exemplars()
+    for split, number in exemplars if shard is None else shard.of(exemplars):
+        if not exemplar_paths(folder, split, number)[1].is_file():
+            yield split, number
 
 
 def render_scene(
@@ -123,10 +128,25 @@ class _Job:
     workers: int
 
 
-def _missing_by_mesh(dataset: Dataset) -> list[list[tuple[Split, int]]]:
+@contextmanager
+def _opened(config: DatasetConfig, folder: Path, base: Path, workers: int, shard: Shard | None) -> Iterator[Dataset]:
+    """The data set. For the time of the block no other process can claim the folder, or of a shared one the shard."""
+    with claimed_folder(folder, shared=shard is not None):
+        if shard is None:
+            yield Dataset(folder, make_index(config, folder, base, workers))
+            remove_marks(folder)
+            return
+        with gathering(folder):
+            index = make_index(config, folder, base, workers)
+            mark = mark_shard(folder, shard)
+        with claimed(mark, f"the shard {shard} of {folder} is being made by another process"):
+            yield Dataset(folder, index)
+
+
+def _missing_by_mesh(dataset: Dataset, shard: Shard | None) -> list[list[tuple[Split, int]]]:
     by_mesh: dict[str, list[tuple[Split, int]]] = {}
     samplers = {split: dataset.index.sampler(split) for split in dataset.config.splits}
-    for split, number in missing(dataset.index, dataset.folder):
+    for split, number in missing(dataset.index, dataset.folder, shard):
         by_mesh.setdefault(samplers[split].mesh(number).name, []).append((split, number))
     return list(by_mesh.values())
 

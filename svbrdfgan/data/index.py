@@ -46,6 +46,10 @@ class DatasetIndex(StrictModel):
         """Draws the scenes of a split."""
         return ConfigSampler(self.config, split, self.meshes[split], self.environments[split], self.model)
 
+    def exemplars(self) -> list[tuple[Split, int]]:
+        """Split and number of each exemplar; those of a mesh in a split follow each other."""
+        return [(split, number) for split in self.config.splits for number in range(len(self.sampler(split)))]
+
     def save(self, folder: Path) -> None:
         save_record(folder / INDEX, self)
 

@@ -71,6 +71,12 @@ def _labels_of(
     return channels
 
 
+def label_paths(picture: Path, wanted: Collection[Label]) -> list[Path]:
+    """The files of the labels next to an exemplar's picture: `NAME.labels.exr`, and what detectors read as PNG."""
+    codes = [picture.with_suffix(f".{name}.png") for name in ("weathered", "parts") if name in wanted]
+    return [picture.with_suffix(".labels.exr"), *codes] if wanted else []
+
+
 def save_labels(picture: Path, channels: Mapping[str, Float[Tensor, "height width"]]) -> None:
     """Writes labels next to an exemplar's picture: all as `NAME.labels.exr`, in single precision.
 

@@ -13,6 +13,7 @@ from svbrdfgan.data.gather import gather_environments, gather_meshes, match_file
 from svbrdfgan.data.index import INDEX, DatasetIndex
 from svbrdfgan.data.memory import require_dataset
 from svbrdfgan.data.sampler import MeshAsset
+from svbrdfgan.data.shards import MARKS
 from svbrdfgan.data.trained_model import gather_model, warn_of_new_model
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.scene.description import AssetRef
@@ -43,7 +44,8 @@ def make_index(config: DatasetConfig, folder: Path, base: Path, workers: int = 1
             _warn_of_new_files(index, folder, base)
             warn_of_new_model(index.model, config, base)
             return index
-        if any(next((folder / split).glob("*.json"), None) for split in index.config.splits):
+        begun = any(next((folder / split).glob("*.json"), None) for split in index.config.splits)
+        if begun or (folder / MARKS).is_dir():  # or other shards may be about to
             changed = "; ".join(differences(index.config.model_dump(), config.model_dump()))
             raise ConfigError(
                 f"{folder} holds a data set of another configuration ({changed}); choose another folder or delete it."

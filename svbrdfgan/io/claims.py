@@ -17,8 +17,11 @@ _POLL_SECONDS = 0.1
 
 
 @contextmanager
-def claimed_folder(folder: Path) -> Iterator[None]:
+def claimed_folder(folder: Path, *, shared: bool = False) -> Iterator[None]:
     """For the time of the block no other process can claim the folder. It is made, and removed if it stays empty.
+
+    Args:
+        shared: lets others share the claim: it only keeps away who wants the folder alone.
 
     Raises:
         AssetError: another process has claimed it, or it cannot be made.
@@ -27,7 +30,7 @@ def claimed_folder(folder: Path) -> Iterator[None]:
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
     try:
-        with claimed(folder, f"{folder} is being written by another process"):
+        with claimed(folder, f"{folder} is being written by another process", shared=shared):
             yield
     finally:
         with suppress(OSError):  # it is not empty
@@ -36,7 +39,7 @@ def claimed_folder(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def claimed(path: Path, trouble: str) -> Iterator[None]:
+def claimed(path: Path, trouble: str, *, shared: bool = False, patience: float = _PATIENCE_SECONDS) -> Iterator[None]:
     """For the time of the block no other process can claim the file or folder.
 
     The claim is a lock on the file or folder itself: nothing is written, and a process that is killed leaves no lock.
@@ -45,14 +48,16 @@ def claimed(path: Path, trouble: str) -> Iterator[None]:
 
     Args:
         trouble: opens the message if another process has claimed it.
+        shared: lets others share the claim, as for `claimed_folder`.
+        patience: seconds to wait for another process.
 
     Raises:
         AssetError: another process has claimed it.
     """
-    handle = os.open(path, os.O_RDONLY) if os.name == "posix" and path.exists() else None
+    handle = os.open(path, _access(path)) if os.name == "posix" and path.exists() else None
     try:
-        until = time.monotonic() + _PATIENCE_SECONDS
-        while handle is not None and not _lock(handle):
+        until = time.monotonic() + patience
+        while handle is not None and not _lock(handle, shared):
             if time.monotonic() > until:
                 raise AssetError(f"{trouble}; wait until it has ended.")
             time.sleep(_POLL_SECONDS)
@@ -62,12 +67,17 @@ def claimed(path: Path, trouble: str) -> Iterator[None]:
             os.close(handle)
 
 
-def _lock(handle: int) -> bool:
-    """Whether no other process holds the lock."""
+def _access(path: Path) -> int:
+    """How to open what is to be locked: network drives lock only files that may be written."""
+    return os.O_RDWR if path.is_file() and os.access(path, os.W_OK) else os.O_RDONLY
+
+
+def _lock(handle: int, shared: bool) -> bool:
+    """Whether no other process holds a lock that excludes this one."""
     import fcntl
 
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError:  # no locks here

@@ -202,7 +202,7 @@ class TrainConfig(StrictModel):
         "samples",
     )
     device: Literal["auto", "cpu", "cuda"] = Field(default="auto", description="`auto`: a GPU if there is one")
-    devices: int = Field(default=1, ge=1, description="processes, one for each GPU")
+    devices: int = Field(default=1, ge=1, description="processes, one for each GPU; to be left out under torchrun")
     precision: Literal["auto", "32-true", "bf16-mixed"] = Field(
         default="auto", description="`auto` is `bf16-mixed` on a GPU"
     )

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import torch
 from lightning_fabric import Fabric
+from lightning_fabric.plugins.environments import TorchElasticEnvironment
 
 from svbrdfgan.config.distributions import Fixed
 from svbrdfgan.config.models import differences
@@ -21,6 +22,7 @@ from svbrdfgan.networks.layers import LOCAL_NORMS
 from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.scene.window import WHOLE
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
+from svbrdfgan.utils.torchrun import Rank
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,19 +120,36 @@ def learns_distribution(generator: GeneratorConfig, dataset: DatasetConfig) -> b
     return generator.random_fields > 0 and seeds_vary(dataset)
 
 
-def make_fabric(device: str, *, devices: int = 1, precision: str = "auto") -> Fabric:
+def make_fabric(device: str, *, devices: int = 1, precision: str = "auto", rank: Rank | None = None) -> Fabric:
     """Lightning Fabric for a configuration's `device`, `devices` and `precision`.
 
+    Args:
+        rank: of this process among the `devices` that torchrun has started; None: they are to be spawned.
+
     Raises:
-        ConfigError: `device` is "cuda", and torch finds no GPU.
+        ConfigError: `device` is "cuda", and torch finds no GPU, or fewer than processes of this machine.
     """
     if device == "cuda" and not torch.cuda.is_available():
         raise ConfigError("device: torch sees no CUDA GPU here; use auto or cpu, or install torch's build for CUDA.")
-    strategy = "ddp_spawn" if devices > 1 else "auto"
+    cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
     if precision == "auto":
-        cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
         precision = "bf16-mixed" if cuda else "32-true"
-    return Fabric(accelerator=device, devices=devices, strategy=strategy, precision=precision)  # type: ignore[arg-type]  # one of its literals
+    if rank is None:
+        strategy = "ddp_spawn" if devices > 1 else "auto"
+        return Fabric(accelerator=device, devices=devices, strategy=strategy, precision=precision)  # type: ignore[arg-type]  # one of its literals
+    if cuda and rank.processes_here > torch.cuda.device_count():
+        raise ConfigError(
+            f"device: torchrun started {rank.processes_here} processes here, and torch sees "
+            f"{torch.cuda.device_count()} GPUs: wanted at most one process for each."
+        )
+    return Fabric(
+        accelerator=device,
+        devices=rank.processes_here,
+        num_nodes=devices // rank.processes_here,
+        strategy="ddp",
+        precision=precision,  # type: ignore[arg-type]  # one of its literals
+        plugins=[TorchElasticEnvironment()],
+    )
 
 
 def _from_model(config: TrainConfig, init: str, base: Path, dataset: DatasetConfig) -> TrainConfig:

@@ -6,6 +6,7 @@ import logging
 import math
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,7 +15,7 @@ import torch
 from lightning_fabric import Fabric
 
 from svbrdfgan.data.index import INDEX
-from svbrdfgan.errors import ConfigError, TrainingError
+from svbrdfgan.errors import AssetError, ConfigError, TrainingError
 from svbrdfgan.io.claims import claimed_folder
 from svbrdfgan.networks.saved import save_generator
 from svbrdfgan.plugins.registry import RENDERERS, find_plugin
@@ -30,6 +31,7 @@ from svbrdfgan.training.state import State, checkpoint_path, checkpoints, progre
 from svbrdfgan.training.step import Diagnostics, batch_indices, step_rng, training_step
 from svbrdfgan.training.validation import Validation
 from svbrdfgan.utils.display import Display, SilentDisplay
+from svbrdfgan.utils.torchrun import Rank, torchrun_rank
 
 _REPORT_EVERY = 50
 """Steps between two lines of the metrics log."""
@@ -41,6 +43,8 @@ def train(
     config: TrainConfig, run: Path, *, base: Path = Path(), resume: bool = False, display: Display | None = None
 ) -> State:
     """Trains a generator and writes the run's folder.
+
+    Under torchrun each process calls this, all share the run's folder, and the first one writes it.
 
     Args:
         base: the folder that paths of the configuration are relative to.
@@ -56,19 +60,43 @@ def train(
         TrainingError: a loss is not finite.
         KeyboardInterrupt: with one process, after the step in which Ctrl-C or SIGTERM came; that step is saved.
     """
-    fabric = make_fabric(config.device, devices=config.devices, precision=config.precision)
+    rank = torchrun_rank()
+    if rank is not None:
+        config = _among(rank, config)
+    fabric = make_fabric(config.device, devices=config.devices, precision=config.precision, rank=rank)
     resolved = resolve_run(config, base)
     record = RunConfig.of(resolved)
     require_run(resolved, ("train", "validation"), fabric.device)
-    with claimed_folder(run):
-        _prepare_folder(run, record, resume)
-        if config.devices > 1:
+    if rank is not None:
+        fabric.launch()
+    with claimed_folder(run) if fabric.is_global_zero else nullcontext():
+        if fabric.is_global_zero:
+            _prepare_folder(run, record, resume)
+        if config.devices > 1 and rank is None:
             # `partial` binds the records, since Fabric refuses frozen dataclasses among the arguments of a launch
             fabric.launch(partial(_train_in_process, resolved=resolved, record=record, run=run))
             state = _fresh_state(config, record, torch.device("cpu"))
             state.load(checkpoints(run)[-1])
             return state
         return _train(fabric, resolved, record, run, display or SilentDisplay())
+
+
+def _among(rank: Rank, config: TrainConfig) -> TrainConfig:
+    """The configuration for all processes that torchrun has started.
+
+    Raises:
+        ConfigError: `devices` is another number, or a batch cannot be shared out among them.
+    """
+    if config.devices != rank.processes and "devices" in config.model_fields_set:
+        raise ConfigError(
+            f"devices is {config.devices}, and torchrun started {rank.processes} processes: leave the key out."
+        )
+    if config.batch_size % rank.processes:
+        raise ConfigError(
+            f"batch_size {config.batch_size} cannot be shared out among the {rank.processes} processes that torchrun "
+            "started: wanted a multiple of that."
+        )
+    return config.model_copy(update={"devices": rank.processes})
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +142,7 @@ def _train(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path, 
     config, device = session.config, fabric.device
     state = _fresh_state(config, record, device, fabric.world_size)
     found = checkpoints(run)
+    _require_shared(fabric, run, [path.name for path in found])
     if found:
         state.load(found[-1])
         log.info("resumed at step %d", state.step)
@@ -134,6 +163,14 @@ def _train(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path, 
 
 def _fresh_state(config: TrainConfig, record: RunConfig, device: torch.device, processes: int = 1) -> State:
     return State.fresh(config, device, tuple(record.dataset.maps), processes, record.conditions.size)
+
+
+def _require_shared(fabric: Fabric, run: Path, found: list[str]) -> None:
+    """Refuses processes whose folder of the run is not the first one's."""
+    if fabric.broadcast(found) != found:
+        raise AssetError(
+            f"{run} has other checkpoints here than for the first process: name a folder that all machines share."
+        )
 
 
 def _train_in_process(fabric: Fabric, resolved: ResolvedRun, record: RunConfig, run: Path) -> None:

@@ -24,7 +24,7 @@ def temporary_name(target: Path) -> Path:
     The first name that a process asks for in a folder removes what processes of this machine that were killed left
     there under such names.
     """
-    _remove_leftovers(target.parent)
+    _tidy_once(target.parent)
     made_by = f"{os.getpid()}-{_machine()}{secrets.token_hex(4)}"
     return target.with_name(f".{target.stem}.{made_by}{target.suffix}")
 
@@ -42,17 +42,30 @@ def scratch_folder() -> Iterator[Path]:
 
 
 @cache
-def _remove_leftovers(folder: Path) -> None:
+def _tidy_once(folder: Path) -> None:
+    remove_leftovers(folder)
+
+
+def remove_leftovers(folder: Path, *, of_all_machines: bool = False) -> None:
+    """Removes what processes that have ended left in a folder under temporary names.
+
+    Args:
+        of_all_machines: takes processes of other machines for ended: nobody else may write there.
+    """
     with suppress(OSError):
         for entry in list(os.scandir(folder)):
             made_by = _MADE_BY.fullmatch(entry.name)
-            if made_by is None or made_by[2] != _machine() or _is_running(int(made_by[1])):
+            if made_by is None or not (_has_ended(made_by) or (of_all_machines and made_by[2] != _machine())):
                 continue
             if entry.is_dir(follow_symlinks=False):
                 shutil.rmtree(entry.path, ignore_errors=True)
             else:
                 with suppress(OSError):
                     os.unlink(entry.path)
+
+
+def _has_ended(made_by: re.Match[str]) -> bool:
+    return made_by[2] == _machine() and not _is_running(int(made_by[1]))
 
 
 @cache

@@ -247,6 +247,8 @@ LONG_WORK = [
     ("dataset {dataset} -o {out}", "svbrdfgan.data.generate.generate", "unwrapping and baking"),
     ("dataset {dataset} -o {out} --dry-run", "svbrdfgan.data.estimate.estimate", "making a few exemplars"),
     ("dataset {dataset} -o {out} --preview", "svbrdfgan.data.estimate.preview", "rendering the preview"),
+    ("dataset {dataset} -o {out} --shard 1/2", "svbrdfgan.data.generate.generate", "unwrapping and baking"),
+    ("dataset merge {folder}", "svbrdfgan.data.merge.merge_shards", "looking for the exemplars"),
     ("dataset import {manifest} -o {out}", "svbrdfgan.data.photos.manifest.read_manifest", "reading"),
     ("dataset pose {folder} -o {out}", "svbrdfgan.data.photos.pose.pose_pictures", "looking into"),
     ("probe {train}", "svbrdfgan.evaluation.leakage.probe.probe_shortcuts", "opening the data set"),

@@ -80,6 +80,7 @@ def test_names_that_terminals_obey_are_not_completed() -> None:
         ([], "--qu", ["--quiet"]),
         (["weather"], "--rec", ["--recipe"]),
         (["dataset"], "p", ["pose", "photograph", None]),
+        (["dataset"], "me", ["merge", None]),
         (["dataset", "import"], "--pre", ["--preview"]),
         (["models"], "r", ["road-dirt", "rust"]),
         (["texture", "--model"], "ru", ["rust", None]),

@@ -34,6 +34,11 @@ STOPPED = [
         "{out} keeps the exemplars that are complete, and the same command makes the others.",
     ),
     (
+        "dataset merge {out} {run} -o {out}",
+        "svbrdfgan.data.merge.merge_shards",
+        "the shards are as they were, and the same command merges them.",
+    ),
+    (
         "dataset import {manifest} -o {out}",
         "svbrdfgan.data.photos.manifest.read_manifest",
         "nothing was written, and the same command imports all pictures again.",

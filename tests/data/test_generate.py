@@ -194,7 +194,7 @@ def test_processes_share_out_one_list(
     for record in dataset_copy.glob("*/0*.json"):
         record.unlink()
     dataset, choice = Dataset(dataset_copy, plan), PluginChoice(name="numpy")
-    job = module._Job(dataset, choice, module._missing_by_mesh(dataset), 1)
+    job = module._Job(dataset, choice, module._missing_by_mesh(dataset, None), 1)
     for rank in (0, 1):
         fabric = SimpleNamespace(device=torch.device("cpu"), world_size=2, global_rank=rank, barrier=lambda: None)
         module._render_on_device(fabric, job)  # type: ignore[arg-type]

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -49,3 +50,12 @@ def test_a_file_in_place_of_the_folder_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "data").touch()
     with pytest.raises(AssetError, match="data cannot be written"), claimed_folder(tmp_path / "data"):
         pass
+
+
+def test_a_shared_claim_keeps_away_who_wants_the_folder_alone(tmp_path: Path) -> None:
+    refused = partial(pytest.raises, AssetError, match="it is in use; wait until")
+    shared = partial(claimed_folder, tmp_path, shared=True)
+    with shared(), shared(), refused(), claimed(tmp_path, "it is in use", patience=0.0):
+        raise AssertionError
+    with claimed_folder(tmp_path), refused(), claimed(tmp_path, "it is in use", shared=True, patience=0.0):
+        raise AssertionError

@@ -42,6 +42,9 @@ _ALL = ("out/**/*",)
 
 OFTEN = {
     "dataset": Command("dataset dataset.yaml -o out --workers 2", needs=_DATASET, results=_ALL, claims="out"),
+    "dataset shard": Command(
+        "dataset dataset.yaml -o out --workers 2 --shard 1/2", needs=_DATASET, results=_ALL, claims="out/shards/1-of-2"
+    ),
     "train": Command(
         "train train.yaml -o out",
         "train train.yaml -o out --resume",
@@ -81,6 +84,7 @@ SELDOM = {
     "check": Command("check hemispherical", writes="", long=True),
     "bake": Command("bake van.glb -o out", needs=("van.glb",), results=("out/*.exr",)),
     "parts": Command("parts van.glb --picture out/parts.png", needs=("van.glb",), results=_ALL),
+    "dataset merge": Command("dataset merge data", needs=("data",), results=("data/dataset.json",), writes=""),
     "dataset import": Command(
         "dataset import manifest.yaml -o out", needs=("manifest.yaml", "van.glb", "van.png", "mask.png"), claims="out"
     ),
