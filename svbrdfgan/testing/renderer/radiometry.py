@@ -22,6 +22,8 @@ from svbrdfgan.types import Camera, Environment, Materials, Surface, View
 WHITE = scenes.lambertian((1.0, 1.0, 1.0))
 UP = (0.0, 1.0, 0.0)
 FRONT = (0.0, 0.0, 1.0)
+_PRECISE = 1e-3
+"""The relative error allowed beside noise where quadrature is exact, and rays start off the surface unnoticed."""
 
 
 class RadiometryTests(MeasuredKit):
@@ -31,6 +33,18 @@ class RadiometryTests(MeasuredKit):
         """A white plane in uniform light shows the light's own radiance."""
         found = self.radiances(_facing(scenes.constant_light(0.5)), spp=128)
         self.check_values(found, [0.5] * 3, "Is the BRDF base_color / pi, and each sample divided by its density?")
+
+    def test_white_is_as_bright_as_its_light_in_total(self) -> None:
+        """White in uniform light and white that faces a sun are as bright as by quadrature: one of both to 0.3 %.
+
+        Samplers of directions have little noise in the one, samplers of light in the other.
+        """
+        sun, direction = scenes.sun(32, 64), scenes.sun_direction(32, 64)
+        facing = scenes.square(tuple(direction)), WHITE, scenes.spot_view((0.0, 0.0, 0.0), tuple(direction), sun)
+        cases: list[Inputs] = [_facing(scenes.constant_light()), facing]
+        slack = _PRECISE if self.capabilities.stochastic else self.slack
+        message = "White in uniform light, and in a sun."
+        self.check_values(self.brightnesses(*cases, spp=256), expected(*cases)[:, 0], message, slack)
 
     def test_a_convex_body_does_not_shadow_itself(self) -> None:
         """A white box is as bright as a white plane, at any size and place."""
