@@ -53,7 +53,7 @@ class MappingTests(EmbeddingKit):
             check(share <= _MOST_COLLAPSED, f"{name}: faces of {share:.1%} of the area are a line or a point in UV.")
 
     def test_small_faces_keep_an_area(self) -> None:
-        """A face a 100,000th as wide as others is in the surface, on its top, and has an area in UV: nothing is rounded."""
+        """A face a 100,000th as wide as others, on top of a body, is in its surface and has an area in UV."""
         whole = body()
         top = int(np.argmax(whole.positions[whole.faces, 1].sum(axis=1)))
         mesh = inset(whole, top, 1e-5)

@@ -95,7 +95,7 @@ def clutter() -> Mesh:
 
 
 def inset(mesh: Mesh, face: int, scale: float) -> Mesh:
-    """The mesh with a small copy of a face in its middle, whose corners are joined to the face's; it is the last face."""
+    """The mesh with a small copy of a face in its middle, joined to the face's corners, as its last face."""
     outer = mesh.faces[face]
     corners = mesh.positions[outer]
     inner = len(mesh.positions) + np.arange(3)

@@ -28,7 +28,7 @@ class SizeTests(MeasuredKit):
     """Sizes at which buffers, counters and grids of other renderers end."""
 
     def test_large_films(self) -> None:
-        """Films of 3,000 x 1, 1 x 3,000 and 400 x 300 pixels show a square where it is, as bright, with its gradient."""
+        """Films of 3,000 x 1, 1 x 3,000 and 400 x 300 pixels show a square where it is, as bright, and its gradient."""
         for width, height in _FILMS:
             surface, view = _middle(width, height)
             image, coverage = self._picture_with_gradient(surface, view, spp=1)
