@@ -23,8 +23,8 @@ from svbrdfgan.testing.renderer.base import RendererKit
 from svbrdfgan.types import Environment, View
 
 _FIELDS = ("arena", "ordblks", "smblks", "hblks", "hblkhd", "usmblks", "fsmblks", "uordblks", "fordblks", "keepcost")
-RENDERS = 8  # in each round
-ROUNDS = 8
+RENDERS = 5  # in each round
+ROUNDS = 7
 LATER = 5  # of the rounds count, all but one of them: caches may fill in the first ones
 _OF_SCENE = 5000.0
 """Bytes kept of each new scene that count as a leak. Texture and picture are more than twice as large each."""
