@@ -41,10 +41,12 @@ CLAIMS = {
 NOT_FOUND = """
 ## What the kit does not find
 
+The least that is found follows from the scenes of the tests; the wrong renderers above, and no others, were tried.
+
 | what is wrong | the least that is found, or why nothing is |
 |---|---|
 | Pictures are too bright or too dim. | 0.3 %, at full power; less takes too many samples |
-| Radiance is clamped. | at less than a million; very bright suns are not rendered |
+| Radiance is clamped. | at 100,000; no test has brighter light than a million |
 | Negative light is clipped. | nothing: the core refuses negative radiance before a renderer sees it |
 | Memory is kept of each picture. | 100 bytes of the C library, or six Python objects; libraries keep a few by chance |
 | Memory is kept of each new scene. | 5,000 bytes; caches of libraries fill in steps of some thousand |
@@ -53,12 +55,12 @@ NOT_FOUND = """
 | Films, textures, environments or sample counts above a size are wrong. | 3,000 pixels a side or 120,000 in all, \
 2,048 x 2,048 texels, 512 x 1,024 pixels of light, 5,000 samples per pixel |
 | Gradients of large textures and of large environments are wrong. | 8 x 8 texels and pixels; larger ones have no test |
-| The camera is far away. | 1,000 lengths; single precision ends near 10,000 |
-| What is near casts no shadow. | 1.5 mm of a scene of 2 m; rays may start up to 1 mm from the surface |
+| The camera is far away. | 500 lengths, at 1,000 |
+| What is near casts no shadow. | 1.5 mm of a scene of 2 m |
 | Coverage is rounded. | thresholds above 2 % and below 98 % |
 | What is seen, or lit, at grazing angles is dark. | 1.5 degrees for views, 4 degrees for light |
 | Textures are filtered in pixels that show few texels. | 13 x 13 texels to a pixel |
-| An embedding rounds UVs. | to 2^-17 or coarser, where small faces collapse |
+| An embedding rounds UVs. | to 2^-16 or coarser, where small faces collapse |
 | An embedding moves UVs, always alike. | nothing within a texel: it is another embedding |
 """
 """What is left."""

@@ -25,6 +25,7 @@ from svbrdfgan.types import Environment, View
 _FIELDS = ("arena", "ordblks", "smblks", "hblks", "hblkhd", "usmblks", "fsmblks", "uordblks", "fordblks", "keepcost")
 RENDERS = 5  # in each round
 ROUNDS = 7
+TURNS = 12  # of each of two threads
 LATER = 5  # of the rounds count, all but one of them: caches may fill in the first ones
 _OF_SCENE = 5000.0
 """Bytes kept of each new scene that count as a leak. Texture and picture are more than twice as large each."""
@@ -60,13 +61,13 @@ class ResourceTests(RendererKit):
 
         def renders(prepared: PreparedSurface, view: View) -> list[torch.Tensor]:
             start.wait()
-            return [_image(self.renderer, prepared, view) for _ in range(RENDERS)]
+            return [_image(self.renderer, prepared, view) for _ in range(TURNS)]
 
         with _frequent_switches(), ThreadPoolExecutor(2) as threads:
             together = list(threads.map(lambda pair: renders(*pair), pairs))
         for what, images, wanted in zip(("first", "second"), together, alone, strict=True):
             wrong = sum(not torch.equal(image, wanted) for image in images)
-            check(not wrong, f"{wrong} of {RENDERS} pictures of the {what} of two scenes change beside another thread.")
+            check(not wrong, f"{wrong} of {TURNS} pictures of the {what} of two scenes change beside another thread.")
 
     def _require_no_growth(
         self, use: Callable[[int], object], counters: Mapping[str, Callable[[], int]], least: Mapping[str, float]
