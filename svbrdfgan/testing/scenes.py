@@ -164,8 +164,10 @@ def sun(row: int, col: int, rows: int = 64, cols: int = 128, rotation: float = 0
     return Environment(radiance, rotation)
 
 
-def sun_direction(row: int, col: int, rows: int = 64, cols: int = 128) -> Float[ndarray, 3]:
-    """The direction to an environment's pixel: row 0 is the zenith, the middle column -Z, +X on its right."""
+def sun_direction(
+    row: int | Int[ndarray, "height width"], col: int | Int[ndarray, "height width"], rows: int = 64, cols: int = 128
+) -> Float[ndarray, "3 ..."]:
+    """The direction to each of these pixels: row 0 is the zenith, the middle column -Z, +X on its right."""
     theta, azimuth = np.pi * (row + 0.5) / rows, 2.0 * np.pi * ((col + 0.5) / cols - 0.5)
     return np.array([np.sin(theta) * np.sin(azimuth), np.cos(theta), -np.sin(theta) * np.cos(azimuth)])
 

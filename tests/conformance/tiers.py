@@ -12,6 +12,7 @@ _STATISTICAL = (
     "agreement",
     "alpha",
     "deferred",
+    "extremes",
     "map_gradients",
     "materials",
     "normal_maps",

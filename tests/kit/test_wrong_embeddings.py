@@ -12,7 +12,7 @@ import pytest
 from svbrdfgan_hemispherical import HemisphericalEmbedding
 
 from svbrdfgan.errors import EmbeddingError
-from svbrdfgan.geometry.normals import corner_normals, face_normals
+from svbrdfgan.geometry.normals import corner_normals, face_areas, face_normals
 from svbrdfgan.geometry.split import surface_from_corners
 from svbrdfgan.geometry.subdivide import Pieces
 from svbrdfgan.protocols import UVCapabilities
@@ -330,6 +330,23 @@ class Collapses(Atlas):
         corners = own_uv(faces)
         corners[::10, 1:] = corners[::10, :1]
         return corners
+
+
+@caught_by("test_small_faces_keep_an_area")
+class DropsSmallFaces(Projected):
+    """Faces of less than a millionth of a square metre are left out."""
+
+    def change(self, surface: Surface, mesh: Mesh) -> Surface:
+        area = face_areas(mesh.positions, mesh.faces)[surface.source_face]
+        return only(surface, (area == 0.0) | (area > 1e-6))
+
+
+@caught_by("test_small_faces_keep_an_area")
+class RoundsUVs(Projected):
+    """UVs are those of the corners of 65,536 x 65,536 texels."""
+
+    def change(self, surface: Surface, mesh: Mesh) -> Surface:
+        return replace(surface, uv=np.round(surface.uv * 65536.0) / 65536.0)
 
 
 @caught_by("test_outer_faces_are_not_mirrored")

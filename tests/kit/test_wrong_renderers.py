@@ -15,7 +15,7 @@ from wrong.stored_light import Deferring
 from wrong.table import AFFECTED
 
 from svbrdfgan.testing.kit import FAST, names_of_tests
-from svbrdfgan.testing.renderer import RendererTests, stress
+from svbrdfgan.testing.renderer import RendererTests, resources
 
 NEIGHBOURS = (
     "test_its_repr_is_one_line",
@@ -79,8 +79,8 @@ def _able(request: pytest.FixtureRequest) -> None:
 @each([wrong for wrong in WRONG if not wrong.late])
 def test_each_wrong_one_is_caught_at_little_power(wrong: Wrong, monkeypatch: pytest.MonkeyPatch) -> None:
     """By one of the tests meant for it, or more: `wrong_table.py` says by which."""
-    monkeypatch.setattr(stress, "ROUNDS", 5)
-    monkeypatch.setattr(stress, "LATER", 3)
+    monkeypatch.setattr(resources, "ROUNDS", 5)
+    monkeypatch.setattr(resources, "LATER", 3)
     quick_first = sorted(wrong.tests, key=lambda test: (SLOW.index(test) if test in SLOW else -1, test))
     assert any(failures(wrong.renderer, test, power=FAST) for test in quick_first)
 

@@ -13,7 +13,7 @@ from svbrdfgan.geometry.layers import hide_inner_layers
 from svbrdfgan.geometry.normals import face_areas
 from svbrdfgan.geometry.rasterize import Fragments, rasterize
 from svbrdfgan.testing.embedding.base import EmbeddingKit
-from svbrdfgan.testing.embedding.meshes import body, moved, nested, shell, sphere, with_unused_vertices
+from svbrdfgan.testing.embedding.meshes import body, inset, moved, nested, shell, sphere, with_unused_vertices
 from svbrdfgan.testing.embedding.points import Points, find
 from svbrdfgan.testing.embedding.surface import turns
 from svbrdfgan.testing.kit import check, declared
@@ -51,6 +51,18 @@ class MappingTests(EmbeddingKit):
             area = face_areas(surface.positions, surface.faces)
             share = area[np.abs(uv_areas(surface)) < 1e-12].sum() / area.sum()
             check(share <= _MOST_COLLAPSED, f"{name}: faces of {share:.1%} of the area are a line or a point in UV.")
+
+    def test_small_faces_keep_an_area(self) -> None:
+        """A face a 100,000th as wide as others, on top of a body, is in its surface and has an area in UV."""
+        whole = body()
+        top = int(np.argmax(whole.positions[whole.faces, 1].sum(axis=1)))
+        mesh = inset(whole, top, 1e-5)
+        surface = self.embedding.embed(mesh)
+        pieces = surface.source_face == len(mesh.faces) - 1
+        covered = float(np.abs(turns(surface))[pieces].sum())
+        check(abs(covered - 1.0) < 1e-6, f"pieces cover {covered:.6g} of a small face; wanted 1.")
+        area = float(np.abs(uv_areas(surface))[pieces].sum())
+        check(area > 0.0, "a small face on top of a body is a line or a point in UV; are UVs rounded?")
 
     def test_outer_faces_are_not_mirrored(self) -> None:
         """Faces that are wound counter-clockwise seen from outside are so in UV."""

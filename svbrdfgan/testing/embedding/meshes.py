@@ -94,6 +94,19 @@ def clutter() -> Mesh:
     return with_unused_vertices(joined(shell(), mesh_of(crate.positions, faces, part)), 3.0)
 
 
+def inset(mesh: Mesh, face: int, scale: float) -> Mesh:
+    """The mesh with a small copy of a face in its middle, joined to the face's corners, as its last face."""
+    outer = mesh.faces[face]
+    corners = mesh.positions[outer]
+    inner = len(mesh.positions) + np.arange(3)
+    ring = [[outer[k], outer[(k + 1) % 3], inner[(k + 1) % 3]] for k in range(3)]
+    ring += [[outer[k], inner[(k + 1) % 3], inner[k]] for k in range(3)]
+    faces = np.concatenate([np.delete(mesh.faces, face, axis=0), ring, [inner]])
+    part = np.append(np.delete(mesh.face_part, face), np.full(7, mesh.face_part[face]))
+    middle = corners.mean(axis=0)
+    return mesh_of(np.concatenate([mesh.positions, middle + scale * (corners - middle)]), faces, part)
+
+
 def faces_of(mesh: Mesh, chosen: Bool[ndarray, " faces"]) -> Mesh:
     """The chosen faces alone, over only the vertices that they use."""
     used, faces = np.unique(mesh.faces[chosen], return_inverse=True)

@@ -54,10 +54,12 @@ class MeasuredKit(RendererKit):
         """The mean of the channels of `radiances`."""
         return self.radiances(*cases, spp=spp, runs=runs).mean(axis=-1)
 
-    def check_values(self, runs: ndarray, truth: Sequence[float] | ndarray, message: str) -> None:
-        """Fails unless the mean over the runs is the truth, within noise and rounding."""
+    def check_values(
+        self, runs: ndarray, truth: Sequence[float] | ndarray, message: str, slack: float | None = None
+    ) -> None:
+        """Fails unless the mean over the runs is the truth, within noise and rounding: `slack`, or the kit's."""
         wanted = np.asarray(truth, dtype=np.float64)
-        _compare(estimate(list(runs)), wanted, self.slack * np.abs(wanted).max(), message)
+        _compare(estimate(list(runs)), wanted, (slack or self.slack) * np.abs(wanted).max(), message)
 
     def check_ratios(self, runs: Brightnesses, truth: Sequence[float] | ndarray, message: str) -> None:
         """Fails unless the ratios between the cases are those of the truth; a common factor does not matter."""

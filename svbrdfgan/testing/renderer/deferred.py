@@ -19,7 +19,7 @@ from svbrdfgan.testing.renderer import cases, stored_light
 from svbrdfgan.testing.renderer.cases import Case
 from svbrdfgan.testing.renderer.statistical_assertions import Known, StatisticalKit, exactly
 from svbrdfgan.testing.renderer.stored_light import StoredCase, shade_together
-from svbrdfgan.testing.statistics import block_sums, numbers
+from svbrdfgan.testing.statistics import Estimate, block_sums, difference, estimate, margin, numbers
 from svbrdfgan.types import CHANNELS
 
 _SPP = 16
@@ -29,6 +29,7 @@ _VISITS = (0, 1, 5, 1000)
 _RENEWED = 8
 """Visits after which none of the light samples is as it was."""
 _MOST = 8_000_000
+_BATCH = 17
 _SIGMAS = 5.0
 _ATOMICS = 1e-5
 """The relative difference allowed on devices that do not fix the order of additions."""
@@ -81,6 +82,28 @@ class DeferredTests(StatisticalKit):
         stored.shade(*lights, visit=7, seed=4)
         slopes = numbers(pullback(grad)) * numbers(steps)
         exactly("the change by the gradient, asked for after a later visit,", slopes.sum((1, 2, 3, 4)), wanted)
+
+    def test_large_batches_of_stored_light(self) -> None:
+        """Of 17 views in a batch each is as bright as alone, has its own texture, and its own gradient."""
+        self._declared_deferred()
+        case = stored_light.uniform(cases.soft_light())
+        stored = StoredCase(self.renderer, case, (0,))
+        lights = [stored.store(hits=4, spp=4, seed=seed) for seed in range(_BATCH)]
+        colors = scenes.random_texture(1, _BATCH)[0].reshape(_BATCH, 1, 1, 3)
+        images, pullback = stored.shade(*lights, textures=colors, seed=1)
+        grad = torch.randn(images.shape, generator=torch.Generator().manual_seed(0))
+        found = numbers(pullback(grad)).reshape(_BATCH, 3)
+        wanted = (numbers(images) * numbers(grad)).sum(axis=(1, 2)) / numbers(colors).reshape(_BATCH, 3)
+        exactly("the gradient of each view of a large batch", found, wanted)
+        alone = [stored.shade(light, textures=colors[:1], seed=seed)[0] for seed, light in enumerate(lights)]
+        pixels = [numbers(each).reshape(_BATCH, -1, 3) for each in (images, torch.cat(alone))]
+        together, apart = (estimate(list(p.transpose(1, 0, 2))) for p in pixels)
+        tint = numbers(colors / colors[:1]).reshape(_BATCH, 3)
+        scaled = Estimate(apart.mean * tint, apart.error * tint, apart.freedom)
+        off = difference(together, scaled)
+        worst = int((abs(off.mean) / margin(off)).max(axis=1).argmax())
+        message = f"View {worst} of {_BATCH} is {together.mean[worst]} in a batch, {scaled.mean[worst]} alone"
+        check(bool((abs(off.mean) <= margin(off)).all()), f"{message}; wanted the same within {margin(off)[worst]}.")
 
     def test_stored_light_depends_on_the_visit_alone(self) -> None:
         """Whichever visits came before, a visit's picture is that of light stored anew."""

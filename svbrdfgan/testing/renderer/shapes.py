@@ -15,6 +15,7 @@ from torch import Tensor
 from svbrdfgan.testing import scenes
 from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.testing.renderer.base import RendererKit
+from svbrdfgan.testing.renderer.statistical_assertions import exactly
 from svbrdfgan.testing.statistics import numbers
 from svbrdfgan.types import CHANNELS, Environment, Gradients, Material, Materials, TransportSamples, View
 
@@ -84,14 +85,22 @@ class ShapeTests(RendererKit):
             check(off < 1e-5, f"With {spp} samples per pixel, coverage of a filled film is off by {off:.2g}.")
 
     def test_many_parts(self) -> None:
-        """A surface of forty parts has forty materials and forty gradients."""
+        """A surface of forty parts has forty materials and forty gradients, each in its place."""
         strips = [scenes.quad((0.05 * i - 1.0, -1.0, 0.0), (0.05, 0.0, 0.0), (0.0, 2.0, 0.0)) for i in range(40)]
-        maps = [scenes.random_texture(1 + i % 7, 1 + i % 5, i) if i % 3 else torch.rand(3) for i in range(40)]
+        colors = scenes.random_texture(1, 40)[0]
+        maps = [color.expand(1 + i % 7, 1 + i % 5, 3) if i % 3 else color for i, color in enumerate(colors)]
         view = scenes.front_view(scenes.random_light(), 1.0, 40, 4, 2.0 * math.atan(0.1))
         surface, materials = scenes.joined(*strips), scenes.lambertian(*maps)
-        rendering = self.render(surface, materials, view)
+        rendering, white = (self.render(surface, m, view, spp=2) for m in (materials, Materials(WHITE.parts * 40)))
         check(float(rendering.coverage.min()) > 0.999, "a surface of forty strips has gaps.")
-        _check_gradients(self, _gradients(self, surface, materials, view), materials, view)
+        each = numbers(white.image).sum(axis=0)
+        shown = numbers(rendering.image).sum(axis=0)
+        exactly("the picture of forty strips, by columns,", shown, each * numbers(colors))
+        gradients = _gradients(self, surface, materials, view)
+        _check_gradients(self, gradients, materials, view)
+        if "base_color" in self.capabilities.differentiable:
+            found = [numbers(part["base_color"]).reshape(-1, 3).sum(axis=0) for part in gradients.materials]
+            exactly("the gradient of forty strips, by parts,", np.stack(found), each)
 
     def test_gradients_are_shaped_as_the_maps(self) -> None:
         """Gradients are float32 and shaped as their maps, on its device."""

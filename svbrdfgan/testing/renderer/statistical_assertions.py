@@ -98,8 +98,15 @@ class Known:
         return cls(np.zeros_like(size), np.full_like(size, _ROUNDING * size.max()), size)
 
 
-def exactly(what: str, found: Float[ndarray, "*shape"], wanted: Float[ndarray, "*shape"], *, hint: str = "") -> None:
-    """Fails unless two arrays agree up to rounding. The message says how they differ."""
+def exactly(
+    what: str,
+    found: Float[ndarray, "*shape"],
+    wanted: Float[ndarray, "*shape"],
+    *,
+    hint: str = "",
+    rounding: float = EXACT,
+) -> None:
+    """Fails unless two arrays agree up to rounding, relative to the largest. The message says how they differ."""
     check(found.shape == wanted.shape, f"{what} has shape {found.shape}; wanted {wanted.shape}.")
     check(bool(np.isfinite(found).all()), f"{what} holds values that are not finite.")
     scale = abs(wanted).max()
@@ -107,7 +114,7 @@ def exactly(what: str, found: Float[ndarray, "*shape"], wanted: Float[ndarray, "
     worst = np.unravel_index(np.argmax(off), off.shape)
     place = tuple(int(i) for i in worst)
     numbers = f"{what} at {place} is {found[worst]:.6g}, and should be {wanted[worst]:.6g}"
-    check(bool(off.max() <= EXACT * scale), f"{numbers}: {_manner(found, wanted)}. {hint}".rstrip())
+    check(bool(off.max() <= rounding * scale), f"{numbers}: {_manner(found, wanted)}. {hint}".rstrip())
 
 
 def _manner(found: ndarray, wanted: ndarray) -> str:

@@ -9,6 +9,7 @@ from wrong import (  # noqa: F401
     contract,
     filtering,
     gradients,
+    limits,
     materials,
     normal_maps,
     orientation,

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 from torch import Tensor
 
 from svbrdfgan.protocols import RendererCapabilities
 from svbrdfgan.types import Gradients, Rendering, TransportSamples, View
-from wrong.base import Call, Right, light_of
+from wrong.base import Call, Right, light_of, scaled
 from wrong.table import caught_by
 
 
@@ -145,3 +148,73 @@ class KeepsItsPictures(Right):
     def picture(self, rendering: Rendering, call: Call) -> Rendering:
         self.past.append(rendering.image.clone())
         return rendering
+
+
+@caught_by("test_nothing_stays_of_a_render")
+@dataclass(frozen=True)
+class LeaksAKilobyte(Right):
+    """A kilobyte is lost with each picture."""
+
+    past: list[bytes] = field(default_factory=list)
+
+    def picture(self, rendering: Rendering, call: Call) -> Rendering:
+        self.past.append(bytes(1024))
+        return rendering
+
+
+@caught_by("test_nothing_stays_of_a_render")
+@dataclass(frozen=True)
+class LeaksAHundredBytes(Right):
+    """104 bytes of the C library are lost with each picture. Of Python's own small objects six are found."""
+
+    past: list[Any] = field(default_factory=list)
+
+    def picture(self, rendering: Rendering, call: Call) -> Rendering:
+        self.past.append(np.empty(104, dtype=np.uint8))
+        return rendering
+
+
+@caught_by("test_nothing_stays_of_a_render")
+@dataclass(frozen=True)
+class LeaksFiles(Right):
+    """A file is left open with each picture."""
+
+    past: list[int] = field(default_factory=list)
+
+    def picture(self, rendering: Rendering, call: Call) -> Rendering:
+        self.past.append(os.open(os.devnull, os.O_RDONLY))
+        return rendering
+
+    def __del__(self) -> None:
+        for file in self.past:
+            os.close(file)
+
+
+@caught_by("test_nothing_stays_of_a_render")
+@dataclass(frozen=True)
+class LeaksThreads(Right):
+    """A thread is left waiting with each picture, while the renderer exists."""
+
+    done: Any = field(default_factory=threading.Event)
+
+    def __reduce__(self) -> Any:
+        return LeaksThreads, ()
+
+    def picture(self, rendering: Rendering, call: Call) -> Rendering:
+        threading.Thread(target=self.done.wait, args=(20.0,), daemon=True).start()
+        return rendering
+
+
+@caught_by("test_two_threads_may_render_at_once")
+@dataclass(frozen=True)
+class SharedByThreads(Right):
+    """What a picture is made of is kept where another thread puts its own."""
+
+    last: list[View] = field(default_factory=list)
+
+    def asked(self, call: Call) -> Call:
+        self.last[:] = [call.view]
+        return call
+
+    def picture(self, rendering: Rendering, call: Call) -> Rendering:
+        return rendering if self.last == [call.view] else scaled(rendering, 0.5)

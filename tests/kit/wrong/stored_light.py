@@ -204,3 +204,19 @@ class ShadesWhatIsThereNow(Deferring):
 
     def shaded(self, s: Shading) -> Shaded:
         return super().shaded(s)[0], lambda grad_images: super(ShadesWhatIsThereNow, self).shaded(s)[1](grad_images)
+
+
+@caught_by("test_large_batches_of_stored_light")
+class GradientsOfAtMostEightViews(Deferring):
+    """Of batches of more than eight views the gradients of the others are those of the first eight again."""
+
+    def slope(self, gradient: Tensor, s: Shading) -> Tensor:
+        return gradient[torch.arange(len(gradient)) % 8]
+
+
+@caught_by("test_large_batches_of_stored_light")
+class PicturesOfAtMostEightViews(Deferring):
+    """Of batches of more than eight views the others take the textures of the first eight again."""
+
+    def shaded(self, s: Shading) -> Shaded:
+        return super().shaded(replace(s, textures=s.textures[torch.arange(len(s.textures)) % 8]))

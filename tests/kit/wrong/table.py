@@ -48,16 +48,19 @@ WHOLE = (
 sees that something is wrong, but cannot say what. A test that can is to catch a wrong renderer as well."""
 
 
-_AFFECTED = ("alpha", "deferred", "materials", "normal_maps")
+_AFFECTED = ("alpha", "deferred", "extremes", "materials", "normal_maps", "sizes")
 AFFECTED = {
     *(name for name in names_of_tests(RendererTests) if group_of(RendererTests, name) in _AFFECTED),
+    "test_many_parts",
+    "test_white_is_as_bright_as_its_light_in_total",
     "test_base_color_beneath_all_maps",
     "test_base_color_behind_clear_parts",
     "test_interreflection_of_metal_as_numpy",
     "test_interreflection_behind_clear_parts_as_numpy",
 }
-"""Those of materials and of stored light, which few renderers have: in light from one side, on several parts, seen from
-all sides. They see faults of orientation, parts and gradients as well, for which they are not meant."""
+"""Those of materials and of stored light, which few renderers have, of sizes and of extremes: in light from one side,
+on several parts, seen from all sides, in absolute numbers. They see faults of orientation, brightness, parts and
+gradients as well, for which they are not meant."""
 
 
 @dataclass(frozen=True)
