@@ -232,6 +232,8 @@ _MEASURES: dict[Measure, Column] = {
     ),
 }
 
+OF_ORACLE = frozenset({"oracle", "fraction", "half_images", "half_seconds"})
+"""Keys of columns that are empty without an oracle."""
 _MOST_OCTAVES = 8
 
 

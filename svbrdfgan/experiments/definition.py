@@ -70,6 +70,9 @@ class Experiment(_Changed):
         description="further columns of the table: `recovered` on the part of the learnable area that the training's "
         "cameras would see, on the rest of it, the noise of the gradient, and the power in each octave",
     )
+    oracles: bool = Field(
+        default=True, description="whether runs are scored beside an oracle, which takes about as long to train as one"
+    )
     rows: dict[str, ExperimentRow] = Field(min_length=1, description="the rows of the table by name")
 
 

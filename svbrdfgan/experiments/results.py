@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from svbrdfgan.experiments.columns import Column, speeds, verdicts
+from svbrdfgan.experiments.columns import OF_ORACLE, Column, speeds, verdicts
 from svbrdfgan.experiments.definition import Recipe
 from svbrdfgan.experiments.outcome import OUTCOME, RunOutcome
 from svbrdfgan.experiments.run_matrix import RunMatrix, RunSpec
@@ -56,12 +56,15 @@ class Results:
 
     def verdicts(self) -> list[Column]:
         """The columns for the quality of the learned layers."""
-        return verdicts(self.matrix.experiment.measures, self.outcomes)
+        return self._known(verdicts(self.matrix.experiment.measures, self.outcomes))
 
     def speeds(self) -> list[Column]:
         """The columns for the speed of training, also within the largest budgets that all runs reached."""
         images = min((outcome.images for outcome in self.outcomes), default=0)
-        return speeds(images, min((outcome.seconds for outcome in self.outcomes), default=0.0))
+        return self._known(speeds(images, min((outcome.seconds for outcome in self.outcomes), default=0.0)))
+
+    def _known(self, columns: list[Column]) -> list[Column]:
+        return [column for column in columns if self.matrix.experiment.oracles or column.key not in OF_ORACLE]
 
     def record(self) -> dict[str, Any]:
         """The results as JSON values."""

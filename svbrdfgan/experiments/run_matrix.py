@@ -74,13 +74,18 @@ class RunSpec(StrictModel):
 
 @dataclass(frozen=True)
 class Cell:
-    """One run of an experiment."""
+    """One run of an experiment.
+
+    Attributes:
+        oracle: whether it is scored beside an oracle.
+    """
 
     experiment: str
     row: str
     recipe: Recipe
     seed: int
     spec: RunSpec
+    oracle: bool
 
     @property
     def title(self) -> str:
@@ -149,7 +154,8 @@ class RunMatrix:
             raise ConfigError(f"{source}: dataset.splits lacks {' and '.join(lacking)}, on which runs are scored.")
         fixed = {"recipe": recipe, "seed": seed, "dataset": _PLACEHOLDER}
         train = resolved(train_config({**data["train"], **fixed}, source), dataset.spp, dataset.maps)
-        return Cell(self.name, name, recipe, seed, RunSpec(train=train, oracle=self._oracle(dataset, train)))
+        spec = RunSpec(train=train, oracle=self._oracle(dataset, train))
+        return Cell(self.name, name, recipe, seed, spec, self.experiment.oracles)
 
     def changes(self, name: str) -> list[str]:
         """The changes of a row, as KEY=VALUE."""

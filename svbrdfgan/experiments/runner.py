@@ -27,8 +27,12 @@ class _Work:
     """The tasks of one cell; each needs the tasks before it."""
 
     dataset: DatasetTask
-    oracle: OracleTask
+    oracle: OracleTask | None
     run: RunTask
+
+    @property
+    def tasks(self) -> list[DatasetTask | OracleTask | RunTask]:
+        return [task for task in (self.dataset, self.oracle, self.run) if task is not None]
 
 
 def run_experiments(
@@ -87,22 +91,30 @@ def _work(cells: Sequence[Cell], root: Path, runs: RunStore[RunSpec], assets: Pa
     for cell in cells:
         spec, name = cell.spec, f"{cell.experiment}-{cell.row}"
         dataset = datasets.place(DatasetSpec(dataset=spec.dataset), name).relative_to(root).as_posix()
-        oracle = oracles.place(spec.oracle, f"{name}-{cell.recipe}").relative_to(root).as_posix()
+        beside = None
+        if cell.oracle:
+            oracle = oracles.place(spec.oracle, f"{name}-{cell.recipe}").relative_to(root).as_posix()
+            title = f"oracle of {cell.row}, {cell.recipe}"
+            beside = OracleTask(**where, title=title, folder=oracle, spec=spec.oracle, dataset=dataset)
         run = runs.place(spec, f"{name}-{cell.recipe}-{cell.seed}").relative_to(root).as_posix()
         yield _Work(
             DatasetTask(**where, title=f"data of {cell.row}", folder=dataset, config=spec.dataset, workers=1),
-            OracleTask(
-                **where, title=f"oracle of {cell.row}, {cell.recipe}", folder=oracle, spec=spec.oracle, dataset=dataset
+            beside,
+            RunTask(
+                **where,
+                title=cell.title,
+                folder=run,
+                spec=spec,
+                dataset=dataset,
+                oracle=None if beside is None else beside.folder,
+                jobs=sharing,
             ),
-            RunTask(**where, title=cell.title, folder=run, spec=spec, dataset=dataset, oracle=oracle, jobs=sharing),
         )
 
 
 def _missing(work: Iterable[_Work], jobs: int) -> list[Task]:
     """The tasks that are not done, each once, in the order of the runs. Data sets made at once share the cores."""
-    tasks: dict[str, DatasetTask | OracleTask | RunTask] = {
-        task.folder: task for each in work for task in (each.dataset, each.oracle, each.run)
-    }
+    tasks: dict[str, DatasetTask | OracleTask | RunTask] = {task.folder: task for each in work for task in each.tasks}
     missing = [task for task in tasks.values() if not task.done()]
     datasets = sum(isinstance(task, DatasetTask) for task in missing)
     workers = max(1, cores() // max(1, min(jobs, datasets)))

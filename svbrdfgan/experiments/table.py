@@ -44,7 +44,7 @@ def page(results: Results, *, pictures: bool) -> str:
         "## How well each row learned",
         _table(results.verdicts(), results.lines),
         _spread(results),
-        "One oracle serves all rows with the same data and generator." + _rising(results.lines),
+        _oracles(results),
         _absent(results.lines),
         "## How fast",
         _table(results.speeds(), results.lines),
@@ -99,11 +99,15 @@ def _spread(results: Results) -> str:
     return "Mean ± standard deviation over the seeds." if several else "One seed each: small differences mean nothing."
 
 
-def _rising(lines: Iterable[TableLine]) -> str:
-    """Names the oracles that stopped while their scores still rose, so that these are too low a ceiling."""
+def _oracles(results: Results) -> str:
+    """Also names the oracles that stopped while their scores still rose, so that these are too low a ceiling."""
+    if not results.matrix.experiment.oracles:
+        return ""
+    lines = results.lines
     oracles = {_label(line): [outcome.evaluation.oracle for outcome in line.outcomes] for line in lines}
     found = [label for label, its in oracles.items() if any(each and each.plateau is False for each in its)]
-    return f" Its steps ran out while it was still rising in: {'; '.join(found)}." if found else ""
+    rising = f" Its steps ran out while it was still rising in: {'; '.join(found)}." if found else ""
+    return f"One oracle serves all rows with the same data and generator.{rising}"
 
 
 def _absent(lines: Iterable[TableLine]) -> str:

@@ -75,25 +75,24 @@ class OracleTask(Task):
 
 
 class RunTask(Task):
-    """A run, and its evaluation against the oracle; `jobs` runs share the device."""
+    """A run, and its evaluation beside the oracle if there is one; `jobs` runs share the device."""
 
     kind: Literal["run"] = "run"
     spec: RunSpec
     dataset: str
-    oracle: str
+    oracle: str | None
     jobs: int
 
     @property
     def needs(self) -> tuple[str, ...]:
-        return (self.dataset, self.oracle)
+        return (self.dataset,) if self.oracle is None else (self.dataset, self.oracle)
 
     def done(self) -> bool:
         return (self.path / OUTCOME).is_file()
 
     def work(self) -> None:
         state = _train(self, self.spec.train, self.dataset)
-        ceiling = load_record(OracleScores, Path(self.root) / self.oracle / CEILING)
-        evaluated = self._evaluate(ceiling)
+        evaluated = self._evaluate()
         write_report(self.path, evaluated)
         write_contact_strip(self.path / CONTACT_STRIP, evaluated)
         RunOutcome(
@@ -106,9 +105,13 @@ class RunTask(Task):
         ).save(self.path)
         _forget_checkpoints(self.path)
 
-    def _evaluate(self, ceiling: OracleScores) -> Evaluated:
+    def _evaluate(self) -> Evaluated:
         """Evaluates with the oracle if its weights exist; else with its scores, which may have been copied alone."""
-        oracle, workers = Path(self.root) / self.oracle, max(1, cores() // self.jobs)
+        workers = max(1, cores() // self.jobs)
+        if self.oracle is None:
+            return evaluate(self.path, split="test", oracle=False, workers=workers)
+        oracle = Path(self.root) / self.oracle
+        ceiling = load_record(OracleScores, oracle / CEILING)
         if (oracle / ORACLE).is_file() and (oracle / ORACLE_NOTES).is_file():
             for name in (ORACLE, ORACLE_NOTES):
                 shutil.copyfile(oracle / name, self.path / name)

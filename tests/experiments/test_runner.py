@@ -45,6 +45,15 @@ def test_data_sets_and_oracles_are_shared(make_matrix: MakeMatrix, fake, tmp_pat
     assert [len(line.outcomes) for line in results.lines] == [2, 1, 2, 1, 1]
 
 
+def test_an_experiment_without_oracles(make_matrix: MakeMatrix, fake, tmp_path: Path) -> None:
+    results = run(make_matrix(oracles=False), tmp_path / "out", execute=fake)
+    assert Counter(kinds(fake)) == {DatasetTask: 2, RunTask: 7}
+    assert {task.oracle for task in runs_of(fake)} == {None}
+    columns = {column.key for column in (*results.verdicts(), *results.speeds())}
+    assert not columns & {"oracle", "fraction", "half_images", "half_seconds"}
+    assert "oracle" not in (tmp_path / "out" / "noise" / "table.md").read_text()
+
+
 def test_what_was_interrupted_goes_on(make_matrix: MakeMatrix, fake, tmp_path: Path) -> None:
     fake.stops_after = 8
     with pytest.raises(KeyboardInterrupt):
