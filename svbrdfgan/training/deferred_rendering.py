@@ -47,7 +47,8 @@ class DeferredScene:
     Attributes:
         light: of the learnable parts.
         background: the picture of all other parts, premultiplied.
-        lit: that of the learnable parts without a layer, with little noise; None if pictures keep their noise.
+        lit: that of the learnable parts without a layer, with little noise, by other samples than `clean`; None if
+            pictures keep their noise.
         coverage: share of each pixel that shows the surface.
         gbuffer: position and normal of the learnable parts, premultiplied; half precision.
         light_buffer: see `ReferencePictures.light_buffer`; None if the discriminator is not shown it.
@@ -245,12 +246,12 @@ class DeferredRendering:
         subject, view = self.exemplars.subject(index), self.exemplars.loader.view(scene)
         renderer, prepared = self.renderer, self._surfaces.of(index)
         shown = ReferencePictures(renderer, prepared, subject, scene, view, self.spp, self.clean_spp)
-        bare, quiet = shown.bare, self.clean_spp is not None
-        clean = shown.clean().to(self.device) if self.shows_clean or quiet else None
-        beside = (
-            shown.beside() if quiet else renderer.render(prepared, shown.others, view, spp=self.spp, seed=scene.seed)
-        )
-        lit = (clean - beside.image.to(self.device)).clamp(min=0.0) if quiet and clean is not None else None
+        if self.clean_spp is None:
+            lit, beside = None, renderer.render(prepared, shown.others, view, spp=self.spp, seed=scene.seed)
+        else:  # if the discriminator were shown the same picture, it would tell fakes by its noise, which they share
+            apart = replace(shown, stream=1)
+            beside = apart.beside()
+            lit = (apart.clean().to(self.device) - beside.image.to(self.device)).clamp(min=0.0)
         light = renderer.store_light(
             prepared, view, learnable=subject.learnable, hits=self.hits, spp=self.spp, seed=scene.seed
         )
@@ -261,8 +262,8 @@ class DeferredRendering:
             coverage=beside.coverage.to(self.device),
             gbuffer=shown.gbuffer().half().to(self.device),
             light_buffer=shown.light_buffer().to(self.device) if self.shows_light else None,
-            clean=clean if self.shows_clean else None,
-            base=_stacked([bare[part] for part in subject.learnable], self.maps).to(self.device),
+            clean=shown.clean().to(self.device) if self.shows_clean else None,
+            base=_stacked([shown.bare[part] for part in subject.learnable], self.maps).to(self.device),
         )
 
 

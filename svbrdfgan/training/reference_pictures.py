@@ -68,6 +68,7 @@ class ReferencePictures:
         prepared: the subject's surface, as the renderer prepared it.
         spp: samples per pixel.
         clean_spp: those of `clean` and `beside`; None: `_CLEAN_SAMPLES` times as many.
+        stream: another number takes other samples.
     """
 
     renderer: CheckedRenderer
@@ -77,6 +78,7 @@ class ReferencePictures:
     view: View
     spp: int
     clean_spp: int | None = None
+    stream: int = 0
 
     def light_buffer(self) -> Float[Tensor, "height width 9"]:
         """Diffuse irradiance (divided by pi), and reflections at roughness 0.3 and 0.6, as `REFERENCES` show them.
@@ -143,9 +145,9 @@ class ReferencePictures:
 
     def _render(self, materials: list[Material], view: View | None = None) -> Rendering:
         given = Materials(tuple(materials))
-        return self.renderer.render(self.prepared, given, view or self.view, spp=self.spp, seed=_seed(self.scene.seed))
+        return self.renderer.render(self.prepared, given, view or self.view, spp=self.spp, seed=self._seed)
 
-
-def _seed(seed: int) -> int:
-    """A seed other than the picture's, so that the noise of what stands beside a picture is not that of the picture."""
-    return (seed * 0x85EBCA6B + 0x5BD1E995) % 2**31
+    @property
+    def _seed(self) -> int:
+        """Another seed than the picture's, so that the noise of what stands beside a picture is not the picture's."""
+        return ((self.scene.seed + self.stream) * 0x85EBCA6B + 0x5BD1E995) % 2**31

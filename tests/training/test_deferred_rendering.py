@@ -141,6 +141,19 @@ def test_noise_that_clean_pictures_share_is_divided_out(rendering: DeferredRende
     assert float((layer.grad * step).double().sum()) == pytest.approx(moved, rel=1e-3)
 
 
+def test_what_is_shown_beside_quiet_fakes_has_noise_of_its_own(rendering: DeferredRendering) -> None:
+    """As beside an exemplar of as many samples; else fakes would be known by how near they are to the clean picture."""
+    quiet = replace(rendering, clean_spp=64)
+    clear = torch.eye(CHANNELS)[8].repeat(1, 32, 32, 1)
+    fake, shown = quiet.scenes([0], rng()).render(clear)[0][0], buffers(quiet, 0)[2]
+    many = buffers(replace(rendering, clean_spp=16384), 0)[2]
+    assert shown is not None
+    assert many is not None
+    noise = float((shown - many).square().mean().sqrt())
+    assert float((fake - many).square().mean().sqrt()) == pytest.approx(noise, rel=0.3)
+    assert float((fake - shown).square().mean().sqrt()) == pytest.approx(2**0.5 * noise, rel=0.3)
+
+
 @pytest.mark.parametrize("changes", [{"rendering": "online"}, {}])
 def test_clean_samples_for_other_fakes_are_told(
     changes: dict[str, Any], training_data: Data, glossy_training: Data
