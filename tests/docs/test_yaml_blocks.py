@@ -57,7 +57,7 @@ def test_close_ups_have_texels_to_show(quickstart: Blocks, commands: Blocks) -> 
     for each in (train, refining):
         assert train_config({"dataset": "data/cars", **each}, "train.yaml").generator.norm in LOCAL_NORMS
     assert refining["refines"] in shipped_models()
-    assert train_config({"dataset": "data/cars", **refining, **quiet}, "train.yaml").clean_spp == 256
+    assert train_config({"dataset": "data/cars", **refining, **quiet}, "train.yaml").clean_spp == 4096
 
 
 def test_fakes_of_whole_materials_have_the_samples_of_their_exemplars(quickstart: Blocks, commands: Blocks) -> None:

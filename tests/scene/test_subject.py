@@ -14,10 +14,11 @@ from svbrdfgan_hemispherical import HemisphericalEmbedding
 from svbrdfgan.config.choices import PartSelection
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.errors import AssetError
+from svbrdfgan.geometry.layers import embed_and_rasterize
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.scene.cache import load_subject, save_subject
 from svbrdfgan.scene.loader import subject_key
-from svbrdfgan.scene.subject import Subject, make_subject
+from svbrdfgan.scene.subject import Subject, bake_subject, make_subject
 from svbrdfgan.types import FileMap, Layer, Mesh, Part
 from svbrdfgan.utils.memory import limited
 
@@ -194,7 +195,9 @@ def test_the_file_s_roughness_is_that_of_the_point_that_the_texel_shows(mesh: Me
 
 
 def test_more_textures_than_memory_holds_are_refused_with_what_would_fit(mesh: Mesh) -> None:
+    fragments = embed_and_rasterize(HemisphericalEmbedding(resolution=32), mesh, 32)
     said = r"parts with textures of their own at 32 x 32 texels need about .* would fit"
-    with limited(32 * 32 * 4 * 100 // 4), pytest.raises(AssetError, match=said):
-        subject_of(mesh, file_maps=True)
-    subject_of(mesh, file_maps=False)  # no part has a texture of its colour
+    with limited(32 * 32 * 4 * 100 // 4):
+        with pytest.raises(AssetError, match=said):
+            bake_subject(mesh, fragments, PartSelection(), file_maps=True)
+        bake_subject(mesh, fragments, PartSelection())  # no part has a texture of its colour
