@@ -5,6 +5,7 @@ from __future__ import annotations
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.geometry.layers import surface_bytes
 from svbrdfgan.rendering.picture_memory import picture_bytes
+from svbrdfgan.scene.window import WHOLE
 from svbrdfgan.utils.memory import most_that_fits, require_memory
 
 _SCENE = 8192  # bytes of an exemplar's scene, and of its place in the list of what is missing
@@ -29,9 +30,9 @@ def require_dataset(config: DatasetConfig, exemplars: int, processes: int = 1, w
     Raises:
         ConfigError: more are needed than are allowed; it says how many pixels, texels or processes would fit.
     """
-    width, height = config.image
+    (width, height), side = config.image, _layer_texels(config)
 
-    def needed(rows: int = height, texels: int = config.texture, count: int = exemplars, beside: int = workers) -> int:
+    def needed(rows: int = height, texels: int = side, count: int = exemplars, beside: int = workers) -> int:
         one = picture_bytes(max(1, rows * width // height), rows, texels)
         baked = _WORKER + surface_bytes(texels) - surface_bytes(0)
         return processes * one + _SCENE * count + (beside - 1) * baked
@@ -41,21 +42,30 @@ def require_dataset(config: DatasetConfig, exemplars: int, processes: int = 1, w
             return f"--workers {fits}"
         if (fits := most_that_fits(lambda n: needed(rows=n, beside=1), height, allowed)) is not None:
             return f"image=[{max(1, fits * width // height)},{fits}] with --workers 1"
-        if (fits := most_that_fits(lambda n: needed(texels=n, beside=1), config.texture, allowed, 16)) is not None:
+        fits = most_that_fits(lambda n: needed(texels=n, beside=1), side, allowed, 16)
+        if fits is not None and not config.windowed:
             return f"texture={fits} with --workers 1"
         fits = most_that_fits(lambda n: needed(count=n, beside=1), exemplars, allowed)
         return None if fits is None else f"{fits} exemplars with --workers 1"
 
-    size = f"{width} x {height} pixels and textures of {config.texture} texels a side"
+    size = f"{width} x {height} pixels and layers of {side} texels a side"
     return require_memory(f"{exemplars or 'some'} exemplars of {size} need", needed(), fitting)
 
 
 def exemplar_bytes(config: DatasetConfig, exemplars: int, meshes: int, channels: int = 0) -> int:
     """What the exemplars of a split and their subjects take in memory once they are loaded.
 
+    Each window is a subject of its own, beside the whole that it was cut from.
+
     Args:
         channels: of buffers that the discriminator is shown with each picture.
     """
     pixels = config.image[0] * config.image[1]
-    subjects = _SUBJECT * meshes * config.texture**2
+    whole = min(config.texture, WHOLE) if config.windowed else config.texture
+    subjects = _SUBJECT * (meshes * whole**2 + exemplars * (config.window or 0) ** 2)
     return exemplars * (_SCENE + pixels * (_PICTURE + _BUFFER * channels)) + subjects
+
+
+def _layer_texels(config: DatasetConfig) -> int:
+    """Texels along a side of the largest map that is baked."""
+    return max(config.window or 0, min(config.texture, WHOLE)) if config.windowed else config.texture

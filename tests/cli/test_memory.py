@@ -20,7 +20,7 @@ from svbrdfgan.bench.cases import STANDARD, Case
 from svbrdfgan.bench.memory import case_bytes
 from svbrdfgan.cli import main
 from svbrdfgan.data.config import dataset_config
-from svbrdfgan.data.memory import require_dataset
+from svbrdfgan.data.memory import exemplar_bytes, require_dataset
 from svbrdfgan.geometry.layers import surface_bytes
 from svbrdfgan.io.gltf.surface_files import save_mesh_glb
 from svbrdfgan.procedural.kinds import sample_vehicle
@@ -106,6 +106,15 @@ def test_a_data_set(tmp_path: Path, overrides: list[str], said: str) -> None:
     config.write_text(yaml.safe_dump(DATA))
     assert re.search(said, refused(out, "dataset", config, *overrides, "--workers", 1, "-o", out, gigabytes=1.2))
     refused(out, "dataset", config, *overrides, "--dry-run", "-o", out, gigabytes=1.2)
+
+
+def test_windows_are_held_instead_of_whole_maps() -> None:
+    whole, windows = (
+        dataset_config({**DATA, "texture": 2048, "camera": {"close_ups": {"share": 1, **window}}}, "test")
+        for window in ({}, {"window": 64})
+    )
+    assert exemplar_bytes(windows, 3, 1) < exemplar_bytes(whole, 3, 1) / 10
+    assert require_dataset(windows, 3) < require_dataset(whole, 3) / 2
 
 
 def test_a_batch(training_data: Callable[..., dict[str, Any]], tmp_path: Path) -> None:
