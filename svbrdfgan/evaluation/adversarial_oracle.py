@@ -169,7 +169,8 @@ def train_adversarial_oracle(
 
 def _fresh_state(config: TrainConfig, truth: TrueLayers) -> State:
     """The initial state of a run which judges layers, and refines no other's: what only pictures have is not shown."""
-    discriminator = config.discriminator.model_copy(update={"light_buffer": False, "clean_picture": False})
+    of_pictures = dict.fromkeys(("light_buffer", "clean_picture", "pixel_size"), False)
+    discriminator = config.discriminator.model_copy(update=of_pictures)
     generator = config.generator.model_copy(update={"refined": None})
     labels = 0 if truth.labels is None else truth.labels.shape[1]
     return State.fresh(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -43,7 +44,7 @@ class BatchSource:
             not perturbed and have enough samples, or are rendered online.
         buffers: the generator's input for each subject, on the device.
         real: the exemplars on the device, with the buffers of their own scenes that the discriminator is shown, and
-            with the labels of their layers.
+            with the labels of their layers and the size of their pixels.
         demodulated: whether the discriminator sees reflectance instead of radiance.
         errors: those that the exemplars' import may have made, for fakes to have, too; None if they were rendered.
     """
@@ -119,7 +120,8 @@ def make_batch_source(
     for scenes in traced:
         scenes.build(order, shown.advance)
     buffers = own_buffers(discriminator, own_scenes, range(len(exemplars)))
-    known = (*buffers, labels_of_scenes(run.conditions, exemplars.scenes))
+    sizes = pixel_sizes(exemplars) if discriminator.pixel_size else None
+    known = (*buffers, labels_of_scenes(run.conditions, exemplars.scenes), sizes)
     on_device = (None if values is None else values.to(device) for values in known)
     real = ImageBatch(exemplars.images.to(device), exemplars.coverage.to(device), *on_device)
     errors = None
@@ -127,6 +129,20 @@ def make_batch_source(
         errors = load_errors(run.dataset.folder, split, len(exemplars))
     inputs = stack_inputs(exemplars, device)
     return BatchSource(exemplars, fake_scenes, own_scenes, inputs, real, demodulated, errors)
+
+
+def pixel_sizes(exemplars: Exemplars) -> Float[Tensor, "exemplars 1"]:
+    """How large a pixel is on the surface that each exemplar's camera looks at, by a logarithm.
+
+    The result is 0 for a pixel of a 512th of the vehicle's length, 1 for one that is sixteen times as large, and -1 for
+    one of a sixteenth of that.
+    """
+    found = []
+    for index, scene in enumerate(exemplars.scenes):
+        camera, (low, high) = scene.camera.camera(), exemplars.subject(index).buffer.bounds
+        seen = math.dist(camera.origin, camera.target) * 2.0 * math.tan(camera.vertical_fov / 2.0)
+        found.append(math.log(512.0 * seen / (scene.height * float((high - low).max())), 16.0))
+    return torch.tensor(found).unsqueeze(1)
 
 
 def load_seen_texels(

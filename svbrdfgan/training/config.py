@@ -43,6 +43,11 @@ class DiscriminatorConfig(StrictModel):
         description="shows it how each picture differs from one of the same scene without the layer, which else it has "
         "to guess (with `rendering: online` or data sets with `maps`); needs base materials that are known",
     )
+    pixel_size: bool = Field(
+        default=False,
+        description="shows it how large a pixel is on the surface, for data sets in which [close-ups](commands.md"
+        "#close-ups) come from various distances",
+    )
     augment: bool = Field(
         default=True,
         description="mirrors and turns exemplars and their fakes at random, both alike: as many of them as it takes "

@@ -33,6 +33,7 @@ class ImageBatch:
             and premultiplied; None likewise.
         clean: pictures of the same scenes without the layer, linear and premultiplied; None likewise.
         labels: what is known of the layer that each image shows (`Conditions`); None if nothing is.
+        pixel_size: how large a pixel is (`pixel_sizes`), about -1 to 1; None where the discriminator is not shown it.
     """
 
     image: Float[Tensor, "batch height width 3"]
@@ -41,6 +42,7 @@ class ImageBatch:
     light_buffer: Float[Tensor, "batch height width 9"] | None = None
     clean: Float[Tensor, "batch height width 3"] | None = None
     labels: Float[Tensor, "batch labels"] | None = None
+    pixel_size: Float[Tensor, "batch 1"] | None = None
 
     def __len__(self) -> int:
         return len(self.image)
@@ -48,13 +50,13 @@ class ImageBatch:
     def pick(self, indices: Sequence[int]) -> ImageBatch:
         """The images at these indices. The indices are copied to the images' device without waiting for it."""
         picked = copy_async(torch.as_tensor(indices), self.image.device)
-        known = (self.gbuffer, self.light_buffer, self.clean, self.labels)
+        known = (self.gbuffer, self.light_buffer, self.clean, self.labels, self.pixel_size)
         found = (None if values is None else values[picked] for values in known)
         return ImageBatch(self.image[picked], self.coverage[picked], *found)
 
     @classmethod
     def cat(cls, batches: Sequence[ImageBatch]) -> ImageBatch:
-        """Joins the images to one batch, in half precision, as exemplars are stored, without labels.
+        """Joins the images to one batch, in half precision, as exemplars are stored, without labels and pixel sizes.
 
         The batches have the same buffers.
         """
@@ -69,9 +71,9 @@ class ImageBatch:
     def tone_mapped(self, background: Float[Tensor, "batch 3"]) -> Pictures:
         """The images over a plain background, in about [-1, 1], and six channels of G-buffer and nine of light buffer.
 
-        Three more are the difference between the images and the clean ones, both tone-mapped. Each label is one more
-        channel, the same everywhere. None has no channels. The light buffer is over black, and has the images' tone
-        curve.
+        Three more are the difference between the images and the clean ones, both tone-mapped. The size of a pixel and
+        each label are one more channel, the same everywhere. None has no channels. The light buffer is over black, and
+        has the images' tone curve.
 
         The tone curve is log(1 + 10 x) / log 11 * 2 - 1. The curve maps 0 to -1 and 1 to 1, and is never flat:
         highlights keep a gradient.
@@ -86,8 +88,8 @@ class ImageBatch:
         if self.clean is not None:
             clean = over(self.clean.float(), self.coverage.float(), background[:, None, None, :])
             channels.append(shown - tone_curve(clean))
-        if self.labels is not None:
-            channels.append(self.labels[:, None, None, :].expand(*self.coverage.shape, -1))
+        even = (self.pixel_size, self.labels)
+        channels += [known[:, None, None, :].expand(*self.coverage.shape, -1) for known in even if known is not None]
         return torch.cat(channels, dim=-1).permute(0, 3, 1, 2)
 
 

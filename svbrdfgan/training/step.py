@@ -120,7 +120,8 @@ def _with_buffers(image: Images, coverage: Coverage, real: ImageBatch, scenes: S
         own: Tensor | None = None if exemplars is None else getattr(scenes, name)
         return exemplars if exemplars is None or own is None else own.to(exemplars.device)
 
-    return ImageBatch(image, coverage, shown("gbuffer"), shown("light_buffer"), shown("clean"), real.labels)
+    buffers = (shown("gbuffer"), shown("light_buffer"), shown("clean"))
+    return ImageBatch(image, coverage, *buffers, real.labels, real.pixel_size)
 
 
 def _pair(

@@ -119,7 +119,7 @@ def test_the_same_seed_is_the_same_oracle(even: TrueLayers, fabric: Fabric) -> N
     assert all(torch.equal(one[name], other[name]) for name in one)
 
 
-@pytest.mark.parametrize("shown", ["light_buffer", "clean_picture"])
+@pytest.mark.parametrize("shown", ["light_buffer", "clean_picture", "pixel_size"])
 def test_what_only_pictures_have_is_not_shown(even: TrueLayers, fabric: Fabric, shown: str) -> None:
     discriminator = CONFIG.discriminator.model_copy(update={shown: True})
     config = CONFIG.model_copy(update={"discriminator": discriminator})

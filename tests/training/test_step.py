@@ -239,23 +239,29 @@ def test_a_clean_picture_is_shown_as_the_difference_from_it() -> None:
     assert joined.shape == (4, 4, 4, 3)
 
 
-def test_labels_are_planes_after_the_buffers() -> None:
-    labels = torch.tensor([[0.5, -1.0], [0.0, 1.0]])
-    given = ImageBatch(torch.zeros(2, 4, 4, 3), torch.zeros(2, 4, 4), None, labels=labels)
+def test_pixel_sizes_and_labels_are_planes_after_the_buffers() -> None:
+    labels, sizes = torch.tensor([[0.5, -1.0], [0.0, 1.0]]), torch.tensor([[0.25], [-0.75]])
+    given = ImageBatch(torch.zeros(2, 4, 4, 3), torch.zeros(2, 4, 4), None, labels=labels, pixel_size=sizes)
     shown = given.pick([1, 0]).tone_mapped(torch.zeros(2, 3))
-    assert shown.shape == (2, 5, 4, 4)
-    assert torch.equal(shown[:, 3:], labels.flip(0)[:, :, None, None].expand(2, 2, 4, 4))
+    assert shown.shape == (2, 6, 4, 4)
+    wanted = torch.cat([sizes, labels], dim=1).flip(0)
+    assert torch.equal(shown[:, 3:], wanted[:, :, None, None].expand(2, 3, 4, 4))
 
 
 @pytest.mark.parametrize(
-    ("gbuffer", "light_buffer", "clean", "channels"),
-    [(False, False, False, 3), (True, False, False, 9), (True, True, False, 18), (True, True, True, 21)],
+    ("shown", "channels"),
+    [
+        ((), 3),
+        (("gbuffer",), 9),
+        (("gbuffer", "light_buffer"), 18),
+        (("gbuffer", "light_buffer", "clean_picture"), 21),
+        (("pixel_size",), 4),
+    ],
 )
 def test_the_discriminator_has_channels_for_what_it_is_shown(
-    gbuffer: bool, light_buffer: bool, clean: bool, channels: int, config: Callable[..., TrainConfig]
+    shown: tuple[str, ...], channels: int, config: Callable[..., TrainConfig]
 ) -> None:
-    shown = {"gbuffer": gbuffer, "light_buffer": light_buffer, "clean_picture": clean}
-    chosen = config(rendering="online", discriminator=shown)
+    chosen = config(rendering="online", discriminator={"gbuffer": False, **dict.fromkeys(shown, True)})
     first = next(m for m in State.fresh(chosen, CPU).discriminator.modules() if isinstance(m, torch.nn.Conv2d))
     assert first.in_channels == channels
 

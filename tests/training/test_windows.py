@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -72,6 +73,20 @@ def test_each_exemplar_has_a_window_that_its_picture_shows(run: ResolvedRun, cpu
     assert image.shape[:3] == coverage.shape
     (gradient,) = torch.autograd.grad(image.sum(), layers)
     assert (gradient.abs().sum(dim=(1, 2, 3)) > 0.0).all()
+
+
+def test_the_size_of_a_pixel_is_the_distance_between_the_points_that_two_show(
+    run: ResolvedRun, cpu_renderer: Renderer[Any]
+) -> None:
+    shown = run.config.discriminator.model_copy(update={"gbuffer": True, "pixel_size": True})
+    real = source_of(run.with_config(discriminator=shown), cpu_renderer).real
+    assert real.gbuffer is not None
+    assert real.pixel_size is not None
+    for buffer, coverage, size in zip(real.gbuffer.float(), real.coverage, real.pixel_size, strict=True):
+        steps = buffer[:, 1:, :3] - buffer[:, :-1, :3]
+        whole = ((coverage[:, 1:] > 0.99) & (coverage[:, :-1] > 0.99)) & (buffer[:, 1:, 3:].norm(dim=-1) > 0.99)
+        lengths = float(steps.norm(dim=-1)[whole].median()) / 2.0
+        assert float(size) == pytest.approx(math.log(512.0 * lengths, 16.0), abs=0.1)
 
 
 @pytest.mark.parametrize("windows", [True, False])

@@ -117,7 +117,7 @@ class Trial:
     def _fresh(self, number: int) -> nn.Module:
         """A network with larger weights than training starts with (He et al. 2015), which saves a hundred steps."""
         rng = torch.Generator().manual_seed(self.config.seed * _PROBES + number)
-        network = make_discriminator(self.config.discriminator)
+        network = make_discriminator(self.config.discriminator.model_copy(update={"pixel_size": False}))
         for module in network.modules():
             if isinstance(module, nn.Conv2d):
                 nn.init.kaiming_normal_(module.weight, 0.2, generator=rng)
