@@ -55,7 +55,7 @@ def validate(model: type[Model], data: object, source: str) -> Model:
         ]
         raise ConfigError(*lines) from error
     except ConfigError as error:
-        raise ConfigError(f"{source}: {error}") from error
+        raise ConfigError(*(f"{source}: {sentence}" for sentence in error.args)) from error
 
 
 def build(factory: Callable[..., Made], options: Mapping[str, object], path: str) -> Made:
@@ -79,7 +79,7 @@ def build(factory: Callable[..., Made], options: Mapping[str, object], path: str
     try:
         return factory(**given)
     except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from error
+        raise ConfigError(*(f"{path}: {sentence}" for sentence in error.args)) from error
 
 
 def default_options(factory: Callable[..., object]) -> dict[str, object]:
