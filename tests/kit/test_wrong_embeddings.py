@@ -334,11 +334,11 @@ class Collapses(Atlas):
 
 @caught_by("test_small_faces_keep_an_area")
 class DropsSmallFaces(Projected):
-    """Faces of less than a millionth of a square metre are left out."""
+    """Faces of less than a hundred-millionth of the surface are left out."""
 
     def change(self, surface: Surface, mesh: Mesh) -> Surface:
         area = face_areas(mesh.positions, mesh.faces)[surface.source_face]
-        return only(surface, (area == 0.0) | (area > 1e-6))
+        return only(surface, (area == 0.0) | (area > 1e-8 * area.sum()))
 
 
 @caught_by("test_small_faces_keep_an_area")

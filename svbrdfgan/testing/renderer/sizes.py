@@ -13,7 +13,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from svbrdfgan.testing import scenes
-from svbrdfgan.testing.kit import check
+from svbrdfgan.testing.kit import check, declared
 from svbrdfgan.testing.renderer.brightness import Brightnesses, MeasuredKit
 from svbrdfgan.testing.renderer.statistical_assertions import exactly
 from svbrdfgan.testing.statistics import numbers
@@ -81,6 +81,7 @@ class SizeTests(MeasuredKit):
 
     def test_textures_are_not_filtered(self) -> None:
         """A camera sample sees texels, and not their mean over the pixel: there are no mip-maps."""
+        declared(self.capabilities.stochastic, "chance")
         texels = torch.rand((512, 512), generator=torch.Generator().manual_seed(0)).round()
         prepared = self.renderer.prepare(scenes.plane(2.0))
         view = scenes.front_view(scenes.constant_light(), 1.0, 16, 16, 0.8)

@@ -195,7 +195,7 @@ class LeaksFiles(Right):
 class LeaksThreads(Right):
     """A thread is left waiting with each picture, while the renderer exists."""
 
-    done: Any = field(default_factory=threading.Event)
+    done: Any = field(default_factory=threading.Event, repr=False)
 
     def __reduce__(self) -> Any:
         return LeaksThreads, ()

@@ -57,10 +57,11 @@ AFFECTED = {
     "test_base_color_behind_clear_parts",
     "test_interreflection_of_metal_as_numpy",
     "test_interreflection_behind_clear_parts_as_numpy",
+    "test_memory_does_not_grow",
 }
 """Those of materials and of stored light, which few renderers have, of sizes and of extremes: in light from one side,
 on several parts, seen from all sides, in absolute numbers. They see faults of orientation, brightness, parts and
-gradients as well, for which they are not meant."""
+gradients as well, for which they are not meant; and that of memory, which threads take."""
 
 
 @dataclass(frozen=True)
