@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -146,32 +146,14 @@ class FilmChunk:
         return given / dr.opaque(mi.Float, self.spp)
 
 
-@dataclass(frozen=True)
-class FilmChunks(Sequence[Any]):
-    """A film in chunks, each made when it is asked for, since there may be millions.
+def film_chunks(pixels: int, spp: int, seed: int, bounces: int, device: torch.device) -> Iterator[FilmChunk]:
+    """A film of this many pixels, cut into chunks of at most `VERTICES` path vertices, or of one pixel.
 
-    Attributes:
-        firsts: the first pixel of each.
-        pixels: of the whole film.
+    Each is made when it is asked for: there may be millions.
     """
-
-    firsts: range
-    pixels: int
-    spp: int
-    seed: int
-
-    def __len__(self) -> int:
-        return len(self.firsts)
-
-    def __getitem__(self, number: Any) -> Any:
-        first = self.firsts[number]
-        return FilmChunk(first, min(self.firsts.step, self.pixels - first), self.spp, self.seed)
-
-
-def film_chunks(pixels: int, spp: int, seed: int, bounces: int, device: torch.device) -> FilmChunks:
-    """A film of this many pixels, cut into chunks of at most `VERTICES` path vertices, or of one pixel."""
     size = max(1, VERTICES[device.type] // (spp * bounces))
-    return FilmChunks(range(0, pixels, size), pixels, spp, seed)
+    for first in range(0, pixels, size):
+        yield FilmChunk(first, min(size, pixels - first), spp, seed)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import torch
@@ -24,14 +24,14 @@ class RenderPass:
     """The inputs of one picture, and the samples kept for its gradient.
 
     Attributes:
-        chunks: of the film, which together cover it.
+        chunks: makes those of the film, which together cover it.
         wrt: inputs that the picture will be differentiated by.
         kept: samples that the backward pass need not trace again.
     """
 
     integrator: PathIntegrator
     view: View
-    chunks: Sequence[FilmChunk]
+    chunks: Callable[[], Iterator[FilmChunk]]
     device: torch.device
     wrt: frozenset[str] = frozenset()
     kept: dict[FilmChunk, DirectSamples] = field(default_factory=dict)
@@ -47,7 +47,7 @@ class RenderPass:
         height, width = self.view.height, self.view.width
         image = torch.empty(height * width, 3, dtype=torch.float32, device=self.device)
         coverage = torch.empty(height * width, dtype=torch.float32, device=self.device)
-        for chunk in self.chunks:
+        for chunk in self.chunks():
             room -= chunk.pixels * chunk.spp
             if room >= 0:
                 self.kept[chunk] = self.integrator.trace_direct(chunk)
@@ -65,7 +65,7 @@ class RenderPass:
         given = grad_image.detach().to(self.device, torch.float32).reshape(-1, 3)
         wait_for_torch(self.device)
         accumulator = GradientAccumulator.of(self.integrator.tracer.mi, maps, environment, self.wrt)
-        for chunk in self.chunks:
+        for chunk in self.chunks():
             if self._direct:
                 direct = self.kept.get(chunk) or self.integrator.trace_direct(chunk)
                 self.integrator.backward_direct(chunk, direct, given[chunk.span], accumulator)

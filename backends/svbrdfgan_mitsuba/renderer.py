@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import torch
 from jaxtyping import Float
@@ -16,7 +17,7 @@ from svbrdfgan_mitsuba import variant
 from svbrdfgan_mitsuba.environment import EnvironmentEmitter
 from svbrdfgan_mitsuba.integrator import PathIntegrator
 from svbrdfgan_mitsuba.interop import wait_for_torch
-from svbrdfgan_mitsuba.prepared_scene import FilmChunks, PreparedCamera, PreparedSurface, film_chunks, prepare
+from svbrdfgan_mitsuba.prepared_scene import FilmChunk, PreparedCamera, PreparedSurface, film_chunks, prepare
 from svbrdfgan_mitsuba.render_pass import RenderPass
 from svbrdfgan_mitsuba.textures import NEUTRAL, MaterialMaps, snapshot
 from svbrdfgan_mitsuba.vertex import PathTracer
@@ -96,7 +97,7 @@ class MitsubaRenderer:
         """The samples that `render` draws, without materials, sorted by pixel."""
         white = Materials(tuple(Material.lambertian((1.0, 1.0, 1.0)) for _ in prepared.parts))
         integrator = self._integrator(prepared, white, view)
-        return (integrator.transport(chunk) for chunk in self._chunks(view, spp, seed))
+        return (integrator.transport(chunk) for chunk in self._chunks(view, spp, seed)())
 
     def _render_pass(
         self, prepared: PreparedSurface, materials: Materials, view: View, wrt: frozenset[str], spp: int, seed: int
@@ -104,8 +105,8 @@ class MitsubaRenderer:
         integrator, chunks = self._integrator(prepared, materials, view), self._chunks(view, spp, seed)
         return RenderPass(integrator, view, chunks, self.device, wrt)
 
-    def _chunks(self, view: View, spp: int, seed: int) -> FilmChunks:
-        return film_chunks(view.height * view.width, spp, seed, self.max_bounces, self.device)
+    def _chunks(self, view: View, spp: int, seed: int) -> Callable[[], Iterator[FilmChunk]]:
+        return partial(film_chunks, view.height * view.width, spp, seed, self.max_bounces, self.device)
 
     def _integrator(self, prepared: PreparedSurface, materials: Materials, view: View) -> PathIntegrator:
         maps = MaterialMaps.of(prepared.mi, materials, prepared.repeat, self.device)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from itertools import chain, islice
 from typing import Any, TypeVar
 
 import torch
@@ -65,19 +66,20 @@ def launch(kernel: wp.Kernel, threads: int | tuple[int, int], arguments: Sequenc
     )
 
 
-def in_order(job: Callable[[Item], Result], items: Sequence[Item], device: torch.device) -> Iterator[Result]:
+def in_order(job: Callable[[Item], Result], items: Iterable[Item], device: torch.device) -> Iterator[Result]:
     """The results of `job`, in the order of `items`.
 
     A Warp launch on the CPU runs on one thread. So there as many jobs run at once as torch has threads, and results are
     prepared a few items ahead of the caller, which bounds the memory.
     """
-    workers = min(torch.get_num_threads(), len(items)) if device.type == "cpu" else 1
-    if workers <= 1:
-        yield from map(job, items)
+    workers, rest = torch.get_num_threads() if device.type == "cpu" else 1, iter(items)
+    first = list(islice(rest, 2))
+    if workers == 1 or len(first) < 2:
+        yield from map(job, chain(first, rest))
         return
     with ThreadPoolExecutor(workers) as pool:
         ahead: list[Future[Result]] = []
-        for item in items:
+        for item in chain(first, rest):
             ahead.append(pool.submit(job, item))
             if len(ahead) > 2 * workers:
                 yield ahead.pop(0).result()

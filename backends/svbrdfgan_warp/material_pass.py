@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Set
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,19 +25,21 @@ class MaterialPass:
     """The inputs of one picture with any materials, and the records kept for its gradient.
 
     Attributes:
-        chunks: of the film, which together cover it.
+        chunks: makes those of the film, which together cover it.
         maps: copied when the pass was made.
         kept: records that the backward pass need not trace again.
     """
 
     tracer: LightTracer
     view: View
-    chunks: Sequence[FilmChunk]
+    chunks: Callable[[], Iterator[FilmChunk]]
     maps: PackedMaps
     kept: dict[FilmChunk, LightRecords] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, tracer: LightTracer, view: View, chunks: Sequence[FilmChunk], materials: Materials) -> MaterialPass:
+    def of(
+        cls, tracer: LightTracer, view: View, chunks: Callable[[], Iterator[FilmChunk]], materials: Materials
+    ) -> MaterialPass:
         """The pass that renders these materials. The first in a process loads or compiles the kernels."""
         surface = tracer.surface
         with quiet():
@@ -61,7 +63,7 @@ class MaterialPass:
             return records
 
         room = KEPT[device.type] if keep else 0
-        for records in in_order(render, self.chunks, device):
+        for records in in_order(render, self.chunks(), device):
             room -= len(records.chunk)
             if room >= 0:
                 self.kept[records.chunk] = records
@@ -91,7 +93,7 @@ class MaterialPass:
             launch(material_kernels.shade_vjp, len(chunk), given, device)
             return result
 
-        yield from in_order(differentiate, self.chunks, device)
+        yield from in_order(differentiate, self.chunks(), device)
 
 
 @dataclass(frozen=True, eq=False)

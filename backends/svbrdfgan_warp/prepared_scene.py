@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, cast
@@ -146,32 +146,14 @@ class FilmChunk:
         return result
 
 
-@dataclass(frozen=True)
-class FilmChunks(Sequence[Any]):
-    """A film in chunks, each made when it is asked for, since there may be millions.
+def film_chunks(view: View, spp: int, seed: int, most: int) -> Iterator[FilmChunk]:
+    """The film, cut into chunks of at most `most` samples, or of one pixel.
 
-    Attributes:
-        firsts: the first pixel of each.
-        pixels: of the whole film.
+    Each is made when it is asked for: there may be millions.
     """
-
-    firsts: range
-    pixels: int
-    spp: int
-    seed: int
-
-    def __len__(self) -> int:
-        return len(self.firsts)
-
-    def __getitem__(self, number: Any) -> Any:
-        first = self.firsts[number]
-        return FilmChunk(first, min(self.firsts.step, self.pixels - first), self.spp, self.seed)
-
-
-def film_chunks(view: View, spp: int, seed: int, most: int) -> FilmChunks:
-    """The film, cut into chunks of at most `most` samples, or of one pixel."""
-    film = view.width * view.height
-    return FilmChunks(range(0, film, max(1, most // spp)), film, spp, seed)
+    film, size = view.width * view.height, max(1, most // spp)
+    for first in range(0, film, size):
+        yield FilmChunk(first, min(size, film - first), spp, seed)
 
 
 @dataclass(frozen=True, eq=False)

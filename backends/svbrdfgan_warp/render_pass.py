@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Callable, Iterator, Set
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,21 +25,23 @@ class RenderPass:
     """The inputs of one picture, and the records kept for its gradient.
 
     Attributes:
-        chunks: of the film, which together cover it.
+        chunks: makes those of the film, which together cover it.
         texels: base colours of all parts, copied when the pass was made.
         kept: records that the backward pass need not trace again.
     """
 
     tracer: Tracer
     view: View
-    chunks: Sequence[FilmChunk]
+    chunks: Callable[[], Iterator[FilmChunk]]
     materials: Materials
     atlas: texture_kernels.Atlas
     texels: Float[Tensor, "texels 3"]
     kept: dict[FilmChunk, SampleRecords] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, tracer: Tracer, view: View, chunks: Sequence[FilmChunk], materials: Materials) -> RenderPass:
+    def of(
+        cls, tracer: Tracer, view: View, chunks: Callable[[], Iterator[FilmChunk]], materials: Materials
+    ) -> RenderPass:
         """The pass that renders these materials."""
         surface = tracer.surface
         atlas = _atlas(materials, surface.surface.repeat, surface.device)
@@ -58,7 +60,7 @@ class RenderPass:
             return records
 
         room = KEPT[device.type] if keep else 0
-        for records in in_order(render, self.chunks, device):
+        for records in in_order(render, self.chunks(), device):
             room -= len(records.chunk)
             if room >= 0:
                 self.kept[records.chunk] = records
@@ -73,7 +75,7 @@ class RenderPass:
 
     def _records(self) -> Iterator[SampleRecords]:
         yield from self.kept.values()
-        again = [chunk for chunk in self.chunks if chunk not in self.kept]
+        again = (chunk for chunk in self.chunks() if chunk not in self.kept)
         yield from in_order(self.tracer, again, self.texels.device)
 
 

@@ -136,14 +136,14 @@ class WarpRenderer:
         white = Materials((Material.lambertian((1.0, 1.0, 1.0)),) * len(prepared.surface.parts))
         render_pass = self._material_pass(prepared, white, view, spp, seed, dark=False)
         tracer, maps = render_pass.tracer, render_pass.maps.argument
-        return in_order(lambda chunk: tracer.lambertian(chunk, maps).transport(), render_pass.chunks, self.device)
+        return in_order(lambda chunk: tracer.lambertian(chunk, maps).transport(), render_pass.chunks(), self.device)
 
     def _render_pass(
         self, prepared: PreparedSurface, materials: Materials, view: View, wrt: frozenset[str], spp: int, seed: int
     ) -> RenderPass | MaterialPass:
         light = "environment" in wrt
         if prepared.alpha is None and linear_in_base_color(materials):
-            chunks = film_chunks(view, spp, seed, prepared_scene.CHUNK[self.device.type])
+            chunks = partial(film_chunks, view, spp, seed, prepared_scene.CHUNK[self.device.type])
             return RenderPass.of(self._tracer(prepared, view, light_samples=light), view, chunks, materials)
         return self._material_pass(prepared, materials, view, spp, seed, dark=light)
 
@@ -158,5 +158,5 @@ class WarpRenderer:
         tilted = any("normal" in material.maps for material in materials.parts)
         space = prepared.tangent_space if tilted else TangentSpace()
         tracer = LightTracer(prepared, space, camera, emitter, dark)
-        chunks = film_chunks(view, spp, seed, light_records.CHUNK[self.device.type])
+        chunks = partial(film_chunks, view, spp, seed, light_records.CHUNK[self.device.type])
         return MaterialPass.of(tracer, view, chunks, materials)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -110,7 +110,7 @@ def store_light(
     numbers[list(learnable)] = np.arange(len(learnable))
     texture = torch.from_numpy(numbers).to(device)
     generator = torch.Generator(device).manual_seed(seed)
-    chunks = film_chunks(view, spp, seed, light_records.CHUNK[device.type])
+    chunks = partial(film_chunks, view, spp, seed, light_records.CHUNK[device.type])
     face_part = wp.to_torch(surface.geometry.face_part)
 
     def trace(chunk: FilmChunk) -> tuple[Tensor, Tensor]:
@@ -126,7 +126,7 @@ def store_light(
 
     kept = [
         _kept(chunk, face, at, texture[face_part[face.clamp(min=0)]] >= 0, hits, generator)
-        for chunk, (face, at) in zip(chunks, in_order(trace, chunks, device), strict=True)
+        for chunk, (face, at) in zip(chunks(), in_order(trace, chunks(), device), strict=True)
     ]
     joined = _joined(kept)
     light = torch.empty(len(joined), dtype=torch.int32, device=device)

@@ -16,7 +16,7 @@ _KEPT = 2**22  # samples that are kept at most
 
 
 def case_bytes(case: Case, texels: int) -> int:
-    """What both processes hold at most; measured on the standard scene of 10,000 to 1,000,000 vertices."""
+    """What both processes hold at most: the sum of single processes, estimated; no whole benchmark was measured."""
     pixels = case.batch * case.pixels**2
     samples = min(case.batch * _KEPT, pixels * case.spp)
     surface, textures = _VERTEX * (case.vertices or 0), _TEXEL * (case.batch + 1) * texels**2

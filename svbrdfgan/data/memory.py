@@ -19,8 +19,8 @@ def require_dataset(config: DatasetConfig, exemplars: int, processes: int = 1, w
     """The bytes that making a data set takes at most, if they may be taken.
 
     Each process renders one picture at a time, and each worker beside them embeds one mesh. The main process lists the
-    scenes of all exemplars. Measured as the peak of processes that make data sets of pictures of 64 to 4,096 pixels a
-    side and of textures of 64 to 2,048 texels.
+    scenes of all exemplars. Measured as the peak of processes that make data sets of pictures of 64 to 3,072 pixels a
+    side and of textures of 64 to 512 texels; those of more workers, of many exemplars and of windows are estimated.
 
     Args:
         exemplars: in all splits.

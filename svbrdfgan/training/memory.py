@@ -22,7 +22,8 @@ def run_bytes(run: ResolvedRun, splits: tuple[Split, ...], device: torch.device,
     """What the process holds at most in main memory, without stored light, which takes what is left of its share.
 
     On a GPU, features and weights are not in main memory. Fitted to the peaks of processes that train generators of 16
-    to 64 channels and 6 to 16 blocks on batches of 1 and 4 at 64 to 512 texels, on a CPU.
+    to 64 channels and 6 to 16 blocks on batches of 1 and 4 at 64 and 256 texels, on a CPU; what windows hold, and
+    scoring, is estimated.
 
     Args:
         splits: whose exemplars are held.

@@ -18,9 +18,8 @@ _UNKNOWN = 4 << 30
 """Bytes that count as free where the system does not say."""
 _UNLIMITED = 1 << 62
 _CONTAINER = Path("/sys/fs/cgroup")
-
-
 _limits: list[int | None] = [None]
+"""Those of the blocks of `limited` that are open; the last one counts."""
 
 
 @contextmanager

@@ -22,9 +22,6 @@ from svbrdfgan.cli import main
 from svbrdfgan.data.config import dataset_config
 from svbrdfgan.data.memory import exemplar_bytes, require_dataset
 from svbrdfgan.geometry.layers import surface_bytes
-from svbrdfgan.io.gltf.surface_files import save_mesh_glb
-from svbrdfgan.procedural.kinds import sample_vehicle
-from svbrdfgan.procedural.vehicle import build_vehicle
 from svbrdfgan.rendering.picture_memory import picture_bytes
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.memory import require_run
@@ -37,13 +34,6 @@ DATA = {
     "environments": {"procedural": {"count": 1}},
     "splits": {"train": {"meshes": {"procedural": {"count": 2}}, "views": 2}},
 }
-
-
-@pytest.fixture(scope="module")
-def car(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("car") / "car.glb"
-    save_mesh_glb(path, build_vehicle(sample_vehicle("van", 5)))
-    return path
 
 
 @pytest.fixture(scope="module")
@@ -86,9 +76,9 @@ def test_more_samples_than_scenes_may_have(scene: Path, tmp_path: Path) -> None:
     assert "65536" in result.stderr
 
 
-def test_a_surface_of_too_many_texels(car: Path, tmp_path: Path) -> None:
+def test_a_surface_of_too_many_texels(van: Path, tmp_path: Path) -> None:
     out = tmp_path / "baked"
-    fits = refused(out, "bake", car, "--resolution", 8192, "-o", out, gigabytes=1)
+    fits = refused(out, "bake", van, "--resolution", 8192, "-o", out, gigabytes=1)
     side = int(fits.split(" x ")[0])
     assert surface_bytes(side) <= 1 << 30 < surface_bytes(side + 16)
 
@@ -125,16 +115,16 @@ def test_a_batch(training_data: Callable[..., dict[str, Any]], tmp_path: Path) -
     assert "fewer or smaller pictures" in refused(out, "train", config, "-o", out, gigabytes=0.3)
 
 
-def test_a_layer(car: Path, tmp_path: Path) -> None:
+def test_a_layer(van: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    weather = ("weather", car, "--recipe", "dust", "--resolution", 8192)
+    weather = ("weather", van, "--recipe", "dust", "--resolution", 8192)
     assert "--size" in refused(out, *weather, "--size", 8192, "-o", out / "a.glb", gigabytes=1)
     refused(out, *weather, "--embedding-uvs", "-o", out / "a.glb", gigabytes=1)
-    texture = ("texture", car, "--count", 3, "--resolution", 4096)
+    texture = ("texture", van, "--count", 3, "--resolution", 4096)
     assert "--size" in refused(out, *texture, "--size", 8192, "-o", out, gigabytes=4.5)
-    view = ("view", car, "--recipe", "dust", "--resolution", 4096, "--page", out / "a.html")
+    view = ("view", van, "--recipe", "dust", "--resolution", 4096, "--page", out / "a.html")
     assert re.fullmatch(r"--resolution \d+ would fit\.", refused(out, *view, gigabytes=1))
-    refused(out, "parts", car, "--picture", out / "a.png", gigabytes=0.001)
+    refused(out, "parts", van, "--picture", out / "a.png", gigabytes=0.001)
 
 
 def test_a_benchmark(tmp_path: Path) -> None:
@@ -163,8 +153,8 @@ def test_the_estimate_of_a_picture_is_near_its_peak(
 
 @pytest.mark.full
 @pytest.mark.parametrize("side", [64, 1024])
-def test_the_estimate_of_a_surface_is_near_its_peak(car: Path, tmp_path: Path, side: int) -> None:
-    peak = peak_bytes("bake", car, "--resolution", side, "-o", tmp_path / "baked")
+def test_the_estimate_of_a_surface_is_near_its_peak(van: Path, tmp_path: Path, side: int) -> None:
+    peak = peak_bytes("bake", van, "--resolution", side, "-o", tmp_path / "baked")
     assert 0.7 <= surface_bytes(side) / peak <= 1.6
 
 

@@ -94,15 +94,15 @@ def render(name: str, count: int, note: Callable[[int], None]) -> None:
         note(number + 1)
 
 
-def learn(steps: int, folder: Path, note: Callable[[int], None]) -> None:
+def learn(steps: int, folder: Path, tell: Callable[[int], None]) -> None:
     """Trains for so many steps on a small data set."""
 
     class _Noting(SilentDisplay):
         steps = 0
 
-        def advance(self, steps: int = 1, note_: str = "") -> None:
+        def advance(self, steps: int = 1, note: str = "") -> None:
             self.steps += steps
-            note(self.steps)
+            tell(self.steps)
 
     generate(dataset_config(DATASET, "endurance"), folder / "data", base=folder)
     often = {"score_every": max(1, steps // 100), "save_every": max(1, steps // 100)}

@@ -82,7 +82,7 @@ def test_samples_in_the_dark_are_there_with_no_weight(renderer: WarpRenderer) ->
 
 def test_chunks_are_whole_pixels_that_tile_the_film(view: View) -> None:
     for spp in (1, 1000, 10**6):
-        pieces = film_chunks(view, spp, 0, 2**15)
+        pieces = list(film_chunks(view, spp, 0, 2**15))
         assert [p.first for p in pieces] == [0, *torch.tensor([p.pixels for p in pieces]).cumsum(0).tolist()[:-1]]
         assert sum(p.pixels for p in pieces) == 77
         assert all(len(p) <= 2**15 or p.pixels == 1 for p in pieces)
