@@ -10,6 +10,7 @@ import pytest
 import torch
 from wrong import WHOLE, WRONG, Right, Wrong
 from wrong.base import Call
+from wrong.limits import LEAST
 from wrong.running import failures, outcomes
 from wrong.stored_light import Deferring
 from wrong.table import AFFECTED
@@ -91,6 +92,13 @@ def test_each_wrong_one_is_caught(wrong: Wrong) -> None:
     """By all the tests meant for it, and by none of their neighbours, but for those of materials that few have."""
     failed = failures(wrong.renderer, *wrong.tests, *NEIGHBOURS)
     assert failed.keys() - (AFFECTED - wrong.tests) == wrong.tests, failed
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("renderer", "least"), LEAST, ids=lambda value: getattr(value, "__name__", ""))
+def test_the_least_that_is_said_to_be_found_is_found(renderer: type[Right], least: dict[str, float]) -> None:
+    (wrong,) = (wrong for wrong in WRONG if wrong.renderer is renderer)
+    assert failures(type(renderer.__name__, (renderer,), least), *wrong.tests).keys() == wrong.tests
 
 
 @pytest.mark.slow

@@ -41,7 +41,7 @@ CLAIMS = {
 NOT_FOUND = """
 ## What the kit does not find
 
-The least that is found follows from the scenes of the tests; the wrong renderers above, and no others, were tried.
+What is "Found" of the wrong renderers above was tried, by a test. Other figures follow from the scenes of the tests.
 
 | what is wrong | the least that is found, or why nothing is |
 |---|---|
@@ -56,9 +56,9 @@ The least that is found follows from the scenes of the tests; the wrong renderer
 2,048 x 2,048 texels, 512 x 1,024 pixels of light, 5,000 samples per pixel |
 | Gradients of large textures and of large environments are wrong. | 8 x 8 texels and pixels; larger ones have no test |
 | The camera is far away. | 500 lengths, at 1,000 |
-| What is near casts no shadow. | 1.5 mm of a scene of 2 m |
-| Coverage is rounded. | thresholds above 2 % and below 98 % |
-| What is seen, or lit, at grazing angles is dark. | 1.5 degrees for views, 4 degrees for light |
+| What is near casts no shadow. | 2 mm of a scene of 2 m |
+| Coverage is rounded. | thresholds above 2.5 % and below 97.9 % |
+| What is seen, or lit, at grazing angles is dark. | 1.6 degrees for views, 4 degrees for light |
 | Textures are filtered in pixels that show few texels. | 13 x 13 texels to a pixel |
 | An embedding rounds UVs. | to 2^-16 or coarser, where small faces collapse |
 | An embedding moves UVs, always alike. | nothing within a texel: it is another embedding |
