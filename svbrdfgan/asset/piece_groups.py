@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from svbrdfgan.asset.asset import Asset
 from svbrdfgan.io.gltf.document import Document, Json
-from svbrdfgan.io.gltf.primitives import vertex_floats
+from svbrdfgan.io.gltf.primitives import vertex_colors
 from svbrdfgan.io.uv_sets import UVSet
 
 
@@ -87,10 +87,10 @@ class Group:
         return can and bool((self._colors(piece) != 1.0).any())
 
     def _colors(self, piece: int) -> Float[ndarray, "vertices 4"]:
-        stored = vertex_floats(self.asset.document, self.asset.primitive(piece), "COLOR_0")
+        stored = vertex_colors(self.asset.document, self.asset.primitive(piece))
         made = np.ones((len(stored), 4))
         kept = 3 if self.entry.get("alphaMode", "OPAQUE") == "OPAQUE" else stored.shape[1]
-        made[:, :kept] = np.clip(stored[:, :kept], 0.0, 1.0)
+        made[:, :kept] = stored[:, :kept]
         return made
 
 

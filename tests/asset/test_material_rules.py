@@ -13,8 +13,9 @@ from squares import LEFT, RIGHT, UNIT, add_picture, altered, found, picture, sho
 
 from svbrdfgan.asset.asset import Asset
 from svbrdfgan.io.gltf.accessors import append_accessor
-from svbrdfgan.io.gltf.document import Document
+from svbrdfgan.io.gltf.document import Document, write_document
 from svbrdfgan.io.image import linear_from_srgb, srgb_from_linear
+from svbrdfgan.io.mesh import load_mesh
 
 RAMP = np.stack([np.full((8, 8), 40), np.full((8, 8), 90), np.full((8, 8), 140), np.arange(64).reshape(8, 8) * 4], -1)
 
@@ -76,6 +77,19 @@ def test_vertex_colors_move_into_the_texture_below_the_layer(tmp_path: Path) -> 
     assert has_colors(edited.document) == [False, False]
     assert [sentence for sentence in edited.told if "vertex colours" in sentence] == edited.told
     assert found(edited, given, tmp_path / "b.glb", "paint") == []
+
+
+def test_a_vertex_color_that_is_no_number_tints_nothing(tmp_path: Path) -> None:
+    colors = np.full((4, 4), 0.5, "<f4")
+    colors[0] = np.nan
+    blue = picture(weathered(color_vertices(asset(tmp_path), colors), 0, 1), 0)[:, :16, 2]
+    assert encoded(0.5) <= blue.min() < encoded(0.52)
+    assert blue.max() > encoded(0.95)
+    given = color_vertices(asset(tmp_path, {}), colors, np.full((4, 4), 0.25, "<f4"))
+    for mesh in given.document.table("meshes"):
+        del mesh["primitives"][0]["material"]
+    write_document(tmp_path / "plain.glb", given.document)
+    assert load_mesh(tmp_path / "plain.glb").parts[0].base_color == (0.625, 0.625, 0.625)
 
 
 def test_vertex_colors_are_interpolated_in_linear_space(tmp_path: Path) -> None:

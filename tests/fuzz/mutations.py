@@ -7,6 +7,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from io import BytesIO
 from random import Random
 from typing import Any
@@ -102,7 +103,8 @@ def changed_tree(tree: Any, random: Random) -> Any:
     elif kind == 5:
         container += [container[key]] * random.choice((1, 10, 2000))
     elif kind == 6 and isinstance(container[key], int | float):
-        container[key] *= random.choice((-1, 2, 1000, 10**6, 0.5))
+        with suppress(OverflowError):  # a whole number beyond floats
+            container[key] *= random.choice((-1, 2, 1000, 10**6, 0.5))
     elif kind == 7:
         others, name = random.choice(places)
         container[key] = others[name] if not isinstance(others[name], dict | list) else len(others)

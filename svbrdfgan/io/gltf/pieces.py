@@ -25,7 +25,7 @@ from svbrdfgan.io.gltf.primitives import (
     skinned_positions,
     texture_coordinates,
     triangles,
-    vertex_floats,
+    vertex_colors,
 )
 from svbrdfgan.io.materials import Look, Pictures
 from svbrdfgan.io.pieces import MAX_FACES, Piece, Source
@@ -132,8 +132,7 @@ class _Builder:
         if "COLOR_0" not in primitive["attributes"]:
             return Look(Part(name))
         log.info("%s: colours of single vertices are averaged over '%s'", self.document.path, name)
-        mean = vertex_floats(self.document, primitive, "COLOR_0")[:, :3].mean(axis=0)
-        red, green, blue = np.clip(mean, 0.0, 1.0).tolist()
+        red, green, blue = vertex_colors(self.document, primitive)[:, :3].mean(axis=0).tolist()
         return Look(Part(name, (red, green, blue)))
 
     def _further(self, primitive: Json, uv_set: UVSet, vertices: int) -> Float[ndarray, "vertices 2"]:

@@ -111,3 +111,12 @@ def vertex_floats(document: Document, primitive: Json, name: str) -> Float[ndarr
     if len(values) != (count := accessors[primitive["attributes"]["POSITION"]]["count"]):
         raise AssetError(f"{document.path} has a {name} of {len(values)} vertices, of {count}; is it whole?")
     return values
+
+
+def vertex_colors(document: Document, primitive: Json) -> Float[ndarray, "vertices channels"]:
+    """COLOR_0 of a primitive: linear RGB or RGBA in [0, 1]. What is not a number becomes 1, which tints nothing.
+
+    Raises:
+        AssetError: it is of more or fewer vertices than the primitive has.
+    """
+    return np.clip(np.nan_to_num(vertex_floats(document, primitive, "COLOR_0"), nan=1.0), 0.0, 1.0)
