@@ -14,6 +14,7 @@ _STRETCH = 2.0  # the most that an own island may be longer or shorter in UV tha
 _STRETCHED = 0.05  # share of an island's area that may be stretched more
 _UNITS = 1000.0  # of a surface's extent, for xatlas: its tolerances are absolute
 _MOST = 100_000  # faces that are left to xatlas
+_CROWD = 1_000  # faces at one vertex, likewise
 _CONFETTI = 4.0  # own islands of fewer faces than this, on average, are no help to an artist
 
 
@@ -44,13 +45,14 @@ def own_charts(
 def new_charts(positions: Float[ndarray, "faces 3 3"]) -> tuple[Float[ndarray, "faces 3 2"], Int[ndarray, " faces"]]:
     """Charts in units of length, and the chart of each face; -1 for faces without area.
 
-    xatlas finds them, save on large meshes: where these are rough, it takes minutes. There, faces are grouped by axis.
+    xatlas finds them, save on large meshes, and where thousands of faces meet: on rough ones it takes minutes. There,
+    faces are grouped by axis.
     One iteration: further ones take longer and leave as many charts. Packing, which xatlas does too, is made cheap.
     """
-    if len(positions) > _MOST:
+    used, faces = np.unique(welded(positions), return_inverse=True)
+    if len(positions) > _MOST or np.bincount(faces.reshape(-1)).max() > _CROWD:
         return _to_length(positions, *box_charts(positions))
     xatlas = import_xatlas()
-    used, faces = np.unique(welded(positions), return_inverse=True)
     points = np.zeros((len(used), 3))
     scaled = (positions - positions.mean(axis=(0, 1))) * (_UNITS / extent(positions))
     points[faces.reshape(-1)] = scaled.reshape(-1, 3)

@@ -126,7 +126,7 @@ def shortened(flat: Float[ndarray, "faces 3 2"], chart: Int[ndarray, " faces"]) 
     low, high = _boxes(flat, chart)
     sides = high - low
     limit = _LONGEST * float(np.sqrt(np.abs(signed_areas(flat)).sum()))
-    pieces = np.ceil(sides.max(axis=1) / limit)
+    pieces = np.minimum(np.ceil(sides.max(axis=1) / limit), len(flat))  # no more than there are faces
     along = np.where(sides[chart, 0] >= sides[chart, 1], *(flat.mean(axis=1) - low[chart]).T) / sides.max(axis=1)[chart]
     piece = np.minimum(np.floor(along * pieces[chart]), pieces[chart] - 1).astype(np.int64)
     return np.unique(chart * (int(pieces.max()) + 1) + piece, return_inverse=True)[1]

@@ -25,6 +25,8 @@ from svbrdfgan.weathering.survey import Grounds
 
 _SPACING = 0.02  # of nodes on large faces, in lengths of the model: what occlusion resolves
 _FINEST = 64  # divisions of an edge at most
+_MOST_NODES = 2_000_000
+"""Nodes that faces are divided by, about; vehicles have a tenth. Where thousands lie on each other, fewer will do."""
 _ENCLOSED = 0.07
 """Visibility up to which a point counts as enclosed; of a closed box in a closed box it is 0.06."""
 _PROBES = 16  # faces of each sheet at which its two sides are compared
@@ -133,7 +135,9 @@ def _number(i: ndarray, j: ndarray, d: ndarray) -> Int[ndarray, " n"]:
 def _divisions(mesh: Mesh, spacing: float) -> Int[ndarray, " faces"]:
     corners = mesh.positions[mesh.faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    return np.clip(np.ceil(longest / spacing), 1, _FINEST).astype(np.int64)
+    divisions = np.clip(np.ceil(longest / spacing), 1, _FINEST).astype(np.int64)
+    excess = float((divisions**2 // 2).sum()) / _MOST_NODES
+    return divisions if excess <= 1.0 else np.maximum(divisions / np.sqrt(excess), 1).astype(np.int64)
 
 
 def _lattice(divisions: Int[ndarray, " faces"]) -> SurfacePoints:

@@ -6,20 +6,16 @@ import _thread
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
 from typing import Any
 
 _LATER_SECONDS = 0.05
-
-
-def stop(number: int, frame: Any) -> None:
-    """A handler of SIGTERM with which it is as Ctrl-C.
-
-    Raises:
-        KeyboardInterrupt: always.
-    """
-    raise KeyboardInterrupt(number)
+_IMPORT_SECONDS = 10.0
+_IMPORTER = "<frozen importlib._bootstrap>"
+"""The file of frames that import a module."""
 
 
 def exit_code(stopped: KeyboardInterrupt) -> int:
@@ -42,21 +38,22 @@ def end_by_signals() -> None:
 def stopped_by_signals() -> Iterator[None]:
     """Within the context, signals that would end the process raise KeyboardInterrupt, which is never lost.
 
-    That is so in the main thread alone.
+    That is so in the main thread alone. While modules are imported, for at most some seconds, the signals wait:
+    libraries swallow errors then, and go on half imported.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    handlers = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: stop}
-    ending = [number for number in handlers if signal.getsignal(number) is signal.SIG_DFL]
+    ending = [each for each in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(each) is signal.SIG_DFL]
     before, again = sys.unraisablehook, _Again()
-    sys.unraisablehook = lambda lost: again.send(lost.exc_value) if _is_stop(lost) else before(lost)
+    sys.unraisablehook = lambda lost: again.send(_number(lost.exc_value)) if _is_stop(lost) else before(lost)
     for number in ending:
-        signal.signal(number, handlers[number])
+        signal.signal(number, again.stop)
     try:
         yield
     finally:
         sys.unraisablehook = before
+        exec("")  # where the stop came within another exec or eval of text, Python would else kill itself at its exit
         try:
             again.end()
         finally:
@@ -64,12 +61,24 @@ def stopped_by_signals() -> Iterator[None]:
                 signal.signal(number, signal.SIG_DFL)
 
 
+def _imports(frame: FrameType | None) -> bool:
+    """Whether the program is importing a module at this place."""
+    while frame is not None and frame.f_code.co_filename != _IMPORTER:
+        frame = frame.f_back
+    return frame is not None
+
+
 def _is_stop(lost: Any) -> bool:
     return issubclass(lost.exc_type, KeyboardInterrupt)
 
 
+def is_stop(handler: Any) -> bool:
+    """Whether a signal's handler raises KeyboardInterrupt."""
+    return handler is signal.default_int_handler or getattr(handler, "__func__", None) is _Again.stop
+
+
 class _Again:
-    """Sends signals once more, later: they came in destructors or callbacks, from which nothing is raised.
+    """Sends signals once more, later: they came in destructors or callbacks, from which nothing is raised, or imports.
 
     After `end` none is sent: it would end a process that is already stopping, or has all but ended.
     """
@@ -77,9 +86,23 @@ class _Again:
     def __init__(self) -> None:
         self._sending = threading.Lock()
         self._over = False
+        self._waits_until: float | None = None
 
-    def send(self, lost: BaseException | None) -> None:
-        timer = threading.Timer(_LATER_SECONDS, self._send, [_number(lost)])
+    def stop(self, number: int, frame: FrameType | None) -> None:
+        """A handler of signals.
+
+        Raises:
+            KeyboardInterrupt: no module is being imported.
+        """
+        now = time.monotonic()
+        self._waits_until = self._waits_until or now + _IMPORT_SECONDS
+        if now < self._waits_until and _imports(frame):
+            self.send(signal.Signals(number))
+        else:
+            raise KeyboardInterrupt(number)
+
+    def send(self, number: signal.Signals) -> None:
+        timer = threading.Timer(_LATER_SECONDS, self._send, [number])
         timer.daemon = True
         timer.start()
 

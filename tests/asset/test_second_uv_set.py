@@ -199,3 +199,12 @@ def test_without_xatlas_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setitem(sys.modules, "xatlas", None)
     with pytest.raises(AssetError, match=r"pip install svbrdfgan\[gltf\]"):
         second_uv_set(SHAPES["box"], None, SIZE)
+
+
+def test_where_thousands_of_faces_meet_xatlas_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(charts, "import_xatlas", lambda: pytest.fail("it was"))
+    around = np.linspace(0.0, 2.0 * np.pi, 1202)
+    rim = np.stack([np.cos(around), np.sin(around), np.zeros_like(around)], axis=1)
+    fan = np.stack([np.zeros_like(rim[1:]), rim[:-1], rim[1:]], axis=1)
+    _, chart = charts.new_charts(fan)
+    assert chart.min() >= 0

@@ -123,7 +123,7 @@ def kinds(folder: Path, dataset: Path, samples: dict[str, bytes]) -> dict[str, K
         beside = (folder / "paint.mtl", folder / "paint.png") if suffix == ".obj" else ()
         found[suffix[1:]] = Kind(f"mesh{suffix}", seeds, _gathered, beside)
         found[f"parts-{suffix[1:]}"] = Kind(f"mesh{suffix}", seeds, _judged, beside, 6 * SECONDS, 5)
-        found[f"weather-{suffix[1:]}"] = Kind(f"mesh{suffix}", seeds, _weathered, beside, 6 * SECONDS, 1)
+        found[f"weather-{suffix[1:]}"] = Kind(f"mesh{suffix}", seeds, _weathered, beside, 12 * SECONDS, 1)
     for suffix in (".png", ".jpg", ".exr", ".hdr"):
         found[f"picture-{suffix[1:]}"] = Kind(f"picture{suffix}", (files[f"picture{suffix}"],), load_image)
     for suffix in (".exr", ".hdr"):

@@ -49,7 +49,7 @@ OFTEN = {
         "train train.yaml -o out",
         "train train.yaml -o out --resume",
         needs=("data", "train.yaml"),
-        results=("out/model.safetensors", "out/checkpoints/*/state.safetensors"),
+        results=("out/model.safetensors", "out/checkpoints/step_00000040/state.safetensors"),
         claims="out",
     ),
     "evaluate": Command(

@@ -6,9 +6,11 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+from svbrdfgan.utils.processes import import_path
 from svbrdfgan.utils.stopping import stopped_by_signals
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
@@ -96,6 +98,56 @@ time.sleep(1)
 def test_what_is_sent_while_a_command_ends_does_not_end_the_process() -> None:
     ended = subprocess.run([sys.executable, "-c", RACING], capture_output=True, text=True, timeout=25)
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "sent\n130\n", "")
+
+
+SWALLOWING = """
+import os, signal, time
+try:
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(0.3)
+except BaseException:
+    pass
+"""
+
+IMPORTING = """
+import time
+from svbrdfgan.utils.stopping import exit_code, stopped_by_signals
+
+try:
+    with stopped_by_signals():
+        import swallowing
+        time.sleep(30)
+except KeyboardInterrupt as stopped:
+    raise SystemExit(exit_code(stopped))
+"""
+
+WITHIN_TEXT = """
+from svbrdfgan.utils.stopping import end_by_signals, exit_code, stopped_by_signals
+
+end_by_signals()
+try:
+    with stopped_by_signals():
+        exec("import os, signal; os.kill(os.getpid(), signal.SIGTERM)")
+except KeyboardInterrupt as stopped:
+    raise SystemExit(exit_code(stopped))
+"""
+
+
+@pytest.mark.parametrize("text", [IMPORTING, WITHIN_TEXT])
+def test_a_signal_within_an_import_or_within_text_that_is_executed_stops_as_elsewhere(
+    text: str, tmp_path: Path
+) -> None:
+    (tmp_path / "swallowing.py").write_text(SWALLOWING)
+    (tmp_path / "program.py").write_text(text)
+    path = os.pathsep.join([str(tmp_path), import_path()])
+    ended = subprocess.run(
+        [sys.executable, "-m", "program"],
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        timeout=25,
+    )
+    assert (ended.returncode, ended.stderr) == (143, "")
 
 
 def test_handlers_of_others_are_left_alone() -> None:
