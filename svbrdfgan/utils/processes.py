@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import active_children, current_process, parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any
@@ -137,7 +137,8 @@ def _stop(number: int, frame: Any) -> None:
 def _end(processes: list[Any]) -> None:
     for process in processes:
         if os.name == "posix" and process.is_alive():
-            os.kill(process.pid, signal.SIGINT)
+            with suppress(ProcessLookupError):  # the pool's thread saw it end just now
+                os.kill(process.pid, signal.SIGINT)
     for process in processes:
         process.join(2 * _GRACE_SECONDS)
         process.kill()

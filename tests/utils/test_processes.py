@@ -8,9 +8,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
+
+from svbrdfgan.utils import processes
 
 POOL = """
 import os, sys, time
@@ -101,3 +104,13 @@ def test_a_script_without_a_main_guard_is_told(tmp_path: Path) -> None:
     assert done.stderr.strip().endswith(
         'ConfigError: a script that asks for several workers needs its `if __name__ == "__main__":`.'
     )
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+def test_a_worker_that_ends_while_it_is_told_to_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    process = get_context("spawn").Process(target=len, args=("",))
+    process.start()
+    process.join()
+    monkeypatch.setattr(type(process), "is_alive", lambda self: True)  # as it was a moment ago
+    processes._end([process])
+    assert process.exitcode == 0
