@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import threading
 import time
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +24,8 @@ _LONGEST = 1.2  # of the side of a square of the charts' area: about the side of
 _GROWTHS = 4  # further scales after the first that fits
 _SHRUNK = 0.97  # xatlas shrinks charts that are longer than the square
 _ASLEEP = 0.01  # seconds after which threads without work sleep
+_PATIENCE = 5.0  # seconds for which other threads may have work
+_THREADS = Path("/proc/self/task")
 
 _Charts = tuple[Float[ndarray, "vertices 2"], Int[ndarray, "faces 3"], Int[ndarray, " faces"]]
 
@@ -51,6 +56,19 @@ def generate(atlas: Any, charting: Any, packing: Any) -> None:
     """
     atlas.generate(charting, packing)
     time.sleep(_ASLEEP)
+    until = time.monotonic() + _PATIENCE
+    while _others_run() and time.monotonic() < until:  # or wait for a core, on a busy machine
+        time.sleep(_ASLEEP)
+
+
+def _others_run() -> bool:
+    """Whether threads of this process besides this one run, or would if they had a core; False off Linux."""
+    states = []
+    for path in _THREADS.glob("*/stat"):
+        with suppress(OSError):  # it has ended
+            number, _, rest = path.read_text(errors="replace").partition(" ")
+            states += [rest.rpartition(")")[2].split()[0]] if int(number) != threading.get_native_id() else []
+    return "R" in states
 
 
 def pack(
