@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import faulthandler
 import logging
 import multiprocessing
 import os
 import resource
+import signal
 import time
 import traceback
 import warnings
@@ -49,6 +51,7 @@ class Judge:
         self.readers = readers
         self._worker: multiprocessing.process.BaseProcess | None = None
         self._pipe: Connection | None = None
+        self._trace: Connection | None = None
 
     def judge(self, reader: str, path: Path, seconds: float = SECONDS) -> Outcome:
         """The outcome of reading a file that may take so many seconds of computing."""
@@ -62,8 +65,9 @@ class Judge:
         except (EOFError, ConnectionError):
             code = self._stop()
             return Outcome("killed", f"exit code {code}")
+        where = self._place()
         self._stop()
-        return Outcome("hang", f"more than {seconds:g} s")
+        return Outcome("hang", f"more than {seconds:g} s at\n{where}")
 
     def close(self) -> None:
         """Ends the worker."""
@@ -78,10 +82,20 @@ class Judge:
         numbers = Path(f"/proc/{self._worker.pid}/stat").read_text().rpartition(")")[2].split()
         return (int(numbers[11]) + int(numbers[12])) / os.sysconf("SC_CLK_TCK")
 
+    def _place(self) -> str:
+        """Where the worker is, the innermost call first."""
+        assert self._worker is not None
+        assert self._worker.pid is not None
+        assert self._trace is not None
+        os.kill(self._worker.pid, signal.SIGUSR1)
+        time.sleep(_LOOK_SECONDS)
+        return os.read(self._trace.fileno(), 1 << 16).decode() if self._trace.poll() else "an unknown place"
+
     def _start(self) -> Connection:
         context = multiprocessing.get_context("fork")  # a fork has all modules at once
+        self._trace, places = context.Pipe(duplex=False)
         self._pipe, theirs = context.Pipe()
-        self._worker = context.Process(target=_work, args=(theirs, self.readers), daemon=True)
+        self._worker = context.Process(target=_work, args=(theirs, places, self.readers), daemon=True)
         self._worker.start()
         theirs.close()
         return self._pipe
@@ -97,7 +111,8 @@ class Judge:
         return code
 
 
-def _work(pipe: Connection, readers: dict[str, Reader]) -> None:
+def _work(pipe: Connection, places: Connection, readers: dict[str, Reader]) -> None:
+    faulthandler.register(signal.SIGUSR1, places.fileno())
     logging.disable()
     warnings.simplefilter("ignore")
     import torch
