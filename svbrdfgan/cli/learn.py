@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from svbrdfgan.cli.display import echo, note, progress
-from svbrdfgan.cli.options import read_config
+from svbrdfgan.cli.options import memory_option, read_config
 
 _OF_MANIFEST = "manifest."
 """Opens the overrides that are of the manifest."""
@@ -30,6 +30,7 @@ _OF_MANIFEST = "manifest."
     type=click.IntRange(1),
     help="Processes that import the pictures.  [default: one for each core, at most 8]",
 )
+@memory_option
 def command(
     manifest: Path,
     config: Path,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from svbrdfgan.cli.display import echo, print_table, progress
-from svbrdfgan.cli.options import read_config
+from svbrdfgan.cli.options import memory_option, read_config
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     help="Limit on the learning of all probes together; rendering comes before and is not counted.",
 )
 @click.option("--device", type=click.Choice(["auto", "cpu", "cuda"]), help="Instead of CONFIG's.")
+@memory_option
 def command(
     config: Path, overrides: tuple[str, ...], out: Path | None, minutes: float | None, device: str | None
 ) -> None:

@@ -113,6 +113,7 @@ def test_a_batch(training_data: Callable[..., dict[str, Any]], tmp_path: Path) -
     fits = refused(out, "train", config, "batch_size=100000", "-o", out, gigabytes=2)
     assert re.fullmatch(r"batch_size=\d+ would fit\.", fits)
     assert "fewer or smaller pictures" in refused(out, "train", config, "-o", out, gigabytes=0.3)
+    assert "fewer or smaller pictures" in refused(out, "probe", config, "-o", out, gigabytes=0.3)
 
 
 def test_a_layer(van: Path, tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from svbrdfgan.io.image import save_image
 from svbrdfgan.plugins.select import resolve_renderer
 from svbrdfgan.rendering.compositing import over
 from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.memory import require_run
 from svbrdfgan.training.reference_pictures import require_reference_materials
 from svbrdfgan.training.resolve import make_fabric, resolve_run
 from svbrdfgan.utils.display import Display, SilentDisplay
@@ -91,6 +92,7 @@ def probe_shortcuts(
 def _open(config: TrainConfig, base: Path, display: Display) -> tuple[RenderedPairs, dict[Confounder, str]]:
     """The pairs, not rendered yet, and the confounders of the configuration, in words."""
     device, run = make_fabric(config.device).device, resolve_run(config, base)
+    require_run(run, ("train",), device, learns=False)
     renderer, choice = resolve_renderer(
         config.renderer, device, run.dataset.config.maps, differentiable=True, deferred=run.deferred
     )
