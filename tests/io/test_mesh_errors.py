@@ -96,6 +96,11 @@ WRONG_MATERIALS: dict[str, dict] = {
     "roughness of three": {"pbrMetallicRoughness": {"roughnessFactor": [1, 1, 1]}},
     "factor of words": {"emissiveFactor": ["a", "b", "c"]},
     "extension that is a list": {"extensions": {"KHR_materials_clearcoat": [1]}},
+    "scale of normals in text": {"normalTexture": {"index": 0, "scale": "nan"}},
+    "scale of a texture in text": {
+        "normalTexture": {"index": 0, "extensions": {"KHR_texture_transform": {"scale": ["nan", 1]}}}
+    },
+    "offset of three": {"normalTexture": {"index": 0, "extensions": {"KHR_texture_transform": {"offset": [1, 1, 1]}}}},
     "cutoff beyond floats": {"alphaMode": "MASK", "alphaCutoff": 10**400},
 }
 NESTED = {"nodes": [{"children": [k + 1]} for k in range(40_000)] + [{"mesh": 0}]}

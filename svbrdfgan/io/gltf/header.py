@@ -48,6 +48,7 @@ _NUMBERS: Mapping[str, tuple[int, ...]] = {
 }
 """Keys of nodes, and how many numbers they hold."""
 
+_SCALARS = ("alphaCutoff", "strength", "emissiveStrength", "rotation")  # of materials
 _MOST_NESTED = 100
 
 
@@ -134,8 +135,11 @@ def _material(entry: dict[str, Any], where: str) -> Iterator[str]:
                 yield f"{where} has a {key} whose texCoord is no number of a set"
         elif key.endswith("Factor"):
             yield from _factor(key, value, where)
-        elif key in ("alphaCutoff", "strength", "emissiveStrength", "rotation") and not _is_number(value):
+        elif (key in _SCALARS or (key == "scale" and where.endswith("Texture"))) and not _is_number(value):
             yield f"{where} has a {key} that is no number"
+        elif key in ("scale", "offset") and where.endswith(".KHR_texture_transform"):
+            if not _is_numbers(value) or len(value) != 2:
+                yield f"{where} has a {key} that is not two numbers"
         elif key in ("pbrMetallicRoughness", "extensions") and not isinstance(value, dict):
             yield f"{where} has a {key} that is no object"
         if isinstance(value, dict):
