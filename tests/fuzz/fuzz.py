@@ -36,7 +36,7 @@ def fuzz(kinds: Mapping[str, Kind], out: Path, *, seconds: float, seed: int) -> 
         seed: the same one makes the same inputs, in the same order.
     """
     result, until = Result(), time.monotonic() + seconds
-    room, number = out / "inputs", 0
+    number = 0
     judge = Judge({name: kind.read for name, kind in kinds.items()})
     try:
         while time.monotonic() < until:
@@ -44,16 +44,21 @@ def fuzz(kinds: Mapping[str, Kind], out: Path, *, seconds: float, seed: int) -> 
                 random = Random(f"{seed} {name} {number}")
                 for _ in range(kind.share):
                     data = damaged(random.choice(kind.seeds), random.choice(kind.seeds), kind.suffix, random)
-                    outcome = judge.judge(name, kind.place(room / name, data), kind.seconds)
-                    result.counts.setdefault(name, Counter())[outcome.name] += 1
-                    if outcome.name not in SOUND:
-                        _keep(result, out, name, kind, data, outcome)
+                    judged(judge, result, out, name, kind, data)
                     if time.monotonic() > until:
                         return result
             number += 1
     finally:
         judge.close()
     return result
+
+
+def judged(judge: Judge, result: Result, out: Path, name: str, kind: Kind, data: bytes) -> None:
+    """Reads a file of a kind, counts its outcome, and keeps it in `out` if that is a failure."""
+    outcome = judge.judge(name, kind.place(out / "inputs" / name, data), kind.seconds)
+    result.counts.setdefault(name, Counter())[outcome.name] += 1
+    if outcome.name not in SOUND:
+        _keep(result, out, name, kind, data, outcome)
 
 
 def _keep(result: Result, out: Path, name: str, kind: Kind, data: bytes, outcome: Outcome) -> None:

@@ -75,7 +75,7 @@ def _repeat(data: bytes, other: bytes, random: Random) -> bytes:
 _OF_BYTES: Sequence[Callable[[bytes, bytes, Random], bytes]] = (_cut, _flip, _flip, _number, _splice, _repeat)
 
 
-def _places(value: Any) -> list[tuple[Any, Any]]:
+def places(value: Any) -> list[tuple[Any, Any]]:
     """Each container within a value and a key of it."""
     found: list[tuple[Any, Any]] = []
     pending = [value]
@@ -89,10 +89,10 @@ def _places(value: Any) -> list[tuple[Any, Any]]:
 
 def changed_tree(tree: Any, random: Random) -> Any:
     """A tree of JSON in which one value is odd, missing, doubled, scaled, moved, or nested very deeply."""
-    places = _places(tree)
-    if not places:
+    there = places(tree)
+    if not there:
         return random.choice(ODD)
-    container, key = random.choice(places)
+    container, key = random.choice(there)
     kind = random.randrange(9)
     if kind <= 3:
         container[key] = random.choice(ODD)
@@ -106,7 +106,7 @@ def changed_tree(tree: Any, random: Random) -> Any:
         with suppress(OverflowError):  # a whole number beyond floats
             container[key] *= random.choice((-1, 2, 1000, 10**6, 0.5))
     elif kind == 7:
-        others, name = random.choice(places)
+        others, name = random.choice(there)
         container[key] = others[name] if not isinstance(others[name], dict | list) else len(others)
     else:
         deep: Any = 0

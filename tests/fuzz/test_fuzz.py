@@ -17,6 +17,7 @@ from tests.fuzz.judge import SOUND, Judge
 from tests.fuzz.kinds import Kind
 from tests.fuzz.mutations import damaged
 from tests.fuzz.seeds import all_kinds
+from tests.fuzz.sweep import sweep
 
 CORPUS = sorted((Path(__file__).parent / "corpus").iterdir())
 """Files that broke the program once, named KIND-WHAT."""
@@ -85,3 +86,13 @@ def test_a_minute_of_damage_breaks_nothing(kinds: dict[str, Kind], tmp_path: Pat
     result = fuzz(kinds, tmp_path, seconds=60, seed=1)
     assert not result.failures, result.failures
     assert result.counts.keys() == kinds.keys()
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("name", "least"), [("notes", 100), ("gltf", 10_000)])
+def test_no_odd_value_of_a_record_breaks_anything(
+    kinds: dict[str, Kind], name: str, least: int, tmp_path: Path
+) -> None:
+    result = sweep({name: kinds[name]}, tmp_path)
+    assert not result.failures, result.failures
+    assert sum(result.counts[name].values()) >= least
