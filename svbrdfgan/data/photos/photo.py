@@ -25,6 +25,8 @@ SUFFIXES = (*EIGHT_BIT, ".exr")
 MOST_PIXELS = 300_000_000
 """Of a file that is read; phones take 200 million."""
 _KEPT_PIXELS = 25_000_000
+_DEFLATED = 1032
+"""Times that DEFLATE, in which PNG packs pixels of at least a bit, makes bytes fewer, at most (RFC 1951)."""
 ORIENTATION, _FIRST_TURNED = 0x0112, 5
 """EXIF's tag, and its first value of a picture that lies on its side."""
 _LEAST = 16
@@ -169,6 +171,11 @@ def opened(path: Path) -> Iterator[Image]:
                 raise AssetError(
                     f"{path} has {image.width * image.height / 1e6:.0f} megapixels; at most {MOST_PIXELS / 1e6:.0f} "
                     "are read: make it smaller."
+                )
+            if image.format == "PNG" and image.width * image.height / 8 > _DEFLATED * path.stat().st_size:
+                raise AssetError(
+                    f"{path} says that it has {image.width} x {image.height} pixels, which its bytes cannot hold; "
+                    "is it cut short?"
                 )
             yield image
     except AssetError:

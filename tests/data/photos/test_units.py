@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -240,6 +241,20 @@ def test_pictures_of_many_pixels_are_reduced(saved: SaveImage, tmp_path: Path, m
     monkeypatch.setattr("svbrdfgan.data.photos.photo.MOST_PIXELS", 7000)
     with pytest.raises(AssetError, match="has 0 megapixels; at most 0 are read: make it smaller"):
         load_photo(tmp_path / "large.jpg", None)
+
+
+def test_a_png_of_more_pixels_than_its_bytes_can_hold_is_not_decoded(tmp_path: Path) -> None:
+    plain = tmp_path / "plain.png"
+    Image.new("1", (4096, 4096)).save(plain)
+    assert load_photo(plain, None).size == (4096, 4096)
+    head = plain.read_bytes()[:33]
+    size = (16_000).to_bytes(4, "big")
+    claimed = head[12:16] + size + size + head[24:29]
+    (tmp_path / "claims.png").write_bytes(
+        head[:12] + claimed + zlib.crc32(claimed).to_bytes(4, "big") + plain.read_bytes()[33:]
+    )
+    with pytest.raises(AssetError, match="says that it has 16000 x 16000 pixels, which its bytes cannot hold"):
+        load_photo(tmp_path / "claims.png", None)
 
 
 @pytest.mark.full
