@@ -42,8 +42,9 @@ def imported(tree: ast.AST) -> Iterator[str]:
 
 def test_no_file_is_run_or_unpickled() -> None:
     trees = parsed("|".join({rf"\b{name.rpartition('.')[2]}\(" for name in RUNS_CODE}))
-    found = {(name, ast.unparse(call.func)) for name, tree in trees.items() for call in calls(tree)}
-    assert {each for each in found if each[1] in RUNS_CODE} == {(KIT, "pickle.loads")}
+    found = {(name, call) for name, tree in trees.items() for call in calls(tree) if ast.unparse(call) != "exec('')"}
+    runs = {(name, ast.unparse(call.func)) for name, call in found}
+    assert {each for each in runs if each[1] in RUNS_CODE} == {(KIT, "pickle.loads")}
     loaders = [
         [ast.unparse(word) for word in call.keywords]
         for tree in parsed(r"yaml\.load\(").values()
