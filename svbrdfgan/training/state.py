@@ -31,6 +31,7 @@ from svbrdfgan.networks.saved import make_generator
 from svbrdfgan.training.all_reduce import GradientAllReduce
 from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
 from svbrdfgan.training.reference_pictures import LIGHT_CHANNELS
+from svbrdfgan.training.refined_layers import RefinedLayers
 
 RGB = 3
 """Channels of a picture."""
@@ -72,6 +73,7 @@ class State:
         best: the best validation score so far, and at which step.
         accuracy: the mean share of recent pairs that the discriminator told apart.
         augmented: the share of pairs that are augmented, on the device, as `accuracy`.
+        refined: the layers that the generator refines, if it does.
     """
 
     generator: Generator
@@ -83,6 +85,7 @@ class State:
     discriminator_gradients: GradientAllReduce
     accuracy: Float[Tensor, ""]
     augmented: Float[Tensor, ""]
+    refined: RefinedLayers | None = None
     step: int = 0
     seconds: float = 0.0
     best: tuple[float, int] = (-float("inf"), 0)
@@ -110,8 +113,10 @@ class State:
         discriminator = make_discriminator(config.discriminator, labels, judged)
         initialise(generator, rng)
         initialise(discriminator, rng, config.discriminator.weights)
+        refined = None
         if generator.refined is not None:
             generator.start_refining()
+            refined = RefinedLayers(generator)
         for network in (generator, discriminator):
             network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
         trained = [parameter for parameter in generator.parameters() if parameter.requires_grad]
@@ -126,6 +131,7 @@ class State:
             discriminator_gradients=GradientAllReduce(discriminator, processes),
             accuracy=torch.tensor(0.5, device=device),
             augmented=torch.tensor(0.0, device=device),
+            refined=refined,
         )
 
     def start_from(self, generator: Generator) -> None:

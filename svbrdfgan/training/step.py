@@ -12,6 +12,7 @@ from lightning_fabric import Fabric
 from torch import Tensor, nn
 
 from svbrdfgan.data.reflectance_errors import MAX_REFLECTANCE, with_errors
+from svbrdfgan.networks.inputs import Inputs
 from svbrdfgan.networks.losses import LOSSES, gradient_penalty, gradient_square
 from svbrdfgan.networks.random_fields import MOST_SEEDS
 from svbrdfgan.scene.window import bordered
@@ -127,14 +128,27 @@ def _with_buffers(image: Images, coverage: Coverage, real: ImageBatch, scenes: S
 def _pair(
     fabric: Fabric, state: State, source: BatchSource, indices: Sequence[int], rng: np.random.Generator, visit: int
 ) -> tuple[ImageBatch, ImageBatch]:
-    inputs = source.inputs(indices)
-    seeds = draw_seeds(rng, len(indices), inputs.device) if state.generator.random_fields else None
     with fabric.autocast():
-        layers = state.generator.paint(inputs, seeds, source.labels(indices))
+        layers = _painted(state, source.inputs(indices), source.labels(indices), indices, rng)
     if source.windowed:
         layers = bordered(layers)
     scenes = source.scenes(indices, rng, visit)
     return make_pair(source, indices, scenes, layers, source.drawn_errors(indices, rng))
+
+
+def _painted(
+    state: State,
+    inputs: Inputs,
+    labels: Float[Tensor, "batch labels"] | None,
+    indices: Sequence[int],
+    rng: np.random.Generator,
+) -> Float[Tensor, "batch rows cols channels"]:
+    if state.refined is None:
+        seeds = draw_seeds(rng, len(indices), inputs.device) if state.generator.random_fields else None
+        return state.generator.paint(inputs, seeds, labels)
+    drawn = state.refined.draw(indices, rng.spawn(1)[0])
+    beneath = state.refined.windows(inputs, drawn, labels)
+    return state.generator(inputs.geometry, copy_async(torch.tensor(drawn), inputs.device), labels, beneath=beneath)
 
 
 def draw_seeds(rng: np.random.Generator, count: int, device: torch.device) -> Int[Tensor, " batch"]:

@@ -97,7 +97,7 @@ def test_fakes_of_windows_are_transparent_at_their_border(windows: bool, monkeyp
     source: Any = SimpleNamespace(windowed=windows, inputs=lambda _: Inputs(torch.zeros(2, 6, 8, 8)))
     source.labels = source.scenes = source.drawn_errors = lambda *_: None
     generator = SimpleNamespace(paint=lambda *_: torch.ones(2, 8, 8, 4), random_fields=0)
-    state: Any = SimpleNamespace(generator=generator)
+    state: Any = SimpleNamespace(generator=generator, refined=None)
     step._pair(make_fabric("cpu"), state, source, [0, 1], np.random.default_rng(0), 0)
     (layers,) = made
     assert int(layers[..., 3].sum()) == 2 * (36 if windows else 64)
