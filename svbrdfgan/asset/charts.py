@@ -8,7 +8,7 @@ from numpy import ndarray
 
 from svbrdfgan.asset.box_charts import box_charts
 from svbrdfgan.asset.islands import areas, components, edge_neighbours, extent, signed_areas, uv_islands, welded
-from svbrdfgan.asset.packing import generate, import_xatlas
+from svbrdfgan.asset.packing import import_xatlas, new_atlas
 
 _STRETCH = 2.0  # the most that an own island may be longer or shorter in UV than in space
 _STRETCHED = 0.05  # share of an island's area that may be stretched more
@@ -45,9 +45,9 @@ def own_charts(
 def new_charts(positions: Float[ndarray, "faces 3 3"]) -> tuple[Float[ndarray, "faces 3 2"], Int[ndarray, " faces"]]:
     """Charts in units of length, and the chart of each face; -1 for faces without area.
 
-    xatlas finds them, save on large meshes, and where thousands of faces meet: on rough ones it takes minutes. There,
-    faces are grouped by axis.
-    One iteration: further ones take longer and leave as many charts. Packing, which xatlas does too, is made cheap.
+    xatlas finds them, save on large meshes, where rough ones take it minutes, and where thousands of faces meet. There,
+    faces are grouped by axis. One iteration: further ones take longer and leave as many charts. Packing, which xatlas
+    does too, is made cheap.
     """
     used, faces = np.unique(welded(positions), return_inverse=True)
     if len(positions) > _MOST or np.bincount(faces.reshape(-1)).max() > _CROWD:
@@ -56,11 +56,12 @@ def new_charts(positions: Float[ndarray, "faces 3 3"]) -> tuple[Float[ndarray, "
     points = np.zeros((len(used), 3))
     scaled = (positions - positions.mean(axis=(0, 1))) * (_UNITS / extent(positions))
     points[faces.reshape(-1)] = scaled.reshape(-1, 3)
-    atlas, charting, packing = xatlas.Atlas(), xatlas.ChartOptions(), xatlas.PackOptions()
+    charting, packing = xatlas.ChartOptions(), xatlas.PackOptions()
     charting.max_iterations = 1
     packing.resolution, packing.padding, packing.bilinear = 256, 0, False
-    atlas.add_mesh(points.astype(np.float32), faces.reshape(-1, 3).astype(np.uint32))
-    generate(atlas, charting, packing)
+    with new_atlas(xatlas) as atlas:
+        atlas.add_mesh(points.astype(np.float32), faces.reshape(-1, 3).astype(np.uint32))
+        atlas.generate(charting, packing)
     _, index, uv = atlas.get_mesh(0)
     chart = np.full(len(positions), -1, dtype=np.int64)
     for number in range(atlas.get_mesh_chart_count(0)):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import importlib
-import threading
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ _LONGEST = 1.2  # of the side of a square of the charts' area: about the side of
 _GROWTHS = 4  # further scales after the first that fits
 _SHRUNK = 0.97  # xatlas shrinks charts that are longer than the square
 _ASLEEP = 0.01  # seconds after which threads without work sleep
-_PATIENCE = 5.0  # seconds for which other threads may have work
+_PATIENCE = 5.0  # seconds after which they are believed to
 _THREADS = Path("/proc/self/task")
 
 _Charts = tuple[Float[ndarray, "vertices 2"], Int[ndarray, "faces 3"], Int[ndarray, " faces"]]
@@ -48,27 +48,32 @@ def import_xatlas() -> Any:
         ) from error
 
 
-def generate(atlas: Any, charting: Any, packing: Any) -> None:
-    """Makes and packs the charts of an xatlas atlas, and waits until its threads sleep.
+@contextmanager
+def new_atlas(xatlas: Any) -> Iterator[Any]:
+    """An empty atlas of the module xatlas, whose threads sleep when the block ends.
 
     When Python deletes an atlas, xatlas 0.0.11 signals its threads to end, and waits for them. A thread that is just
     falling asleep misses the signal, since xatlas does not hold its lock then; so the wait would never end.
     """
-    atlas.generate(charting, packing)
-    time.sleep(_ASLEEP)
-    until = time.monotonic() + _PATIENCE
-    while _others_run() and time.monotonic() < until:  # or wait for a core, on a busy machine
+    others = _threads()
+    try:
+        yield xatlas.Atlas()
+    finally:
         time.sleep(_ASLEEP)
+        until = time.monotonic() + _PATIENCE
+        while "R" in [state for thread, state in _threads().items() if thread not in others]:
+            if time.monotonic() > until:
+                break
+            time.sleep(_ASLEEP)
 
 
-def _others_run() -> bool:
-    """Whether threads of this process besides this one run, or would if they had a core; False off Linux."""
-    states = []
+def _threads() -> dict[str, str]:
+    """The state of each thread of this process by its number, R if it runs or waits for a core; none off Linux."""
+    found = {}
     for path in _THREADS.glob("*/stat"):
         with suppress(OSError):  # it has ended
-            number, _, rest = path.read_text(errors="replace").partition(" ")
-            states += [rest.rpartition(")")[2].split()[0]] if int(number) != threading.get_native_id() else []
-    return "R" in states
+            found[path.parent.name] = path.read_text(errors="replace").rpartition(")")[2].split()[0]
+    return found
 
 
 def pack(
@@ -194,12 +199,13 @@ def _placed(mesh: _Charts, room: tuple[int, int, float]) -> Float[ndarray, "face
     size, gutter, scale = room
     vertices, faces, chart = mesh
     xatlas = import_xatlas()
-    atlas, options = xatlas.Atlas(), xatlas.PackOptions()
+    options = xatlas.PackOptions()
     options.resolution, options.texels_per_unit, options.bilinear = size, scale, False
     options.rotate_charts_to_axis = False  # it makes points of many charts whose corners are above one another
     options.padding = (gutter + 1) // 2  # xatlas widens each chart by that much, so that two are twice as far apart
-    atlas.add_uv_mesh(vertices.astype(np.float32), faces.astype(np.uint32), chart.astype(np.uint32)[:, None])
-    generate(atlas, xatlas.ChartOptions(), options)
+    with new_atlas(xatlas) as atlas:
+        atlas.add_uv_mesh(vertices.astype(np.float32), faces.astype(np.uint32), chart.astype(np.uint32)[:, None])
+        atlas.generate(xatlas.ChartOptions(), options)
     if atlas.atlas_count != 1:
         return None
     _, found, uv = atlas.get_mesh(0)

@@ -26,7 +26,7 @@ from svbrdfgan.weathering.survey import Grounds
 _SPACING = 0.02  # of nodes on large faces, in lengths of the model: what occlusion resolves
 _FINEST = 64  # divisions of an edge at most
 _MOST_NODES = 2_000_000
-"""Nodes that faces are divided by, about; vehicles have a tenth. Where thousands lie on each other, fewer will do."""
+"""Of all faces, about: twelve whole assets had up to 104,000. More are of faces that lie on each other by thousands."""
 _ENCLOSED = 0.07
 """Visibility up to which a point counts as enclosed; of a closed box in a closed box it is 0.06."""
 _PROBES = 16  # faces of each sheet at which its two sides are compared

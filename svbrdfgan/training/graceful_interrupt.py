@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from svbrdfgan.utils.stopping import is_stop
+from svbrdfgan.utils.stopping import raises_interrupt
 
 
 @contextmanager
@@ -21,7 +21,7 @@ def defer_interrupts(wanted: bool = True) -> Iterator[Callable[[], int]]:
     came = 0
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     main = threading.current_thread() is threading.main_thread()
-    deferred = [number for number, handler in before.items() if wanted and main and is_stop(handler)]
+    deferred = [number for number, handler in before.items() if wanted and main and raises_interrupt(handler)]
 
     def note(number: int, frame: Any) -> None:
         nonlocal came

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 
 from svbrdfgan.data.config import Split
 from svbrdfgan.data.memory import exemplar_bytes
+from svbrdfgan.scene.window import WHOLE
 from svbrdfgan.training.config import TrainConfig
+from svbrdfgan.training.refined_layers import kept_bytes
 from svbrdfgan.training.resolve import ResolvedRun
+from svbrdfgan.types import layer_channels
 from svbrdfgan.utils.memory import PROGRAM, most_that_fits, require_memory
 
 _RENDERER = 130 << 20  # bytes of a renderer's libraries and kernels
@@ -37,8 +42,11 @@ def run_bytes(run: ResolvedRun, splits: tuple[Split, ...], device: torch.device,
         for split in splits
         if split in index.config.splits
     )
-    networks = 0 if device.type == "cuda" else _network_bytes(config, index.config.image, run.layer_texels, learns)
-    return config.devices * (PROGRAM + _RENDERER + held) + networks
+    if device.type == "cuda":
+        return config.devices * (PROGRAM + _RENDERER + held)
+    networks = _network_bytes(config, index.config.image, run.layer_texels, learns)
+    refined = _refined_bytes(run) if learns and config.generator.refined is not None else 0
+    return config.devices * (PROGRAM + _RENDERER + held + refined) + networks
 
 
 def require_run(run: ResolvedRun, splits: tuple[Split, ...], device: torch.device, *, learns: bool = True) -> int:
@@ -61,6 +69,14 @@ def require_run(run: ResolvedRun, splits: tuple[Split, ...], device: torch.devic
     return require_memory(
         f"{doing} {exemplars} exemplars needs", needed(run.config.batch_size), fitting, instead=instead
     )
+
+
+def _refined_bytes(run: ResolvedRun) -> int:
+    """Of the layers that a generator refines."""
+    index = run.dataset.index
+    share = run.layer_texels / index.config.texture
+    side = math.ceil(share * min(index.config.texture, WHOLE))
+    return kept_bytes(len(index.sampler("train")), side, layer_channels(tuple(index.config.maps)))
 
 
 def _network_bytes(config: TrainConfig, image: tuple[int, int], texels: int, learns: bool) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -14,19 +15,29 @@ from svbrdfgan.networks.inputs import Inputs, window_of
 from svbrdfgan.utils.copy_async import copy_async
 
 SEEDS = 16
-"""Of each exemplar. A discriminator sees pictures of hundreds, so that no seed is seen often."""
+"""Of each exemplar, so thousands of a data set: enough that networks cannot know them by heart."""
 _MOST_BYTES = 2 << 30
-_Part = tuple[Float[Tensor, "rows cols channels"], Float[Tensor, " 4"]]
-"""Of a whole map around a window, and the window's place in it, as in `Wholes`."""
 _AROUND = 3
 """Texels around a window that bicubic interpolation may read, and one for windows that begin within a texel."""
+_Side = TypeVar("_Side", int, Tensor)
+_Part = tuple[Float[Tensor, "rows cols channels"], Float[Tensor, " 4"]]
+"""Of a whole map around a window, and the window's place in it, as in `Wholes`."""
+
+
+def kept_bytes(exemplars: int, side: int, channels: int) -> int:
+    """Bytes that are kept at most.
+
+    Args:
+        side: texels of the whole map along a side of a window.
+    """
+    return min(_MOST_BYTES, exemplars * SEEDS * 2 * channels * _read(side) ** 2)
 
 
 class RefinedLayers:
     """The layers that a generator refines, in the windows of exemplars.
 
-    They never change, and to paint a whole map takes longer than the rest of a step. So each exemplar has a few seeds
-    alone, and what its window needs is kept when a seed is first drawn, up to some bytes in half precision.
+    They never change, and to paint a whole map takes about as long as a step on its window. So each exemplar has a few
+    seeds alone, and what its window needs is kept when a seed is first drawn, up to some bytes in half precision.
 
     Args:
         generator: one that refines layers.
@@ -74,11 +85,16 @@ class RefinedLayers:
         return part
 
 
+def _read(side: _Side) -> _Side:
+    """Texels along a side of what is kept of a window with so many."""
+    return side + 2 * _AROUND + 1
+
+
 def _cut(whole: Float[Tensor, "rows cols channels"], place: Float[Tensor, " 4"]) -> _Part:
     """What `window_of` reads of a whole map, and the window's place in that."""
     sides = torch.tensor(whole.shape[:2])
     first, size = (sides * place.double().cpu().reshape(2, 2)).unbind()
-    count = torch.minimum(size.ceil().long() + 2 * _AROUND + 1, sides)
+    count = torch.minimum(_read(size.ceil().long()), sides)
     start = torch.minimum((first.floor().long() - _AROUND).clamp(min=0), sides - count)
     (top, left), (rows, cols) = start.tolist(), count.tolist()
     inner = torch.cat([(first - start) / count, size / count]).float()

@@ -53,12 +53,12 @@ def stopped_by_signals() -> Iterator[None]:
         yield
     finally:
         sys.unraisablehook = before
-        exec("")  # where the stop came within another exec or eval of text, Python would else kill itself at its exit
         try:
             again.end()
         finally:
             for number in ending:
                 signal.signal(number, signal.SIG_DFL)
+            exec("")  # the stop may have come within an exec or eval of text: Python would end by SIGINT until the next
 
 
 def _imports(frame: FrameType | None) -> bool:
@@ -72,7 +72,7 @@ def _is_stop(lost: Any) -> bool:
     return issubclass(lost.exc_type, KeyboardInterrupt)
 
 
-def is_stop(handler: Any) -> bool:
+def raises_interrupt(handler: Any) -> bool:
     """Whether a signal's handler raises KeyboardInterrupt."""
     return handler is signal.default_int_handler or getattr(handler, "__func__", None) is _Again.stop
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import struct
 import zipfile
 import zlib
@@ -13,6 +12,8 @@ from random import Random
 from typing import Any
 
 import yaml
+
+from tests.fuzz.trees import OPENED
 
 ODD: Sequence[Any] = (
     *(None, True, False, 0, 1, -1, 2, 3, 255, 65_536, 2**31, -(2**31), 2**53, 2**63, 10**30, 10**400),
@@ -116,11 +117,20 @@ def changed_tree(tree: Any, random: Random) -> Any:
     return tree
 
 
-def _json(data: bytes, random: Random) -> bytes:
-    try:
-        return json.dumps(changed_tree(json.loads(data), random)).encode("utf-8", "surrogatepass")
-    except (ValueError, RecursionError):
-        return data
+def _tree(suffix: str) -> Callable[[bytes, Random], bytes]:
+    """Changes the tree of JSON in files with this suffix."""
+
+    def change(data: bytes, random: Random) -> bytes:
+        try:
+            tree, pack = OPENED[suffix](data)
+            return pack(changed_tree(tree, random))
+        except (yaml.YAMLError, ValueError, RecursionError, AttributeError, TypeError):
+            return data
+
+    return change
+
+
+_json = _tree(".json")
 
 
 def _lines(data: bytes, random: Random) -> bytes:
@@ -130,45 +140,18 @@ def _lines(data: bytes, random: Random) -> bytes:
     return b"\n".join(lines)
 
 
-def _yaml(data: bytes, random: Random) -> bytes:
-    try:
-        tree = yaml.safe_load(data)
-        return yaml.safe_dump(changed_tree(tree, random), allow_unicode=True).encode("utf-8", "surrogatepass")
-    except (yaml.YAMLError, ValueError, RecursionError, AttributeError, TypeError):
-        return data
-
-
-def _glb(data: bytes, random: Random) -> bytes:
-    if len(data) < 20:
-        return data
-    (size,) = struct.unpack("<I", data[12:16])
-    text = _json(data[20 : 20 + size], random)
-    return packed_glb(text, data[20 + size :])
-
-
-def packed_glb(text: bytes, rest: bytes) -> bytes:
-    """A GLB of the text of a header and of all chunks that follow."""
-    text += b" " * (-len(text) % 4)
-    return struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A) + text + rest
-
-
 def _safetensors(data: bytes, random: Random) -> bytes:
-    if len(data) < 8:
-        return data
-    (size,) = struct.unpack("<Q", data[:8])
-    head = data[8 : 8 + size]
     try:
-        tree = json.loads(head)
+        tree, pack = OPENED[".safetensors"](data)
         words = tree.get("__metadata__", {})
         name = random.choice([*words, ""])
         if name and random.random() < 0.5:  # records in words are JSON themselves
             words[name] = _json(words[name].encode(), random).decode("utf-8", "replace")
         else:
             tree = changed_tree(tree, random)
-        head = json.dumps(tree).encode("utf-8", "surrogatepass")
+        return pack(tree)
     except (ValueError, AttributeError, TypeError, RecursionError):
         return data
-    return struct.pack("<Q", len(head)) + head + data[8 + size :]
 
 
 def _png(data: bytes, random: Random) -> bytes:
@@ -248,8 +231,8 @@ _STRUCTURED: dict[str, Callable[[bytes, Random], bytes]] = {
     ".json": _json,
     ".gltf": _json,
     ".jsonl": _lines,
-    ".yaml": _yaml,
-    ".glb": _glb,
+    ".yaml": _tree(".yaml"),
+    ".glb": _tree(".glb"),
     ".safetensors": _safetensors,
     ".png": _png,
     ".npz": _npz,

@@ -13,8 +13,8 @@ from PIL import Image
 from svbrdfgan.data.config import dataset_config
 from svbrdfgan.data.generate import generate
 from tests.fuzz.kinds import Kind, kinds
-from tests.fuzz.mutations import packed_glb
 from tests.fuzz.stored import stored_kinds
+from tests.fuzz.trees import packed_glb
 
 _FLOAT, _BYTE, _SHORT = 5126, 5121, 5123
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}

@@ -20,7 +20,7 @@ from svbrdfgan.rendering.transport.light_transport import LightTransport
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.state import State, load_discriminator
 from tests.fuzz.kinds import Kind, _gathered
-from tests.fuzz.mutations import packed_glb
+from tests.fuzz.trees import packed_glb
 
 _QUAD = Path(__file__).parents[1] / "io" / "gltf_codecs" / "quad.drc"
 _COUNTERS = {"step": 1, "seconds": 2.5, "best": [1.5, 1], "history": []}

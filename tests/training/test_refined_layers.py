@@ -8,7 +8,7 @@ import torch
 
 from svbrdfgan.networks.generator import Generator
 from svbrdfgan.networks.inputs import Inputs, Wholes, window_of
-from svbrdfgan.training.refined_layers import SEEDS, RefinedLayers
+from svbrdfgan.training.refined_layers import SEEDS, RefinedLayers, kept_bytes
 
 PLACES = [(0.0, 0.0, 0.25, 0.25), (0.75, 0.75, 0.25, 0.25), (0.3125, 0.53, 0.25, 0.25), (0.01, 0.7, 0.25, 0.25)]
 
@@ -40,6 +40,8 @@ def test_they_are_those_of_the_whole_maps(generator: Generator, inputs: Inputs) 
     found = refined.windows(inputs, seeds, LABELS)
     assert torch.allclose(found, wanted, atol=1e-3)
     assert not torch.allclose(found[0], found[3], atol=1e-2)
+    kept = sum(values.nbytes for values, _ in refined._kept.values())
+    assert kept * SEEDS == kept_bytes(exemplars=4, side=16, channels=5)
 
 
 @pytest.mark.parametrize("most_bytes", [1 << 20, 12_000, 0])
