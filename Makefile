@@ -56,7 +56,8 @@ notebooks: $(VENV)/.dev
 bench: $(VENV)/.demo
 	$(RUN)/svbrdfgan bench \
 		$(if $(wildcard $(VENV)/lib/python*/site-packages/mitsuba),--peer "$(RUN)/python benchmarks/peer_mitsuba.py {scene} --spp {spp}") \
-		$(if $(REDNER),--peer "$(REDNER) benchmarks/peer_redner.py {scene} --spp {spp}") $(BENCH)
+		$(if $(REDNER),--peer "$(REDNER) benchmarks/peer_redner.py {scene} --spp {spp}") \
+		--history docs/lab/bench.jsonl $(BENCH)
 
 fuzz: $(VENV)/.dev
 	GOMP_SPINCOUNT=3000 $(RUN)/python -m tests.fuzz --minutes $(MINUTES) $(if $(SEED),--seed $(SEED))

@@ -49,6 +49,11 @@ if TYPE_CHECKING:
 @click.option("--pixels", default=256, show_default=True, type=click.IntRange(1), help="Along a side of the picture.")
 @click.option("--texels", default=512, show_default=True, type=click.IntRange(1), help="Along a side of the texture.")
 @click.option("-o", "--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for JSON, table and plots.")
+@click.option(
+    "--history",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="File of JSON lines: compare with the last figures of this machine there, and add these.",
+)
 @memory_option
 def command(
     spps: tuple[int, ...],
@@ -64,6 +69,7 @@ def command(
     pixels: int,
     texels: int,
     out: Path | None,
+    history: Path | None,
 ) -> None:
     """Time the renderers, and the stored transport, on a standard scene and on a vehicle.
 
@@ -75,10 +81,12 @@ def command(
         raise click.UsageError("--mesh and --environment go together.")
     kept = f"{out} keeps the figures that are complete." if out else "no figures were kept, since --out is missing."
     with progress("trying the renderers", lambda: kept) as display:
+        from svbrdfgan.bench.history import comparison, entries_of, read_history, write_history
         from svbrdfgan.bench.memory import require_bench
         from svbrdfgan.bench.programs import Program
         from svbrdfgan.bench.run import Bench, backend_programs, working_backends
 
+        known = read_history(history) if history else []
         makers = _makers(mesh, environment, embedding, material, texels)
         report = _report(list(makers), spps, vertices, pixels, repeats, scaling)
         require_bench(report.all_cases(), texels)
@@ -91,7 +99,12 @@ def command(
         if out:
             display.stage(f"writing {out}")
             report.write_tables_and_plots(out)
-    for table in report.tables():
+        compared = None
+        if history:
+            made = entries_of(report.results.values(), report.machine, texels)
+            compared = comparison(made, known)
+            write_history(history, [*known, *made])
+    for table in [*report.tables(), *([compared] if compared else [])]:
         click.secho(printable(table.title), bold=True)
         print_table(table.rich())
     if out:

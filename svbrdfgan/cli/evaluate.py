@@ -8,7 +8,8 @@ from typing import Literal
 import click
 
 from svbrdfgan.cli.display import echo, print_json, progress
-from svbrdfgan.cli.options import json_option, memory_option
+from svbrdfgan.cli.options import device_option, json_option, memory_option
+from svbrdfgan.utils.devices import Device
 from svbrdfgan.utils.processes import cores
 
 _BAKED, _TEXELS = ((0, 1, 2), (0.5, 1.0)), 1024
@@ -41,9 +42,7 @@ _BAKED, _TEXELS = ((0, 1, 2), (0.5, 1.0)), 1024
     metavar="DATASET",
     help="Score it on another data set, whose true layers are known, without oracle; replaces the run's own scores.",
 )
-@click.option(
-    "--device", default="auto", show_default=True, type=click.Choice(["auto", "cpu", "cuda"]), help="Where to compute."
-)
+@device_option
 @click.option(
     "--view",
     is_flag=True,
@@ -63,7 +62,7 @@ def command(
     relight: tuple[str, ...],
     dataset: Path | None,
     on: Path | None,
-    device: Literal["auto", "cpu", "cuda"],
+    device: Device,
     view: bool,
     as_json: bool,
     workers: int | None,

@@ -91,14 +91,13 @@ def _list(profile: Literal["cpu", "gpu"]) -> None:
     table = Table("name", "thesis", "rows", "runs", "minutes", "what")
     with progress("reading the experiments"):
         from svbrdfgan.experiments.definition import experiment_names
-        from svbrdfgan.experiments.run_matrix import RunMatrix
+        from svbrdfgan.experiments.plan import Plan
 
         for name in experiment_names():
-            matrix = RunMatrix.load(name, profile)
-            cells = matrix.cells()
-            minutes = sum(cell.spec.train.minutes or 0.0 for cell in cells)
-            experiment = matrix.experiment
-            row = (len(experiment.rows), len(cells), round(minutes))
+            plan = Plan.load(name, profile)
+            runs, experiment = plan.runs(), plan.experiment
+            minutes = sum(plan.settings(row)["train"].get("minutes") or 0.0 for row, _, _ in runs)
+            row = (len(experiment.rows), len(runs), round(minutes))
             table.add_row(name, experiment.figure, *map(str, row), experiment.title)
     print_table(table)
     echo(f"Minutes of training in profile {profile}, one run at a time. Shared runs count in each experiment.")

@@ -14,6 +14,7 @@ from click.shell_completion import CompletionItem
 
 from svbrdfgan.config.yaml_files import apply_overrides, load_yaml
 from svbrdfgan.errors import ConfigError, PluginError
+from svbrdfgan.utils.devices import DEVICES
 from svbrdfgan.utils.memory import limited
 from svbrdfgan.utils.printable import printable
 
@@ -181,6 +182,12 @@ def picture_options(command: Command) -> Command:
 def json_option(what: str) -> Callable[[Command], Command]:
     """Adds `as_json`, which asks for one JSON document on stdout and nothing else there."""
     return click.option("--json", "as_json", is_flag=True, help=f"Print {what} instead.")
+
+
+def device_option(command: Command) -> Command:
+    """Adds `device`: where torch computes."""
+    text = "Where to compute; auto is a GPU if there is one."
+    return click.option("--device", default="auto", show_default=True, type=click.Choice(DEVICES), help=text)(command)
 
 
 def key_values(words: tuple[str, ...]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from svbrdfgan.cli.options import (
     check_delivery,
     completed,
     delivery_options,
+    device_option,
     json_option,
     known_models,
     part_options,
@@ -22,6 +23,7 @@ from svbrdfgan.cli.options import (
 )
 from svbrdfgan.cli.results import Done, results
 from svbrdfgan.models.shipped import DEFAULT, model_of
+from svbrdfgan.utils.devices import Device
 
 _MOST_LAYERS = 10_000
 
@@ -62,6 +64,7 @@ _MOST_LAYERS = 10_000
     type=click.Path(path_type=Path),
     help="GLB or glTF file to write; of several MESHes or with --count, a folder.",
 )
+@device_option
 @json_option("for each mesh an object with the paths written")
 @delivery_options
 @picture_options
@@ -85,6 +88,7 @@ def command(
     picture: Path | None,
     environment: Path | None,
     renderer: str,
+    device: Device,
     as_json: bool,
 ) -> None:
     """Weather each MESH with a trained model: its scene comes back, only what weathers has other textures."""
@@ -105,7 +109,7 @@ def command(
         from svbrdfgan.report.sheet import sheet_rows
         from svbrdfgan.training.run import load_model
 
-        trained, name = load_model(model), Path(model).name
+        trained, name = load_model(model).on(device), Path(model).name
         if not asked:
             note(f"painting {DEFAULT}; --recipe and --model choose another (see `svbrdfgan models`)")
         draws = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import torch
@@ -99,7 +99,10 @@ def compare_draws(
     sets: dict[Painter, list[Draws]] = {"truth": [], **{name: [] for name in generators}}
     painted: dict[Painter, list[Tensor]] = {name: [] for name in sets}
     flips = defaultdict[Painter, list[float]](list)
-    vehicles = [vehicle_of(exemplars, number, declared, count, _sweeps(config)) for number in weights]
+    vehicles = [
+        vehicle_of(exemplars, number, declared, count, sweeps)
+        for number, sweeps in _sweeps(config, exemplars, list(weights)).items()
+    ]
     for vehicle, drawn in zip(vehicles, paint_all(vehicles, workers), strict=True):
         number = vehicle.number
         weight = weights[number]
@@ -151,9 +154,19 @@ def _generated_amounts(
     return [torch.tensor([mean_alpha(amount, recipe) for amount in amounts]) for recipe, amounts in sweeps]
 
 
-def _sweeps(config: RunConfig) -> Sweeps:
-    """Each recipe, with amounts from the least to the greatest that the run knows; none if it knows no amounts."""
-    known = config.conditions
-    if known.amount is None:
-        return ()
-    return tuple((recipe, tuple(torch.linspace(*known.amount, _AMOUNTS).tolist())) for recipe in known.recipes)
+def _sweeps(config: RunConfig, exemplars: Exemplars, numbers: Sequence[int]) -> dict[int, Sweeps]:
+    """Each recipe, with amounts from the least to the greatest that the run knows; none if it knows no amounts.
+
+    Of the windows of a mesh, the first alone has any: a generator that refines layers paints the whole map each time.
+    """
+    known, swept = config.conditions, set[str]()
+    every: Sweeps = ()
+    if known.amount is not None:
+        amounts = tuple(torch.linspace(*known.amount, _AMOUNTS).tolist())
+        every = tuple((recipe, amounts) for recipe in known.recipes)
+    found: dict[int, Sweeps] = {}
+    for number in numbers:
+        mesh = exemplars.scenes[exemplars.views_of(number)[0]].mesh.path
+        found[number] = () if mesh in swept else every
+        swept.add(mesh)
+    return found

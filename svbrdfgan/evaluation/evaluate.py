@@ -7,7 +7,6 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Literal
 
 import torch
 from jaxtyping import Float
@@ -41,6 +40,7 @@ from svbrdfgan.training.memory import require_run
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, seeds_vary
 from svbrdfgan.training.run import RunConfig, load_model
 from svbrdfgan.types import Layer
+from svbrdfgan.utils.devices import Device
 from svbrdfgan.utils.display import Display, SilentDisplay
 
 log = logging.getLogger(__name__)
@@ -51,7 +51,7 @@ def evaluate(
     *,
     split: Split = "test",
     oracle: bool = True,
-    device: Literal["auto", "cpu", "cuda"] = "auto",
+    device: Device = "auto",
     dataset: Path | None = None,
     on: Path | None = None,
     schedule: OracleConfig | None = None,

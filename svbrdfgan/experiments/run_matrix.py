@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from functools import cached_property
-from pathlib import Path
 from typing import get_args
 
 from svbrdfgan.config.error_messages import did_you_mean
@@ -14,16 +12,8 @@ from svbrdfgan.config.models import StrictModel
 from svbrdfgan.config.yaml_files import apply_overrides
 from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, Split, dataset_config
 from svbrdfgan.errors import ConfigError
-from svbrdfgan.experiments.definition import (
-    Experiment,
-    ExperimentProfile,
-    ExperimentRow,
-    ProfileName,
-    Recipe,
-    experiment_names,
-    load_experiment,
-    load_profile,
-)
+from svbrdfgan.experiments.definition import Recipe
+from svbrdfgan.experiments.plan import Plan
 from svbrdfgan.training.config import TrainConfig, resolved, train_config
 from svbrdfgan.training.resolve import learns_distribution
 
@@ -97,32 +87,8 @@ class Cell:
         return len(wanted) <= len(mine) and all(map(fnmatchcase, mine, wanted))
 
 
-@dataclass(frozen=True)
-class RunMatrix:
-    """An experiment in a profile.
-
-    Attributes:
-        overrides: KEY=VALUE, with keys that begin with `dataset.` or `train.`. The changes of rows override them.
-    """
-
-    name: str
-    experiment: Experiment
-    profile_name: ProfileName
-    profile: ExperimentProfile
-    overrides: tuple[str, ...] = ()
-
-    @classmethod
-    def load(cls, name: str, profile: ProfileName, overrides: Sequence[str] = ()) -> RunMatrix:
-        """The matrix of a shipped experiment by its name, or of a user's by the path of its YAML file.
-
-        Raises:
-            ConfigError: there is no such experiment, its file is wrong, or an override has another key.
-        """
-        for override in overrides:
-            if not override.startswith(("dataset.", "train.")):
-                raise ConfigError(f"{override!r} changes nothing here; keys begin with 'dataset.' or 'train.'.")
-        stem = name if name in experiment_names() else Path(name).stem
-        return cls(stem, load_experiment(name), profile, load_profile(profile), tuple(overrides))
+class RunMatrix(Plan):
+    """An experiment in a profile, and the resolved configuration of each of its runs."""
 
     def cells(self, seeds: Collection[int] = ()) -> list[Cell]:
         """The runs, in the order of the table.
@@ -133,12 +99,7 @@ class RunMatrix:
         Raises:
             ConfigError: the configuration of a row is wrong.
         """
-        return [
-            self.cell(name, recipe, seed)
-            for name, row in self.experiment.rows.items()
-            for recipe, declared in self.recipes(row).items()
-            for seed in seeds or declared[: self.profile.seeds]
-        ]
+        return [self.cell(*run) for run in self.runs(seeds)]
 
     def cell(self, name: str, recipe: Recipe, seed: int) -> Cell:
         """One run.
@@ -146,7 +107,7 @@ class RunMatrix:
         Raises:
             ConfigError: its configuration is wrong; one line for each error.
         """
-        data = apply_overrides(self._base, self.changes(name))
+        data = self.settings(name)
         source = f"{self.name}, row {name}"
         dataset = dataset_config(data["dataset"], source)
         lacking = [split for split in get_args(Split) if split not in dataset.splits]
@@ -156,24 +117,6 @@ class RunMatrix:
         train = resolved(train_config({**data["train"], **fixed}, source), dataset.spp, dataset.maps)
         spec = RunSpec(train=train, oracle=self._oracle(dataset, train))
         return Cell(self.name, name, recipe, seed, spec, self.experiment.oracles)
-
-    def changes(self, name: str) -> list[str]:
-        """The changes of a row, as KEY=VALUE."""
-        return self.experiment.rows[name].overrides_in(self.profile_name)
-
-    @property
-    def common(self) -> list[str]:
-        """The changes that all rows share, as KEY=VALUE."""
-        return [*self.experiment.overrides_in(self.profile_name), *self.overrides]
-
-    def recipes(self, row: ExperimentRow) -> dict[Recipe, tuple[int, ...]]:
-        """The recipes that train a row, and the seeds of each."""
-        return self.experiment.recipes if row.recipes is None else row.recipes
-
-    @cached_property
-    def _base(self) -> dict[str, dict[str, object]]:
-        base = {"dataset": self.profile.dataset, "train": self.profile.train}
-        return apply_overrides(base, self.common)
 
     def _oracle(self, dataset: DatasetConfig, train: TrainConfig) -> OracleSpec:
         """The oracle of a run. A supervised one depends on data and generator alone: rows with other changes share it.

@@ -39,16 +39,22 @@ class Draw:
         factor: int = 1,
         wanted: Bool[Tensor, "rows cols"] | None = None,
     ) -> Float[Tensor, "batch fine_rows fine_cols channels"]:
-        """The layer of this seed and these labels on each geometry, `factor` times as fine as it.
+        """The layer of this seed and these labels on each geometry, `factor` times as fine as it, on its device.
+
+        The generator's device paints it, with products of float32, so that a GPU paints what a CPU does.
 
         Args:
             wanted: texels where the layer is needed, which may save time.
         """
-        asked = self._asked(len(geometry), geometry.device)
-        if self.windows is None:
-            return self._faded(self.generator(geometry, *asked, factor))
-        finer = factor // self.windows.finer
-        return self._faded(paint_in_tiles(self.generator, self.windows, geometry, *asked, finer, wanted))
+        device = next(self.generator.parameters()).device
+        read, asked = geometry.to(device), self._asked(len(geometry), device)
+        with torch.backends.cudnn.flags(enabled=True, allow_tf32=False):
+            if self.windows is None:
+                layers = self.generator(read, *asked, factor)
+            else:
+                finer = factor // self.windows.finer
+                layers = paint_in_tiles(self.generator, self.windows, read, *asked, finer, wanted)
+        return self._faded(layers).to(geometry.device)
 
     def on(self, inputs: Inputs) -> Float[Tensor, "batch rows cols channels"]:
         """The layer of this seed and these labels on each surface of a batch, as training sees them."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.errors import ConfigError, PluginError
 from svbrdfgan.plugins.probe import Probe, probe
 from svbrdfgan.plugins.registry import RENDERERS, Plugin, list_plugins, load_bouncing
+from svbrdfgan.utils.devices import Device
 
 if TYPE_CHECKING:
     import torch
@@ -54,7 +55,7 @@ def resolve_renderer(
         PluginError: the named renderer is unknown or does not work here; for `auto`, no renderer works.
     """
     if choice.name == "auto":
-        kind: Literal["auto", "cpu", "cuda"] = "auto"
+        kind: Device = "auto"
         if device is not None:
             kind = "cuda" if device.type == "cuda" else "cpu"
         best = select_renderer(kind, maps, differentiable=differentiable, deferred=deferred)
@@ -71,7 +72,7 @@ def resolve_renderer(
 
 
 def select_renderer(
-    device: Literal["auto", "cpu", "cuda"] = "auto",
+    device: Device = "auto",
     maps: Collection[str] = (),
     *,
     differentiable: bool = False,

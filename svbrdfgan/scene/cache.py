@@ -26,9 +26,15 @@ _OF_PARTS = ("name", "base_color", "hidden_half_of")
 _REMEDY = "delete it, and it is made again"
 
 
-def save_subject(path: Path, subject: Subject) -> None:
-    """Writes a subject, so that no later process embeds and bakes its mesh again."""
+def save_subject(path: Path, subject: Subject, whole: Surface | None = None) -> None:
+    """Writes a subject, so that no later process embeds and bakes its mesh again.
+
+    Args:
+        whole: for a window, the surface that it is a window of: what both share is left out.
+    """
     surface, buffer, surface_parts = _tensors(subject.surface), _tensors(subject.buffer), subject.surface.parts
+    if whole is not None:
+        surface = {name: own for name, own in surface.items() if not torch.equal(own, _tensors(whole)[name])}
     tensors = {f"surface.{k}": v for k, v in surface.items()} | {f"buffer.{k}": v for k, v in buffer.items()}
     tensors |= {f"base.{part}": base for part, base in enumerate(subject.base)}
     for part, maps in enumerate(subject.file_maps):
@@ -40,11 +46,12 @@ def save_subject(path: Path, subject: Subject) -> None:
     save_tensors(path, _SUBJECT, tensors, words)
 
 
-def load_subject(path: Path, side: int) -> Subject:
+def load_subject(path: Path, side: int, whole: Surface | None = None) -> Subject:
     """Reads what `save_subject` wrote. What the mesh's file says of parts is in `base`, `file_maps` and alpha alone.
 
     Args:
         side: rows and columns of its buffer.
+        whole: for a window, the surface that it is a window of, whose arrays it then shares.
 
     Raises:
         AssetError: missing, damaged, or of another version or size.
@@ -56,7 +63,8 @@ def load_subject(path: Path, side: int) -> Subject:
             Part(**p | {"base_color": tuple(p["base_color"])}, alpha=_alpha(alphas.get(str(k))))
             for k, p in enumerate(header["parts"])
         )
-        arrays = {k: v.numpy() for k, v in _under("surface.", tensors).items()}
+        shared = {} if whole is None else _arrays(whole)
+        arrays = shared | {k: v.numpy() for k, v in _under("surface.", tensors).items()}
         surface = Surface(**arrays, parts=parts, repeat=tuple(header["repeat"]))
         buffer = GeometryBuffer(**_like(GeometryBuffer, _under("buffer.", tensors)))
         base = tuple(tensors[f"base.{part}"] for part in range(len(parts)))
@@ -141,8 +149,13 @@ def _alpha(stored: Tensor | None) -> float | Float[np.ndarray, "rows cols"]:
 
 def _tensors(record: Any) -> dict[str, Tensor]:
     """The arrays and tensors of a record, by field name."""
+    return {name: torch.as_tensor(values) for name, values in _arrays(record).items()}
+
+
+def _arrays(record: Any) -> dict[str, Any]:
+    """The arrays and tensors of a record as they are, by field name."""
     values = {field.name: getattr(record, field.name) for field in fields(record)}
-    return {k: torch.as_tensor(v) for k, v in values.items() if isinstance(v, np.ndarray | Tensor)}
+    return {name: value for name, value in values.items() if isinstance(value, np.ndarray | Tensor)}
 
 
 def _under(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:

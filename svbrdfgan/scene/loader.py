@@ -8,6 +8,7 @@ import logging
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -81,9 +82,12 @@ class SceneLoader:
         key = subject_key(scene)
         if key not in self._subjects:
             path = self.folder / _CACHE / "subjects" / f"{key}.safetensors"
+            whole = None
             if scene.window is not None:
+                whole = self.subject(_whole(scene)).surface
                 _make_room(self._subjects)
-            self._subjects[key] = self._stored(path, scene, load_subject, save_subject, self._make_subject)
+            load, save = partial(load_subject, whole=whole), partial(save_subject, whole=whole)
+            self._subjects[key] = self._stored(path, scene, load, save, self._make_subject)
         return self._subjects[key]
 
     def with_mesh_maps(self, scene: Scene) -> Subject:

@@ -12,6 +12,7 @@ from svbrdfgan.config.models import StrictModel, validate
 from svbrdfgan.data.config import CameraDistribution, EnvironmentSource
 from svbrdfgan.networks.layers import Norm, Weights
 from svbrdfgan.networks.saved import GeneratorConfig
+from svbrdfgan.utils.devices import Device
 
 
 class DiscriminatorConfig(StrictModel):
@@ -206,7 +207,7 @@ class TrainConfig(StrictModel):
         description="samples per pixel of the gradient, only with `rendering: online`; `null`: the picture's own "
         "samples",
     )
-    device: Literal["auto", "cpu", "cuda"] = Field(default="auto", description="`auto`: a GPU if there is one")
+    device: Device = Field(default="auto", description="`auto`: a GPU if there is one")
     devices: int = Field(default=1, ge=1, description="processes, one for each GPU; to be left out under torchrun")
     precision: Literal["auto", "32-true", "bf16-mixed"] = Field(
         default="auto", description="`auto` is `bf16-mixed` on a GPU"

@@ -14,8 +14,9 @@ from svbrdfgan.networks.generator import Generator
 from svbrdfgan.networks.inputs import Inputs, window_of
 from svbrdfgan.utils.copy_async import copy_async
 
-SEEDS = 16
-"""Of each exemplar, so thousands of a data set: enough that networks cannot know them by heart."""
+SEEDS = 4
+"""Of each exemplar, so thousands of a data set: enough that networks cannot know them by heart. To paint more takes
+long: with sixteen, most of the first two minutes of a training on an H200."""
 _MOST_BYTES = 2 << 30
 _AROUND = 3
 """Texels around a window that bicubic interpolation may read, and one for windows that begin within a texel."""

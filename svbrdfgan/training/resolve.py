@@ -22,6 +22,7 @@ from svbrdfgan.networks.layers import LOCAL_NORMS
 from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.scene.window import WHOLE
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
+from svbrdfgan.utils.devices import Device, torch_device
 from svbrdfgan.utils.torchrun import Rank
 
 
@@ -120,7 +121,7 @@ def learns_distribution(generator: GeneratorConfig, dataset: DatasetConfig) -> b
     return generator.random_fields > 0 and seeds_vary(dataset)
 
 
-def make_fabric(device: str, *, devices: int = 1, precision: str = "auto", rank: Rank | None = None) -> Fabric:
+def make_fabric(device: Device, *, devices: int = 1, precision: str = "auto", rank: Rank | None = None) -> Fabric:
     """Lightning Fabric for a configuration's `device`, `devices` and `precision`.
 
     Args:
@@ -129,9 +130,7 @@ def make_fabric(device: str, *, devices: int = 1, precision: str = "auto", rank:
     Raises:
         ConfigError: `device` is "cuda", and torch finds no GPU, or fewer than processes of this machine.
     """
-    if device == "cuda" and not torch.cuda.is_available():
-        raise ConfigError("device: torch sees no CUDA GPU here; use auto or cpu, or install torch's build for CUDA.")
-    cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
+    cuda = torch_device(device).type == "cuda"
     if precision == "auto":
         precision = "bf16-mixed" if cuda else "32-true"
     if rank is None:

@@ -26,6 +26,7 @@ from svbrdfgan.networks.tiles import Windows
 from svbrdfgan.scene.window import WHOLE
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.resolve import ResolvedRun
+from svbrdfgan.utils.devices import Device, torch_device
 
 LOG = "log.jsonl"
 ORACLE = "oracle.safetensors"
@@ -135,6 +136,15 @@ class Model:
     generator: Generator
     config: RunConfig
     score: float | None
+
+    def on(self, device: Device) -> Model:
+        """The same model, whose generator paints on that device from now on.
+
+        Raises:
+            ConfigError: the device is `cuda`, and torch finds no GPU.
+        """
+        self.generator.to(torch_device(device))
+        return self
 
     @property
     def geometry_texels(self) -> int:

@@ -37,7 +37,8 @@ def failed(result: Result, said: str) -> None:
 def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
     """A real run of the numpy renderer beside a peer that always says the same."""
     folder = tmp_path_factory.mktemp("bench") / "out"
-    return bench(*TINY, "--backend", "numpy", "--peer", peer(f"print('{LINE}')"), "-o", folder), folder
+    told = ("-o", folder, "--history", folder.with_name("bench.jsonl"))
+    return bench(*TINY, "--backend", "numpy", "--peer", peer(f"print('{LINE}')"), *told), folder
 
 
 @pytest.mark.full
@@ -58,6 +59,18 @@ def test_figures_of_a_real_run(measured: tuple[Result, Path]) -> None:
     assert numpy["seconds"]["stored_forward_backward"] < numpy["seconds"]["forward_backward"]
     assert other["seconds"] == {"forward": 2.0, "forward_backward": 4.0}
     assert set(other) == set(numpy) == {"name", "device", "seconds", "peak_bytes", "torch_bytes"}
+
+
+def test_figures_are_compared_with_those_of_the_last_run(measured: tuple[Result, Path], tmp_path: Path) -> None:
+    first, folder = measured
+    assert "Since the last time" not in first.stdout
+    history = tmp_path / "bench.jsonl"
+    history.write_bytes(folder.with_name("bench.jsonl").read_bytes())
+    result = bench(*TINY, "--backend", "numpy", "--peer", peer(f"print('{LINE}')"), "--history", history)
+    _, _, compared = result.stdout.partition("Since the last time on this machine")
+    (line,) = [line for line in compared.splitlines() if line.startswith("other 1.0") and " backward" in line]
+    assert line.split()[-2:] == ["4,000", "1.00"]
+    assert len(history.read_text().splitlines()) == 4
 
 
 def test_the_table_has_the_ratios_of_the_run(measured: tuple[Result, Path]) -> None:

@@ -108,6 +108,17 @@ def test_shells_complete_commands_and_options(words: list[str], incomplete: str,
     assert loaded.split() == ["LOADED"]
 
 
+@pytest.mark.parametrize("words", ["models", "models rust", "backends", "embeddings", "experiment --list", "--version"])
+def test_what_needs_no_tensor_loads_no_torch(words: str) -> None:
+    """That takes seconds. Plugins are looked at in processes of their own."""
+    code = (
+        "import sys\nfrom svbrdfgan.cli import main\ntry:\n    main(prog_name='svbrdfgan')\nexcept SystemExit as end:\n"
+        "    print('LOADED', end.code, *({'torch', 'scipy', 'trimesh'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *words.split()], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "LOADED 0"
+
+
 def test_version() -> None:
     assert CliRunner().invoke(cli.main, ["--version"]).output == f"svbrdfgan, version {__version__}\n"
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from click.testing import CliRunner, Result
 from PIL import Image
 
@@ -18,6 +19,8 @@ from svbrdfgan.io.image import load_image
 from svbrdfgan.io.mesh import load_mesh
 from svbrdfgan.procedural.kinds import sample_vehicle
 from svbrdfgan.procedural.vehicle import build_vehicle
+
+NO_GPU = pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
 
 
 @pytest.fixture(scope="module")
@@ -81,6 +84,7 @@ def test_a_sheet_of_draws_amounts_and_recipes(
         (("--recipe", "snow"), "does not know the recipe 'snow'. It knows rust, dust."),
         (("--recipe", "rust", "--resolution", 100), "resolution 100 is not allowed; the model was trained at 32"),
         ((), "knows the recipes rust, dust: name the one that is wanted."),
+        pytest.param(("--recipe", "rust", "--device", "cuda"), "torch sees no CUDA GPU here", marks=NO_GPU),
     ],
 )
 def test_what_cannot_be_painted_is_told(

@@ -19,7 +19,7 @@ from svbrdfgan.data.exemplars import Exemplars, load_exemplars
 from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
-from svbrdfgan.evaluation.distribution import Comparison, compare_draws
+from svbrdfgan.evaluation.distribution import Comparison, _sweeps, compare_draws
 from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.record import Evaluation
 from svbrdfgan.inference.apply import choose_draw
@@ -185,3 +185,16 @@ def test_draws_that_cannot_be_compared_have_no_score(
     assert "resemblance has no score: too small" in caplog.text
     assert found.of_distribution
     assert found.refusal == "too small"
+
+
+def test_one_window_of_each_mesh_is_painted_at_all_amounts() -> None:
+    meshes = ["a.glb", "b.glb", "a.glb", "b.glb"]
+    scenes = [SimpleNamespace(mesh=SimpleNamespace(path=path)) for path in meshes]
+    windows: Any = SimpleNamespace(scenes=scenes, views_of=lambda number: [number])
+    run: Any = SimpleNamespace(conditions=AMOUNTS)
+    sweeps = _sweeps(run, windows, [0, 2, 3])
+    assert [bool(each) for each in sweeps.values()] == [True, False, True]
+    ((recipe, amounts),) = sweeps[3]
+    assert recipe == "smooth-rust"
+    assert amounts[0] == pytest.approx(0.4)
+    assert amounts[-1] == 1.0

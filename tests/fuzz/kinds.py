@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,10 @@ from svbrdfgan.asset.orientation import find_orientation
 from svbrdfgan.asset.verdicts import judge, warnings
 from svbrdfgan.asset.weather_document import Textures
 from svbrdfgan.bench.bench_scene import BenchScene
+from svbrdfgan.bench.cases import Case
+from svbrdfgan.bench.history import entries_of, read_history, write_history
+from svbrdfgan.bench.programs import Figures
+from svbrdfgan.bench.run import Result
 from svbrdfgan.bench.standard_scenes import standard_scene
 from svbrdfgan.cli.options import read_config
 from svbrdfgan.config.models import validate
@@ -46,7 +50,7 @@ from svbrdfgan.training.config import train_config
 from svbrdfgan.training.metrics_log import read_metrics
 from svbrdfgan.training.run import CONFIG, LOG, RunConfig
 from svbrdfgan.training.state import _Counters
-from svbrdfgan.types import Layer
+from svbrdfgan.types import Layer, Surface
 from svbrdfgan.weathering.recipes import RECIPES
 from tests.fuzz.judge import SECONDS
 
@@ -139,7 +143,7 @@ def kinds(folder: Path, dataset: Path, samples: dict[str, bytes]) -> dict[str, K
         lambda p: _gathered(p.with_name("mesh.obj")),
         (folder / "mesh.obj", folder / "paint.png"),
     )
-    return found | _configurations(dataset) | _records(dataset, files)
+    return found | _configurations(dataset) | _records(dataset, files, _subject(folder).surface)
 
 
 def _configurations(dataset: Path) -> dict[str, Kind]:
@@ -169,7 +173,7 @@ def _configurations(dataset: Path) -> dict[str, Kind]:
     }
 
 
-def _records(dataset: Path, files: dict[str, bytes]) -> dict[str, Kind]:
+def _records(dataset: Path, files: dict[str, bytes], surface: Surface) -> dict[str, Kind]:
     counters = {"step": 4, "seconds": 2.5, "best": [1.5, 2], "history": [{"step": 2, "seconds": 1.0, "score": 0.5}]}
     lines = "\n".join(json.dumps({"step": step, "loss": 0.5 / step}) for step in range(1, 9))
     model = Path(svbrdfgan.__file__).parent / "models" / "rust"
@@ -188,6 +192,8 @@ def _records(dataset: Path, files: dict[str, bytes]) -> dict[str, Kind]:
         "transforms": Kind("transforms.json", (json.dumps(frames).encode(),), read_transforms),
         "generator": Kind("model.safetensors", (files["generator"],), load_generator),
         "subject": Kind("subject.safetensors", (files["subject"],), lambda p: load_subject(p, SIDE)),
+        "window": Kind("window.safetensors", (files["window"],), lambda p: load_subject(p, SIDE, surface)),
+        "history": Kind("bench.jsonl", (files["history"],), read_history),
         "maps": Kind("maps.safetensors", (files["maps"],), lambda p: load_mesh_maps(p, SIDE)),
         "layer": Kind("layer.safetensors", (files["layer"],), lambda p: load_layer(p, SIDE)),
         "bench": Kind("scene.npz", (files["bench"],), BenchScene.load),
@@ -214,6 +220,11 @@ def _files(folder: Path, dataset: Path) -> dict[str, bytes]:
     save_mesh_glb(folder / "mesh.glb", load_mesh(folder / "mesh.obj"))
     subject = _subject(folder)
     save_subject(folder / "subject", subject)
+    window = replace(subject, surface=replace(subject.surface, uv=2.0 * subject.surface.uv))
+    save_subject(folder / "window", window, subject.surface)
+    made = Figures("warp", "cpu", {"forward": 0.5}, {}, {})
+    result = Result(Case("standard", 2000, 16, 2), 2025, 3872, 0.0, (made, made), ())
+    write_history(folder / "history", entries_of([result], {"processor": "Abacus", "cores": 2}, 16))
     save_mesh_maps(folder / "maps", subject.with_mesh_maps().mesh_maps)
     save_layer(folder / "layer", Layer(torch.rand(SIDE, SIDE, 4, generator=random)))
     generator = make_generator(validate(GeneratorConfig, {"width": 4, "blocks": 1}, "seed"))

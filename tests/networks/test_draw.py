@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
 import torch
 
 from svbrdfgan.networks.draw import Draw, opacity_of
 from svbrdfgan.networks.generator import Generator
+from svbrdfgan.networks.tiles import Windows
 
 
 def test_a_draw_is_the_generator_at_its_seed_and_labels() -> None:
@@ -34,3 +36,15 @@ def test_a_finer_draw_is_the_generator_s_finer_layer() -> None:
     wanted = generator(geometry, torch.tensor([7]), torch.tensor([[0.5]]), 2)
     assert wanted.shape == (1, 32, 32, 4)
     assert torch.equal(Draw(generator, 7, [0.5])(geometry, 2), wanted)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
+def test_a_gpu_paints_what_the_cpu_does() -> None:
+    generator = Generator(width=24, blocks=4, norm="pixel", random_fields=9, labels=1, maps=("roughness",)).eval()
+    draw, geometry = Draw(generator, 7, [0.5], windows=Windows(64, 2)), torch.rand(1, 6, 128, 128)
+    with torch.no_grad():
+        wanted = draw(geometry, 4)
+        generator.cuda()
+        found = draw(geometry, 4)
+    assert found.device == geometry.device
+    torch.testing.assert_close(found, wanted, rtol=0.0, atol=0.5 / 255)

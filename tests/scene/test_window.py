@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from safetensors import safe_open
 
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
@@ -18,8 +19,9 @@ from svbrdfgan.errors import AssetError, ConfigError
 from svbrdfgan.geometry.camera_hits import camera_hits
 from svbrdfgan.io.environment import save_environment
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
+from svbrdfgan.scene.cache import load_subject
 from svbrdfgan.scene.description import Scene
-from svbrdfgan.scene.loader import SceneLoader
+from svbrdfgan.scene.loader import SceneLoader, subject_key
 from svbrdfgan.scene.window import Window, bordered, find_window, windowed
 from svbrdfgan.types import Camera, Layer, Part, Surface
 
@@ -216,3 +218,21 @@ def flat(positions: Any) -> Surface:
         source_face=np.arange(2),
         source_barycentric=np.tile(np.eye(3), (2, 1, 1)),
     )
+
+
+def test_a_window_is_kept_without_what_all_windows_share(scene: Scene, whole: Scene, tmp_path: Path) -> None:
+    made = SceneLoader(tmp_path).subject(scene)
+    loader = SceneLoader(tmp_path)
+    loaded, surface = loader.subject(scene), loader.subject(whole).surface
+    for field in fields(Surface):
+        mine, its = getattr(made.surface, field.name), getattr(loaded.surface, field.name)
+        if isinstance(mine, np.ndarray):
+            np.testing.assert_array_equal(mine, its, err_msg=field.name)
+    assert torch.equal(made.buffer.position, loaded.buffer.position)
+    assert loaded.surface.positions is surface.positions
+    assert not np.array_equal(loaded.surface.uv, surface.uv)
+    path = tmp_path / "cache" / "subjects" / f"{subject_key(scene)}.safetensors"
+    with safe_open(path, framework="pt") as file:
+        assert [name for name in file.keys() if name.startswith("surface.")] == ["surface.uv"]  # noqa: SIM118
+    with pytest.raises(AssetError, match=r"cannot be read .*delete it"):
+        load_subject(path, SIZE)
