@@ -99,12 +99,13 @@ def command(
         if out:
             display.stage(f"writing {out}")
             report.write_tables_and_plots(out)
-        compared = None
+        tables = report.tables()
         if history:
             made = entries_of(report.results.values(), report.machine, texels)
-            compared = comparison(made, known)
             write_history(history, [*known, *made])
-    for table in [*report.tables(), *([compared] if compared else [])]:
+            if compared := comparison(made, known):
+                tables.append(compared)
+    for table in tables:
         click.secho(printable(table.title), bold=True)
         print_table(table.rich())
     if out:

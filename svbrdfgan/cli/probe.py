@@ -9,6 +9,7 @@ import click
 
 from svbrdfgan.cli.display import echo, print_table, progress
 from svbrdfgan.cli.options import memory_option, read_config
+from svbrdfgan.utils.devices import DEVICES
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     type=click.FloatRange(min=0, min_open=True),
     help="Limit on the learning of all probes together; rendering comes before and is not counted.",
 )
-@click.option("--device", type=click.Choice(["auto", "cpu", "cuda"]), help="Instead of CONFIG's.")
+@click.option("--device", type=click.Choice(DEVICES), help="Instead of CONFIG's.")
 @memory_option
 def command(
     config: Path, overrides: tuple[str, ...], out: Path | None, minutes: float | None, device: str | None

@@ -39,9 +39,10 @@ class Draw:
         factor: int = 1,
         wanted: Bool[Tensor, "rows cols"] | None = None,
     ) -> Float[Tensor, "batch fine_rows fine_cols channels"]:
-        """The layer of this seed and these labels on each geometry, `factor` times as fine as it, on its device.
+        """The layer of this seed and these labels on each geometry, `factor` times as fine as it.
 
-        The generator's device paints it, with products of float32, so that a GPU paints what a CPU does.
+        The generator's device computes it in float32, without the shorter products of GPUs (TF32), so that all devices
+        paint the same but for rounding. The layer is returned on the geometry's device.
 
         Args:
             wanted: texels where the layer is needed, which may save time.

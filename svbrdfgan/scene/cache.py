@@ -34,7 +34,8 @@ def save_subject(path: Path, subject: Subject, whole: Surface | None = None) -> 
     """
     surface, buffer, surface_parts = _tensors(subject.surface), _tensors(subject.buffer), subject.surface.parts
     if whole is not None:
-        surface = {name: own for name, own in surface.items() if not torch.equal(own, _tensors(whole)[name])}
+        shared = _tensors(whole)
+        surface = {name: own for name, own in surface.items() if not torch.equal(own, shared[name])}
     tensors = {f"surface.{k}": v for k, v in surface.items()} | {f"buffer.{k}": v for k, v in buffer.items()}
     tensors |= {f"base.{part}": base for part, base in enumerate(subject.base)}
     for part, maps in enumerate(subject.file_maps):

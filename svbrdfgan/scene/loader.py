@@ -160,9 +160,8 @@ class SceneLoader:
         labels = known.labels(weathering.amount, weathering.recipe)
         opacity = 1.0 if known.amount is None else opacity_of(weathering.amount)
         subject = self.with_mesh_maps(scene) if generator.mesh_maps else self.subject(scene)
-        geometry = subject.generator_input.to(next(generator.parameters()).device)
         with torch.no_grad():
-            painted = Draw(generator, weathering.seed, labels, opacity)(geometry.unsqueeze(0))[0].cpu()
+            painted = Draw(generator, weathering.seed, labels, opacity)(subject.generator_input.unsqueeze(0))[0]
         return Layer(painted, generator.maps)
 
     def site(self, scene: Scene) -> Site:

@@ -60,11 +60,12 @@ def recipe_choice(name: str, path: str) -> Choice:
 
 
 def model_choices(model: Model, name: str, label: str, group: str, path: str) -> Iterator[Choice]:
-    """A trained model; one choice for each recipe that it is told apart.
+    """A trained model, which paints on a GPU if there is one; one choice for each recipe that it is told apart.
 
     Args:
         name: of a shipped model, or the folder of a run.
     """
+    model.on("auto")
     recipes = model.config.conditions.recipes
     for recipe in recipes or (None,):
         title = f"{label}: {_title(recipe)}" if recipe and len(recipes) > 1 else label
@@ -87,13 +88,13 @@ def offered(path: str) -> list[Choice]:
     """All shipped models and recipes, for a file."""
     choices: list[Choice] = []
     for name in shipped_models():
-        choices += model_choices(load_model(name).on("auto"), name, _title(name), "Learned (shipped models)", path)
+        choices += model_choices(load_model(name), name, _title(name), "Learned (shipped models)", path)
     return choices + [recipe_choice(name, path) for name in OFFERED]
 
 
 def of_run(run: Path, dataset: Dataset, path: str) -> list[Choice]:
     """What a run learned, and what its exemplars show if that is known."""
-    learned = list(model_choices(load_model(run).on("auto"), str(run), "Learned", "This run", path))
+    learned = list(model_choices(load_model(run), str(run), "Learned", "This run", path))
     return learned + list(_truth(dataset, path))
 
 
@@ -104,7 +105,7 @@ def _truth(dataset: Dataset, path: str) -> Iterator[Choice]:
         return
     if painter is not None:
         folder = (dataset.folder / painter.asset.path).parent
-        yield from model_choices(load_model(folder).on("auto"), str(folder), "Truth", "This run", path)
+        yield from model_choices(load_model(folder), str(folder), "Truth", "This run", path)
         return
     names = values_of(declared.recipe)
     for name in names:

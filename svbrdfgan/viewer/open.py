@@ -72,7 +72,7 @@ def exhibit_of(
 def _asked(model: str | None, recipe: str | None, path: str) -> list[Choice]:
     """The choices that a user named; none if that is nothing."""
     if model is not None:
-        trained = load_model(model).on("auto")
+        trained = load_model(model)
         found = list(model_choices(trained, model, Path(model).name, "Learned", path))
         known = trained.config.conditions.recipes
         if recipe is not None and recipe not in known:

@@ -84,6 +84,8 @@ class Bench:
                 with self.place(command) as place:
                     ended = run(command.words, place)
                     assert ended.code == 0, ended
+                    for pattern in command.results:
+                        assert any(place.glob(pattern)), f"{command.words} leaves no {pattern}"
                     self.usual[command.words] = Usual(ended.seconds, results(command, place))
         return self.usual[command.words]
 

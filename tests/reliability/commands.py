@@ -62,9 +62,10 @@ OFTEN = {
     "experiment": Command(
         "experiment small.yaml -o out",
         needs=("small.yaml",),
+        # not its tables, which tell seconds
         results=("out/runs/*/model.safetensors", "out/runs/*/strip.png", "out/small/pictures.png"),
         claims="out",
-    ),  # its tables tell seconds
+    ),
     "texture": Command(
         "texture van.glb --model run --resolution 64 -o out/van.glb",
         "texture van.glb --model run --resolution 64 -o out/van.glb --force",
