@@ -1,4 +1,4 @@
-"""One of our renderers as a program to be timed: `python -m svbrdfgan.bench.backend NAME SCENE --spp N`.
+"""One of our renderers as a program to be timed: `python -m svbrdfgan.bench.backend PARENT NAME SCENE --spp N`.
 
 Like a peer's, its last line of output is JSON with the seconds of each step.
 """
@@ -15,6 +15,7 @@ from svbrdfgan.bench.bench_scene import BenchScene
 from svbrdfgan.bench.time_renderer import measure
 from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.plugins.registry import load_renderer
+from svbrdfgan.utils.processes import end_with_parent
 
 
 def figures(name: str, scene: BenchScene, spp: int, batch: int, repeats: int) -> dict[str, object]:
@@ -31,11 +32,13 @@ def figures(name: str, scene: BenchScene, spp: int, batch: int, repeats: int) ->
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("parent", type=int, help="the process that starts it, without which it ends")
     parser.add_argument("name")
     parser.add_argument("scene")
     for option, default in (("--spp", 16), ("--batch", 1), ("--repeats", 5)):
         parser.add_argument(option, type=int, default=default)
     given = parser.parse_args()
+    end_with_parent(given.parent)
     try:
         scene = BenchScene.load(given.scene)
         print(json.dumps(figures(given.name, scene, given.spp, given.batch, given.repeats)))

@@ -54,7 +54,8 @@ class Program:
     @classmethod
     def backend(cls, name: str) -> Program:
         """One of the installed renderers, with its default options."""
-        return cls(f"renderer {name!r}", (sys.executable, *_BACKEND, name, *_ARGUMENTS), {"PYTHONPATH": import_path()})
+        words = (sys.executable, *_BACKEND, str(os.getpid()), name, *_ARGUMENTS)
+        return cls(f"renderer {name!r}", words, {"PYTHONPATH": import_path()})
 
     @classmethod
     def peer(cls, command: str) -> Program:

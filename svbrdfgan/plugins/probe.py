@@ -1,7 +1,7 @@
 """Tries whether plugins work here, each in its own process, since a bad driver can abort or hang a process.
 
-`python -m svbrdfgan.plugins.probe GROUP NAME DEVICE RESULT` is that process. It writes JSON to the file RESULT, because
-plugins may print to stdout.
+`python -m svbrdfgan.plugins.probe PARENT GROUP NAME DEVICE RESULT` is that process. It writes JSON to the file RESULT,
+because plugins may print to stdout.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from svbrdfgan.config.models import default_options
 from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.plugins.registry import RENDERERS, MissingDependencyError, Plugin, find_plugin, import_factory, make
 from svbrdfgan.utils.leftovers import scratch_folder
-from svbrdfgan.utils.processes import import_path
+from svbrdfgan.utils.processes import end_with_parent, import_path
 
 TIMEOUT_SECONDS = 120.0
 
@@ -94,10 +94,10 @@ class _Trial:
 
 @contextmanager
 def _trial(plugin: Plugin, device: str | None, result: Path) -> Iterator[_Trial]:
-    command = [sys.executable, "-P", "-m", __name__, plugin.group, plugin.name, device or "", str(result)]
+    told = [str(os.getpid()), plugin.group, plugin.name, device or "", str(result)]
     with tempfile.TemporaryFile() as errors:
         process = subprocess.Popen(
-            command,
+            [sys.executable, "-P", "-m", __name__, *told],
             env={**os.environ, "PYTHONPATH": import_path()},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
@@ -144,7 +144,8 @@ def _plain(record: Any) -> dict[str, Any]:
     return {name: sorted(value) if isinstance(value, (set, frozenset)) else value for name, value in fields}
 
 
-def _main(group: str, name: str, device: str, result: str) -> None:
+def _main(parent: str, group: str, name: str, device: str, result: str) -> None:
+    end_with_parent(int(parent))
     try:
         outcome = _examine(find_plugin(group, name), device)
     except MissingDependencyError as error:

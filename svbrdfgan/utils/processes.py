@@ -6,18 +6,21 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from multiprocessing import active_children, current_process, parent_process
+from multiprocessing import active_children, current_process, get_context, parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.sharedctypes import Synchronized
 from typing import Any
 
 from svbrdfgan.errors import AssetError, ConfigError
 
 _GRACE_SECONDS = 1.0
 """How long a worker that is stopped may tidy up."""
+_PARENT_CHECK_SECONDS = 0.5
 _KILL = 9
 """The signal of that number, which Windows has no name for."""
 _USUAL = 8
@@ -47,8 +50,7 @@ def worker_pool(
     """
     if getattr(current_process(), "_inheriting", False):  # it still imports the main module
         os._exit(_UNGUARDED)
-    if _UNTOLD not in sys.warnoptions:  # which Python hands on to the processes that it starts
-        sys.warnoptions.append(_UNTOLD)
+    _hush()
     context = _Context()
     pool = ProcessPoolExecutor(workers, context, _start, (start, given))
     try:
@@ -60,6 +62,22 @@ def worker_pool(
         raise _reason(context.made, work, option) from error
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def shared_count() -> Synchronized[int]:
+    """A whole number that the workers of a pool may share, 0 at first."""
+    _hush()
+    count: Synchronized[int] = get_context("spawn").Value("q", 0)
+    return count
+
+
+def _hush() -> None:
+    """Keeps Python's resource tracker, a process of its own, from printing what it tidied up after a kill.
+
+    Once that process has begun, this comes too late.
+    """
+    if _UNTOLD not in sys.warnoptions:  # which Python hands on to the processes that it starts
+        sys.warnoptions.append(_UNTOLD)
 
 
 def _reason(processes: list[SpawnProcess], work: str, option: str) -> AssetError | ConfigError:
@@ -142,6 +160,26 @@ def _end(processes: list[Any]) -> None:
     for process in processes:
         process.join(2 * _GRACE_SECONDS)
         process.kill()
+
+
+def end_with_parent(parent: int) -> None:
+    """Starts a thread that kills this process when its parent dies, and its children if it leads a process group.
+
+    Does nothing outside POSIX.
+
+    Args:
+        parent: id of the process that started this one; it may be dead already.
+    """
+    if os.name == "posix":
+        threading.Thread(target=_watch, args=[parent], daemon=True).start()
+
+
+def _watch(parent: int) -> None:
+    while os.getppid() == parent:  # a process whose parent dies gets another parent
+        time.sleep(_PARENT_CHECK_SECONDS)
+    if os.getpgrp() == os.getpid():
+        os.killpg(0, _KILL)
+    os.kill(os.getpid(), _KILL)
 
 
 def cores() -> int:

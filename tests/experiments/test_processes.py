@@ -117,7 +117,7 @@ def test_tasks_are_spread_over_the_gpus(stand_in: Stand_In, tmp_path: Path, monk
 def test_a_task_ends_when_its_parent_is_killed() -> None:
     """And so do its own children."""
     job = (
-        "import os, subprocess, time; from svbrdfgan.experiments.job import end_with_parent;"
+        "import os, subprocess, time; from svbrdfgan.utils.processes import end_with_parent;"
         "end_with_parent(os.getppid());"
         "subprocess.Popen(['sleep', '600']);"
         "print('ready', flush=True); time.sleep(600)"
@@ -133,7 +133,7 @@ def test_a_task_ends_when_its_parent_is_killed() -> None:
 
 
 def test_a_task_ends_whose_parent_is_already_dead() -> None:
-    job = "from svbrdfgan.experiments.job import end_with_parent; import time;end_with_parent(0); time.sleep(600)"
+    job = "from svbrdfgan.utils.processes import end_with_parent; import time;end_with_parent(0); time.sleep(600)"
     ended = subprocess.run([sys.executable, "-c", job], process_group=0, timeout=120)
     assert ended.returncode == -signal.SIGKILL
 

@@ -125,7 +125,8 @@ class Bench:
             ended, troubles = watch(
                 command.words, place, prepare=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
             )
-            troubles += refused(ended, ("File too large", "cannot be written", "No usable temporary directory"))
+            if not (ended.code == 0 and all(path.stat().st_size <= most for path in _files(command, place))):
+                troubles += refused(ended, ("File too large", "cannot be written", "No usable temporary directory"))
             return [f"{most} bytes: {each}" for each in troubles + self.goes_on(command, place)]
 
     def in_read_only_folder(self, command: Command) -> list[str]:
@@ -239,8 +240,12 @@ def refused(ended: Ended, reasons: tuple[str, ...]) -> list[str]:
 
 def results(command: Command, place: Path) -> dict[str, str]:
     """The sum of each file that is a result."""
-    files = {path for pattern in command.results for path in place.glob(pattern) if path.is_file()}
-    return {str(path.relative_to(place)): sha256(_ordered(path)).hexdigest() for path in sorted(files)}
+    return {str(path.relative_to(place)): sha256(_ordered(path)).hexdigest() for path in _files(command, place)}
+
+
+def _files(command: Command, place: Path) -> list[Path]:
+    """The files that are results."""
+    return sorted({path for pattern in command.results for path in place.glob(pattern) if path.is_file()})
 
 
 def _ordered(path: Path) -> bytes:

@@ -92,7 +92,7 @@ SELDOM = {
     "dataset import": Command(
         "dataset import manifest.yaml -o out", needs=("manifest.yaml", "van.glb", "van.png", "mask.png"), claims="out"
     ),
-    "probe": Command("probe train.yaml", needs=("data", "train.yaml"), writes="data"),
+    "probe": Command("probe train.yaml", needs=("data", "train.yaml"), writes=""),
     "learn": Command(
         "learn manifest.yaml train.yaml -o out",
         needs=("manifest.yaml", "van.glb", "van.png", "mask.png", "train.yaml"),
@@ -156,6 +156,7 @@ _MANIFEST: dict[str, Any] = {
             "camera": {"azimuth_degrees": 90, "elevation_degrees": 10, "distance": 1.8, "target": [0, 0.2, 0]},
         }
     ],
+    "light": "mean",
     **{key: _SHARED[key] for key in ("image", "texture", "renderer", "embedding", "environments", "environment_rows")},
 }
 

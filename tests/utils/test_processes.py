@@ -114,3 +114,25 @@ def test_a_worker_that_ends_while_it_is_told_to_is_no_error(monkeypatch: pytest.
     monkeypatch.setattr(type(process), "is_alive", lambda self: True)  # as it was a moment ago
     processes._end([process])
     assert process.exitcode == 0
+
+
+@pytest.mark.skipif(os.name != "posix", reason="nothing is tracked")
+def test_a_shared_count_outlives_a_kill_without_a_word() -> None:
+    """Python's resource tracker ends later than the program, and keeps its stderr open until then."""
+    code = "import os; from svbrdfgan.utils.processes import shared_count; c = shared_count(); os.kill(os.getpid(), 9)"
+    done = subprocess.run([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (-9, "")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="on Windows it lives on")
+def test_a_process_without_a_group_of_its_own_ends_with_its_parent() -> None:
+    child = (
+        "import sys, time; from svbrdfgan.utils.processes import end_with_parent;"
+        "end_with_parent(int(sys.argv[1])); print('started', flush=True); time.sleep(600)"
+    )
+    parent = f"import os, subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}, str(os.getpid())])"
+    with subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "started\n"
+        process.kill()
+        assert process.stdout.read() == "", "the pipe closes when the child ends"

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, wait
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from multiprocessing import get_context
+from dataclasses import dataclass
 from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,7 +16,7 @@ from svbrdfgan.data.photos.manifest import Manifest
 from svbrdfgan.data.trained_model import TrainedModel
 from svbrdfgan.errors import SvbrdfganError
 from svbrdfgan.utils.display import Display
-from svbrdfgan.utils.processes import usual_workers, worker_pool
+from svbrdfgan.utils.processes import shared_count, usual_workers, worker_pool
 
 Wanted = TypeVar("Wanted")
 Made = TypeVar("Made")
@@ -30,11 +29,6 @@ _own: list[tuple[Converter, Synchronized[int]]] = []
 """The converter of this process and the count of pictures that all have done, if it is a worker."""
 
 
-def _count() -> Synchronized[int]:
-    count: Synchronized[int] = get_context("spawn").Value("q", 0)
-    return count
-
-
 @dataclass(frozen=True, eq=False)
 class Crew:
     """Converters.
@@ -43,19 +37,19 @@ class Crew:
         first: of this process.
         pool: of the others; None if there are none.
         workers: processes in the pool.
-        done: how many pictures the pool has worked on.
+        done: how many pictures the pool has worked on; None without one.
     """
 
     first: Converter
     pool: ProcessPoolExecutor | None = None
     workers: int = 1
-    done: Synchronized[int] = field(default_factory=_count)
+    done: Synchronized[int] | None = None
 
     def map(
         self, work: Callable[[Converter, Wanted], Made], wanted: Sequence[Wanted], display: Display
     ) -> Iterator[Made | SvbrdfganError]:
         """Yields what the work makes of each, in order, and tells the display; an error about one spoils no others."""
-        if self.pool is None:
+        if self.pool is None or self.done is None:
             for one in wanted:
                 yield _attempt(work, self.first, one)
                 display.advance()
@@ -94,7 +88,7 @@ def crew(
     if workers < 2:
         yield Crew(first)
         return
-    done = _count()
+    done = shared_count()
     with worker_pool(workers, "imports pictures", "--workers", _start, (done, *given)) as pool:
         yield Crew(first, pool, workers, done)
 

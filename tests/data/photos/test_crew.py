@@ -10,6 +10,7 @@ import pytest
 
 from svbrdfgan.data.photos import crew
 from svbrdfgan.utils.display import SilentDisplay
+from svbrdfgan.utils.processes import shared_count
 
 
 class Counting(SilentDisplay):
@@ -27,7 +28,7 @@ class Counting(SilentDisplay):
 @pytest.mark.parametrize("pooled", [True, False])
 def test_pictures_count_one_by_one(pooled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """With one worker, eight pictures are four parts of two: the second waits until the first was told."""
-    display, done, first = Counting(), crew._count(), Any
+    display, done, first = Counting(), shared_count(), Any
     monkeypatch.setattr(crew, "_own", [(first, done)])
     monkeypatch.setattr(crew, "_LOOK_SECONDS", 0.01)
 
