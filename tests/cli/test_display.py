@@ -96,14 +96,13 @@ class TestTables:
         assert f"convex, numpy and {LONG}: {LONG} cannot {LONG}" in text.splitlines()
 
     def test_experiments(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        from svbrdfgan.experiments.run_matrix import RunMatrix
+        from svbrdfgan.experiments.plan import Plan
 
-        loaded = RunMatrix.load("training", "cpu")
-        matrix = RunMatrix(
-            LONG, loaded.experiment.model_copy(update={"title": f"A title of {LONG}"}), "cpu", loaded.profile
-        )
+        loaded = Plan.load("training", "cpu")
+        titled = loaded.experiment.model_copy(update={"title": f"A title of {LONG}"})
+        plan = Plan(LONG, titled, "cpu", loaded.profile)
         monkeypatch.setattr("svbrdfgan.experiments.definition.experiment_names", lambda: [LONG])
-        monkeypatch.setattr(RunMatrix, "load", classmethod(lambda cls, name, profile: matrix))
+        monkeypatch.setattr(Plan, "load", classmethod(lambda cls, name, profile: plan))
         (line,) = [line for line in self.printed("experiment", "--list").splitlines() if line.startswith(LONG)]
         assert line.endswith(f"A title of {LONG}")
 
