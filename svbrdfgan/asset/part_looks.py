@@ -119,7 +119,8 @@ class PartLooks:
 def nearest(
     texture: Float[ndarray, "rows cols channels"], uv: Float[ndarray, "points 2"]
 ) -> Float[ndarray, "points channels"]:
-    """The texel at each point of a texture that repeats; row 0 is at v = 0."""
+    """The texel at each point of a texture that repeats; row 0 is at v = 0. What is not finite becomes 0."""
     rows, cols = texture.shape[:2]
-    col, row = (np.floor(np.mod(uv[:, k], 1.0) * size).astype(np.int64) for k, size in ((0, cols), (1, rows)))
+    within = np.mod(np.where(np.isfinite(uv), uv, 0.0), 1.0)
+    col, row = (np.floor(within[:, k] * size).astype(np.int64) for k, size in ((0, cols), (1, rows)))
     return np.asarray(texture[np.minimum(row, rows - 1), np.minimum(col, cols - 1)], np.float64)

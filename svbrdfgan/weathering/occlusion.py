@@ -77,9 +77,10 @@ def mean_curvature(
     hidden = np.array([part.hidden for part in surface.parts])[surface.face_part]
     cloud, facing = scatter(surface, radius / 3.0, None if hidden.all() else ~hidden)
     tree = cKDTree(cloud)
+    nearest = np.arange(min(48, len(cloud))) + 1  # a list, since a number of 1 would drop its axis
 
     def slope(points: Float[ndarray, "block 3"], normals: Float[ndarray, "block 3"]) -> Float[ndarray, " block"]:
-        distance, index = tree.query(points, k=min(48, len(cloud)), distance_upper_bound=radius)
+        distance, index = tree.query(points, k=nearest, distance_upper_bound=radius)
         found = np.isfinite(distance)
         index = np.where(found, index, 0)
         ray, turn = cloud[index] - points[:, None], facing[index] - normals[:, None]

@@ -173,5 +173,6 @@ def write_inputs(folder: Path) -> None:
     save_mesh_glb(folder / "van.glb", build_vehicle(sample_vehicle("van", 5)))
     Image.new("RGB", (48, 48), (120, 120, 120)).save(folder / "van.png")
     mask = Image.new("L", (48, 48), 0)
-    mask.paste(255, (2, 4, 46, 44))
+    for box in ((11, 16, 45, 22), (2, 22, 46, 34)):  # what the camera sees of the van, so that nobody is warned
+        mask.paste(255, box)
     mask.save(folder / "mask.png")

@@ -95,7 +95,7 @@ def render(name: str, count: int, note: Callable[[int], None]) -> None:
 
 
 def learn(steps: int, folder: Path, tell: Callable[[int], None]) -> None:
-    """Trains for so many steps on a small data set."""
+    """Trains for so many steps on a small data set, on a GPU if there is one."""
 
     class _Noting(SilentDisplay):
         steps = 0
@@ -106,7 +106,8 @@ def learn(steps: int, folder: Path, tell: Callable[[int], None]) -> None:
 
     generate(dataset_config(DATASET, "endurance"), folder / "data", base=folder)
     often = {"score_every": max(1, steps // 100), "save_every": max(1, steps // 100)}
-    config = train_config({**TRAIN, **often, "steps": steps, "dataset": str(folder / "data")}, "endurance")
+    own = {"dataset": str(folder / "data"), "device": "auto", "renderer": "warp", "steps": steps}
+    config = train_config({**TRAIN, **often, **own}, "endurance")
     train(config, folder / "run", display=_Noting())
 
 

@@ -1,6 +1,6 @@
 """Each command, however it is disturbed, ends with one sentence, leaves nothing, and goes on when it is called again.
 
-SVBRDFGAN_MOMENTS says at how many random moments each signal comes; `python -m tests.reliability` prints a table. The
+SVBRDFGAN_MOMENTS says at how many random moments each signal comes; `python -m tests.reliability` prints a table. Most
 commands that are used seldom, and all limits of a full disk but one, are tried with `-m slow`.
 """
 
@@ -22,13 +22,13 @@ from tests.reliability.bench import Bench
 from tests.reliability.commands import COMMANDS, OFTEN
 
 MOMENTS = int(os.environ.get("SVBRDFGAN_MOMENTS", "1"))
+ALWAYS = (OFTEN.keys() - {"experiment"}) | {"backends", "bake", "parts"}
+"""Not slow: what is used often, but `experiment`, which takes a minute each time; and of all others those that start
+processes, write or read in some seconds."""
 
 
 def tried(names: Iterable[str]) -> list[Any]:
-    """The commands; slow are those that are used seldom, and `experiment`, which takes a minute each time."""
-    return [
-        name if name in OFTEN and name != "experiment" else pytest.param(name, marks=pytest.mark.slow) for name in names
-    ]
+    return [name if name in ALWAYS else pytest.param(name, marks=pytest.mark.slow) for name in names]
 
 
 ALL_COMMANDS = tried(COMMANDS)

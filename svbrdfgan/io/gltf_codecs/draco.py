@@ -16,6 +16,8 @@ TYPES = {1: np.int8, 2: np.uint8, 3: np.int16, 4: np.uint16, 5: np.int32, 6: np.
 """By Draco's number, the type of an attribute's components. DracoPy gives small and signed integers in other types,
 which hold each of their values exactly, except those of 32 bits with a sign beyond 2^24; glTF does not have these."""
 
+_KIND, _POINTS = 7, b"\0"  # after the magic number and the version, one byte says what is compressed
+
 
 def decode(data: bytes, attributes: Mapping[str, int]) -> tuple[UInt32[ndarray, " corners"], dict[str, ndarray]]:
     """The triangles' corners and, by glTF name, the attributes of the vertices, each (vertices, components).
@@ -30,9 +32,9 @@ def decode(data: bytes, attributes: Mapping[str, int]) -> tuple[UInt32[ndarray, 
         ValueError: the data are broken or have no such attribute.
         AssetError: DracoPy is not installed.
     """
-    mesh = _decoded(_library(), data)
-    if not hasattr(mesh, "faces"):
+    if data[_KIND : _KIND + 1] == _POINTS:  # said before it is decoded, which would take what the header claims
         raise ValueError("it holds points, not triangles")
+    mesh = _decoded(_library(), data)
     known = {attribute["unique_id"]: attribute for attribute in mesh.attributes}
     missing = [f"{name} ({number})" for name, number in attributes.items() if number not in known]
     if missing:
