@@ -26,7 +26,7 @@ _REACH = 1.5  # texels: a tap shows a point's surface if it lies within what so 
 _NEIGHBOURS = 8
 _NEAR, _FAR = 0.1, 3.0  # of the model's size over the number of texels along a side: bounds of that distance
 
-Nearest = tuple[Float[ndarray, "points near"], Int[ndarray, "points near"], Float[ndarray, "points near 2"]]
+Nearest = tuple[Float[ndarray, "points near"], Int[ndarray, "points near"]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ class EmbeddedPeels:
             normal: of the side that is seen.
 
         Returns:
-            The weights, which sum to 1, and each tap's peel and UV.
+            The weights, which sum to 1, and the taps' places among those of all peels.
         """
         if self.remembered is None:
             return self._nearest(position, normal)
@@ -132,9 +132,7 @@ class EmbeddedPeels:
         alike = np.maximum(np.einsum("pk,pnk->pn", normal, self.tap_normals[near]), 0.0)
         weight = (1.0 - distance / furthest) ** 2 * (alike**2 + 1e-3)
         weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-30)
-        rows, cols = self.shape
-        peel, tap = np.divmod(self.tree_tap[near], rows * cols)
-        return weight, peel, np.stack([tap % cols + 0.5, tap // cols + 0.5], axis=-1) / (cols, rows)
+        return weight, self.tree_tap[near]
 
     @property
     def shape(self) -> tuple[int, int]:

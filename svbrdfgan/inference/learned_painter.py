@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -135,9 +136,19 @@ class LearnedPainter:
             return np.zeros((0, self.layers[0].values.shape[1]), np.float32)
         faces = self.embedded.surface.faces[at.face[lost]]
         normal = unit(np.einsum("pj,pjk->pk", at.barycentric[lost], self.embedded.surface.normals[faces]))
-        weight, peel, centre = self.embedded.nearest(position, normal * self.embedded.side[at.face[lost], None])
-        found = self._sampled(peel.ravel(), centre.reshape(-1, 2)).reshape(*peel.shape, -1)
-        return np.einsum("pn,pnc->pc", weight, found)
+        weight, tap = self.embedded.nearest(position, normal * self.embedded.side[at.face[lost], None])
+        return np.einsum("pn,pnc->pc", weight.astype(np.float32), self._centres[tap])
+
+    @cached_property
+    def _centres(self) -> Float[ndarray, "taps channels"]:
+        """The layers at the centres of the texels of all peels: of an even number of finer texels, their middle four."""
+        rows, cols = self.embedded.shape
+        found = []
+        for layer in self.layers:
+            fine = layer.values.reshape(rows, layer.factor, cols, layer.factor, -1)
+            middle = slice((layer.factor - 1) // 2, layer.factor // 2 + 1)
+            found.append(fine[:, middle][:, :, :, middle].float().mean(dim=(1, 3)).flatten(0, 1))
+        return torch.cat(found).numpy()
 
     def _normals(self, leaning: Float[ndarray, "points 3"], at: SurfacePoints) -> Float[ndarray, "points 3"]:
         """Unit normals that lean so, on the side of the winding's front."""

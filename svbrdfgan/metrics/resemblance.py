@@ -68,7 +68,19 @@ class Resemblance(StrictModel):
     @property
     def resemblance(self) -> float:
         """The geometric mean of the parts, each clipped to [0, 1]."""
-        return math.prod(min(max(value, 0.0), 1.0) for value in self.parts.values()) ** (1 / len(PARTS))
+        return self._mean(0.0)
+
+    @property
+    def rank(self) -> float:
+        """The same of parts clipped to [0.05, 1], by which generators are chosen.
+
+        A generator of which one part is no better than a constant layer has a resemblance of 0, however good the others
+        are, and may still be better than one of which all are poor.
+        """
+        return self._mean(0.05)
+
+    def _mean(self, least: float) -> float:
+        return math.prod(min(max(value, least), 1.0) for value in self.parts.values()) ** (1 / len(PARTS))
 
     @property
     def least(self) -> str:

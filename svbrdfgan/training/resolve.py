@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
-from lightning_fabric import Fabric
-from lightning_fabric.plugins.environments import TorchElasticEnvironment
 
 from svbrdfgan.config.distributions import Fixed
 from svbrdfgan.config.models import differences
@@ -24,6 +23,9 @@ from svbrdfgan.scene.window import WHOLE
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, resolved
 from svbrdfgan.utils.devices import Device, torch_device
 from svbrdfgan.utils.torchrun import Rank
+
+if TYPE_CHECKING:
+    from lightning_fabric import Fabric
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +132,9 @@ def make_fabric(device: Device, *, devices: int = 1, precision: str = "auto", ra
     Raises:
         ConfigError: `device` is "cuda", and torch finds no GPU, or fewer than processes of this machine.
     """
+    from lightning_fabric import Fabric  # imports torch's compiler, which takes more than a second
+    from lightning_fabric.plugins.environments import TorchElasticEnvironment
+
     cuda = torch_device(device).type == "cuda"
     if precision == "auto":
         precision = "bf16-mixed" if cuda else "32-true"

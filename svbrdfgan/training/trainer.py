@@ -289,10 +289,12 @@ def _score(session: _Session, state: State) -> None:
     state.history.append({"step": state.step, "seconds": state.seconds})
     score = None
     if measure is not None:
-        state.history[-1][measure] = score = found[measure]
-        if score < state.best[0]:
+        score = found[measure]
+        state.history[-1] |= {measure: score, "rank": found.get("rank", score)}
+        ranks = [entry.get("rank", entry[measure]) for entry in state.history]  # runs of old know the score alone
+        if ranks[-1] < max(ranks):
             return
-        state.best = (score, state.step)  # of equal ones the later, since no resemblance is below 0
+        state.best = (score, state.step)
     save_generator(session.run / MODEL, state.averaged, session.config.generator, score)
 
 

@@ -79,10 +79,14 @@ class Validation:
         return cls(fabric, scorer, run.conditions.typical(), measure, draws)
 
     def score(self, generator: Generator) -> dict[str, float]:
-        """The score, under the name of `measure`, and what it is made of, by map or by part; empty without one."""
+        """The score, under the name of `measure`, and what it is made of, by map or by part; empty without one.
+
+        `rank`, if it is there, chooses the best generator in the score's place.
+        """
         if self.draws is not None:
             found = self.draws.score(generator, self.fabric)
-            return {"resemblance": found.resemblance} | {f"resemblance_{k}": v for k, v in found.parts.items()}
+            parts = {f"resemblance_{name}": value for name, value in found.parts.items()}
+            return {"resemblance": found.resemblance, "rank": found.rank} | parts
         if self.measure is None:
             return {}
         each = self.scorer.each_recovered_by(self._layers(generator))

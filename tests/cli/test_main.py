@@ -56,6 +56,13 @@ def test_the_help_of_no_command_imports_torch() -> None:
     assert done.stdout.count("Usage: ") == len(cli.COMMANDS)
 
 
+def test_what_paints_with_a_model_does_not_import_torch_s_compiler() -> None:
+    """Lightning Fabric does, which takes a third of the time of all that painting imports."""
+    code = "import sys, svbrdfgan.inference.learned, svbrdfgan.inference.apply; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert {"lightning_fabric", "torch._dynamo"} & set(done.stdout.split()) == set()
+
+
 def test_the_names_are_fixed() -> None:
     names = "demo backends embeddings check bake parts weather dataset probe train learn evaluate experiment"
     assert list(cli.COMMANDS) == [*names.split(), "view", "texture", "models", "render", "bench"]

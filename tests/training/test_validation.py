@@ -42,6 +42,24 @@ def scored(monkeypatch: pytest.MonkeyPatch, scores: Iterator[float]) -> None:
     monkeypatch.setattr(DrawScorer, "score", score)
 
 
+def test_a_generator_that_fails_in_one_part_is_kept_if_it_is_far_better_in_all_others(
+    varied: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As one was lost that had learned rust: the first to be scored had a little of every part."""
+    others = iter((0.3, 0.8, 0.7, 0.2, 0.1))
+    joint = iter((0.06, -3.6, -0.5, 0.06, 0.06))
+
+    def score(*_: object) -> Resemblance:
+        value, worst = next(others), next(joint)
+        return Resemblance(
+            patches=value, mean=value, deviation=value, spectrum=value, joint=worst, amount=value, subjects=1, draws=8
+        )
+
+    monkeypatch.setattr(DrawScorer, "score", score)
+    assert train(train_config(varied, "here"), tmp_path / "run").best == (0.0, 2)
+    assert load_model(tmp_path / "run").score == 0.0
+
+
 def weights_at(states: dict[int, dict[str, torch.Tensor]], monkeypatch: pytest.MonkeyPatch) -> None:
     """Keeps the averaged generator of every step."""
     average = State.average
