@@ -141,7 +141,7 @@ class LearnedPainter:
 
     @cached_property
     def _centres(self) -> Float[ndarray, "taps channels"]:
-        """The layers at the centres of the texels of all peels: of an even number of finer texels, their middle four."""
+        """The layers at the centres of all peels' texels: of an even number of finer texels, their middle four."""
         rows, cols = self.embedded.shape
         found = []
         for layer in self.layers:
