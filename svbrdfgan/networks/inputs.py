@@ -10,6 +10,8 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from svbrdfgan.utils.copy_async import copy_async
+
 
 @dataclass(frozen=True, eq=False)
 class Wholes:
@@ -62,8 +64,10 @@ class Inputs:
         return cls(geometry, Wholes(torch.cat(kept), of, torch.cat([each.place for each in wholes])))
 
     def pick(self, indices: Int[Tensor, " batch"] | slice) -> Inputs:
-        """Those of some surfaces of the batch; an index on the device spares a copy."""
+        """Those of some surfaces of the batch."""
         wholes = self.wholes
+        if isinstance(indices, Tensor):
+            indices = copy_async(indices, self.device)
         if wholes is not None:
             wholes = replace(wholes, of=wholes.of[indices], place=wholes.place[indices])
         return Inputs(self.geometry[indices], wholes)

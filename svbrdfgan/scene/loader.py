@@ -43,7 +43,7 @@ from svbrdfgan.scene.window import (
     place_in_whole,
     windowed,
 )
-from svbrdfgan.types import RGBA, Environment, Layer, Mesh, View
+from svbrdfgan.types import RGBA, Environment, Layer, Mesh, Surface, View
 from svbrdfgan.weathering.layer import recipe_from_options, weather
 from svbrdfgan.weathering.mesh_maps import MeshMaps, bake_mesh_maps
 from svbrdfgan.weathering.recipes import Recipe
@@ -53,7 +53,7 @@ from svbrdfgan.weathering.survey import find_site
 log = logging.getLogger(__name__)
 
 _CACHE = "cache"
-_LAYERS = 64
+KEPT = 64
 """The most layers that a loader keeps in memory, and about the most subjects if they are windows."""
 
 
@@ -69,6 +69,7 @@ class SceneLoader:
     folder: Path
     keep: bool = True
     _subjects: dict[str, Subject] = field(default_factory=dict)
+    _surfaces: dict[str, Surface] = field(default_factory=dict)
     _maps: dict[str, MeshMaps] = field(default_factory=dict)
     _sites: dict[str, Site] = field(default_factory=dict)
     _generators: dict[str, Generator] = field(default_factory=dict)
@@ -84,8 +85,8 @@ class SceneLoader:
             path = self.folder / _CACHE / "subjects" / f"{key}.safetensors"
             whole = None
             if scene.window is not None:
-                whole = self.subject(_whole(scene)).surface
-                _make_room(self._subjects)
+                whole = self._whole_surface(scene)
+                make_room(self._subjects)
             load, save = partial(load_subject, whole=whole), partial(save_subject, whole=whole)
             self._subjects[key] = self._stored(path, scene, load, save, self._make_subject)
         return self._subjects[key]
@@ -106,7 +107,7 @@ class SceneLoader:
         if key not in self._wholes:
             subject = self.with_mesh_maps(whole) if mesh_maps else self.subject(whole)
             self._wholes[key] = subject.generator_input.unsqueeze(0)
-        surfaces = self.subject(scene).surface, self.subject(whole).surface
+        surfaces = self.subject(scene).surface, self._whole_surface(scene)
         place = place_in_whole(*surfaces, scene.window / scene.texture)
         return Wholes(self._wholes[key], torch.zeros(1, dtype=torch.int64), torch.tensor([place]))
 
@@ -116,7 +117,7 @@ class SceneLoader:
         if key not in self._maps:
             path = self.folder / _CACHE / "mesh_maps" / f"{key}.safetensors"
             if scene.window is not None:
-                _make_room(self._maps)
+                make_room(self._maps)
             self._maps[key] = self._stored(path, scene, load_mesh_maps, save_mesh_maps, self._make_maps)
         return self._maps[key]
 
@@ -129,7 +130,7 @@ class SceneLoader:
         key = f"{subject_key(scene)}-{_digest(weathering.model_dump(exclude_none=True), *scene.maps)}"
         if key not in self._layers:
             path = self.folder / _CACHE / "layers" / f"{key}.safetensors"
-            _make_room(self._layers)
+            make_room(self._layers)
             self._layers[key] = self._stored(
                 path, scene, load_layer, save_layer, lambda scene: self.paint(scene, weathering)
             )
@@ -203,7 +204,7 @@ class SceneLoader:
 
     def forget(self) -> None:
         """Drops subjects and layers from memory; environments and models stay."""
-        for kept in (self._subjects, self._maps, self._sites, self._layers, self._wholes):
+        for kept in (self._subjects, self._surfaces, self._maps, self._sites, self._layers, self._wholes):
             kept.clear()
 
     def _generator(self, asset: AssetRef) -> Generator:
@@ -212,6 +213,14 @@ class SceneLoader:
             generator, _ = load_generator(self.file(asset))
             self._generators[asset.path] = generator.cuda() if torch.cuda.is_available() else generator
         return self._generators[asset.path]
+
+    def _whole_surface(self, scene: Scene) -> Surface:
+        """The surface of the whole map that a window is cut from. It is kept: all its windows share its arrays."""
+        whole = _whole(scene)
+        key = subject_key(whole)
+        if key not in self._surfaces:
+            self._surfaces[key] = self.subject(whole).surface
+        return self._surfaces[key]
 
     def _make_subject(self, scene: Scene) -> Subject:
         mesh = load_mesh(self.file(scene.mesh))
@@ -280,9 +289,9 @@ def subject_key(scene: Scene) -> str:
     return f"{Path(scene.mesh.path).stem}-{_digest(*parts)}"
 
 
-def _make_room(kept: dict[str, Any]) -> None:
-    """Drops the oldest if as many are kept as may be."""
-    if len(kept) >= _LAYERS:
+def make_room(kept: dict[Any, Any]) -> None:
+    """Drops the oldest if `KEPT` are held."""
+    if len(kept) >= KEPT:
         del kept[next(iter(kept))]
 
 

@@ -29,6 +29,7 @@ from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.reference_pictures import require_reference_materials
 from svbrdfgan.training.resolve import ResolvedRun
 from svbrdfgan.training.scene_batch import Progress, SceneBatch, SceneRendering
+from svbrdfgan.training.subject_inputs import WindowInputs, subject_inputs
 from svbrdfgan.utils.copy_async import copy_async
 from svbrdfgan.utils.display import Display, SilentDisplay
 
@@ -42,7 +43,7 @@ class BatchSource:
         fake_scenes: renders fakes, in perturbed scenes.
         own_scenes: the exemplars' own scenes, which say what the exemplars show; `fake_scenes` itself where those are
             not perturbed and have enough samples, or are rendered online.
-        buffers: the generator's input for each subject, on the device.
+        buffers: the generator's input for each subject, on the device, or read when it is asked for.
         real: the exemplars on the device, with the buffers of their own scenes that the discriminator is shown, and
             with the labels of their layers and the size of their pixels.
         demodulated: whether the discriminator sees reflectance instead of radiance.
@@ -52,7 +53,7 @@ class BatchSource:
     exemplars: Exemplars
     fake_scenes: SceneRendering
     own_scenes: SceneRendering
-    buffers: Inputs
+    buffers: Inputs | WindowInputs
     real: ImageBatch
     demodulated: bool = False
     errors: ReflectanceErrors | None = None
@@ -62,12 +63,12 @@ class BatchSource:
 
     @property
     def windowed(self) -> bool:
-        """Whether the layers are those of windows: all have one size, so all are or none is."""
-        return self.exemplars.scenes[0].window is not None
+        """Whether the layers are those of windows."""
+        return self.exemplars.windowed
 
     def inputs(self, indices: Sequence[int]) -> Inputs:
         """The generator's input for the subjects of these exemplars."""
-        return self.buffers.pick(copy_async(self.exemplars.subject_of[list(indices)], self.buffers.device))
+        return self.buffers.pick(self.exemplars.subject_of[list(indices)])
 
     def labels(self, indices: Sequence[int]) -> Float[Tensor, "batch labels"] | None:
         """The labels of these exemplars' layers; None if networks are told nothing of them."""
@@ -127,7 +128,7 @@ def make_batch_source(
     errors = None
     if split == "train" and demodulated and run.config.scenes.same_camera and run.config.scenes.import_errors:
         errors = load_errors(run.dataset.folder, split, len(exemplars))
-    inputs = stack_inputs(exemplars, device)
+    inputs = subject_inputs(exemplars, device)
     return BatchSource(exemplars, fake_scenes, own_scenes, inputs, real, demodulated, errors)
 
 
@@ -137,9 +138,11 @@ def pixel_sizes(exemplars: Exemplars) -> Float[Tensor, "exemplars 1"]:
     The result is 0 for a pixel of a 512th of the vehicle's length, 1 for one that is sixteen times as large, and -1 for
     one of a sixteenth of that.
     """
-    found = []
+    found, boxes = [], dict[str, Tensor]()
     for index, scene in enumerate(exemplars.scenes):
-        camera, (low, high) = scene.camera.camera(), exemplars.subject(index).buffer.bounds
+        if (mesh := scene.mesh.path) not in boxes:  # the whole mesh's, of windows, too
+            boxes[mesh] = exemplars.subject(index).buffer.bounds
+        camera, (low, high) = scene.camera.camera(), boxes[mesh]
         seen = math.dist(camera.origin, camera.target) * 2.0 * math.tan(camera.vertical_fov / 2.0)
         found.append(math.log(512.0 * seen / (scene.height * float((high - low).max())), 16.0))
     return torch.tensor(found).unsqueeze(1)
@@ -191,11 +194,6 @@ def own_buffers(config: DiscriminatorConfig, own_scenes: SceneRendering, indices
     ]
     gbuffers, lights, clean = zip(*buffers, strict=True) if buffers else ((), (), ())
     return _joined(gbuffers), _joined(lights), _joined(clean)
-
-
-def stack_inputs(exemplars: Exemplars, device: torch.device) -> Inputs:
-    """The generator's input for each subject, channels last in memory."""
-    return Inputs.joined([subject.inputs for subject in exemplars.subjects]).to(device)
 
 
 def make_scenes(

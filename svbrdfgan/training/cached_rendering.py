@@ -24,6 +24,7 @@ from svbrdfgan.rendering.transport.cache import TransportStore
 from svbrdfgan.rendering.transport.light_transport import LightTransport
 from svbrdfgan.rendering.transport.product import TransportBatch
 from svbrdfgan.scene.description import Scene
+from svbrdfgan.scene.loader import make_room
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.demodulation import Demodulator
 from svbrdfgan.training.perturb import Perturbation
@@ -77,8 +78,8 @@ class CachedRendering:
     """Scenes for fakes by stored light transport: each is traced once and kept as a file in the data set's cache.
 
     The transports used last stay on the device. The others are read again from their files; `prefetch` starts that
-    before they are needed. Prepared surfaces and base colours stay in memory too. `dataclasses.replace` gives the same
-    scenes with nothing in memory yet.
+    before they are needed. Prepared surfaces and base colours stay in memory too; of windows, the last ones.
+    `dataclasses.replace` gives the same scenes with nothing in memory yet.
 
     Attributes:
         exemplars: their scenes are perturbed.
@@ -208,15 +209,16 @@ class CachedRendering:
 
     def _batch(self, transports: Sequence[LightTransport], indices: Sequence[int]) -> CachedSceneBatch:
         bases = [base for index in indices for base in self._bases_of(index)]
-        constant = all(base.ndim == 1 for base in bases)
-        size = (1, 1, 3) if constant else (*self.exemplars.subjects[0].buffer.part.shape, 3)
+        size = torch.broadcast_shapes((1, 1, 3), *(base.shape for base in bases))
         base = copy_async(torch.stack([base.expand(size) for base in bases]), self.device)
         return CachedSceneBatch(TransportBatch.stack(transports), base)
 
     def _bases_of(self, index: int) -> list[Tensor]:
         """The base colour of each learnable part."""
         if index not in self._bases:
-            subject = self.exemplars.subject(index)
-            colors = subject.base_colors(self.exemplars.scenes[index].materials)
+            subject, scene = self.exemplars.subject(index), self.exemplars.scenes[index]
+            if scene.window is not None:
+                make_room(self._bases)
+            colors = subject.base_colors(scene.materials)
             self._bases[index] = [colors[part] for part in subject.learnable]
         return self._bases[index]

@@ -65,7 +65,7 @@ def test_each_exemplar_has_a_window_that_its_picture_shows(run: ResolvedRun, cpu
     source = source_of(run, cpu_renderer)
     assert source.windowed
     assert len(source.buffers) == len(source) == 4, "each has a subject of its own"
-    assert source.buffers.geometry.shape[2:] == (32, 32)
+    assert source.inputs([0]).geometry.shape == (1, 6, 32, 32)
     seen = torch.stack([source.seen(index) > 0 for index in range(4)])
     assert (seen.float().mean(dim=(1, 2)) > 0.1).all()
     layers = torch.full((4, 32, 32, 4), 0.5, requires_grad=True)
@@ -163,8 +163,9 @@ def test_detail_is_learned_over_the_layers_of_a_model(
     again = train(chosen.model_copy(update={"steps": 3}), detail, resume=True)
     assert again.step == 3
     found = evaluate(detail, split="train", device="cpu", oracle=False)
-    assert found.source.buffers.wholes is not None
-    assert len(found.source.buffers.wholes.geometry) == 2, "one for each mesh"
+    wholes = found.source.inputs(range(4)).wholes
+    assert wholes is not None
+    assert len(wholes.geometry) == 2, "one for each mesh"
     with pytest.raises(ConfigError, match=r"in windows, and not all close-ups of .*whole have them"):
         RunConfig.load(detail).scored_on(Dataset.open(tmp_path / "whole"))
 
