@@ -5,6 +5,7 @@ from __future__ import annotations
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.geometry.layers import surface_bytes
 from svbrdfgan.rendering.picture_memory import picture_bytes
+from svbrdfgan.scene.loader import KEPT
 from svbrdfgan.scene.window import WHOLE
 from svbrdfgan.utils.memory import most_that_fits, require_memory
 
@@ -52,17 +53,23 @@ def require_dataset(config: DatasetConfig, exemplars: int, processes: int = 1, w
     return require_memory(f"{exemplars or 'some'} exemplars of {size} need", needed(), fitting)
 
 
-def exemplar_bytes(config: DatasetConfig, exemplars: int, meshes: int, channels: int = 0) -> int:
+def exemplar_bytes(
+    config: DatasetConfig, exemplars: int, meshes: int, channels: int = 0, *, scored: bool = False
+) -> int:
     """What the exemplars of a split and their subjects take in memory once they are loaded.
 
-    Each window is a subject of its own, beside the whole that it was cut from.
+    Each window is a subject of its own, beside the whole that it was cut from. Of both, the last `KEPT` are held.
 
     Args:
         channels: of buffers that the discriminator is shown with each picture.
+        scored: whether generators are scored on the split, which holds what is compared of all its windows.
     """
     pixels = config.image[0] * config.image[1]
-    whole = min(config.texture, WHOLE) if config.windowed else config.texture
-    subjects = _SUBJECT * (meshes * whole**2 + exemplars * (config.window or 0) ** 2)
+    whole, wholes, windows = config.texture, meshes, exemplars
+    if config.windowed:
+        whole, wholes = min(config.texture, WHOLE), min(meshes, KEPT)
+        windows = exemplars if scored else min(exemplars, KEPT)
+    subjects = _SUBJECT * (wholes * whole**2 + windows * (config.window or 0) ** 2)
     return exemplars * (_SCENE + pixels * (_PICTURE + _BUFFER * channels)) + subjects
 
 

@@ -47,6 +47,11 @@ class Inputs:
     def device(self) -> torch.device:
         return self.geometry.device
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes without whole maps, which many may share."""
+        return self.geometry.nbytes
+
     @classmethod
     def joined(cls, parts: Sequence[Inputs]) -> Inputs:
         """One batch of all. Whole maps that are one tensor stay one."""

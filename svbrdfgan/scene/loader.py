@@ -14,6 +14,7 @@ from typing import Any
 
 import torch
 from jaxtyping import Float
+from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError, ConfigError, EmbeddingError
@@ -219,7 +220,10 @@ class SceneLoader:
         whole = _whole(scene)
         key = subject_key(whole)
         if key not in self._surfaces:
-            self._surfaces[key] = self.subject(whole).surface
+            surface = self.subject(whole).surface
+            arrays = {name: value for name, value in vars(surface).items() if isinstance(value, ndarray)}
+            # copied, since what was read of a file holds all of it in memory
+            self._surfaces[key] = replace(surface, **{name: array.copy() for name, array in arrays.items()})
         return self._surfaces[key]
 
     def _make_subject(self, scene: Scene) -> Subject:

@@ -141,7 +141,7 @@ def pixel_sizes(exemplars: Exemplars) -> Float[Tensor, "exemplars 1"]:
     found, boxes = [], dict[str, Tensor]()
     for index, scene in enumerate(exemplars.scenes):
         if (mesh := scene.mesh.path) not in boxes:  # the whole mesh's, of windows, too
-            boxes[mesh] = exemplars.subject(index).buffer.bounds
+            boxes[mesh] = exemplars.subject(index).buffer.bounds.clone()
         camera, (low, high) = scene.camera.camera(), boxes[mesh]
         seen = math.dist(camera.origin, camera.target) * 2.0 * math.tan(camera.vertical_fov / 2.0)
         found.append(math.log(512.0 * seen / (scene.height * float((high - low).max())), 16.0))

@@ -24,7 +24,6 @@ from svbrdfgan.rendering.transport.cache import TransportStore
 from svbrdfgan.rendering.transport.light_transport import LightTransport
 from svbrdfgan.rendering.transport.product import TransportBatch
 from svbrdfgan.scene.description import Scene
-from svbrdfgan.scene.loader import make_room
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.demodulation import Demodulator
 from svbrdfgan.training.perturb import Perturbation
@@ -78,8 +77,8 @@ class CachedRendering:
     """Scenes for fakes by stored light transport: each is traced once and kept as a file in the data set's cache.
 
     The transports used last stay on the device. The others are read again from their files; `prefetch` starts that
-    before they are needed. Prepared surfaces and base colours stay in memory too; of windows, the last ones.
-    `dataclasses.replace` gives the same scenes with nothing in memory yet.
+    before they are needed. Prepared surfaces and base colours stay in memory too; of windows, the surfaces
+    that were prepared last, and no textures. `dataclasses.replace` gives the same scenes with nothing in memory yet.
 
     Attributes:
         exemplars: their scenes are perturbed.
@@ -214,11 +213,14 @@ class CachedRendering:
         return CachedSceneBatch(TransportBatch.stack(transports), base)
 
     def _bases_of(self, index: int) -> list[Tensor]:
-        """The base colour of each learnable part."""
-        if index not in self._bases:
-            subject, scene = self.exemplars.subject(index), self.exemplars.scenes[index]
-            if scene.window is not None:
-                make_room(self._bases)
-            colors = subject.base_colors(scene.materials)
-            self._bases[index] = [colors[part] for part in subject.learnable]
-        return self._bases[index]
+        """The base colour of each learnable part. Textures of windows are not kept: each exemplar has its own."""
+        if index in self._bases:
+            return self._bases[index]
+        subject, scene = self.exemplars.subject(index), self.exemplars.scenes[index]
+        colors = subject.base_colors(scene.materials)
+        bases = [colors[part] for part in subject.learnable]
+        if scene.window is None:
+            self._bases[index] = bases
+        elif all(base.ndim == 1 for base in bases):
+            self._bases[index] = [base.clone() for base in bases]  # what was read of a file holds all of it in memory
+        return bases
