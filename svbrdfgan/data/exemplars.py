@@ -87,7 +87,9 @@ def load_exemplars(dataset: Dataset, split: Split, generator: GeneratorConfig | 
         )
     paths = [exemplar_paths(folder, split, number) for number in range(count)]
     scenes = tuple(_load_scene(record, index.config) for _, record in paths)
-    pictures = torch.stack([_load_picture(picture, scene) for (picture, _), scene in zip(paths, scenes, strict=True)])
+    pictures = torch.empty(count, scenes[0].height, scenes[0].width, 4, dtype=torch.half)
+    for into, (picture, _), scene in zip(pictures, paths, scenes, strict=True):
+        into[:] = _load_picture(picture, scene)
     loader = SceneLoader(folder)
     load = partial(_load_subject, loader, GeneratorConfig() if generator is None else generator)
     keys = [subject_key(scene) for scene in scenes]

@@ -11,7 +11,7 @@ from svbrdfgan.utils.memory import most_that_fits, require_memory
 
 _SCENE = 8192  # bytes of an exemplar's scene, and of its place in the list of what is missing
 _WORKER = 200 << 20  # bytes of a process that bakes, besides the libraries that it shares
-_PICTURE = 20  # bytes of an exemplar's pixel in half precision, twice while all are joined, and of one in float32
+_PICTURE = 10  # bytes of an exemplar's pixel in half precision, and some for the picture that is read
 _BUFFER = 6  # bytes of a pixel and channel of a buffer in half precision, as one in float32 joins the others
 _SUBJECT = 160  # bytes of a texel of a subject that is held
 

@@ -221,9 +221,9 @@ class SceneLoader:
         key = subject_key(whole)
         if key not in self._surfaces:
             surface = self.subject(whole).surface
-            arrays = {name: value for name, value in vars(surface).items() if isinstance(value, ndarray)}
-            # copied, since what was read of a file holds all of it in memory
-            self._surfaces[key] = replace(surface, **{name: array.copy() for name, array in arrays.items()})
+            # since what was read of a file holds all of it in memory
+            copies: Any = {name: value.copy() for name, value in vars(surface).items() if isinstance(value, ndarray)}
+            self._surfaces[key] = replace(surface, **copies)
         return self._surfaces[key]
 
     def _make_subject(self, scene: Scene) -> Subject:
@@ -294,8 +294,8 @@ def subject_key(scene: Scene) -> str:
 
 
 def make_room(kept: dict[Any, Any]) -> None:
-    """Drops the oldest if `KEPT` are held."""
-    if len(kept) >= KEPT:
+    """Drops the oldest, so that fewer than `KEPT` are held."""
+    while len(kept) >= KEPT:
         del kept[next(iter(kept))]
 
 
