@@ -139,7 +139,7 @@ def test_a_picture_shows_the_window_weathered_and_the_rest_clean(
 def test_windows_are_cached_by_camera_and_the_oldest_are_forgotten(
     scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("svbrdfgan.scene.loader._LAYERS", 2)
+    monkeypatch.setattr("svbrdfgan.scene.loader.KEPT", 2)
     loader = SceneLoader(tmp_path)
     first = loader.subject(scene)
     assert loader.subject(scene) is first
