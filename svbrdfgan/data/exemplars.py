@@ -21,6 +21,7 @@ from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader, subject_key
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Layer
+from svbrdfgan.utils.large_tensors import half_tensor
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +29,7 @@ class Exemplars:
     """The exemplars of a split.
 
     Attributes:
-        images: premultiplied linear radiance, half precision, in memory.
+        images: premultiplied linear radiance, half precision, in main memory or, if there are many, in a file.
         coverage: share of each pixel that shows the surface, half precision.
         scenes: the description of each picture's scene.
         subjects: the surfaces that the pictures show, each once. A window is read from its file when it is asked for.
@@ -87,10 +88,10 @@ def load_exemplars(dataset: Dataset, split: Split, generator: GeneratorConfig | 
         )
     paths = [exemplar_paths(folder, split, number) for number in range(count)]
     scenes = tuple(_load_scene(record, index.config) for _, record in paths)
-    pictures = torch.empty(count, scenes[0].height, scenes[0].width, 4, dtype=torch.half)
+    loader = SceneLoader(folder)
+    pictures = half_tensor((count, scenes[0].height, scenes[0].width, 4), loader.cache)
     for into, (picture, _), scene in zip(pictures, paths, scenes, strict=True):
         into[:] = _load_picture(picture, scene)
-    loader = SceneLoader(folder)
     load = partial(_load_subject, loader, GeneratorConfig() if generator is None else generator)
     keys = [subject_key(scene) for scene in scenes]
     first_of = dict(zip(reversed(keys), reversed(scenes), strict=True))

@@ -7,12 +7,14 @@ from svbrdfgan.geometry.layers import surface_bytes
 from svbrdfgan.rendering.picture_memory import picture_bytes
 from svbrdfgan.scene.loader import KEPT
 from svbrdfgan.scene.window import WHOLE
+from svbrdfgan.utils.large_tensors import most_in_memory
 from svbrdfgan.utils.memory import most_that_fits, require_memory
 
 _SCENE = 8192  # bytes of an exemplar's scene, and of its place in the list of what is missing
 _WORKER = 200 << 20  # bytes of a process that bakes, besides the libraries that it shares
 _PICTURE = 10  # bytes of an exemplar's pixel in half precision, and some for the picture that is read
-_BUFFER = 6  # bytes of a pixel and channel of a buffer in half precision, as one in float32 joins the others
+_BUFFER = 3  # bytes of a pixel and channel of a buffer in half precision, and some for the one that is rendered
+_BUFFERS = 3  # kinds of buffers, at most
 _SUBJECT = 160  # bytes of a texel of a subject that is held
 
 
@@ -58,7 +60,8 @@ def exemplar_bytes(
 ) -> int:
     """What the exemplars of a split and their subjects take in memory once they are loaded.
 
-    Each window is a subject of its own, beside the whole that it was cut from. Of both, the last `KEPT` are held.
+    Pictures and buffers of more than `most_in_memory` lie in files. Each window is a subject of its own, beside the
+    whole that it was cut from. Of both, the last `KEPT` are held.
 
     Args:
         channels: of buffers that the discriminator is shown with each picture.
@@ -70,7 +73,9 @@ def exemplar_bytes(
         whole, wholes = min(config.texture, WHOLE), min(meshes, KEPT)
         windows = exemplars if scored else min(exemplars, KEPT)
     subjects = _SUBJECT * (wholes * whole**2 + windows * (config.window or 0) ** 2)
-    return exemplars * (_SCENE + pixels * (_PICTURE + _BUFFER * channels)) + subjects
+    pictures, buffers = (exemplars * pixels * each for each in (_PICTURE, _BUFFER * channels))
+    held = min(pictures, most_in_memory()) + min(buffers, _BUFFERS * most_in_memory())
+    return exemplars * _SCENE + held + subjects
 
 
 def _layer_texels(config: DatasetConfig) -> int:

@@ -83,7 +83,7 @@ class SceneLoader:
         """The scene's surface, embedded and baked."""
         key = subject_key(scene)
         if key not in self._subjects:
-            path = self.folder / _CACHE / "subjects" / f"{key}.safetensors"
+            path = self.cache / "subjects" / f"{key}.safetensors"
             whole = None
             if scene.window is not None:
                 whole = self._whole_surface(scene)
@@ -116,7 +116,7 @@ class SceneLoader:
         """The mesh maps of the scene's surface."""
         key = subject_key(scene)
         if key not in self._maps:
-            path = self.folder / _CACHE / "mesh_maps" / f"{key}.safetensors"
+            path = self.cache / "mesh_maps" / f"{key}.safetensors"
             if scene.window is not None:
                 make_room(self._maps)
             self._maps[key] = self._stored(path, scene, load_mesh_maps, save_mesh_maps, self._make_maps)
@@ -130,7 +130,7 @@ class SceneLoader:
         # without its None: layers of recipes keep the names that they had before there were models
         key = f"{subject_key(scene)}-{_digest(weathering.model_dump(exclude_none=True), *scene.maps)}"
         if key not in self._layers:
-            path = self.folder / _CACHE / "layers" / f"{key}.safetensors"
+            path = self.cache / "layers" / f"{key}.safetensors"
             make_room(self._layers)
             self._layers[key] = self._stored(
                 path, scene, load_layer, save_layer, lambda scene: self.paint(scene, weathering)
@@ -189,6 +189,11 @@ class SceneLoader:
         _, radiance = self._scaled[asset.path]
         environment = Environment(radiance, math.radians(scene.environment.rotation_degrees))
         return View(scene.camera.camera(), environment, scene.width, scene.height)
+
+    @property
+    def cache(self) -> Path:
+        """The folder of what can be made again."""
+        return self.folder / _CACHE
 
     def file(self, asset: AssetRef) -> Path:
         """The asset's path, after a check of its content hash.

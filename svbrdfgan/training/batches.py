@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -20,6 +21,7 @@ from svbrdfgan.metrics.recovered import SeenTexels
 from svbrdfgan.networks.inputs import Inputs
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.render_layer import RenderLayer
+from svbrdfgan.rendering.transport.cache import memory_of
 from svbrdfgan.training.cached_rendering import CachedRendering
 from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
 from svbrdfgan.training.deferred_rendering import DeferredRendering
@@ -32,6 +34,10 @@ from svbrdfgan.training.scene_batch import Progress, SceneBatch, SceneRendering
 from svbrdfgan.training.subject_inputs import WindowInputs, subject_inputs
 from svbrdfgan.utils.copy_async import copy_async
 from svbrdfgan.utils.display import Display, SilentDisplay
+from svbrdfgan.utils.large_tensors import half_tensor
+
+_ON_DEVICE = 0.25
+"""The share of a device's memory that pictures and their buffers take at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +50,8 @@ class BatchSource:
         own_scenes: the exemplars' own scenes, which say what the exemplars show; `fake_scenes` itself where those are
             not perturbed and have enough samples, or are rendered online.
         buffers: the generator's input for each subject, on the device, or read when it is asked for.
-        real: the exemplars on the device, with the buffers of their own scenes that the discriminator is shown, and
-            with the labels of their layers and the size of their pixels.
+        real: the exemplars, with the buffers of their own scenes that the discriminator is shown, and with the labels
+            of their layers and the size of their pixels; on the device, or in main memory if they are too many.
         demodulated: whether the discriminator sees reflectance instead of radiance.
         errors: those that the exemplars' import may have made, for fakes to have, too; None if they were rendered.
     """
@@ -66,6 +72,15 @@ class BatchSource:
         """Whether the layers are those of windows."""
         return self.exemplars.windowed
 
+    @property
+    def device(self) -> torch.device:
+        """Where batches are."""
+        return self.buffers.device
+
+    def pictures(self, indices: Sequence[int]) -> ImageBatch:
+        """These exemplars, with all that the discriminator is shown of them."""
+        return self.real.pick(indices, self.device)
+
     def inputs(self, indices: Sequence[int]) -> Inputs:
         """The generator's input for the subjects of these exemplars."""
         return self.buffers.pick(self.exemplars.subject_of[list(indices)])
@@ -73,7 +88,9 @@ class BatchSource:
     def labels(self, indices: Sequence[int]) -> Float[Tensor, "batch labels"] | None:
         """The labels of these exemplars' layers; None if networks are told nothing of them."""
         labels = self.real.labels
-        return None if labels is None else labels[copy_async(torch.as_tensor(list(indices)), labels.device)]
+        if labels is None:
+            return None
+        return copy_async(labels[copy_async(torch.as_tensor(list(indices)), labels.device)], self.device)
 
     def seen(self, index: int) -> Float[Tensor, "rows cols"]:
         """Positive at texels that an exemplar's picture shows of the outermost learnable surface."""
@@ -87,7 +104,7 @@ class BatchSource:
         self, indices: Sequence[int], rng: np.random.Generator
     ) -> Float[Tensor, "batch height width 8"] | None:
         """Errors for the fakes of these exemplars; None where exemplars have none."""
-        return None if self.errors is None else self.errors.drawn(indices, rng, self.real.image.device)
+        return None if self.errors is None else self.errors.drawn(indices, rng, self.device)
 
     def prefetch(self, indices: Sequence[int], rng: np.random.Generator) -> None:
         """Starts to read what `scenes`, given an equal `rng`, and demodulation will need for these exemplars."""
@@ -120,11 +137,12 @@ def make_batch_source(
     shown.begin(f"light transport of the {split} scenes", len(traced) * len(order))
     for scenes in traced:
         scenes.build(order, shown.advance)
-    buffers = own_buffers(discriminator, own_scenes, range(len(exemplars)))
+    buffers = own_buffers(discriminator, own_scenes, range(len(exemplars)), exemplars.loader.cache)
     sizes = pixel_sizes(exemplars) if discriminator.pixel_size else None
-    known = (*buffers, labels_of_scenes(run.conditions, exemplars.scenes), sizes)
-    on_device = (None if values is None else values.to(device) for values in known)
-    real = ImageBatch(exemplars.images.to(device), exemplars.coverage.to(device), *on_device)
+    labels = labels_of_scenes(run.conditions, exemplars.scenes)
+    real = ImageBatch(exemplars.images, exemplars.coverage, *buffers, labels, sizes)
+    if real.nbytes <= _ON_DEVICE * memory_of(device):
+        real = real.to(device)
     errors = None
     if split == "train" and demodulated and run.config.scenes.same_camera and run.config.scenes.import_errors:
         errors = load_errors(run.dataset.folder, split, len(exemplars))
@@ -180,20 +198,29 @@ Buffers = tuple[
 """G-buffers, light buffers and clean pictures; None if they are not shown."""
 
 
-def own_buffers(config: DiscriminatorConfig, own_scenes: SceneRendering, indices: Sequence[int]) -> Buffers:
-    """What the discriminator is shown besides the pictures, of these exemplars' own scenes, in half precision."""
-    shown = [index for index in indices if config.shows_buffers]
-    batches = (own_scenes.first_scenes([index]) for index in shown)  # one for all buffers: making it may trace
-    buffers = [
-        (
-            _half(batch.gbuffer) if config.gbuffer else None,
-            _half(batch.light_buffer) if config.light_buffer else None,
-            _half(batch.clean) if config.clean_picture else None,
-        )
-        for batch in batches
-    ]
-    gbuffers, lights, clean = zip(*buffers, strict=True) if buffers else ((), (), ())
-    return _joined(gbuffers), _joined(lights), _joined(clean)
+def own_buffers(
+    config: DiscriminatorConfig, own_scenes: SceneRendering, indices: Sequence[int], folder: Path
+) -> Buffers:
+    """What the discriminator is shown besides the pictures, of these exemplars' own scenes, in half precision.
+
+    Args:
+        folder: for the files of those that are large.
+    """
+    made: dict[str, Tensor] = {}
+    for place, index in enumerate(indices if config.shows_buffers else ()):
+        batch = own_scenes.first_scenes([index])  # one for all buffers: making it may trace
+        shown = {
+            "gbuffer": batch.gbuffer if config.gbuffer else None,
+            "light": batch.light_buffer if config.light_buffer else None,
+            "clean": batch.clean if config.clean_picture else None,
+        }
+        for name, buffer in shown.items():
+            if buffer is None:
+                continue
+            if name not in made:
+                made[name] = half_tensor((len(indices), *buffer.shape[1:]), folder)
+            made[name][place] = buffer[0]
+    return made.get("gbuffer"), made.get("light"), made.get("clean")
 
 
 def make_scenes(
@@ -258,12 +285,3 @@ def _by_subject(exemplars: Exemplars) -> list[int]:
     """
     place = np.random.default_rng().permutation(len(exemplars.subjects))
     return np.argsort(place[exemplars.subject_of.numpy()], kind="stable").tolist()
-
-
-def _half(buffer: Tensor | None) -> Tensor | None:
-    return None if buffer is None else buffer.half()
-
-
-def _joined(buffers: Iterable[Tensor | None]) -> Tensor | None:
-    known = [buffer for buffer in buffers if buffer is not None]
-    return torch.cat(known) if known else None

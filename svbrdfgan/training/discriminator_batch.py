@@ -47,12 +47,19 @@ class ImageBatch:
     def __len__(self) -> int:
         return len(self.image)
 
-    def pick(self, indices: Sequence[int]) -> ImageBatch:
-        """The images at these indices. The indices are copied to the images' device without waiting for it."""
-        picked = copy_async(torch.as_tensor(indices), self.image.device)
-        known = (self.gbuffer, self.light_buffer, self.clean, self.labels, self.pixel_size)
-        found = (None if values is None else values[picked] for values in known)
-        return ImageBatch(self.image[picked], self.coverage[picked], *found)
+    def pick(self, indices: Sequence[int], device: torch.device | None = None) -> ImageBatch:
+        """The images at these indices, on a device, by default their own. Nothing waits for copies from the CPU."""
+        picked, device = copy_async(torch.as_tensor(indices), self.image.device), device or self.image.device
+        known = vars(self).values()
+        return ImageBatch(*(None if values is None else copy_async(values[picked], device) for values in known))
+
+    @property
+    def nbytes(self) -> int:
+        return sum(values.nbytes for values in vars(self).values() if values is not None)
+
+    def to(self, device: torch.device) -> ImageBatch:
+        """The same on a device."""
+        return ImageBatch(*(None if values is None else values.to(device) for values in vars(self).values()))
 
     @classmethod
     def cat(cls, batches: Sequence[ImageBatch]) -> ImageBatch:

@@ -138,7 +138,7 @@ class RenderedPairs:
     def _own_buffers(self, own_scenes: SceneRendering) -> list[Tensor | None]:
         """`own_buffers` of the exemplars, which no confounder changes."""
         if not self._buffers:
-            buffers = own_buffers(self.run.config.discriminator, own_scenes, self.chosen)
+            buffers = own_buffers(self.run.config.discriminator, own_scenes, self.chosen, self.exemplars.loader.cache)
             self._buffers.extend(None if buffer is None else self._scattered(buffer) for buffer in buffers)
         return self._buffers
 
