@@ -38,7 +38,7 @@ class ImageBatch:
 
     image: Float[Tensor, "batch height width 3"]
     coverage: Float[Tensor, "batch height width"]
-    gbuffer: Float[Tensor, "batch height width 6"] | None
+    gbuffer: Float[Tensor, "batch height width 6"] | None = None
     light_buffer: Float[Tensor, "batch height width 9"] | None = None
     clean: Float[Tensor, "batch height width 3"] | None = None
     labels: Float[Tensor, "batch labels"] | None = None
@@ -50,16 +50,18 @@ class ImageBatch:
     def pick(self, indices: Sequence[int], device: torch.device | None = None) -> ImageBatch:
         """The images at these indices, on a device, by default their own. Nothing waits for copies from the CPU."""
         picked, device = copy_async(torch.as_tensor(indices), self.image.device), device or self.image.device
-        known = vars(self).values()
-        return ImageBatch(*(None if values is None else copy_async(values[picked], device) for values in known))
+        return ImageBatch(**{name: copy_async(values[picked], device) for name, values in self._known().items()})
 
     @property
     def nbytes(self) -> int:
-        return sum(values.nbytes for values in vars(self).values() if values is not None)
+        return sum(values.nbytes for values in self._known().values())
+
+    def _known(self) -> dict[str, Tensor]:
+        return {name: values for name, values in vars(self).items() if values is not None}
 
     def to(self, device: torch.device) -> ImageBatch:
         """The same on a device."""
-        return ImageBatch(*(None if values is None else values.to(device) for values in vars(self).values()))
+        return ImageBatch(**{name: values.to(device) for name, values in self._known().items()})
 
     @classmethod
     def cat(cls, batches: Sequence[ImageBatch]) -> ImageBatch:
