@@ -247,7 +247,7 @@ class SceneLoader:
     def _make_window(self, scene: Scene, size: int, mesh: Mesh) -> Subject:
         """The window that shows most of what the scene's camera sees; as large as the scene's texture at most."""
         whole = self.subject(_whole(scene))
-        surface, aspect = whole.surface, scene.width / scene.height
+        surface, aspect = self._whole_surface(scene), scene.width / scene.height
         if any(surface.repeat):
             raise AssetError(f"{scene.mesh.path}: textures repeat in its embedding, so that it has no windows.")
         window = find_window(surface, whole.learnable, scene.camera.camera(), aspect, size, scene.texture)
